@@ -1,0 +1,64 @@
+"""trailmark: certified motion planning for mobile robots from Python.
+
+The public names are loaded when they are first used, so that ``import trailmark`` stays quick.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from trailmark.collision import StateChecker as StateChecker
+    from trailmark.errors import ConfigurationError as ConfigurationError
+    from trailmark.errors import FormatError as FormatError
+    from trailmark.errors import OutputError as OutputError
+    from trailmark.errors import ShapeError as ShapeError
+    from trailmark.errors import TrailmarkError as TrailmarkError
+    from trailmark.errors import WorldError as WorldError
+    from trailmark.path import Path as Path
+    from trailmark.planning import LandmarkPlanner as LandmarkPlanner
+    from trailmark.planning import PlanResult as PlanResult
+    from trailmark.roadmap import Roadmap as Roadmap
+    from trailmark.shapes import Disc as Disc
+    from trailmark.shapes import Polygon as Polygon
+    from trailmark.shapes import Rectangle as Rectangle
+    from trailmark.world import Query as Query
+    from trailmark.world import Robot as Robot
+    from trailmark.world import World as World
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "StateChecker": "collision",
+    "ConfigurationError": "errors",
+    "FormatError": "errors",
+    "OutputError": "errors",
+    "ShapeError": "errors",
+    "TrailmarkError": "errors",
+    "WorldError": "errors",
+    "Path": "path",
+    "LandmarkPlanner": "planning",
+    "PlanResult": "planning",
+    "Roadmap": "roadmap",
+    "Disc": "shapes",
+    "Polygon": "shapes",
+    "Rectangle": "shapes",
+    "Query": "world",
+    "Robot": "world",
+    "World": "world",
+}
+
+__all__ = ["__version__", *_HOME]  # noqa: PLE0604  # the names of _HOME are strings
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'trailmark' has no attribute {name!r}")
+    value = getattr(import_module(f"trailmark.{_HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,66 @@
+"""The exceptions that trailmark raises on misuse and on bad input.
+
+Every one derives from :class:`TrailmarkError`, so that a program can catch them all at once; the shell turns
+each into one line on stderr and exit status 2. "No path found" is not an error but a value: see
+:class:`trailmark.planning.PlanResult`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+__all__ = [
+    "ConfigurationError",
+    "FormatError",
+    "OutputError",
+    "ShapeError",
+    "TrailmarkError",
+    "WorldError",
+    "did_you_mean",
+]
+
+
+class TrailmarkError(Exception):
+    """Base class of all errors that trailmark raises on purpose."""
+
+
+class ShapeError(TrailmarkError, ValueError):
+    """A shape that bounds no region: zero area, self-intersection, a radius that is not positive, NaN."""
+
+
+class WorldError(TrailmarkError, ValueError):
+    """A world that contradicts itself: empty bounds, two queries of one name, a query that is not there."""
+
+
+class ConfigurationError(TrailmarkError, ValueError):
+    """A configuration that cannot be used: wrong array shape, not finite, in collision, out of bounds."""
+
+
+class FormatError(TrailmarkError, ValueError):
+    """A file that cannot be read as what it claims to be.
+
+    Args:
+        path: the file, as the user named it.
+        problem: what is wrong and what is allowed, in one line.
+        line: 1-based line number, where known.
+    """
+
+    def __init__(self, path: object, problem: str, line: int | None = None) -> None:
+        self.path = str(path)
+        self.problem = problem
+        self.line = line
+        where = self.path if line is None else f"{self.path}:{line}"
+        super().__init__(f"{where}: {problem}")
+
+
+class OutputError(TrailmarkError, OSError):
+    """An output path that cannot be written."""
+
+
+def did_you_mean(given: str, allowed: Iterable[str]) -> str:
+    """Return a sentence that lists the allowed names and, where one is close to the given, suggests it."""
+    names = sorted(allowed)
+    close = get_close_matches(given, names, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}allowed: {', '.join(names) if names else 'none'}"

@@ -1,0 +1,99 @@
+"""Path: a sequence of configurations joined by straight motions of SE(2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark import se2
+from trailmark.errors import ConfigurationError
+
+__all__ = ["Path"]
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A path through SE(2).
+
+    Between two states x and y go linearly and theta along the shorter arc, as in OMPL's SE2StateSpace.
+
+    Attributes:
+        states: shape (n, 3), n >= 1; x, y in metres, theta in radians in (-pi, pi]. Read-only.
+
+    Raises:
+        ConfigurationError: another shape, or values that are not finite.
+    """
+
+    states: se2.FloatArray
+
+    def __post_init__(self) -> None:
+        states = se2.configurations(self.states, name="path")
+        if states.ndim != 2 or len(states) == 0:
+            raise ConfigurationError(f"path: shape {states.shape} given, allowed: (n, 3) with n >= 1")
+        states.flags.writeable = False
+        object.__setattr__(self, "states", states)
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def __eq__(self, other: object) -> bool:
+        return np.array_equal(self.states, other.states) if isinstance(other, Path) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.states.tobytes())
+
+    @property
+    def length(self) -> float:
+        """Way of the reference point, Σ ‖Δxy‖, in metres."""
+        return float(np.hypot(*np.diff(self.states[:, :2], axis=0).T).sum())
+
+    @property
+    def rotation(self) -> float:
+        """Total turning, Σ |Δθ|, in radians."""
+        return float(np.abs(se2.wrap(np.diff(self.states[:, 2]))).sum())
+
+    @property
+    def cost(self) -> float:
+        """Σ (‖Δxy‖ + 0.5·|Δθ|), in metres: the sum of OMPL's SE2StateSpace distances."""
+        return self.length + se2.ROTATION_WEIGHT * self.rotation
+
+    def at(self, fraction: ArrayLike) -> se2.FloatArray:
+        """Return the configurations at fractions of the cost along the path.
+
+        Args:
+            fraction: values in [0, 1], shape (m,) or a scalar; values outside are clipped.
+
+        Returns:
+            Shape (m, 3), or (3,) for a scalar.
+        """
+        steps = se2.distance(self.states[:-1], self.states[1:])
+        along = np.concatenate([[0.0], np.cumsum(steps)])
+        where = np.clip(np.asarray(fraction, dtype=np.float64), 0.0, 1.0) * along[-1]
+        if len(self.states) == 1:
+            return np.broadcast_to(self.states[0], (*where.shape, 3)).copy()
+        segment = np.clip(np.searchsorted(along, where, side="right") - 1, 0, len(steps) - 1)
+        span = np.where(steps[segment] > 0.0, steps[segment], 1.0)
+        return se2.interpolate(
+            self.states[segment], self.states[segment + 1], np.clip((where - along[segment]) / span, 0.0, 1.0)
+        )
+
+    def resample(self, step: float) -> Path:
+        """Return the same way with states at most ``step`` metres of cost apart; the old states are kept.
+
+        Raises:
+            ConfigurationError: a step that is not a finite number above 0.
+        """
+        if not (np.isfinite(step) and step > 0.0):
+            raise ConfigurationError(f"resample: step {step!r} given, allowed: a finite number above 0")
+        pieces = [self.states[:1]]
+        for a, b in zip(self.states[:-1], self.states[1:], strict=True):
+            n = max(1, int(np.ceil(se2.distance(a, b) / step)))
+            pieces.append(se2.interpolate(a, b, np.arange(1, n) / n))
+            pieces.append(b[None])
+        return Path(np.concatenate(pieces))
+
+    def reversed(self) -> Path:
+        """Return the path from its end to its start; it has the same cost."""
+        return Path(self.states[::-1])

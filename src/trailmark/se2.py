@@ -1,0 +1,151 @@
+"""Configurations of a robot in the plane, as plain arrays.
+
+A configuration is ``(x, y, theta)``: metres, metres, radians; theta counter-clockwise in (-pi, pi]. Every
+function takes arrays of shape ``(..., 3)`` and broadcasts like numpy. The distance is that of OMPL's
+``SE2StateSpace`` (Euclidean plus half of the heading difference), so that costs compare directly.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark.errors import ConfigurationError
+
+__all__ = [
+    "ROTATION_WEIGHT",
+    "FloatArray",
+    "compose",
+    "configurations",
+    "difference",
+    "distance",
+    "embed",
+    "interpolate",
+    "motion_bound",
+    "transform",
+    "wrap",
+]
+
+FloatArray = NDArray[np.float64]
+
+ROTATION_WEIGHT = 0.5
+"""Metres that one radian of rotation counts in a path's cost (OMPL's SE2StateSpace weight)."""
+
+
+def configurations(q: ArrayLike, *, name: str = "configuration") -> FloatArray:
+    """Return ``q`` as a float array of shape (3,) or (n, 3) with headings wrapped, or say what is wrong.
+
+    Args:
+        q: one configuration (x, y, theta) or n of them as rows; metres and radians.
+        name: what the message calls it.
+
+    Raises:
+        ConfigurationError: other shapes, or values that are not finite numbers.
+    """
+    try:
+        array = np.array(q, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ConfigurationError(f"{name}: {q!r} is not an array of numbers x, y, theta") from None
+    if array.ndim not in (1, 2) or array.shape[-1] != 3:
+        raise ConfigurationError(f"{name}: shape {array.shape} given, allowed: (3,) or (n, 3) for x, y, theta")
+    if not np.isfinite(array).all():
+        raise ConfigurationError(f"{name}: {array.tolist()} holds a value that is not a finite number")
+    array[..., 2] = wrap(array[..., 2])
+    return array
+
+
+def wrap(theta: ArrayLike) -> Any:
+    """Return angles (radians, any shape) brought into (-pi, pi]; angles already there come back unchanged."""
+    angle = np.asarray(theta, dtype=np.float64)
+    outside = (angle <= -np.pi) | (angle > np.pi)
+    # mod is inexact: an angle that needs no wrapping must survive a round trip to the bit.
+    wrapped = np.where(outside, np.pi - np.mod(np.pi - angle, 2.0 * np.pi), angle)
+    # The modulus of a tiny negative number rounds up to 2 pi itself.
+    wrapped = np.where(wrapped <= -np.pi, np.pi, wrapped)
+    return wrapped if wrapped.ndim else float(wrapped)
+
+
+def difference(a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """Return b - a, shape (..., 3), with the heading going the shorter way round (half a turn counts as +pi)."""
+    delta = np.asarray(b, dtype=np.float64) - np.asarray(a, dtype=np.float64)
+    delta[..., 2] = wrap(delta[..., 2])
+    return delta
+
+
+def distance(a: ArrayLike, b: ArrayLike) -> Any:
+    """Return ‖Δxy‖ + 0.5·|Δθ| (metres), shape (...): the cost of the motion from a to b."""
+    delta = difference(a, b)
+    return np.hypot(delta[..., 0], delta[..., 1]) + ROTATION_WEIGHT * np.abs(delta[..., 2])
+
+
+def interpolate(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> FloatArray:
+    """Return the configuration at fraction t of the motion from a to b.
+
+    x and y go linearly, theta along the shorter arc.
+
+    Args:
+        a: shape (..., 3).
+        b: shape (..., 3).
+        t: fractions in [0, 1], shape broadcastable to a's and b's leading shape.
+    """
+    start = np.asarray(a, dtype=np.float64)
+    q = start + np.asarray(t, dtype=np.float64)[..., None] * difference(a, b)
+    q[..., 2] = wrap(q[..., 2])
+    return q
+
+
+def motion_bound(a: ArrayLike, b: ArrayLike, radius: float) -> Any:
+    """Return an upper bound (metres) on how far the motion moves any point of the robot: ‖Δxy‖ + R·|Δθ|.
+
+    Args:
+        a: shape (..., 3).
+        b: shape (..., 3).
+        radius: R, the largest distance of the robot's outline from its reference point.
+    """
+    delta = difference(a, b)
+    return np.hypot(delta[..., 0], delta[..., 1]) + radius * np.abs(delta[..., 2])
+
+
+def compose(a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """Return the configuration b, given in a's frame, in the frame that a is given in; shape (..., 3)."""
+    first, second = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    cos, sin = np.cos(first[..., 2]), np.sin(first[..., 2])
+    x = first[..., 0] + cos * second[..., 0] - sin * second[..., 1]
+    y = first[..., 1] + sin * second[..., 0] + cos * second[..., 1]
+    return np.stack([x, y, np.asarray(wrap(first[..., 2] + second[..., 2]))], axis=-1)
+
+
+def transform(q: ArrayLike, points: ArrayLike) -> FloatArray:
+    """Return points of the robot's frame, shape (m, 2), in the world frame for each configuration.
+
+    Args:
+        q: configurations, shape (..., 3).
+        points: shape (m, 2), metres, in the robot's frame.
+
+    Returns:
+        Shape (..., m, 2).
+    """
+    pose, body = np.asarray(q, dtype=np.float64), np.asarray(points, dtype=np.float64)
+    cos, sin = np.cos(pose[..., 2, None]), np.sin(pose[..., 2, None])
+    x = pose[..., 0, None] + cos * body[:, 0] - sin * body[:, 1]
+    y = pose[..., 1, None] + sin * body[:, 0] + cos * body[:, 1]
+    return np.stack([x, y], axis=-1)
+
+
+def embed(q: ArrayLike, radius: float) -> FloatArray:
+    """Return (x, y, R·cos θ, R·sin θ), shape (..., 4): configurations as points of a Euclidean space.
+
+    The Euclidean distance e of two embedded configurations bounds the displacement of every point of a robot
+    of circumradius R between them by √2·e: that displacement is at most ‖Δxy‖ + 2R·sin(|Δθ|/2), whose two
+    terms are the legs of a right triangle with hypotenuse e.
+
+    Args:
+        q: configurations, shape (..., 3).
+        radius: R in metres; 0 leaves the heading out.
+    """
+    pose = np.asarray(q, dtype=np.float64)
+    return np.concatenate(
+        [pose[..., :2], radius * np.cos(pose[..., 2:]), radius * np.sin(pose[..., 2:])], axis=-1
+    )

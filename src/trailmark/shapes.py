@@ -1,0 +1,227 @@
+"""Plane regions: discs, rectangles and polygons with holes. Obstacles and footprints are made of them.
+
+All lengths are metres, all arrays float64. Shapes are immutable values: they compare by content and check
+themselves when they are made.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark.errors import ShapeError
+
+if TYPE_CHECKING:
+    import shapely
+
+__all__ = ["Disc", "Polygon", "Rectangle", "Shape", "signed_area", "triangulate"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A disc.
+
+    Attributes:
+        center: x, y in metres.
+        radius: metres, positive.
+    """
+
+    center: tuple[float, float]
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", _point(self.center, "disc: center"))
+        object.__setattr__(self, "radius", _positive(self.radius, "disc: radius"))
+
+    @property
+    def area(self) -> float:
+        """Area in square metres."""
+        return math.pi * self.radius**2
+
+    def polygon(self, tolerance: float = 1e-3) -> Polygon:
+        """Return a regular polygon that contains the disc and reaches at most ``tolerance`` metres beyond it."""
+        # A circumscribed n-gon's corners stand r/cos(pi/n) from the centre.
+        n = max(8, math.ceil(math.pi / math.acos(self.radius / (self.radius + tolerance))))
+        angles = 2.0 * math.pi * np.arange(n) / n
+        reach = self.radius / math.cos(math.pi / n)
+        return Polygon(np.asarray(self.center) + reach * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+    def bounding_box(self) -> tuple[float, float, float, float]:
+        """Return xmin, ymin, xmax, ymax."""
+        (x, y), r = self.center, self.radius
+        return x - r, y - r, x + r, y + r
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A rectangle, its length along its own heading.
+
+    Attributes:
+        center: x, y in metres.
+        length: metres, positive; along the heading.
+        width: metres, positive; across it.
+        heading: radians, counter-clockwise.
+    """
+
+    center: tuple[float, float]
+    length: float
+    width: float
+    heading: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", _point(self.center, "rectangle: center"))
+        object.__setattr__(self, "length", _positive(self.length, "rectangle: length"))
+        object.__setattr__(self, "width", _positive(self.width, "rectangle: width"))
+        if not math.isfinite(self.heading):
+            raise ShapeError(f"rectangle: heading {self.heading!r} is not a finite number")
+        object.__setattr__(self, "heading", float(self.heading))
+
+    @property
+    def area(self) -> float:
+        """Area in square metres."""
+        return self.length * self.width
+
+    def polygon(self, tolerance: float = 0.0) -> Polygon:
+        """Return the rectangle as a polygon, exactly; ``tolerance`` is there so that all shapes are called alike."""
+        half = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * (self.length / 2, self.width / 2)
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return Polygon(np.asarray(self.center) + half @ np.array([[cos, sin], [-sin, cos]]))
+
+    def bounding_box(self) -> tuple[float, float, float, float]:
+        """Return xmin, ymin, xmax, ymax."""
+        return self.polygon().bounding_box()
+
+
+@dataclass(frozen=True, eq=False)
+class Polygon:
+    """A simple polygon, convex or not, with any number of holes.
+
+    Attributes:
+        vertices: shape (n, 2), n >= 3, in either sense of rotation, not closed (a repeated first vertex at the
+            end is dropped).
+        holes: each of shape (m, 2), inside the outline, disjoint from one another.
+
+    Raises:
+        ShapeError: fewer than three vertices, values not finite, zero area, self-intersection, a hole outside.
+    """
+
+    vertices: FloatArray
+    holes: tuple[FloatArray, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "vertices", _ring(self.vertices, "polygon: vertices"))
+        holes = tuple(_ring(hole, f"polygon: holes[{i}]") for i, hole in enumerate(self.holes))
+        object.__setattr__(self, "holes", holes)
+        import shapely
+
+        region = self.shapely()
+        if not region.is_valid:
+            raise ShapeError(f"polygon: not simple: {shapely.is_valid_reason(region)}")
+        if not region.area > 0.0:
+            raise ShapeError(f"polygon: area {region.area} given, allowed: more than 0")
+
+    @property
+    def area(self) -> float:
+        """Area in square metres, holes left out."""
+        return abs(signed_area(self.vertices)) - sum(abs(signed_area(hole)) for hole in self.holes)
+
+    def polygon(self, tolerance: float = 0.0) -> Polygon:
+        """Return the polygon itself; ``tolerance`` is there so that all shapes are called alike."""
+        return self
+
+    def bounding_box(self) -> tuple[float, float, float, float]:
+        """Return xmin, ymin, xmax, ymax."""
+        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def rings(self) -> list[FloatArray]:
+        """Return the outline counter-clockwise and the holes clockwise: the region lies left of every edge."""
+        outline = self.vertices if signed_area(self.vertices) > 0 else self.vertices[::-1]
+        return [outline, *(hole if signed_area(hole) < 0 else hole[::-1] for hole in self.holes)]
+
+    def shapely(self) -> shapely.Polygon:
+        """Return the region as a shapely polygon."""
+        import shapely
+
+        return shapely.Polygon(self.vertices, self.holes)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Polygon):
+            return NotImplemented
+        return (
+            np.array_equal(self.vertices, other.vertices)
+            and len(self.holes) == len(other.holes)
+            and all(np.array_equal(a, b) for a, b in zip(self.holes, other.holes, strict=True))
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.vertices.tobytes(), *(hole.tobytes() for hole in self.holes)))
+
+
+Shape = Disc | Rectangle | Polygon
+
+
+def signed_area(ring: ArrayLike) -> float:
+    """Return the area of a ring, shape (n, 2), positive when it runs counter-clockwise."""
+    points = np.asarray(ring, dtype=np.float64)
+    # Relative to the first vertex: far from the origin the plain shoelace formula loses digits.
+    x, y = (points - points[0]).T
+    return float(0.5 * (np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))))
+
+
+def triangulate(polygon: Polygon) -> FloatArray:
+    """Return triangles that fill the polygon exactly and lie in it, shape (m, 3, 2), counter-clockwise.
+
+    The triangulation is constrained Delaunay (GEOS), so it uses the polygon's own vertices only.
+    """
+    import shapely
+
+    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon.shapely()))
+    corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    clockwise = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0.0
+    corners[clockwise] = corners[clockwise][:, ::-1]
+    return np.ascontiguousarray(corners)
+
+
+def _ring(points: ArrayLike, name: str) -> FloatArray:
+    try:
+        ring = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError(f"{name}: {points!r} is not a list of points [x, y]") from None
+    if ring.ndim != 2 or ring.shape[1] != 2:
+        raise ShapeError(f"{name}: shape {ring.shape} given, allowed: (n, 2)")
+    if not np.isfinite(ring).all():
+        raise ShapeError(f"{name}: holds a value that is not a finite number")
+    if len(ring) > 1 and np.array_equal(ring[0], ring[-1]):
+        ring = ring[:-1]
+    if len(ring) < 3:
+        raise ShapeError(f"{name}: {len(ring)} different points given, allowed: 3 or more")
+    ring.flags.writeable = False
+    return ring
+
+
+def _point(value: object, name: str) -> tuple[float, float]:
+    try:
+        x, y = (float(v) for v in value)  # type: ignore[attr-defined]  # the except below is the check
+    except (TypeError, ValueError):
+        raise ShapeError(f"{name} {value!r} given, allowed: two numbers x, y") from None
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise ShapeError(f"{name} {value!r} holds a value that is not a finite number")
+    return x, y
+
+
+def _positive(value: object, name: str) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]  # the except below is the check
+    except (TypeError, ValueError):
+        raise ShapeError(f"{name} {value!r} given, allowed: a number above 0") from None
+    if not (math.isfinite(number) and number > 0.0):
+        raise ShapeError(f"{name} {number!r} given, allowed: a finite number above 0")
+    return number

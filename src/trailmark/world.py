@@ -1,0 +1,238 @@
+"""World, Robot and Query: what there is to plan in, with what, and from where to where."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from trailmark import se2
+from trailmark.errors import ShapeError, WorldError, did_you_mean
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+
+__all__ = ["Query", "Robot", "World"]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot: its footprint in its own frame, whose origin is the reference point that a configuration places.
+
+    Attributes:
+        footprint: a disc or a rectangle centred on the reference point, or any simple polygon without holes.
+
+    Raises:
+        ShapeError: a footprint with holes, or a disc or rectangle that is not centred on the reference point.
+    """
+
+    footprint: Shape
+
+    def __post_init__(self) -> None:
+        shape = self.footprint
+        if isinstance(shape, Polygon):
+            if shape.holes:
+                raise ShapeError(f"robot: polygon with {len(shape.holes)} holes given, allowed: without holes")
+        elif shape.center != (0.0, 0.0) or (isinstance(shape, Rectangle) and shape.heading != 0.0):
+            raise ShapeError("robot: disc and rectangle lie centred on the reference point, unrotated")
+
+    @classmethod
+    def disc(cls, radius: float) -> Robot:
+        """Return a round robot; ``radius`` in metres."""
+        return cls(Disc((0.0, 0.0), radius))
+
+    @classmethod
+    def rectangle(cls, length: float, width: float) -> Robot:
+        """Return a rectangular robot centred on its reference point, ``length`` along its heading, in metres."""
+        return cls(Rectangle((0.0, 0.0), length, width))
+
+    @classmethod
+    def polygon(cls, vertices: Sequence[Sequence[float]] | se2.FloatArray) -> Robot:
+        """Return a robot with any simple outline; ``vertices`` of shape (n, 2), metres, robot frame."""
+        return cls(Polygon(np.asarray(vertices, dtype=np.float64)))
+
+    @classmethod
+    def parse(cls, text: str) -> Robot:
+        """Return the robot that a shell argument names.
+
+        Args:
+            text: ``disc:RADIUS``, ``rectangle:LENGTHxWIDTH`` or ``polygon:x,y;x,y;x,y…``; metres.
+
+        Raises:
+            ShapeError: anything else.
+        """
+        kind, _, rest = text.partition(":")
+        try:
+            if kind == "disc":
+                return cls.disc(float(rest))
+            if kind == "rectangle":
+                length, width = (float(v) for v in rest.split("x"))
+                return cls.rectangle(length, width)
+            if kind == "polygon":
+                points = [[float(v) for v in point.split(",")] for point in rest.split(";")]
+                return cls.polygon(np.array(points))
+        except ShapeError:
+            raise
+        except ValueError:
+            pass
+        raise ShapeError(
+            f"robot {text!r} given, allowed: disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)"
+        )
+
+    @cached_property
+    def outline(self) -> Polygon:
+        """The footprint as a polygon; a disc's contains it and reaches at most 1 mm (or 0.1 % of r) beyond."""
+        tolerance = min(1e-3, 1e-3 * self.footprint.radius) if isinstance(self.footprint, Disc) else 0.0
+        return self.footprint.polygon(tolerance)
+
+    @cached_property
+    def circumradius(self) -> float:
+        """Largest distance (metres) of a point of the footprint from the reference point."""
+        if isinstance(self.footprint, Disc):
+            return self.footprint.radius
+        return float(np.hypot(*self.outline.vertices.T).max())
+
+    @property
+    def sweep_radius(self) -> float:
+        """R in the motion bound ‖Δxy‖ + R·|Δθ| (metres): the circumradius, but 0 for a disc, which turns in place."""
+        return 0.0 if isinstance(self.footprint, Disc) else self.circumradius
+
+    @cached_property
+    def inscribed_disc(self) -> Disc:
+        """The largest disc inside the footprint (robot frame); found to 1e-6 of its size, and never too large."""
+        if isinstance(self.footprint, Disc):
+            return self.footprint
+        import shapely
+
+        region = self.outline.shapely()
+        line = shapely.maximum_inscribed_circle(region, tolerance=1e-6 * self.circumradius)
+        center = shapely.get_coordinates(line)[0]
+        # The distance is measured again from the centre, so that it is right whatever the search's tolerance.
+        radius = float(shapely.distance(shapely.Point(center), region.exterior))
+        return Disc((float(center[0]), float(center[1])), radius)
+
+    @cached_property
+    def reference_radius(self) -> float:
+        """Radius (metres) of the largest disc about the reference point inside the footprint; 0 if it lies outside."""
+        if isinstance(self.footprint, Disc):
+            return self.footprint.radius
+        import shapely
+
+        region, origin = self.outline.shapely(), shapely.Point(0.0, 0.0)
+        return float(shapely.distance(origin, region.exterior)) if region.contains(origin) else 0.0
+
+    def describe(self) -> str:
+        """Return a short text such as ``rectangle 0.6 x 0.4 m``."""
+        shape = self.footprint
+        if isinstance(shape, Disc):
+            return f"disc {shape.radius:g} m"
+        if isinstance(shape, Rectangle):
+            return f"rectangle {shape.length:g} x {shape.width:g} m"
+        return f"polygon of {len(shape.vertices)} vertices"
+
+
+@dataclass(frozen=True)
+class Query:
+    """One planning problem: start and goal configuration (x, y, theta), metres and radians."""
+
+    name: str
+    start: tuple[float, float, float]
+    goal: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        for end in ("start", "goal"):
+            q = se2.configurations(getattr(self, end), name=f"query {self.name!r}: {end}")
+            if q.ndim != 1:
+                raise WorldError(f"query {self.name!r}: {end} of shape {q.shape} given, allowed: (3,)")
+            object.__setattr__(self, end, tuple(float(v) for v in q))
+
+
+@dataclass(frozen=True)
+class World:
+    """A planar world: free space lies inside ``bounds`` and ``boundary`` and outside all obstacles.
+
+    Attributes:
+        name: what reports call it.
+        bounds: xmin, ymin, xmax, ymax in metres; no part of the robot may leave it.
+        obstacles: discs, rectangles and polygons; they may overlap.
+        robot: the robot to plan for, if the file names one.
+        boundary: optional simple polygon, also not left by any part of the robot.
+        queries: named planning problems.
+
+    Raises:
+        WorldError: empty or infinite bounds, two queries of the same name, a boundary with holes.
+    """
+
+    name: str
+    bounds: tuple[float, float, float, float]
+    obstacles: tuple[Shape, ...] = ()
+    robot: Robot | None = None
+    boundary: Polygon | None = None
+    queries: tuple[Query, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        bounds = tuple(float(v) for v in self.bounds)
+        if len(bounds) != 4 or not all(map(math.isfinite, bounds)):
+            raise WorldError(f"bounds: {list(bounds)} given, allowed: four finite numbers xmin, ymin, xmax, ymax")
+        if not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
+            raise WorldError(f"bounds: {list(bounds)} given, allowed: xmin < xmax and ymin < ymax")
+        object.__setattr__(self, "bounds", bounds)
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "queries", tuple(self.queries))
+        if self.boundary is not None and self.boundary.holes:
+            raise WorldError("boundary: a polygon with holes given, allowed: without (make the holes obstacles)")
+        names = [query.name for query in self.queries]
+        twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
+        if twice:
+            raise WorldError(f"queries: the name {twice[0]!r} is given more than once, allowed: once")
+
+    @classmethod
+    def load(cls, path: str | FilePath) -> World:
+        """Read a world from a file, whose format is told by its content.
+
+        Args:
+            path: trailmark YAML, ROS/nav2 map YAML, MovingAI ``.map``, or OMPL.app ``.cfg``.
+
+        Raises:
+            FormatError: the file is missing, of no known format, or does not hold what its format asks for.
+        """
+        from trailmark import formats
+
+        return formats.load_world(FilePath(path))
+
+    def save(self, path: str | FilePath) -> None:
+        """Write the world as trailmark YAML (schema version 1), whole or not at all.
+
+        Raises:
+            OutputError: the path cannot be written.
+        """
+        from trailmark import formats
+
+        formats.save_world(self, FilePath(path))
+
+    def query(self, name: str | None = None) -> Query:
+        """Return the query of that name, or the first one.
+
+        Raises:
+            WorldError: there is none.
+        """
+        if name is None:
+            if not self.queries:
+                raise WorldError(f"world {self.name!r} holds no query, give a start and a goal")
+            return self.queries[0]
+        for query in self.queries:
+            if query.name == name:
+                return query
+        names = (query.name for query in self.queries[:50])
+        raise WorldError(f"query {name!r} is not in world {self.name!r}; {did_you_mean(name, names)}")
+
+    def with_robot(self, robot: Robot) -> World:
+        """Return the same world with another robot."""
+        return replace(self, robot=robot)
+
+    @property
+    def extent(self) -> float:
+        """The diagonal of the bounds, in metres."""
+        return math.hypot(self.bounds[2] - self.bounds[0], self.bounds[3] - self.bounds[1])
