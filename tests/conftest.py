@@ -1,0 +1,33 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# Deadlines would measure the machine (numba compiles on the first example), not the code.
+settings.register_profile("trailmark", deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
+settings.load_profile("trailmark")
+
+
+def data_folder() -> Path:
+    """The folder of real public data: TRAILMARK_DATA, else ../shared/data beside the project."""
+    return Path(os.environ.get("TRAILMARK_DATA", ROOT.parent / "shared" / "data"))
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    folder = data_folder()
+    if not folder.is_dir():
+        pytest.skip(f"real data not found: set TRAILMARK_DATA (looked in {folder.name!r} beside the project)")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def worlds() -> Path:
+    return ROOT / "worlds"
