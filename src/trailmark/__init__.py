@@ -49,7 +49,7 @@ _HOME = {
     "World": "world",
 }
 
-__all__ = ["__version__", *_HOME]  # noqa: PLE0604  # the names of _HOME are strings
+__all__ = ["__version__", *_HOME]
 
 
 def __getattr__(name: str) -> Any:

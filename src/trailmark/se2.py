@@ -146,6 +146,4 @@ def embed(q: ArrayLike, radius: float) -> FloatArray:
         radius: R in metres; 0 leaves the heading out.
     """
     pose = np.asarray(q, dtype=np.float64)
-    return np.concatenate(
-        [pose[..., :2], radius * np.cos(pose[..., 2:]), radius * np.sin(pose[..., 2:])], axis=-1
-    )
+    return np.concatenate([pose[..., :2], radius * np.cos(pose[..., 2:]), radius * np.sin(pose[..., 2:])], axis=-1)

@@ -1,0 +1,201 @@
+"""StateChecker: is a configuration valid, how far is it from the obstacles, is a motion free of collision?"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark import se2
+from trailmark.collision import kernels
+from trailmark.collision.fcl_scene import FclScene
+from trailmark.collision.field import ClearanceField, build_field
+from trailmark.collision.footprint import Footprint, build_footprint
+from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
+from trailmark.collision.report import invalid_reason
+from trailmark.errors import ConfigurationError, WorldError
+from trailmark.world import Robot, World
+
+__all__ = ["StateChecker"]
+
+
+class StateChecker:
+    """Collision checks for one robot in one world.
+
+    A configuration is valid if the robot overlaps no obstacle by more than 1e-7 m and reaches over ``bounds``
+    and ``boundary`` by no more than that: touching is allowed. A motion is certified if no configuration along
+    it collides; nothing is sampled, so nothing is missed (:mod:`trailmark.collision.kernels` says how). A motion
+    that comes within 1e-6 m of an obstacle more than 1 mm from its ends is not certified; its first and last
+    1e-6 m count as free when their middle is.
+
+    The clearance field decides what it can prove, exact distances in compiled code most of the rest, and FCL
+    what lies within 3e-7 m of touching. With ``exact="fcl"`` FCL decides all that the field leaves open; it
+    gives the same answers, slower, and serves as the reference.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        robot: footprint; the world's own robot if None.
+        exact: what decides where the field cannot.
+        cell: edge of the field's cells in metres; by default a tenth of the robot's inscribed diameter, larger
+            where that would take more than 2^18 cells.
+
+    Raises:
+        WorldError: neither ``robot`` nor ``world.robot`` is given.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        robot: Robot | None = None,
+        *,
+        exact: Literal["kernel", "fcl"] = "kernel",
+        cell: float | None = None,
+    ) -> None:
+        chosen = robot or world.robot
+        if chosen is None:
+            raise WorldError(f"world {world.name!r} names no robot, give one (such as disc:0.2)")
+        if exact not in ("kernel", "fcl"):
+            raise WorldError(f"exact: {exact!r} given, allowed: 'kernel', 'fcl'")
+        if cell is not None and not (np.isfinite(cell) and cell > 0.0):
+            raise WorldError(f"cell: {cell!r} given, allowed: a finite number above 0")
+        self.world = world
+        self.robot: Robot = chosen
+        self.exact = exact
+        wanted = 0.2 * chosen.inscribed_disc.radius if cell is None else cell
+        self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted))
+        self.field: ClearanceField = build_field(self.grid)
+        self.footprint: Footprint = build_footprint(chosen)
+        self._scene: FclScene | None = None
+
+    @property
+    def scene(self) -> FclScene:
+        """The FCL scene, built when it is first needed."""
+        if self._scene is None:
+            self._scene = FclScene(self.world, self.robot)
+        return self._scene
+
+    def valid(self, q: ArrayLike) -> Any:
+        """Return whether configurations are valid.
+
+        Args:
+            q: shape (3,) or (n, 3); metres and radians.
+
+        Returns:
+            bool for one configuration, a bool array of shape (n,) for n.
+
+        Raises:
+            ConfigurationError: another shape, or values that are not finite.
+        """
+        states = se2.configurations(q)
+        free = self._states_free(np.atleast_2d(states))
+        return free if states.ndim == 2 else bool(free[0])
+
+    def clearance(self, q: ArrayLike, *, cap: float = np.inf) -> Any:
+        """Return the distance (metres) from the robot to the nearest obstacle or bound; 0 on contact or overlap.
+
+        Args:
+            q: shape (3,) or (n, 3).
+            cap: larger distances are returned as this; a small cap is quicker.
+
+        Returns:
+            float for one configuration, a float array of shape (n,) for n.
+
+        Raises:
+            ConfigurationError: another shape, or values that are not finite.
+        """
+        states = se2.configurations(q)
+        rows = np.atleast_2d(states)
+        if self.exact == "fcl":
+            found = np.minimum([self.scene.clearance(row) for row in rows], cap)
+        else:
+            found = kernels.clearances(self.grid, self.field, self.footprint, rows, float(cap))
+        return found if states.ndim == 2 else float(found[0])
+
+    def motions_valid(self, a: ArrayLike, b: ArrayLike) -> NDArray[np.bool_]:
+        """Return which motions are certified free of collision, ends included.
+
+        Args:
+            a: starts, shape (n, 3).
+            b: ends, shape (n, 3).
+
+        Returns:
+            Shape (n,), True only if no configuration along the motion collides.
+
+        Raises:
+            ConfigurationError: other shapes, different lengths, or values that are not finite.
+        """
+        starts, ends = np.atleast_2d(se2.configurations(a)), np.atleast_2d(se2.configurations(b))
+        if starts.shape != ends.shape:
+            raise ConfigurationError(f"motions: {len(starts)} starts and {len(ends)} ends given, allowed: as many")
+        free = self._states_free(starts) & self._states_free(ends)
+        free[free] = self.motions_between_valid(starts[free], ends[free])
+        return free
+
+    def motion_valid(self, a: ArrayLike, b: ArrayLike) -> bool:
+        """Return whether the motion from a to b, each of shape (3,), is certified free of collision."""
+        return bool(self.motions_valid(np.reshape(a, (1, 3)), np.reshape(b, (1, 3)))[0])
+
+    def motions_between_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
+        """Return which motions between configurations known to be valid are certified; shapes (n, 3), unchecked."""
+        if self.exact == "fcl":
+            return self._motions_by_fcl(a, b)
+        answer = kernels.motions_certified(self.grid, self.field, self.footprint, a, b, True)
+        return np.asarray(answer == kernels.FREE)
+
+    def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.uint8]:
+        """Return what the field alone proves of motions between valid configurations: FREE, BLOCKED, UNDECIDED."""
+        return np.asarray(kernels.motions_certified(self.grid, self.field, self.footprint, a, b, False))
+
+    def require_valid(self, q: ArrayLike, name: str) -> se2.FloatArray:
+        """Return q as an array of shape (3,) if it is valid.
+
+        Raises:
+            ConfigurationError: it is not; the message says which obstacle or bound, and by how much.
+        """
+        state = se2.configurations(q, name=name)
+        if state.ndim != 1:
+            raise ConfigurationError(f"{name}: shape {state.shape} given, allowed: (3,)")
+        if not self.valid(state):
+            reason = invalid_reason(self.world, self.robot, state)
+            at = ", ".join(f"{v:g}" for v in state)
+            raise ConfigurationError(f"{name} ({at}) is not valid: the robot ({self.robot.describe()}) {reason}")
+        return state
+
+    def _states_free(self, q: se2.FloatArray) -> NDArray[np.bool_]:
+        if self.exact == "fcl":
+            answer = kernels.field_states(self.field, self.footprint, q)
+        else:
+            answer = kernels.states_free(self.grid, self.field, self.footprint, q)
+        for i in np.flatnonzero(answer == kernels.UNDECIDED):
+            answer[i] = kernels.BLOCKED if self.scene.collides(q[i]) else kernels.FREE
+        return np.asarray(answer == kernels.FREE)
+
+    def _motions_by_fcl(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
+        answer = self.motions_by_field(a, b)
+        for i in np.flatnonzero(answer == kernels.UNDECIDED):
+            answer[i] = kernels.FREE if self._motion_by_fcl(a[i], b[i]) else kernels.BLOCKED
+        return np.asarray(answer == kernels.FREE)
+
+    def _motion_by_fcl(self, a: se2.FloatArray, b: se2.FloatArray) -> bool:
+        """Certify one motion by FCL distances, from its middle outwards; ends are known to be valid."""
+        bound = float(se2.motion_bound(a, b, self.footprint.sweep_radius))
+        gaps = [(0.0, 1.0)] if bound > 0.0 else []
+        for _ in range(kernels.BUDGET):
+            if not gaps:
+                return True
+            low, high = gaps.pop(0)
+            middle = 0.5 * (low + high)
+            need = 0.5 * (high - low) * bound + kernels.ROUNDING
+            d = self.scene.clearance(se2.interpolate(a, b, middle))
+            if d >= need:
+                continue
+            if d < kernels.CONTACT:
+                near_end = min(middle, 1.0 - middle) * bound < kernels.END_ZONE
+                if d <= kernels.ROUNDING or not near_end:
+                    return False
+                if need < kernels.CONTACT and (low == 0.0 or high == 1.0):
+                    continue
+            reach = (d - kernels.ROUNDING) / bound
+            gaps += [(low, middle - reach), (middle + reach, high)]
+        return False

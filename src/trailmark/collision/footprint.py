@@ -1,0 +1,112 @@
+"""The robot's footprint as flat arrays: outline, covering discs and inner discs, for the compiled kernels."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trailmark.shapes import Disc
+from trailmark.world import Robot
+
+__all__ = ["DEEP_TOLERANCE", "TOUCHING_TOLERANCE", "Footprint", "build_footprint", "eroded"]
+
+FloatArray = NDArray[np.float64]
+
+TOUCHING_TOLERANCE = 1e-7
+"""Overlap (metres) up to which two regions count as touching, which is allowed."""
+
+DEEP_TOLERANCE = 3e-7
+"""Overlap (metres) from which the kernels call a collision themselves; between the two FCL decides."""
+
+
+class Footprint(NamedTuple):
+    """A robot's footprint in its own frame; all lengths in metres.
+
+    Attributes:
+        outline: (v, 2) vertices, counter-clockwise; empty for a disc.
+        core: (w, 2) the outline eroded by DEEP_TOLERANCE; a collision of the core is a collision in any case.
+        cover: (c, 3) discs x, y, radius that together contain the footprint.
+        inner: (i, 3) discs that lie inside it.
+        circumradius: largest distance of the footprint from the reference point.
+        sweep_radius: R in the motion bound ‖Δxy‖ + R·|Δθ|; 0 for a disc.
+        disc_radius: the radius of a disc, -1 for any other footprint.
+    """
+
+    outline: FloatArray
+    core: FloatArray
+    cover: FloatArray
+    inner: FloatArray
+    circumradius: float
+    sweep_radius: float
+    disc_radius: float
+
+
+def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
+    """Return the kernels' arrays for a robot, covered by about ``discs`` discs."""
+    shape = robot.footprint
+    if isinstance(shape, Disc):
+        disc = np.array([[0.0, 0.0, shape.radius]])
+        none = np.empty((0, 2))
+        return Footprint(none, none, disc, disc, shape.radius, 0.0, shape.radius)
+    region = robot.outline.shapely()
+    cover, inner = _cover(region, discs)
+    return Footprint(
+        np.ascontiguousarray(robot.outline.rings()[0]),
+        _largest_ring(eroded(region, DEEP_TOLERANCE)),
+        cover,
+        inner,
+        robot.circumradius,
+        robot.sweep_radius,
+        -1.0,
+    )
+
+
+def eroded(region: shapely.Polygon, depth: float) -> shapely.Geometry:
+    """Return the region shrunk by ``depth`` metres (mitred, so that convex corners stay sharp)."""
+    return shapely.buffer(region, -depth, join_style="mitre", mitre_limit=100.0)
+
+
+def _largest_ring(geometry: shapely.Geometry) -> FloatArray:
+    """Return the outline of the largest part, shape (w, 2); empty if nothing is left."""
+    parts = shapely.get_parts(geometry)
+    if len(parts) == 0 or shapely.is_empty(parts).all():
+        return np.empty((0, 2))
+    largest = max(parts, key=lambda part: float(part.area))
+    return np.ascontiguousarray(shapely.get_coordinates(shapely.orient_polygons(largest).exterior)[:-1])
+
+
+def _cover(region: shapely.Polygon, wanted: int) -> tuple[FloatArray, FloatArray]:
+    """Return covering and inner discs: the footprint is cut into square tiles, each tile gets its own discs."""
+    box = region.minimum_rotated_rectangle
+    corners = shapely.get_coordinates(box)[:4]
+    u, v = corners[1] - corners[0], corners[3] - corners[0]
+    if np.hypot(*u) < np.hypot(*v):
+        u, v = v, u
+    length, width = float(np.hypot(*u)), float(np.hypot(*v))
+    # Tiles as square as the box allows; a footprint fills only a part of its box.
+    tile = np.sqrt(float(region.area) / wanted)
+    n, m = max(1, round(length / tile)), max(1, round(width / tile))
+    cover, inner = [], []
+    for i in range(n):
+        for j in range(m):
+            a = corners[0] + u * (i / n) + v * (j / m)
+            cell = shapely.Polygon([a, a + u / n, a + u / n + v / m, a + v / m])
+            # Tiles overlap by a hair, so that no rounding leaves a gap between two of them.
+            piece = shapely.intersection(region, cell.buffer(1e-9 * length))
+            if piece.is_empty:
+                continue
+            center = shapely.get_coordinates(shapely.minimum_bounding_circle(piece).centroid)[0]
+            reach = float(np.hypot(*(shapely.get_coordinates(piece) - center).T).max()) * (1.0 + 1e-9)
+            cover.append((*center, reach))
+            point = shapely.Point(center)
+            depth = float(region.exterior.distance(point))
+            if region.contains(point) and depth > 0.0:
+                inner.append((*center, depth * (1.0 - 1e-9)))
+    largest = shapely.get_coordinates(shapely.maximum_inscribed_circle(region, tolerance=1e-3 * length))[0]
+    inner.append((*largest, float(region.exterior.distance(shapely.Point(largest))) * (1.0 - 1e-9)))
+    # The largest inner disc proves most collisions: first.
+    inner.sort(key=lambda disc: -disc[2])
+    return np.array(cover), np.array(inner)

@@ -1,0 +1,193 @@
+"""Obstacles as flat arrays: boundary segments and discs in a uniform grid, for the compiled kernels.
+
+Free space is the inside of ``bounds`` and ``boundary`` less all obstacles. Every region that the robot must not
+touch is described by its oriented boundary, blocked side on the left; the winding number of those boundaries,
+plus one for each enclosing region, tells how many blocked regions a point lies in.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from trailmark.shapes import Disc
+from trailmark.world import World
+
+__all__ = ["ObstacleGrid", "boundary_segments", "build_grid", "cell_size_for", "obstacle_discs"]
+
+FloatArray = NDArray[np.float64]
+
+MAX_CELLS = 1 << 18
+"""Upper limit on the number of grid cells, which bounds the time and memory of the set-up."""
+
+
+class ObstacleGrid(NamedTuple):
+    """Everything that blocks the robot, sorted into square cells.
+
+    Attributes:
+        segments: (m, 4) boundary segments x1, y1, x2, y2 in metres, blocked side on the left.
+        discs: (k, 3) disc obstacles x, y, radius in metres.
+        cell_start: (cells + 1,) where each cell's items begin in ``items``; cell = row * columns + column.
+        items: indices of segments (below m) and of discs (m + index) that touch the cell.
+        winding: (cells,) number of blocked regions without the discs over the cell's centre.
+        x0: left edge of the first column, metres.
+        y0: lower edge of the first row, metres.
+        size: edge of a cell, metres.
+        columns: number of columns.
+        rows: number of rows.
+    """
+
+    segments: FloatArray
+    discs: FloatArray
+    cell_start: NDArray[np.int64]
+    items: NDArray[np.int32]
+    winding: NDArray[np.int32]
+    x0: float
+    y0: float
+    size: float
+    columns: int
+    rows: int
+
+
+def boundary_segments(world: World) -> tuple[FloatArray, int]:
+    """Return all boundary segments, shape (m, 4), blocked side on the left, and the number of enclosing regions.
+
+    Discs are left out (:func:`obstacle_discs`). The outside of ``bounds`` and of ``boundary`` is blocked.
+    """
+    xmin, ymin, xmax, ymax = world.bounds
+    # Clockwise, so that the outside lies on the left.
+    rings = [np.array([[xmin, ymin], [xmin, ymax], [xmax, ymax], [xmax, ymin]])]
+    if world.boundary is not None:
+        rings.append(world.boundary.rings()[0][::-1])
+    enclosing = len(rings)
+    for shape in world.obstacles:
+        if not isinstance(shape, Disc):
+            rings.extend(shape.polygon().rings())
+    segments = np.concatenate([np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in rings])
+    return np.ascontiguousarray(segments), enclosing
+
+
+def obstacle_discs(world: World) -> FloatArray:
+    """Return the disc obstacles as rows x, y, radius (metres), shape (k, 3)."""
+    rows = [(*shape.center, shape.radius) for shape in world.obstacles if isinstance(shape, Disc)]
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def cell_size_for(world: World, wanted: float, cells: int = MAX_CELLS) -> float:
+    """Return the cell size (metres): as wanted, or as much larger as it takes to stay within ``cells`` cells."""
+    width, height = world.bounds[2] - world.bounds[0], world.bounds[3] - world.bounds[1]
+    return max(wanted, 1.01 * float(np.sqrt(width * height / cells)), 1.01 * max(width, height) / 8192)
+
+
+def build_grid(world: World, size: float) -> ObstacleGrid:
+    """Sort the world's segments and discs into cells of ``size`` metres.
+
+    The grid covers the bounds with a margin of a little more than one cell on every side.
+    """
+    segments, enclosing = boundary_segments(world)
+    discs = obstacle_discs(world)
+    # A margin that is no simple fraction of the cell keeps cell centres off the round coordinates of maps.
+    margin = 1.3137 * size
+    x0, y0 = world.bounds[0] - margin, world.bounds[1] - margin
+    columns = int(np.ceil((world.bounds[2] + margin - x0) / size))
+    rows = int(np.ceil((world.bounds[3] + margin - y0) / size))
+    cells, owners = _touched_cells(segments, discs, x0, y0, size, columns, rows)
+    order = np.argsort(cells, kind="stable")
+    start = np.concatenate([[0], np.cumsum(np.bincount(cells, minlength=columns * rows))]).astype(np.int64)
+    winding = _winding_of_centres(segments, enclosing, x0, y0, size, columns, rows)
+    return ObstacleGrid(
+        segments, discs, start, owners[order], winding, float(x0), float(y0), float(size), columns, rows
+    )
+
+
+@njit(cache=True)
+def _touched_cells(
+    segments: FloatArray, discs: FloatArray, x0: float, y0: float, size: float, columns: int, rows: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return (cell, item) pairs of every item with every cell that it touches; cells grown by 1e-6 of their size."""
+    count = 0
+    capacity = 4 * (len(segments) + len(discs)) + 64
+    cells = np.empty(capacity, np.int64)
+    owners = np.empty(capacity, np.int32)
+    slack = 1e-6 * size
+    for item in range(len(segments) + len(discs)):
+        disc = item >= len(segments)
+        if disc:
+            cx, cy, r = discs[item - len(segments)]
+            low_y, high_y = cy - r, cy + r
+            x1 = y1 = x2 = y2 = 0.0
+        else:
+            x1, y1, x2, y2 = segments[item]
+            cx = cy = r = 0.0
+            low_y, high_y = min(y1, y2), max(y1, y2)
+        first = max(0, int(np.floor((low_y - slack - y0) / size)))
+        last = min(rows - 1, int(np.floor((high_y + slack - y0) / size)))
+        for row in range(first, last + 1):
+            bottom, top = y0 + row * size - slack, y0 + (row + 1) * size + slack
+            if disc:
+                # Widest chord of the disc within this row.
+                dy = max(0.0, max(bottom - cy, cy - top))
+                if dy > r:
+                    continue
+                half = np.sqrt(max(0.0, r * r - dy * dy))
+                low_x, high_x = cx - half, cx + half
+            elif y1 == y2:
+                low_x, high_x = min(x1, x2), max(x1, x2)
+            else:
+                # The part of the segment between the row's lower and upper edge.
+                t1 = min(1.0, max(0.0, (bottom - y1) / (y2 - y1)))
+                t2 = min(1.0, max(0.0, (top - y1) / (y2 - y1)))
+                xa, xb = x1 + t1 * (x2 - x1), x1 + t2 * (x2 - x1)
+                low_x, high_x = min(xa, xb), max(xa, xb)
+            left = max(0, int(np.floor((low_x - slack - x0) / size)))
+            right = min(columns - 1, int(np.floor((high_x + slack - x0) / size)))
+            for column in range(left, right + 1):
+                if count == capacity:
+                    capacity *= 2
+                    more_cells = np.empty(capacity, np.int64)
+                    more_cells[:count] = cells
+                    more_owners = np.empty(capacity, np.int32)
+                    more_owners[:count] = owners
+                    cells, owners = more_cells, more_owners
+                cells[count] = row * columns + column
+                owners[count] = item
+                count += 1
+    return cells[:count], owners[:count]
+
+
+@njit(cache=True)
+def _winding_of_centres(
+    segments: FloatArray, enclosing: int, x0: float, y0: float, size: float, columns: int, rows: int
+) -> NDArray[np.int32]:
+    """Return how many blocked regions (discs left out) lie over each cell's centre, shape (cells,).
+
+    Along the line through a row's centres every segment that crosses it changes the number by one for all
+    centres to its right. Half-open rule: a segment spans y if min <= y < max.
+    """
+    change = np.zeros((rows, columns + 1), np.int32)
+    for x1, y1, x2, y2 in segments:
+        if y1 == y2:
+            continue
+        # Left of an edge that runs upwards is blocked: crossing it to the right leaves the blocked side.
+        step = -1 if y2 > y1 else 1
+        low, high = min(y1, y2), max(y1, y2)
+        first = max(0, int(np.floor((low - y0) / size - 0.5)))
+        last = min(rows - 1, int(np.floor((high - y0) / size + 0.5)))
+        for row in range(first, last + 1):
+            y = y0 + (row + 0.5) * size
+            if not (low <= y < high):
+                continue
+            x = x1 + (y - y1) / (y2 - y1) * (x2 - x1)
+            # First column whose centre lies at or right of the crossing.
+            column = int(np.ceil((x - x0) / size - 0.5))
+            change[row, min(columns, max(0, column))] += step
+    winding = np.empty(rows * columns, np.int32)
+    for row in range(rows):
+        total = enclosing
+        for column in range(columns):
+            total += change[row, column]
+            winding[row * columns + column] = total
+    return winding
