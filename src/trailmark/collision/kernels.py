@@ -21,7 +21,20 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.se2 import FloatArray
 
-__all__ = ["BLOCKED", "CONTACT", "FREE", "UNDECIDED", "clearances", "motions_certified", "states_free"]
+__all__ = [
+    "BLOCKED",
+    "CONTACT",
+    "FREE",
+    "UNDECIDED",
+    "clearances",
+    "field_states",
+    "field_value",
+    "motion",
+    "motions_certified",
+    "point_clearance",
+    "states_free",
+    "workspace",
+]
 
 BLOCKED, FREE, UNDECIDED = 0, 1, 2
 
@@ -39,7 +52,7 @@ BUDGET = 20_000
 
 
 @njit(cache=True, inline="always")
-def _field_value(field: ClearanceField, x: float, y: float) -> float:
+def field_value(field: ClearanceField, x: float, y: float) -> float:
     """Return the distance stored for the cell of (x, y); 0 outside the grid, where everything is blocked."""
     column = floor((x - field.x0) / field.size)
     row = floor((y - field.y0) / field.size)
@@ -53,13 +66,13 @@ def _field_clearance(
     field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float, enough: float
 ) -> float:
     """Return a lower bound on the clearance, or the first one found that is at least ``enough``."""
-    best = _field_value(field, x, y) - field.slack - robot.circumradius
+    best = field_value(field, x, y) - field.slack - robot.circumradius
     if best >= enough:
         return best
     worst = np.inf
     for k in range(len(robot.cover)):
         bx, by, r = robot.cover[k, 0], robot.cover[k, 1], robot.cover[k, 2]
-        value = _field_value(field, x + c * bx - s * by, y + s * bx + c * by) - field.slack - r
+        value = field_value(field, x + c * bx - s * by, y + s * bx + c * by) - field.slack - r
         if value < worst:
             worst = value
             if worst <= best:
@@ -72,7 +85,7 @@ def _field_hit(field: ClearanceField, robot: Footprint, x: float, y: float, c: f
     """Return whether an inner disc proves a collision deeper than any tolerance."""
     for k in range(len(robot.inner)):
         bx, by, r = robot.inner[k, 0], robot.inner[k, 1], robot.inner[k, 2]
-        if _field_value(field, x + c * bx - s * by, y + s * bx + c * by) + field.slack < r - 1e-6:
+        if field_value(field, x + c * bx - s * by, y + s * bx + c * by) + field.slack < r - 1e-6:
             return True
     return False
 
@@ -243,7 +256,7 @@ def _ring_clearance(grid: ObstacleGrid, ring: FloatArray, n: int, x: float, y: f
 
 
 @njit(cache=True)
-def _point_clearance(grid: ObstacleGrid, x: float, y: float, cap: float) -> float:
+def point_clearance(grid: ObstacleGrid, x: float, y: float, cap: float) -> float:
     """Return min(clearance, cap) of a point; 0 in an obstacle."""
     left = max(0, floor((x - cap - grid.x0) / grid.size))
     right = min(grid.columns - 1, floor((x + cap - grid.x0) / grid.size))
@@ -287,7 +300,7 @@ def _exact_clearance(
 ) -> float:
     """Return min(clearance, cap) of the robot, 0 on overlap; wrong by at most ROUNDING."""
     if robot.disc_radius > 0.0:
-        return max(0.0, _point_clearance(grid, x, y, cap + robot.disc_radius) - robot.disc_radius)
+        return max(0.0, point_clearance(grid, x, y, cap + robot.disc_radius) - robot.disc_radius)
     n = _place(robot.outline, c, s, placed)
     return _ring_clearance(grid, placed, n, x, y, cap)
 
@@ -311,7 +324,7 @@ def _state(
     if _exact_clearance(grid, robot, placed, x, y, c, s, 2.0 * ROUNDING) > ROUNDING:
         return FREE
     if robot.disc_radius > 0.0:
-        if _point_clearance(grid, x, y, robot.disc_radius) < robot.disc_radius - 3e-7:
+        if point_clearance(grid, x, y, robot.disc_radius) < robot.disc_radius - 3e-7:
             return BLOCKED
         return UNDECIDED
     if len(robot.core) == 0:
@@ -323,14 +336,14 @@ def _state(
 
 
 @njit(cache=True)
-def _workspace(robot: Footprint) -> FloatArray:
+def workspace(robot: Footprint) -> FloatArray:
     return np.empty((max(len(robot.outline), len(robot.core), 1), 2))
 
 
 @njit(cache=True, nogil=True)
 def states_free(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: FloatArray) -> np.ndarray:
     """Return FREE, BLOCKED or UNDECIDED (uint8, shape (n,)) for configurations of shape (n, 3)."""
-    placed = _workspace(robot)
+    placed = workspace(robot)
     result = np.empty(len(q), np.uint8)
     for i in range(len(q)):
         result[i] = _state(grid, field, robot, placed, q[i, 0], q[i, 1], q[i, 2])
@@ -355,22 +368,22 @@ def field_states(field: ClearanceField, robot: Footprint, q: FloatArray) -> np.n
 @njit(cache=True, nogil=True)
 def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: FloatArray, cap: float) -> FloatArray:
     """Return min(clearance, cap) (metres, shape (n,)) of configurations of shape (n, 3); 0 on overlap."""
-    placed = _workspace(robot)
+    placed = workspace(robot)
     result = np.empty(len(q))
     for i in range(len(q)):
         x, y, c, s = q[i, 0], q[i, 1], cos(q[i, 2]), sin(q[i, 2])
         # No farther than the obstacle that the field knows of can the nearest one be.
-        limit = min(cap, _field_value(field, x, y) + field.slack + robot.circumradius)
+        limit = min(cap, field_value(field, x, y) + field.slack + robot.circumradius)
         for k in range(len(robot.inner)):
             bx, by = robot.inner[k, 0], robot.inner[k, 1]
-            reach = _field_value(field, x + c * bx - s * by, y + s * bx + c * by) + field.slack - robot.inner[k, 2]
+            reach = field_value(field, x + c * bx - s * by, y + s * bx + c * by) + field.slack - robot.inner[k, 2]
             limit = min(limit, max(reach, ROUNDING))
         result[i] = _exact_clearance(grid, robot, placed, x, y, c, s, limit)
     return result
 
 
 @njit(cache=True)
-def _motion(
+def motion(
     grid: ObstacleGrid,
     field: ClearanceField,
     robot: Footprint,
@@ -400,9 +413,12 @@ def _motion(
     for _ in range(BUDGET):
         if count == 0:
             return answer
-        # Widest gaps first, which finds collisions soon; newest first when the queue is nearly full.
+        if count + 1 > capacity:
+            break
+        # Widest gaps first, which finds collisions soon; newest first once half of the queue is in use, which
+        # then grows by one gap for each halving only. A gap that finds no place must not be lost: give up.
         count -= 1
-        if count < capacity - 4:
+        if 2 * count < capacity:
             low, high = queue[first, 0], queue[first, 1]
             first = (first + 1) % capacity
         else:
@@ -438,7 +454,7 @@ def _motion(
             queue[(first + count + 1) % capacity, 0] = middle + reach
             queue[(first + count + 1) % capacity, 1] = high
             count += 2
-    return BLOCKED
+    return BLOCKED if exact else UNDECIDED
 
 
 @njit(cache=True, nogil=True)
@@ -458,9 +474,9 @@ def motions_certified(
     Returns:
         uint8, shape (n,).
     """
-    placed = _workspace(robot)
+    placed = workspace(robot)
     queue = np.empty((128, 2))
     result = np.empty(len(a), np.uint8)
     for i in range(len(a)):
-        result[i] = _motion(grid, field, robot, placed, queue, a[i], b[i], exact)
+        result[i] = motion(grid, field, robot, placed, queue, a[i], b[i], exact)
     return result
