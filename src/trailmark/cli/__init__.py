@@ -1,0 +1,106 @@
+"""The shell command ``trailmark``: one file per command, heavy imports inside the commands.
+
+A new command is a new file here and one line below. Exit status: 0 done, 2 bad input or usage (one line on
+stderr), 3 no path found within the time limit, 4 proven infeasible, 130 interrupted, 141 reader gone away.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import typer
+
+import trailmark
+from trailmark.cli import console, plan, worlds
+from trailmark.cli.options import UsageError
+from trailmark.errors import TrailmarkError
+
+__all__ = ["app", "main"]
+
+app = typer.Typer(
+    name="trailmark",
+    help="Certified motion planning for a mobile robot with a shape and a heading.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command("plan")(plan.plan)
+app.add_typer(worlds.app, name="worlds")
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        console.say(f"trailmark {trailmark.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass  # the callback of --version does it all
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run one command and return the exit status.
+
+    Misuse and bad input become one line on stderr; a programming error keeps its traceback.
+
+    Args:
+        args: the words after ``trailmark``; default: those of this process.
+    """
+    command = typer.main.get_command(app)
+    before = signal.signal(signal.SIGTERM, _leave)
+    try:
+        with warnings.catch_warnings():
+            # Other libraries' advice to programmers; -W and PYTHONWARNINGS still show it.
+            if not sys.warnoptions:
+                warnings.simplefilter("ignore")
+            words = sys.argv[1:] if args is None else args
+            status = 0
+            try:
+                with command.make_context("trailmark", list(words)) as context:
+                    command.invoke(context)
+            except typer.Exit as done:
+                status = done.exit_code
+            # Here and not while the interpreter shuts down, where an error could no longer be told.
+            sys.stdout.flush()
+            return status
+    except UsageError as error:
+        console.fail(_usage(error))
+    except TrailmarkError as error:
+        console.fail(str(error))
+    except BrokenPipeError:
+        console.silence_stdout()
+        return 128 + signal.SIGPIPE
+    except OSError as error:
+        console.silence_stdout()
+        console.fail(f"{error.filename or 'output'}: {error.strerror or error}")
+    except KeyboardInterrupt:
+        console.fail("interrupted")
+        return 128 + signal.SIGINT
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    return 2
+
+
+def _leave(signum: int, frame: object) -> None:
+    """End as after an exception, so that temporary files go and the terminal's cursor comes back."""
+    raise SystemExit(128 + signum)
+
+
+def _usage(error: Any) -> str:
+    """Return a usage error as one sentence that names the commands there are, or where the options are described."""
+    problem = error.format_message().rstrip(".")
+    context = error.ctx  # None for some of typer's own errors
+    if context is None:
+        return f"{problem} (see 'trailmark --help')"
+    if "command" in problem and hasattr(context.command, "list_commands"):
+        return f"{problem}, allowed: {', '.join(context.command.list_commands(context))}"
+    return f"{problem} (see '{context.command_path} --help')"

@@ -1,0 +1,121 @@
+"""What the shell prints: results on stdout; errors on stderr; messages and progress on stderr if it is a terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+__all__ = ["Progress", "fail", "json_text", "note", "print_table", "progress", "say", "silence_stdout"]
+
+_PATIENCE = 0.3  # seconds of work before a display appears
+
+
+def say(text: str, **style: Any) -> None:
+    """Print lines of a result on stdout; ``style`` as for ``typer.style``, seen on a terminal only."""
+    typer.echo(_styled(_printable(text, sys.stdout.encoding), **style))
+
+
+def json_text(record: Mapping[str, object]) -> str:
+    """Return a JSON object with one member a line; it is strict JSON (no NaN) and ASCII, whatever the terminal."""
+    members = (f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in record.items())
+    return "{\n" + ",\n".join(members) + "\n}"
+
+
+def print_table(rows: Sequence[Sequence[str]], indent: str = "") -> None:
+    """Print rows in aligned columns, never cut to a terminal's width: they may go through a pipe."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        say((indent + "  ".join(cells)).rstrip())
+
+
+def note(text: str) -> None:
+    """Print a message as one line on stderr if that is a terminal."""
+    if sys.stderr.isatty():
+        typer.echo(_one_line(text), err=True)
+
+
+def fail(problem: str) -> None:
+    """Print a problem as one line on stderr."""
+    typer.echo(f"{_styled('trailmark: error:', fg='red', bold=True)} {_one_line(problem)}", err=True)
+
+
+def silence_stdout() -> None:
+    """Point stdout nowhere: its reader is gone, and what is still buffered must not fail at exit."""
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
+
+
+class Progress:
+    """What a long command is doing; commands set its attributes, the display reads them.
+
+    Attributes:
+        phase: a word or two.
+        limit: seconds allowed, or None.
+        details: further facts, such as ``312 landmarks``.
+    """
+
+    def __init__(self, phase: str, limit: float | None = None) -> None:
+        self.phase = phase
+        self.limit = limit
+        self.details: Sequence[str] = ()
+        self._begun = time.perf_counter()
+
+    def render(self) -> str:
+        """Return the display's line; empty while the work is still young."""
+        elapsed = time.perf_counter() - self._begun
+        if elapsed < _PATIENCE:
+            return ""
+        clock = f"{elapsed:.1f} s" if self.limit is None else f"{elapsed:.1f} of {self.limit:g} s"
+        return " · ".join([self.phase, clock, *self.details])
+
+
+@contextmanager
+def progress(phase: str, limit: float | None = None) -> Iterator[Progress]:
+    """Show a spinner with the :class:`Progress` while the block runs: on a terminal, after 0.3 s, then gone again."""
+    state = Progress(phase, limit)
+    if not sys.stderr.isatty():
+        yield state
+        return
+    from rich.console import Console
+    from rich.live import Live
+    from rich.spinner import Spinner
+    from rich.text import Text
+
+    spinner = Spinner("dots", style="cyan")
+
+    def display() -> RenderableType:
+        line = state.render()
+        spinner.update(text=Text(line))
+        return spinner if line else Text()
+
+    with Live(get_renderable=display, console=Console(stderr=True), transient=True, refresh_per_second=12.5):
+        yield state
+
+
+def _styled(text: str, **style: Any) -> str:
+    return text if "NO_COLOR" in os.environ or not style else typer.style(text, **style)
+
+
+def _one_line(text: str) -> str:
+    return _printable(" ".join(text.splitlines()), sys.stderr.encoding)
+
+
+def _printable(text: str, encoding: str | None) -> str:
+    """Return the text with escapes for control characters, and for what the terminal cannot show.
+
+    A file name may hold either.
+    """
+    shown = "".join(c if c.isprintable() or c == "\n" else c.encode("unicode_escape").decode() for c in text)
+    return shown.encode(encoding or "utf-8", "backslashreplace").decode(encoding or "utf-8")

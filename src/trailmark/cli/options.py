@@ -1,0 +1,161 @@
+"""Arguments and options that several commands share, and how their words are read."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from trailmark.world import Robot, World
+
+__all__ = [
+    "PICTURE_SUFFIXES",
+    "Configuration",
+    "JsonOption",
+    "PlotOption",
+    "RobotOption",
+    "SeedOption",
+    "TimeLimitOption",
+    "UsageError",
+    "WorldArgument",
+    "load_world",
+    "output_file",
+    "read_configuration",
+    "read_count",
+    "read_duration",
+    "read_robot",
+    "robot_of",
+]
+
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
+Configuration = tuple[float, float, float]
+
+# Newer typer carries click inside, older depends on it; a public exception leads to its base class in both.
+UsageError: Any = typer.BadParameter.__mro__[1]
+
+# Numbers come as words and are read below, for typer's own messages do not say what was given.
+WorldArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="WORLD",
+        show_default=False,
+        help="A world file (trailmark YAML, nav2 map YAML, MovingAI .map, OMPL.app .cfg) or a shipped world's name.",
+    ),
+]
+RobotOption = Annotated[
+    str | None,
+    typer.Option(
+        "--robot",
+        metavar="SHAPE",
+        show_default=False,
+        help="disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;x,y;x,y in metres, instead of the file's.",
+    ),
+]
+TimeLimitOption = Annotated[str, typer.Option("--time-limit", metavar="SECONDS", help="Time for one query.")]
+SeedOption = Annotated[str, typer.Option("--seed", metavar="N", help="Seed of all random choices.")]
+PlotOption = Annotated[
+    str | None,
+    typer.Option("--plot", metavar="FILE", show_default=False, help="Write a picture: .png, .svg or .pdf."),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")]
+
+
+def read_configuration(text: str, option: str) -> Configuration:
+    """Return the configuration that an option gives as ``X,Y,T``.
+
+    Raises:
+        UsageError: anything but three finite numbers.
+    """
+    try:
+        x, y, theta = (float(word) for word in text.split(","))
+    except ValueError:
+        x = y = theta = math.nan
+    if not all(map(math.isfinite, (x, y, theta))):
+        raise UsageError(f"{option} {text!r} given, allowed: X,Y,T, finite numbers (metres, metres, radians)")
+    return x, y, theta
+
+
+def read_duration(text: str, option: str) -> float:
+    """Return the seconds that an option gives.
+
+    Raises:
+        UsageError: anything but a finite number above 0.
+    """
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise UsageError(f"{option} {text!r} given, allowed: a finite number of seconds above 0")
+    return seconds
+
+
+def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
+    """Return the integer from ``low`` to ``high`` that an option gives; by default the range of numpy's seeds.
+
+    Raises:
+        UsageError: anything else.
+    """
+    try:
+        count = int(text)
+    except ValueError:
+        count = low - 1
+    if not low <= count <= high:
+        raise UsageError(f"{option} {text!r} given, allowed: an integer from {low} to {high}")
+    return count
+
+
+def read_robot(text: str | None) -> Robot | None:
+    """Return the robot that ``--robot`` describes; None for None.
+
+    Raises:
+        ShapeError: a description that cannot be read.
+    """
+    if text is None:
+        return None
+    from trailmark.world import Robot
+
+    return Robot.parse(text)
+
+
+def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
+    """Return the file to be written, once its suffix is known and it can be written; None for None.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written.
+    """
+    if text is None:
+        return None
+    from trailmark.formats.files import check_writable
+
+    file = Path(text)
+    check_writable(file, suffixes)
+    return file
+
+
+def load_world(text: str) -> World:
+    """Return the world of that file, or the shipped world of that name.
+
+    Raises:
+        TrailmarkError: there is none, or the file does not hold what it should.
+    """
+    from trailmark import library
+    from trailmark.world import World
+
+    return World.load(library.find_world(text))
+
+
+def robot_of(world: World, given: Robot | None) -> Robot:
+    """Return the robot that was given, else the world's own.
+
+    Raises:
+        UsageError: there is neither.
+    """
+    robot = given or world.robot
+    if robot is None:
+        shapes = "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)"
+        raise UsageError(f"world {world.name!r} names no robot and --robot is not given, allowed: {shapes}")
+    return robot

@@ -1,0 +1,188 @@
+"""``trailmark plan``: one path for one query."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trailmark.cli import console
+from trailmark.cli.options import (
+    PICTURE_SUFFIXES,
+    Configuration,
+    JsonOption,
+    PlotOption,
+    RobotOption,
+    SeedOption,
+    TimeLimitOption,
+    UsageError,
+    WorldArgument,
+    load_world,
+    output_file,
+    read_configuration,
+    read_count,
+    read_duration,
+    read_robot,
+    robot_of,
+)
+
+if TYPE_CHECKING:
+    from trailmark.planning import PlanResult
+    from trailmark.world import World
+
+__all__ = ["plan"]
+
+EXIT_STATUS = {"solved": 0, "timeout": 3, "infeasible": 4}
+PATH_SUFFIXES = (".json", ".csv", ".path", ".txt")
+
+
+def plan(
+    world: WorldArgument,
+    robot: RobotOption = None,
+    query: Annotated[
+        str | None,
+        typer.Option("--query", metavar="NAME", help="A query of the world; default: its first.", show_default=False),
+    ] = None,
+    start: Annotated[
+        str | None, typer.Option("--start", metavar="X,Y,T", help="Metres, metres, radians.", show_default=False)
+    ] = None,
+    goal: Annotated[
+        str | None, typer.Option("--goal", metavar="X,Y,T", help="Metres, metres, radians.", show_default=False)
+    ] = None,
+    time_limit: TimeLimitOption = "1.0",
+    seed: SeedOption = "0",
+    landmarks: Annotated[
+        str | None,
+        typer.Option(
+            "--landmarks", metavar="K", help="Number of landmarks; default: by the world.", show_default=False
+        ),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output",
+            metavar="FILE",
+            show_default=False,
+            help="Write the path: .json (the whole record), .csv, or rows 'x y theta' (.path, .txt).",
+        ),
+    ] = None,
+    plot: PlotOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan a path, and write, draw or print it.
+
+    Exit status: 0 path found, 2 bad input, 3 no path within the time limit, 4 proven that there is none.
+    """
+    limit = read_duration(time_limit, "--time-limit")
+    number = read_count(seed, "--seed", 0)
+    count = None if landmarks is None else read_count(landmarks, "--landmarks", 1)
+    given = read_robot(robot)
+    ends = _given_ends(query, start, goal)
+    path_file = output_file(output, PATH_SUFFIXES)
+    picture = output_file(plot, PICTURE_SUFFIXES)
+
+    with console.progress("loading", limit) as progress:
+        begun = time.perf_counter()
+        loaded = load_world(world)
+        body = robot_of(loaded, given)
+        name, a, b = ends or _ends_of(loaded, query)
+        loading = time.perf_counter() - begun
+
+        from trailmark import LandmarkPlanner
+
+        def follow(state: Any) -> None:
+            progress.phase = state.phase
+            cost = "no path yet" if state.cost is None else f"cost {state.cost:.4g}"
+            progress.details = (f"{state.landmarks:,} landmarks", cost)
+
+        planner = LandmarkPlanner(loaded, body, seed=number, landmarks=count)
+        result = planner.plan(a, b, time_limit=limit, on_progress=follow)
+
+        record = result.to_dict(world=loaded.name, query=name)
+        record["time"]["load"] = loading
+        record["time"]["total"] += loading
+        progress.phase = "writing"
+        written = []
+        if path_file is not None and _write_path(path_file, result, record):
+            written.append(path_file)
+        if picture is not None:
+            from trailmark.plotting import save_plan_figure
+
+            save_plan_figure(picture, loaded, body, result, planner.roadmap, start=a, goal=b, query=name)
+            written.append(picture)
+
+    if as_json:
+        console.say(console.json_text(record))
+    else:
+        _print_summary(record, result, limit, written)
+    raise typer.Exit(EXIT_STATUS[result.status])
+
+
+def _given_ends(
+    query: str | None, start: str | None, goal: str | None
+) -> tuple[None, Configuration, Configuration] | None:
+    """Return the ends that --start and --goal give, or None if the world's query counts."""
+    if start is None and goal is None:
+        return None
+    if query is not None:
+        raise UsageError(f"--query {query!r} given with --start or --goal, allowed: one or the other")
+    if start is None or goal is None:
+        given, missing = (f"--start {start!r}", "--goal") if goal is None else (f"--goal {goal!r}", "--start")
+        raise UsageError(f"{given} given without {missing}, allowed: both or neither")
+    return None, read_configuration(start, "--start"), read_configuration(goal, "--goal")
+
+
+def _ends_of(world: World, name: str | None) -> tuple[str, Configuration, Configuration]:
+    query = world.query(name)
+    return query.name, query.start, query.goal
+
+
+def _write_path(file: Path, result: PlanResult, record: dict[str, Any]) -> bool:
+    """Write the path, or without one the JSON record that says so; return whether a file was written."""
+    from trailmark.formats.files import write_atomically
+    from trailmark.formats.path_files import write_path
+
+    if result.path is not None:
+        write_path(file, result.path, record)
+    elif file.suffix.lower() == ".json":
+        write_atomically(file, console.json_text(record) + "\n")
+    else:
+        console.note(f"{file}: not written, for there is no path")
+        return False
+    return True
+
+
+def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, written: list[Path]) -> None:
+    title = record["world"] if record["query"] is None else f"{record['world']} · {record['query']}"
+    verdict, colour = {
+        "solved": ("path found", "green"),
+        "timeout": (f"no path found within {limit:g} s", "yellow"),
+        "infeasible": ("infeasible: no path exists", "red"),
+    }[record["status"]]
+    console.say(f"{title}: {verdict}", fg=colour, bold=True)
+    seconds = record["time"]
+    rows = []
+    if result.path is not None:
+        rows += [
+            ("cost", f"{record['cost']:.4f}{_gap(record['cost'], record['lower_bound'])}"),
+            ("length", f"{record['length']:.4f} m"),
+            ("rotation", f"{record['rotation']:.4f} rad ({math.degrees(record['rotation']):.0f}°)"),
+            ("clearance", f"{record['min_clearance']:.4f} m at its least"),
+            ("first path", f"cost {record['first_cost']:.4f} after {seconds['first_solution']:.3f} s"),
+        ]
+    rows += [
+        ("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges"),
+        ("time", f"{seconds['total']:.3f} s (load {seconds['load']:.3f}, build {seconds['build']:.3f})"),
+        ("seed", str(record["seed"])),
+        *(("written", str(file)) for file in written),
+    ]
+    console.print_table(rows, indent="  ")
+
+
+def _gap(cost: float, bound: float | None) -> str:
+    if not bound:
+        return ""
+    return f" (at most {100.0 * (cost / bound - 1.0):.1f} % above the optimum: lower bound {bound:.4f})"

@@ -1,0 +1,124 @@
+"""What the tests of the shell share: running it in this process, a small world, and a planner that is quick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+import trailmark
+from trailmark.cli import main
+from trailmark.errors import ConfigurationError
+
+WORLD = """\
+trailmark: 1
+name: yard
+bounds: [0.0, 0.0, 10.0, 6.0]
+robot: {shape: rectangle, length: 0.8, width: 0.4}
+obstacles:
+  - {shape: disc, center: [5.0, 3.0], radius: 1.0}
+  - {shape: rectangle, center: [2.0, 5.0], length: 1.0, width: 0.5, heading: 0.3}
+queries:
+  - {name: across, start: [1.0, 1.0, 0.0], goal: [9.0, 5.0, 1.5]}
+  - {name: back, start: [9.0, 5.0, 1.5], goal: [1.0, 1.0, 0.0]}
+"""
+
+
+class Run(NamedTuple):
+    status: int
+    out: str
+    err: str
+
+    @property
+    def problem(self) -> str:
+        """The one line that an error must be, without its head; nothing may be on stdout."""
+        assert self.out == ""
+        assert self.err.endswith("\n")
+        assert self.err.count("\n") == 1, self.err
+        assert self.err.startswith("trailmark: error: ")
+        return self.err.removeprefix("trailmark: error: ").rstrip("\n")
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Callable[..., Run]:
+    """Run ``trailmark`` with the given words in this process."""
+
+    def run(*words: object) -> Run:
+        capsys.readouterr()
+        status = main([str(word) for word in words])
+        return Run(status, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def yard(tmp_path: Path) -> Path:
+    file = tmp_path / "yard.yaml"
+    file.write_text(WORLD)
+    return file
+
+
+class FakePlanner:
+    """Stands in for LandmarkPlanner: notes what it is asked and answers at once.
+
+    Attributes:
+        status: what the next plan comes to.
+        calls: keyword by keyword, what the shell asked for.
+        action: called while planning.
+    """
+
+    status = "solved"
+    calls: list[dict[str, Any]]
+    action: Callable[[], None]
+
+    def __init__(self, world: Any, robot: Any, seed: int = 0, landmarks: int | None = None) -> None:
+        self.asked = {"world": world, "robot": robot, "seed": seed, "landmarks": landmarks}
+        at = np.array([[1.0, 1.0, 0.0], [5.0, 1.0, 0.5], [9.0, 5.0, 1.5]])
+        edges, certified = np.array([[0, 1], [1, 2]]), np.array([True, False])
+        self.roadmap = SimpleNamespace(configurations=at, edges=edges, certified=certified)
+
+    def plan(self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None) -> Any:
+        type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit})
+        if start[0] < 0:
+            raise ConfigurationError(f"start {start} is out of bounds by {-start[0]:g} m")
+        for cost in (None, 12.0):
+            on_progress(SimpleNamespace(elapsed=0.1, landmarks=3, cost=cost, phase="planning"))
+        type(self).action()
+        path = None
+        if self.status == "solved":
+            path = trailmark.Path(np.array([start, [5.0, 1.0, 0.5], goal]))
+        times = {"load": 0.0, "build": 0.125, "first_solution": None if path is None else 0.25, "total": 0.5}
+        seed = self.asked["seed"]
+
+        def to_dict(world: str | None = None, query: str | None = None) -> dict[str, Any]:
+            return {
+                "world": world,
+                "query": query,
+                "planner": "landmark",
+                "status": self.status,
+                "seed": seed,
+                "states": [] if path is None else path.states.tolist(),
+                "cost": path and path.cost,
+                "length": path and path.length,
+                "rotation": path and path.rotation,
+                "min_clearance": path and 0.25,
+                "lower_bound": 8.0 if self.status != "infeasible" else None,
+                "first_cost": path and 12.0,
+                "landmarks": 3,
+                "edges": 2,
+                "time": dict(times),
+            }
+
+        return SimpleNamespace(status=self.status, path=path, seed=seed, time=times, to_dict=to_dict)
+
+
+@pytest.fixture
+def planner(monkeypatch: pytest.MonkeyPatch) -> type[FakePlanner]:
+    """Put a fresh FakePlanner in the place of trailmark.LandmarkPlanner."""
+    fake = type("Fake", (FakePlanner,), {"calls": [], "action": staticmethod(lambda: None)})
+    monkeypatch.setattr(trailmark, "LandmarkPlanner", fake, raising=False)
+    return fake

@@ -1,0 +1,233 @@
+"""trailmark plan, with a planner that answers at once: what is asked of it, and what becomes of its answers."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trailmark.errors import TrailmarkError
+from trailmark.world import Robot
+
+Shell = Callable[..., Any]
+
+
+def test_defaults_are_the_files(shell: Shell, yard: Path, planner: Any) -> None:
+    assert shell("plan", yard).status == 0
+    (call,) = planner.calls
+    assert call["world"].name == "yard"
+    assert call["robot"] == Robot.rectangle(0.8, 0.4)
+    assert call["start"] == (1.0, 1.0, 0.0)
+    assert call["goal"] == (9.0, 5.0, 1.5)
+    assert (call["seed"], call["landmarks"], call["time_limit"]) == (0, None, 1.0)
+
+
+def test_options_override_the_file(shell: Shell, yard: Path, planner: Any) -> None:
+    words = ["--robot", "disc:0.2", "--query", "back", "--seed", 7, "--landmarks", 50, "--time-limit", "2.5"]
+    assert shell("plan", yard, *words).status == 0
+    (call,) = planner.calls
+    assert call["robot"] == Robot.disc(0.2)
+    assert call["start"] == (9.0, 5.0, 1.5)
+    assert (call["seed"], call["landmarks"], call["time_limit"]) == (7, 50, 2.5)
+
+
+@pytest.mark.parametrize("joint", [True, False])
+def test_ends_may_begin_with_a_minus(shell: Shell, yard: Path, planner: Any, joint: bool) -> None:
+    words = ["--start=1,2,-0.5", "--goal=-1,-2,0"] if joint else ["--start", "1,2,-0.5", "--goal", "-1,-2,0"]
+    assert shell("plan", *words, yard).status == 0
+    assert planner.calls[0]["start"] == (1.0, 2.0, -0.5)
+    assert planner.calls[0]["goal"] == (-1.0, -2.0, 0.0)
+
+
+@pytest.mark.parametrize(("status", "code"), [("solved", 0), ("timeout", 3), ("infeasible", 4)])
+def test_json_is_one_object_and_nothing_else(
+    shell: Shell, yard: Path, planner: Any, tmp_path: Path, status: str, code: int
+) -> None:
+    planner.status = status
+    file, picture = tmp_path / "path.json", tmp_path / "path.png"
+    run = shell("plan", yard, "--json", "--output", file, "--plot", picture)
+    assert run.status == code
+    assert run.err == ""
+    record = json.loads(run.out)
+    assert record["status"] == status
+    assert record["world"] == "yard"
+    assert record["query"] == "across"
+    assert 0.0 < record["time"]["load"] < record["time"]["total"]
+    assert json.loads(file.read_text()) == record
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_given_ends_have_no_query_name(shell: Shell, yard: Path, planner: Any) -> None:
+    run = shell("plan", yard, "--json", "--start", "1,1,0", "--goal", "2,2,0")
+    assert json.loads(run.out)["query"] is None
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".path", ".txt"])
+def test_paths_are_written_as_rows(shell: Shell, yard: Path, planner: Any, tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"path{suffix}"
+    assert shell("plan", yard, "--output", file).status == 0
+    lines = file.read_text().splitlines()
+    rows = [[float(word) for word in line.replace(",", " ").split()] for line in lines if line[0] != "x"]
+    np.testing.assert_allclose(rows, [[1, 1, 0], [5, 1, 0.5], [9, 5, 1.5]])
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".path", ".txt"])
+def test_without_a_path_there_are_no_rows_to_write(
+    shell: Shell, yard: Path, planner: Any, tmp_path: Path, suffix: str
+) -> None:
+    planner.status = "timeout"
+    run = shell("plan", yard, "--output", tmp_path / f"path{suffix}")
+    assert run.status == 3
+    assert "written" not in run.out
+    assert list(tmp_path.iterdir()) == [yard]
+
+
+def test_summary_says_what_was_found_and_written(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
+    run = shell("plan", yard, "--output", tmp_path / "p.csv", "--plot", tmp_path / "p.svg", "--seed", 5)
+    facts = {line.split()[0]: line for line in run.out.splitlines()}
+    assert run.out.splitlines()[0] == "yard · across: path found"
+    cost = 4.0 + np.hypot(4, 4) + 0.5 * 1.5
+    assert f"{cost:.4f} (at most {100 * (cost / 8 - 1):.1f} % above the optimum: lower bound 8.0000)" in facts["cost"]
+    assert f"{4 + np.hypot(4, 4):.4f} m" in facts["length"]
+    assert "1.5000 rad (86°)" in facts["rotation"]
+    assert "0.2500 m" in facts["clearance"]
+    assert "3 landmarks, 2 edges" in facts["roadmap"]
+    assert facts["seed"].endswith("5")
+    assert str(tmp_path / "p.csv") in run.out
+    assert str(tmp_path / "p.svg") in run.out
+    assert run.err == ""
+
+
+@pytest.mark.parametrize(
+    ("status", "verdict"), [("timeout", "no path found within 0.5 s"), ("infeasible", "infeasible: no path exists")]
+)
+def test_summary_without_a_path(shell: Shell, yard: Path, planner: Any, status: str, verdict: str) -> None:
+    planner.status = status
+    run = shell("plan", yard, "--time-limit", "0.5")
+    assert run.out.startswith(f"yard · across: {verdict}\n")
+    assert "cost" not in run.out
+    assert "3 landmarks" in run.out
+
+
+@pytest.mark.parametrize(
+    ("words", "named", "allowed"),
+    [
+        (["--time-limit", "0"], "--time-limit '0'", "above 0"),
+        (["--time-limit", "-1"], "--time-limit '-1'", "above 0"),
+        (["--time-limit", "nan"], "--time-limit 'nan'", "finite"),
+        (["--time-limit", "inf"], "--time-limit 'inf'", "finite"),
+        (["--time-limit", "soon"], "--time-limit 'soon'", "finite"),
+        (["--seed", "-1"], "--seed '-1'", "from 0"),
+        (["--seed", "1.5"], "--seed '1.5'", "integer"),
+        (["--seed", "4294967296"], "--seed '4294967296'", "to 4294967295"),
+        (["--landmarks", "0"], "--landmarks '0'", "from 1"),
+        (["--start", "1,2"], "--start '1,2'", "both or neither"),
+        (["--goal", "1,2,3"], "--goal '1,2,3'", "both or neither"),
+        (["--start", "1,2", "--goal", "1,2,3"], "--start '1,2'", "X,Y,T"),
+        (["--start", "1,2,3", "--goal", "1,2,nan"], "--goal '1,2,nan'", "finite"),
+        (["--start", "1,2,3", "--goal", "a,b,c"], "--goal 'a,b,c'", "X,Y,T"),
+        (["--start", "1,2,3", "--goal", "1,2,3", "--query", "back"], "--query 'back'", "one or the other"),
+        (["--query", "bakc"], "'bakc'", "back"),
+        (["--robot", "square:1"], "'square:1'", "disc:RADIUS"),
+        (["--robot", "disc:-1"], "-1", "above 0"),
+        (["--output", "path.xml"], "path.xml", ".json"),
+        (["--plot", "path.bmp"], "path.bmp", ".png"),
+        (["--output", "nowhere/path.json"], "nowhere", ""),
+        (["--plot", "nowhere/path.png"], "nowhere", ""),
+        (["--start", "-3,1,0", "--goal", "1,1,0"], "start", "out of bounds by 3 m"),
+        (["--frobnicate"], "--frobnicate", "--help"),
+        (["--seed"], "--seed", "--help"),
+        (["more"], "more", "--help"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(
+    shell: Shell,
+    yard: Path,
+    planner: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    named: str,
+    allowed: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    outputs = [] if {"--output", "--plot"} & set(words) else ["--output", "out.json", "--plot", "out.png"]
+    run = shell("plan", yard, *outputs, "--json", *words)
+    assert run.status == 2
+    assert named in run.problem
+    assert allowed in run.problem
+    assert list(tmp_path.iterdir()) == [yard]
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["", "[1, 2]", "trailmark: 1\nbounds: [0, 0, 1, .nan]\n", "a: [", "\x00\x01", "trailmark: 1\nboundz: 3\n"],
+)
+def test_bad_worlds_are_named(shell: Shell, tmp_path: Path, planner: Any, content: str) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text(content)
+    run = shell("plan", file)
+    assert run.status == 2
+    assert str(file) in run.problem
+    assert planner.calls == []
+
+
+def test_a_world_that_is_not_there(shell: Shell, tmp_path: Path) -> None:
+    run = shell("plan", tmp_path / "none.yaml")
+    assert run.status == 2
+    assert "none.yaml" in run.problem
+
+
+def test_a_world_without_a_robot_asks_for_one(shell: Shell, yard: Path, planner: Any) -> None:
+    yard.write_text(re.sub("robot:.*\n", "", yard.read_text()))
+    run = shell("plan", yard)
+    assert run.status == 2
+    assert "--robot" in run.problem
+    assert shell("plan", yard, "--robot", "disc:0.3").status == 0
+
+
+def test_a_shipped_world_is_found_by_its_name(shell: Shell, planner: Any) -> None:
+    assert shell("plan", "office").status == 0
+    assert planner.calls[0]["world"].name == "office"
+
+
+def test_outputs_are_checked_before_the_world_is_read(shell: Shell, tmp_path: Path, planner: Any) -> None:
+    run = shell("plan", tmp_path / "none.yaml", "--output", tmp_path / "none" / "path.json")
+    assert "path.json" in run.problem
+
+
+def test_an_interrupt_is_one_line_and_leaves_the_old_file(
+    shell: Shell, yard: Path, planner: Any, tmp_path: Path
+) -> None:
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    planner.action = staticmethod(interrupt)
+    (tmp_path / "path.json").write_text("old")
+    run = shell("plan", yard, "--output", tmp_path / "path.json", "--plot", tmp_path / "path.png")
+    assert run.status == 130
+    assert run.problem == "interrupted"
+    assert (tmp_path / "path.json").read_text() == "old"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["path.json", "yard.yaml"]
+
+
+def test_programming_errors_keep_their_traceback(shell: Shell, yard: Path, planner: Any) -> None:
+    def fail() -> None:
+        raise ZeroDivisionError("a bug")
+
+    planner.action = staticmethod(fail)
+    with pytest.raises(ZeroDivisionError, match="a bug"):
+        shell("plan", yard)
+
+
+def test_messages_of_several_lines_become_one(shell: Shell, yard: Path, planner: Any) -> None:
+    def fail() -> None:
+        raise TrailmarkError("first\nsecond \x1b[31mred")
+
+    planner.action = staticmethod(fail)
+    assert shell("plan", yard).problem == r"first second \x1b[31mred"

@@ -1,0 +1,206 @@
+"""The whole command as a process of its own: start-up, exit status, signals, pipes, terminals."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import trailmark
+
+Shell = Callable[..., Any]
+COMMAND = [sys.executable, "-m", "trailmark.cli"]
+
+
+def python(program: str, **how: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, **how)
+
+
+def in_terminal(program: str) -> str:
+    """Run a program with its stderr on a terminal; return what it wrote there."""
+    master, slave = pty.openpty()
+    environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "100"}
+    with subprocess.Popen([sys.executable, "-c", program], stderr=slave, env=environment) as process:
+        os.close(slave)
+        written = b""
+        while True:
+            try:
+                chunk = os.read(master, 65536)
+            except OSError:  # Linux says so when the other end is closed
+                break
+            if not chunk:
+                break
+            written += chunk
+    os.close(master)
+    assert process.returncode == 0
+    return written.decode()
+
+
+def test_help_names_every_command(shell: Shell) -> None:
+    run = shell("--help")
+    assert run.status == 0
+    assert "plan" in run.out
+    assert "worlds" in run.out
+    assert shell("-h").out == run.out
+
+
+@pytest.mark.parametrize("command", [["plan"], ["worlds"], ["worlds", "show"], ["worlds", "convert"]])
+def test_every_command_has_help(shell: Shell, command: list[str]) -> None:
+    run = shell(*command, "--help")
+    assert run.status == 0
+    assert " ".join(["trailmark", *command]) in run.out
+
+
+def test_version(shell: Shell) -> None:
+    assert shell("--version") == (0, f"trailmark {trailmark.__version__}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ([], "Missing command, allowed: plan, worlds"),
+        (["paln"], "No such command 'paln'"),
+        (["--verison"], "No such option: --verison"),
+        (["plan"], "Missing argument 'WORLD' (see 'trailmark plan --help')"),
+    ],
+)
+def test_usage_errors_are_one_line(shell: Shell, words: list[str], problem: str) -> None:
+    run = shell(*words)
+    assert run.status == 2
+    assert run.problem.startswith(problem)
+
+
+def test_help_and_version_import_nothing_heavy() -> None:
+    heavy = ["fcl", "matplotlib", "networkx", "numba", "numpy", "ompl", "PIL", "scipy", "shapely", "sklearn", "yaml"]
+    for word in ("--help", "--version"):
+        program = (
+            "import sys; from trailmark.cli import main; main([sys.argv[1]]);"
+            f"print([m for m in {heavy} if m in sys.modules], file=sys.stderr)"
+        )
+        done = subprocess.run([sys.executable, "-c", program, word], capture_output=True, text=True, check=True)
+        assert done.stderr == "[]\n"
+
+
+def test_module_and_exit_status() -> None:
+    done = subprocess.run([*COMMAND, "plan", "nowhere.yaml"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("trailmark: error: ")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], ["worlds", "schema"]])
+def test_a_reader_that_goes_away_is_no_error(words: list[str]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run([*COMMAND, *words], stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(writer)
+    assert done.stderr == ""
+    assert done.returncode == (
+        1 if words == ["--help"] else 128 + signal.SIGPIPE
+    )  # rich, which prints help, ends with 1
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device /dev/full")
+def test_a_full_disk_is_one_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([*COMMAND, "--version"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == "trailmark: error: output: No space left on device\n"
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_end_quietly(number: signal.Signals, status: int, yard: Path) -> None:
+    program = f"""
+import sys, time, trailmark
+from trailmark.cli import main
+class Slow:
+    def __init__(self, *args, **named): pass
+    def plan(self, *args, **named):
+        print("planning", flush=True)
+        time.sleep(30)
+trailmark.LandmarkPlanner = Slow
+sys.exit(main(["plan", {str(yard)!r}, "--output", {str(yard.parent / "path.json")!r}]))
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "planning\n"
+        process.send_signal(number)
+        _, err = process.communicate(timeout=20)
+    assert process.returncode == status
+    assert err == ("trailmark: error: interrupted\n" if number == signal.SIGINT else "")
+    assert list(yard.parent.iterdir()) == [yard]
+
+
+WAIT = """
+import time
+from trailmark.cli import console
+with console.progress("planning", limit=5.0) as progress:
+    progress.details = ["312 landmarks", "cost 19.5"]
+    time.sleep({seconds})
+"""
+
+
+def test_long_work_shows_progress_on_a_terminal_and_wipes_it() -> None:
+    written = in_terminal(WAIT.format(seconds=0.7))
+    assert "planning · 0." in written
+    assert "of 5 s · 312 landmarks · cost 19.5" in written
+    assert written.rstrip().endswith(("\x1b[2K", "\x1b[?25h")), "the line is erased and the cursor shown again"
+
+
+def test_short_work_shows_nothing() -> None:
+    assert "planning" not in in_terminal(WAIT.format(seconds=0.05))
+
+
+def test_no_progress_without_a_terminal() -> None:
+    assert python(WAIT.format(seconds=0.5)).stderr == ""
+
+
+def test_notes_are_for_terminals_only() -> None:
+    program = "from trailmark.cli import console; console.note('written')"
+    assert in_terminal(program) == "written\r\n"
+    assert python(program).stderr == ""
+
+
+def test_colours_are_for_terminals_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    program = "from trailmark.cli import console; console.fail('[b]no[/b]')"
+    assert python(program).stderr == "trailmark: error: [b]no[/b]\n"
+    assert "\x1b[" in in_terminal(program)
+    monkeypatch.setenv("NO_COLOR", "1")
+    assert in_terminal(program) == "trailmark: error: [b]no[/b]\r\n"
+
+
+def test_output_survives_a_terminal_that_knows_ascii_only() -> None:
+    program = "from trailmark.cli import console; console.say('86° · \\ud800'); console.fail('θ')"
+    done = python(program, env=os.environ | {"PYTHONIOENCODING": "ascii"})
+    assert done.stdout == "86\\xb0 \\xb7 \\ud800\n"
+    assert done.stderr == "trailmark: error: \\u03b8\n"
+
+
+def test_json_text_is_strict() -> None:
+    from trailmark.cli import console
+
+    record = {"states": [[0.0, 1.0, 2.0]], "query": "θ", "cost": None}
+    assert json.loads(console.json_text(record)) == record
+    with pytest.raises(ValueError, match="JSON"):
+        console.json_text({"cost": float("nan")})
+
+
+def test_start_up_is_quick() -> None:
+    def seconds() -> float:
+        begun = time.perf_counter()
+        subprocess.run([*COMMAND, "--version"], capture_output=True, check=True)
+        return time.perf_counter() - begun
+
+    assert min(seconds() for _ in range(3)) < 0.4

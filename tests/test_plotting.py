@@ -1,0 +1,250 @@
+"""Pictures are checked by their pixels: shapely says which must be dark, and the drawn image must agree."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path as FilePath
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image
+
+from trailmark import plotting
+from trailmark.errors import OutputError
+from trailmark.path import Path
+from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.world import Query, Robot, World
+
+CAR = Robot.rectangle(0.8, 0.4)
+START, GOAL = (1.0, 1.0, 0.0), (9.0, 5.0, math.pi / 2)
+ROOM = World(
+    "room",
+    (0.0, 0.0, 10.0, 6.0),
+    (
+        # Clockwise outline and hole on purpose: winding must not depend on how a file lists its vertices.
+        Polygon(np.array([[3, 2], [3, 5], [7, 5], [7, 2]]), (np.array([[4, 3], [4, 4], [6, 4], [6, 3]]),)),
+        Rectangle((6.5, 4.5), 2.0, 0.6, 0.4),  # overlaps the outline and the hole
+        Disc((1.5, 4.0), 0.7),
+        Disc((9.8, 0.2), 0.6),  # reaches out of the bounds
+    ),
+    CAR,
+    queries=(Query("round", START, GOAL), Query("back", GOAL, START)),
+)
+
+
+class Canvas:
+    """An image of axes that fill it, with its pixels' world coordinates."""
+
+    def __init__(self, view: tuple[float, float, float, float], per_metre: int = 40) -> None:
+        xmin, ymin, xmax, ymax = view
+        figure = Figure(figsize=((xmax - xmin) * per_metre / 100, (ymax - ymin) * per_metre / 100), dpi=100)
+        self.canvas: Any = FigureCanvasAgg(figure)
+        self.axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        self.view = view
+        self.size = 1.0 / per_metre
+
+    def pixels(self) -> Any:
+        """Return (rgb in 0..1 of shape (h, w, 3), x of shape (h, w), y of shape (h, w))."""
+        self.axes.set_axis_off()
+        self.axes.set_xlim(self.view[0], self.view[2])
+        self.axes.set_ylim(self.view[1], self.view[3])
+        self.canvas.draw()
+        rgb = np.asarray(self.canvas.buffer_rgba())[..., :3] / 255.0
+        rows, columns = np.indices(rgb.shape[:2])
+        return rgb, self.view[0] + (columns + 0.5) * self.size, self.view[3] - (rows + 0.5) * self.size
+
+
+def is_colour(rgb: Any, colour: str, tolerance: float = 0.03) -> Any:
+    return np.abs(rgb - np.array(to_rgb(colour))).max(axis=-1) < tolerance
+
+
+def result_of(path: Path | None, status: str = "solved") -> Any:
+    return SimpleNamespace(status=status, path=path, time={"total": 0.25})
+
+
+def roadmap_of(*configurations: tuple[float, float, float]) -> Any:
+    n = len(configurations)
+    edges = np.array([[i, i + 1] for i in range(n - 1)], dtype=np.int64).reshape(-1, 2)
+    certified = np.arange(len(edges)) % 2 == 0
+    return SimpleNamespace(configurations=np.array(configurations), edges=edges, certified=certified)
+
+
+PATH = Path(np.array([START, (8.0, 1.2, 0.0), (8.5, 3.0, 1.2), GOAL]))
+ROADMAP = roadmap_of(START, (5.0, 1.0, 0.5), (8.0, 1.2, 0.0), (8.5, 3.0, 1.2), GOAL)
+
+
+def test_dark_pixels_are_obstacles_and_white_ones_are_free() -> None:
+    canvas = Canvas(ROOM.bounds)
+    plotting.draw_world(canvas.axes, ROOM)
+    rgb, x, y = canvas.pixels()
+    solid = shapely.union_all([shape.polygon(1e-3).shapely() for shape in ROOM.obstacles])
+    points = shapely.points(x, y)
+    far = shapely.distance(points, solid.boundary) > 2 * canvas.size
+    inside = shapely.contains(solid, points)
+    frame = (np.minimum(x, 10 - x) < 0.1) | (np.minimum(y, 6 - y) < 0.1)
+    assert is_colour(rgb[far & inside & ~frame], plotting.OBSTACLE).all()
+    assert is_colour(rgb[far & ~inside & ~frame], "white").all()
+    hole = shapely.contains(shapely.box(4.1, 3.1, 5.4, 3.9), points)
+    assert hole.sum() > 1000
+    assert is_colour(rgb[hole], "white").all()
+
+
+@pytest.mark.parametrize("robot", [Robot.disc(0.3), CAR, Robot.polygon([[-0.2, -0.3], [1, -0.3], [1, 0.2], [-0.2, 1]])])
+def test_margin_is_what_the_reference_point_cannot_enter(robot: Robot) -> None:
+    canvas = Canvas(ROOM.bounds)
+    plotting.draw_world(canvas.axes, ROOM, robot)
+    rgb, x, y = canvas.pixels()
+    outline = robot.outline.shapely()
+    radius = shapely.distance(shapely.Point(0, 0), outline.exterior)
+    solid = shapely.union_all([shape.polygon(1e-3).shapely() for shape in ROOM.obstacles])
+    walls = shapely.box(*ROOM.bounds).exterior
+    points = shapely.points(x, y)
+    reach = np.minimum(shapely.distance(points, solid), shapely.distance(points, walls))
+    grey = (reach > 2 * canvas.size) & (reach < radius - 2 * canvas.size)
+    assert grey.sum() > 500
+    assert is_colour(rgb[grey], plotting.MARGIN).all()
+    assert is_colour(rgb[reach > radius + 2 * canvas.size], "white").all()
+
+
+def test_a_robot_beside_its_reference_point_has_no_margin() -> None:
+    canvas = Canvas(ROOM.bounds)
+    plotting.draw_world(canvas.axes, ROOM, Robot.polygon([[1, -0.2], [2, -0.2], [2, 0.2]]))
+    assert is_colour(canvas.pixels()[0], plotting.MARGIN).mean() < 0.001  # smoothed edges may chance on it
+
+
+def test_outside_of_boundary_and_bounds_is_shaded_over_what_lies_there() -> None:
+    triangle = np.array([[1.0, 0.5], [9.0, 0.5], [5.0, 5.5]])
+    world = World("triangle", (0, 0, 10, 6), (Disc((1.0, 5.0), 0.8), Disc((5.0, 2.0), 0.5)), boundary=Polygon(triangle))
+    canvas = Canvas((-0.2, -0.2, 10.2, 6.2))
+    plotting.draw_world(canvas.axes, world)
+    rgb, x, y = canvas.pixels()
+    points, region = shapely.points(x, y), shapely.Polygon(triangle)
+    far = shapely.distance(points, region.exterior) > 0.1
+    outside, inside = far & ~shapely.contains(region, points), far & shapely.contains(region, points)
+    assert not is_colour(rgb[outside], "white").any()
+    assert not is_colour(rgb[outside], plotting.OBSTACLE).any()
+    assert is_colour(rgb[inside], "white").any()
+    assert is_colour(rgb[inside], plotting.OBSTACLE).any()
+
+
+def test_path_robot_and_ends_are_visible() -> None:
+    canvas = Canvas(ROOM.bounds)
+    plotting.draw_world(canvas.axes, ROOM, CAR)
+    plotting.draw_plan(canvas.axes, CAR, PATH, ROADMAP)
+    rgb, x, y = canvas.pixels()
+    points = shapely.points(x, y)
+    on_path = shapely.distance(points, shapely.LineString(PATH.states[:, :2])) < canvas.size / 2
+    ends = shapely.MultiPoint([START[:2], GOAL[:2]])
+    between = on_path & (shapely.distance(points, ends) > 0.6)
+    assert between.sum() > 200
+    assert is_colour(rgb[between], plotting.PATH, 0.1).all()
+    for end, colour in ((START, plotting.START), (GOAL, plotting.GOAL)):
+        near = shapely.distance(points, shapely.Point(end[:2])) < 1.2 * canvas.size
+        assert is_colour(rgb[near], colour, 0.1).all()
+    # The goal's footprint stands upright: 0.4 m wide, 0.8 m high.
+    tinted = (np.abs(rgb - 1.0).max(axis=-1) > 0.2) & (np.hypot(x - GOAL[0], y - GOAL[1]) < 0.5)
+    assert np.ptp(y[tinted]) > 0.75
+    beside = (np.abs(x - GOAL[0]) > 0.3) & (np.abs(y - GOAL[1] - 0.3) < 0.1) & (np.abs(x - GOAL[0]) < 0.45)
+    assert is_colour(rgb[beside], "white").all()
+
+
+@pytest.mark.parametrize(("robot", "collections"), [(CAR, 3), (Robot.disc(0.2), 2)])
+def test_roadmap_edges_by_kind_and_heading_ticks_unless_the_robot_is_a_disc(robot: Robot, collections: int) -> None:
+    canvas = Canvas(ROOM.bounds)
+    plotting.draw_plan(canvas.axes, robot, roadmap=ROADMAP)
+    drawn = {c.get_label(): c for c in canvas.axes.collections}
+    assert len(canvas.axes.collections) == collections
+    assert len(drawn["edge, certified"].get_paths()) == 2
+    assert len(drawn["edge, not checked"].get_paths()) == 2
+    rgb, x, y = canvas.pixels()
+    for q in ROADMAP.configurations:
+        assert is_colour(rgb[np.hypot(x - q[0], y - q[1]) < canvas.size], plotting.LANDMARK, 0.15).all()
+
+
+def test_empty_roadmap_and_single_state_path_can_be_drawn() -> None:
+    canvas = Canvas(ROOM.bounds)
+    nothing: Any = SimpleNamespace(configurations=np.empty((0, 3)), edges=np.empty((0, 2)), certified=np.empty(0))
+    plotting.draw_plan(canvas.axes, CAR, Path(np.array([START])), nothing)
+    assert is_colour(canvas.pixels()[0], plotting.GOAL).any()
+
+
+@pytest.mark.parametrize("bounds", [(0, 0, 10, 6), (0, 0, 6, 10), (0, 0, 100, 2), (0, 0, 2, 100)])
+def test_saved_picture_has_the_worlds_proportions_and_a_sensible_size(tmp_path: FilePath, bounds: Any) -> None:
+    world = World("strip", bounds, (Disc((1.0, 1.0), 0.3),))
+    plotting.save_world_figure(tmp_path / "world.png", world)
+    image = Image.open(tmp_path / "world.png").convert("RGB")
+    assert 900 < max(image.size) < 2200
+    assert (image.width > image.height) == (bounds[2] > bounds[3])
+    dark = np.argwhere(is_colour(np.asarray(image) / 255.0, plotting.OBSTACLE))
+    assert len(dark) > 20
+
+
+@pytest.mark.parametrize("suffix", plotting.PICTURE_SUFFIXES)
+def test_the_same_plan_gives_the_same_bytes(tmp_path: FilePath, suffix: str) -> None:
+    files = [tmp_path / f"{name}{suffix}" for name in "ab"]
+    for file in files:
+        plotting.save_plan_figure(file, ROOM, CAR, result_of(PATH), ROADMAP, START, GOAL, "round")
+    first, second = (file.read_bytes() for file in files)
+    assert first == second
+    assert first.startswith({".png": b"\x89PNG", ".svg": b"<?xml", ".pdf": b"%PDF"}[suffix])
+    assert b"<dc:date>" not in first
+    assert b"CreationDate" not in first
+    assert sorted(tmp_path.iterdir()) == files
+
+
+@pytest.mark.parametrize("status", ["timeout", "infeasible"])
+def test_without_a_path_the_picture_shows_the_roadmap(tmp_path: FilePath, status: str) -> None:
+    plotting.save_plan_figure(tmp_path / "none.png", ROOM, CAR, result_of(None, status), ROADMAP, START, GOAL)
+    rgb = np.asarray(Image.open(tmp_path / "none.png").convert("RGB")) / 255.0
+    for colour in (plotting.LANDMARK, plotting.START, plotting.GOAL, plotting.OBSTACLE, plotting.MARGIN):
+        assert is_colour(rgb, colour).sum() > 20
+    assert is_colour(rgb, plotting.PATH).sum() < 5
+
+
+def test_a_world_without_robot_or_obstacles_and_with_many_queries(tmp_path: FilePath) -> None:
+    queries = tuple(Query(f"q{i}", (0.1 * i, 1.0, 0.0), (9.0, 0.05 * i, 1.0)) for i in range(60))
+    plotting.save_world_figure(tmp_path / "empty.svg", World("empty", (0, 0, 10, 6), queries=queries))
+    assert b"<svg" in (tmp_path / "empty.svg").read_bytes()
+
+
+def test_names_are_not_taken_for_formulas(tmp_path: FilePath) -> None:
+    world = World("cost_$5$ ^{ \\frac", ROOM.bounds, queries=(Query("$", START, GOAL),))
+    plotting.save_world_figure(tmp_path / "name.png", world)
+    assert (tmp_path / "name.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("name", ["plan.bmp", "plan", "plan.png.gz"])
+def test_other_suffixes_are_refused(tmp_path: FilePath, name: str) -> None:
+    with pytest.raises(OutputError, match=r"allowed: \.png, \.svg, \.pdf"):
+        plotting.save_world_figure(tmp_path / name, ROOM)
+    assert not list(tmp_path.iterdir())
+
+
+def test_thousands_of_obstacles(tmp_path: FilePath) -> None:
+    rng = np.random.default_rng(0)
+    discs = tuple(Disc((float(x), float(y)), 0.5) for x, y in rng.uniform(0, 100, (2000, 2)))
+    plotting.save_plan_figure(tmp_path / "many.png", World("many", (0, 0, 100, 100), discs), CAR, result_of(None))
+    rgb = np.asarray(Image.open(tmp_path / "many.png").convert("RGB")) / 255.0
+    covered = is_colour(rgb, plotting.OBSTACLE).mean()
+    assert 0.03 < covered < 0.15  # 2,000 discs cover 14.5 % of the square, and the square 60 % of the picture
+
+
+def test_a_large_grid_map(tmp_path: FilePath, shared_data: FilePath) -> None:
+    world = World.load(shared_data / "movingai" / "8room_000.map")
+    plotting.save_plan_figure(tmp_path / "map.png", world, Robot.disc(0.4), result_of(None))
+    rgb = np.asarray(Image.open(tmp_path / "map.png").convert("RGB")) / 255.0
+    assert is_colour(rgb, plotting.OBSTACLE).mean() > 0.02
+    assert is_colour(rgb, "white").mean() > 0.3
+
+
+def test_no_global_state_of_pyplot() -> None:
+    program = "import sys, trailmark.plotting; sys.exit('matplotlib.pyplot' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
