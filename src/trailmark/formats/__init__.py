@@ -1,0 +1,92 @@
+"""File formats: worlds in trailmark YAML, nav2, MovingAI and OMPL.app form; paths as JSON, CSV and plain rows.
+
+A world file's format is told by its content, never by its name. Only what a file needs is imported for it.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+from trailmark.errors import ConfigurationError, FormatError, ShapeError, WorldError
+
+if TYPE_CHECKING:
+    from trailmark.world import Robot, World
+
+__all__ = ["load_world", "save_world", "world_json_schema"]
+
+FORMATS = (
+    "allowed: trailmark YAML (key 'trailmark'), nav2 map YAML (key 'image'), MovingAI map (first line "
+    "'type octile'), OMPL.app cfg (section [problem])"
+)
+
+
+def load_world(path: FilePath, robot: Robot | None = None) -> World:
+    """Read a world from a file.
+
+    Args:
+        path: trailmark YAML (schema version 1), nav2 map YAML, MovingAI ``.map`` (its ``.scen`` beside it gives
+            the queries), or OMPL.app ``.cfg``.
+        robot: the robot to plan for, in place of the one that the file names.
+
+    Raises:
+        FormatError: the file is missing, unreadable, too large (see :mod:`trailmark.formats.files` and
+            :mod:`trailmark.formats.grid` for the limits), of no known format, or breaks its format's rules.
+    """
+    from trailmark.formats.files import read_text
+
+    text = read_text(path, FORMATS)
+    try:
+        world = _read(text, path)
+    except (ShapeError, WorldError, ConfigurationError) as error:
+        raise FormatError(path, str(error)) from None
+    return world if robot is None else world.with_robot(robot)
+
+
+def save_world(world: World, path: FilePath) -> None:
+    """Write a world as trailmark YAML (schema version 1), whole or not at all.
+
+    Loading the file gives an equal world: every number is written with all its digits.
+
+    Raises:
+        OutputError: the path cannot be written.
+    """
+    from trailmark.formats.files import write_atomically
+    from trailmark.formats.world_yaml import world_text
+
+    write_atomically(path, world_text(world))
+
+
+def world_json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of the world file, with which editors complete and check it."""
+    from trailmark.formats.schema import WorldFile
+
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **WorldFile.model_json_schema()}
+
+
+def _read(text: str, path: FilePath) -> World:
+    if re.match(r"\s*type[ \t]", text):
+        from trailmark.formats.movingai import read_movingai
+
+        return read_movingai(text, path)
+    if re.match(r"(?:[ \t]*(?:[#;].*)?\r?\n)*[ \t]*\[[\w. -]+\][ \t]*(?:[#;].*)?\r?(?:\n|$)", text):
+        from trailmark.formats.omplapp import read_cfg
+
+        return read_cfg(text, path)
+
+    from trailmark.formats.yaml_data import parse_yaml
+
+    data = parse_yaml(text, path)
+    if not isinstance(data, dict):
+        raise FormatError(path, f"no world: neither a YAML mapping nor another known format; {FORMATS}")
+    if "trailmark" in data:
+        from trailmark.formats.world_yaml import world_from_data
+
+        return world_from_data(data, path)
+    if "image" in data:
+        from trailmark.formats.nav2_map import read_nav2_map
+
+        return read_nav2_map(data, path)
+    hint = "add the line 'trailmark: 1'; " if "bounds" in data else ""
+    raise FormatError(path, f"no world: the YAML mapping has neither 'trailmark' nor 'image'; {hint}{FORMATS}")

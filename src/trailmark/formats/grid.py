@@ -1,0 +1,155 @@
+"""Occupancy grids to polygons: the occupied cells, exactly, as few simple polygons with holes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.errors import WorldError
+from trailmark.shapes import Polygon
+
+__all__ = ["MAX_CELLS", "MAX_CORNERS", "check_size", "grid_polygons"]
+
+MAX_CELLS = 64_000_000
+"""Largest map, in cells, that is read (8,000 x 8,000)."""
+
+MAX_CORNERS = 1_000_000
+"""Most corners that the outlines of a map's occupied cells may have; noise is stopped here, not real maps."""
+
+Vertices = NDArray[np.float64]
+
+
+def check_size(columns: int, rows: int) -> None:
+    """Raise WorldError unless there is at least one cell and at most :data:`MAX_CELLS`."""
+    if columns < 1 or rows < 1 or columns * rows > MAX_CELLS:
+        raise WorldError(f"map of {columns} x {rows} cells given, allowed: 1 to {MAX_CELLS:,} cells")
+
+
+def grid_polygons(
+    occupied: NDArray[np.bool_], cell: float = 1.0, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> tuple[Polygon, ...]:
+    """Return polygons that cover the occupied cells exactly.
+
+    Each polygon is one component of cells joined by their sides. Cells that meet in a corner only do not join
+    components; within one component such a corner joins, so that its outline and holes touch there at most: every
+    polygon is valid in the sense of the OGC. Vertices stand at corners only, none on straight sides.
+
+    Args:
+        occupied: shape (rows, columns); row 0 has the smallest y.
+        cell: side of a cell in metres.
+        origin: x, y (metres) of the outer corner of cell (0, 0), and the angle (radians) by which the grid is
+            turned about it.
+
+    Returns:
+        The polygons, by their lowest row; outlines counter-clockwise and holes clockwise in the grid's frame.
+
+    Raises:
+        WorldError: more than :data:`MAX_CORNERS` corners.
+    """
+    from scipy import ndimage
+
+    padded = np.pad(np.asarray(occupied, dtype=bool), 1)
+    labels, _ = ndimage.label(padded)
+    # A side runs with its occupied cells to the left: to the right below them, upwards at their right, and so on.
+    across = _sides(padded.view(np.int8), labels, turned=False)
+    upright = _sides(padded.view(np.int8).T, labels.T, turned=True)
+    if len(across.label) + len(upright.label) > MAX_CORNERS:
+        corners = len(across.label) + len(upright.label)
+        raise WorldError(f"map: outlines with {corners:,} corners given, allowed: at most {MAX_CORNERS:,}")
+    sides = _Sides(*(np.concatenate(pair) for pair in zip(across.fields(), upright.fields(), strict=True)))
+    corners_xy = _place(sides.start, cell, origin)
+    outlines: dict[int, tuple[Vertices, list[Vertices]]] = {}
+    for ring in _rings(_successors(sides, padded.shape[1]).tolist(), len(across.label)):
+        label, vertices = int(sides.label[ring[0]]), corners_xy[ring]
+        # Each ring begins with its lowest side: below occupied cells it belongs to an outline, above to a hole.
+        if sides.direction[ring[0]] == 0:
+            outlines[label] = (vertices, [])
+        else:
+            outlines[label][1].append(vertices)
+    return tuple(Polygon(outline, tuple(holes)) for outline, holes in outlines.values())
+
+
+class _Sides:
+    """Directed straight sides of the occupied region.
+
+    Attributes:
+        start: shape (n, 2), column and row of the corner where the side begins.
+        end: shape (n, 2), where it ends.
+        direction: shape (n,), quarter turns from the direction of x.
+        label: shape (n,), the component that lies to its left.
+    """
+
+    def __init__(
+        self, start: NDArray[np.int64], end: NDArray[np.int64], direction: NDArray[np.int64], label: NDArray[np.int64]
+    ) -> None:
+        self.start, self.end, self.direction, self.label = start, end, direction, label
+
+    def fields(self) -> tuple[NDArray[np.int64], ...]:
+        return self.start, self.end, self.direction, self.label
+
+
+def _sides(cells: NDArray[np.int8], labels: NDArray[Any], turned: bool) -> _Sides:
+    """Return the sides along the rows of a padded grid; ``turned`` says that rows stand for columns."""
+    step = cells[1:] - cells[:-1]  # +1 where the region begins across this line, -1 where it ends
+    line, at = np.nonzero(step[:, 1:] != step[:, :-1])  # the sides' ends, in order along each line
+    opens, closes = step[line, at + 1] != 0, step[line, at] != 0
+    line, low, high = line[opens], at[opens], at[closes]
+    begins = step[line, low + 1] > 0
+    label = labels[line + begins, low + 1].astype(np.int64)
+    forward = begins != turned
+    first, last = np.where(forward, low, high), np.where(forward, high, low)
+    start, end = np.column_stack([first, line]), np.column_stack([last, line])
+    if turned:
+        start, end = start[:, ::-1], end[:, ::-1]
+    return _Sides(start, end, np.where(forward, 0, 2) + turned, label)
+
+
+def _successors(sides: _Sides, width: int) -> NDArray[np.int64]:
+    """Return for each side the one that follows it round its component.
+
+    Where two cells of one component meet in a corner, four sides meet: turning right there keeps every ring simple.
+    For were both visits to the corner on one ring, that ring would cross a loop through the two cells' interiors.
+    """
+    begin = (sides.start[:, 1] * width + sides.start[:, 0]) * 4
+    order = np.argsort(begin + sides.direction)
+    keys = (begin + sides.direction)[order]
+    arrive = (sides.end[:, 1] * width + sides.end[:, 0]) * 4
+
+    def side_at(turn: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+        wanted = arrive + (sides.direction + turn) % 4
+        place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+        found = order[place]
+        return found, (keys[place] == wanted) & (sides.label[found] == sides.label)
+
+    if not len(keys):
+        return np.empty(0, dtype=np.int64)
+    right, fits = side_at(-1)
+    left, _ = side_at(1)
+    return np.where(fits, right, left)
+
+
+def _rings(following: list[int], across: int) -> list[list[int]]:
+    """Return the cycles of ``following``, each from its first side; the first ``across`` sides go in every cycle."""
+    seen, rings = bytearray(len(following)), []
+    for first in range(across):
+        if seen[first]:
+            continue
+        ring, side = [], first
+        while not seen[side]:
+            seen[side] = 1
+            ring.append(side)
+            side = following[side]
+        rings.append(ring)
+    return rings
+
+
+def _place(corners: NDArray[np.int64], cell: float, origin: tuple[float, float, float]) -> Vertices:
+    x0, y0, yaw = origin
+    grid = corners * cell
+    if yaw == 0.0:  # exactly on the lines of the grid
+        return np.asarray(grid + np.array([x0, y0]), dtype=np.float64)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.column_stack([x0 + cos * grid[:, 0] - sin * grid[:, 1], y0 + sin * grid[:, 0] + cos * grid[:, 1]])

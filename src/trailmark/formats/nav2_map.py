@@ -1,0 +1,149 @@
+"""ROS / nav2 occupancy maps: a YAML file that names an image.
+
+Definitions follow nav2_map_server (map_io.cpp). A cell is free only if the map says so; occupied and unknown cells
+both become obstacles.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.errors import FormatError, WorldError
+from trailmark.formats.grid import check_size, grid_polygons
+from trailmark.shapes import Polygon
+from trailmark.world import World
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+    from trailmark.formats.schema import MapFile
+
+__all__ = ["free_cells", "read_nav2_map"]
+
+IMAGE_KINDS = {"PPM": "PGM/PBM/PPM", "PNG": "PNG", "BMP": "BMP", "JPEG": "JPEG"}
+
+_ROWS_AT_ONCE = 256  # bounds the memory for one image's brightness values
+
+
+def read_nav2_map(data: dict[str, Any], path: Path) -> World:
+    """Return the world of a nav2 map.
+
+    Obstacles are the cells that are not free, as polygons. Bounds are the map's rectangle. If the origin has a yaw,
+    the map is turned about its origin; then the rectangle is the boundary, and the bounds are its box.
+
+    Args:
+        data: the YAML file's plain data: image (beside the file, or absolute), resolution (metres per pixel),
+            origin [x, y, yaw] of the lower left pixel's outer corner; optional negate (0), occupied_thresh (0.65),
+            free_thresh (0.196), mode (trinary). Other keys are ignored, as by nav2.
+        path: the YAML file; its stem names the world.
+
+    Raises:
+        FormatError: a field is missing or wrong, the image is missing, of another kind, damaged, or too large.
+    """
+    from trailmark.formats.schema import MapFile, validate
+
+    file = validate(MapFile, data, path)
+    if file.free_thresh >= file.occupied_thresh:
+        raise FormatError(
+            path, f"free_thresh: {file.free_thresh} given, allowed: below occupied_thresh {file.occupied_thresh}"
+        )
+    free = _free_image(path.parent / file.image, file)
+    x, y, yaw = file.origin
+    try:
+        obstacles = grid_polygons(~free[::-1], file.resolution, (x, y, yaw))
+    except WorldError as error:
+        raise FormatError(path.parent / file.image, str(error)) from None
+    rows, columns = free.shape
+    width, height = columns * file.resolution, rows * file.resolution
+    if yaw == 0.0:
+        return World(path.stem, (x, y, x + width, y + height), obstacles)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    along, across = np.array([cos, sin]) * width, np.array([-sin, cos]) * height
+    corners = np.array([x, y]) + np.array([np.zeros(2), along, along + across, across])
+    (xmin, ymin), (xmax, ymax) = corners.min(axis=0), corners.max(axis=0)
+    return World(path.stem, (xmin, ymin, xmax, ymax), obstacles, boundary=Polygon(corners))
+
+
+def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:
+    """Return which pixels are free.
+
+    The brightness s in [0, 1] is the mean of the colours, and p the probability that the cell is occupied:
+
+    - trinary: p = 1 - s (s if negate); free where p <= free_thresh. An alpha channel counts as a fourth colour.
+    - scale: the same, but alpha stays out of the mean and a pixel that is not opaque is unknown. Values between
+      the thresholds, which nav2 grades, are not free.
+    - raw: the pixel's value, 0..100, is p in percent whatever negate says, and other values are unknown; free where
+      p <= free_thresh, as above.
+
+    Args:
+        image: an image of any mode that Pillow reads from :data:`IMAGE_KINDS`.
+        file: thresholds and mode.
+
+    Returns:
+        Shape (rows, columns); row 0 is the image's top row.
+
+    Raises:
+        ValueError: an image of a mode without brightness, such as floating point.
+    """
+    values, full, has_alpha = _channels(image)
+    free = np.empty(values.shape[:2], dtype=bool)
+    for top in range(0, len(free), _ROWS_AT_ONCE):
+        rows = slice(top, top + _ROWS_AT_ONCE)
+        free[rows] = _free(values[rows].astype(np.int64), full, has_alpha, file)
+    return free
+
+
+def _free(values: NDArray[np.int64], full: int, has_alpha: bool, file: MapFile) -> NDArray[np.bool_]:
+    colours = values[..., :-1] if has_alpha and file.mode != "trinary" else values
+    # Sums and full scale are whole numbers, so that p is the double nearest to the true quotient.
+    bright, scale = colours.sum(axis=-1), full * colours.shape[-1]
+    if file.mode == "raw":
+        percent = np.floor(255.0 * bright / scale + 0.5)
+        return np.asarray(percent / 100.0 <= min(file.free_thresh, 1.0))
+    free = np.asarray((bright if file.negate else scale - bright) / scale <= file.free_thresh)
+    if has_alpha and file.mode == "scale":
+        free &= values[..., -1] == full
+    return free
+
+
+def _channels(image: Image) -> tuple[NDArray[Any], int, bool]:
+    """Return pixel values of shape (rows, columns, channels), their full scale, and whether the last one is alpha."""
+    if image.mode in ("I", "I;16", "I;16B", "I;16L", "I;16N"):  # Pillow's modes for 16-bit grey
+        return np.asarray(image)[..., None], 65535, False
+    transparent = image.mode in ("LA", "PA", "RGBA", "La", "RGBa") or "transparency" in image.info
+    if image.mode in ("1", "L") and not transparent:
+        return np.asarray(image.convert("L"))[..., None], 255, False
+    if image.mode in ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX", "CMYK", "YCbCr"):
+        return np.asarray(image.convert("RGBA" if transparent else "RGB")), 255, transparent
+    raise ValueError(f"pixels of mode {image.mode} given, allowed: grey or colours of 8 or 16 bits")
+
+
+def _free_image(path: Path, file: MapFile) -> NDArray[np.bool_]:
+    from PIL import Image, UnidentifiedImageError
+
+    allowed = f"allowed: an image of the kinds {', '.join(IMAGE_KINDS.values())}"
+    if path.is_dir():
+        raise FormatError(path, f"a directory given, {allowed}")
+    try:
+        with warnings.catch_warnings():
+            # Pillow's guard against decompression bombs is looser than the limit below, and warns first.
+            warnings.simplefilter("ignore")
+            with Image.open(path, formats=tuple(IMAGE_KINDS)) as image:
+                check_size(*image.size)  # known from the header, before any pixel is decoded
+                return free_cells(image, file)
+    except UnidentifiedImageError:
+        raise FormatError(path, f"not an image that can be read; {allowed}") from None
+    except (Image.DecompressionBombError, WorldError) as error:
+        raise FormatError(path, str(error)) from None
+    except OSError as error:
+        if error.strerror:
+            raise FormatError(path, f"image cannot be read: {error.strerror}") from None
+        raise FormatError(path, f"damaged image: {error}; {allowed}") from None
+    except Exception as error:  # Pillow's decoders raise errors of many kinds on damaged data
+        raise FormatError(path, f"damaged image: {error or type(error).__name__}; {allowed}") from None

@@ -1,0 +1,201 @@
+"""What may stand in a world file and in a nav2 map file, as pydantic models, and one-line messages about the rest.
+
+Strict: a number is not given as text or boolean, NaN and infinity are refused, and so are unknown keys (in the
+world file; nav2 itself ignores them). A field's description says what is allowed; messages and the JSON Schema
+both quote it.
+"""
+
+from __future__ import annotations
+
+import reprlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from trailmark.errors import FormatError, did_you_mean
+
+__all__ = ["MapFile", "WorldFile", "validate"]
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0)]
+Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
+Text = Annotated[str, Field(strict=True)]
+Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Pose = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Ring = Annotated[list[Point], Field(min_length=3)]
+
+_NAME = "a text (quote it if it looks like a number)"
+_LENGTH = "a finite number above 0 (metres)"
+_POINT = "a point [x, y] of finite numbers (metres)"
+_RING = "three or more points [x, y] of finite numbers (metres)"
+_POSE = "a configuration [x, y, theta] of finite numbers (metres, radians)"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+
+class DiscRobot(_Strict):
+    """A round robot about its reference point."""
+
+    shape: Literal["disc"]
+    radius: Positive = Field(description=_LENGTH)
+
+
+class RectangleRobot(_Strict):
+    """A rectangular robot centred on its reference point."""
+
+    shape: Literal["rectangle"]
+    length: Positive = Field(description=_LENGTH)
+    width: Positive = Field(description=_LENGTH)
+
+
+class PolygonRobot(_Strict):
+    """A robot with any simple outline, in its own frame."""
+
+    shape: Literal["polygon"]
+    vertices: Ring = Field(description=_RING)
+
+
+class DiscObstacle(_Strict):
+    """A disc."""
+
+    shape: Literal["disc"]
+    center: Point = Field(description=_POINT)
+    radius: Positive = Field(description=_LENGTH)
+
+
+class RectangleObstacle(_Strict):
+    """A rectangle, its length along its heading."""
+
+    shape: Literal["rectangle"]
+    center: Point = Field(description=_POINT)
+    length: Positive = Field(description=_LENGTH)
+    width: Positive = Field(description=_LENGTH)
+    heading: Number = Field(default=0.0, description="a finite number (radians, counter-clockwise)")
+
+
+class PolygonObstacle(_Strict):
+    """A simple polygon, convex or not."""
+
+    shape: Literal["polygon"]
+    vertices: Ring = Field(description=_RING)
+    holes: list[Ring] = Field(default=[], description="a list of rings, each of " + _RING)
+
+
+class QueryEntry(_Strict):
+    """One planning problem."""
+
+    name: Text = Field(description=_NAME)
+    start: Pose = Field(description=_POSE)
+    goal: Pose = Field(description=_POSE)
+
+
+class WorldFile(_Strict):
+    """A trailmark world, schema version 1: metres, radians, y up, theta counter-clockwise."""
+
+    model_config = ConfigDict(extra="forbid", title="trailmark world")
+
+    trailmark: Literal[1] = Field(description="1 (the schema version)")
+    name: Text | None = Field(default=None, description=_NAME)
+    bounds: Annotated[list[Number], Field(min_length=4, max_length=4)] = Field(
+        description="four finite numbers [xmin, ymin, xmax, ymax] (metres)"
+    )
+    robot: Annotated[DiscRobot | RectangleRobot | PolygonRobot, Field(discriminator="shape")] | None = Field(
+        default=None, description="a mapping with the key shape: disc, rectangle or polygon"
+    )
+    boundary: Ring | None = Field(default=None, description=_RING)
+    obstacles: (
+        list[Annotated[DiscObstacle | RectangleObstacle | PolygonObstacle, Field(discriminator="shape")]] | None
+    ) = Field(default=None, description="a list of mappings with the key shape: disc, rectangle or polygon")
+    queries: list[QueryEntry] | None = Field(default=None, description="a list of mappings {name, start, goal}")
+
+
+class MapFile(BaseModel):
+    """A nav2 map file; its definitions are those of nav2_map_server."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    image: Text = Field(min_length=1, description="the path of an image file")
+    resolution: Positive = Field(description="a finite number above 0 (metres per pixel)")
+    origin: Pose = Field(default=[0.0, 0.0, 0.0], description="[x, y, yaw] of finite numbers (metres, radians)")
+    negate: Literal[0, 1] = Field(default=0, description="0 or 1")
+    occupied_thresh: Fraction = Field(default=0.65, description="a number from 0 to 1")
+    free_thresh: Fraction = Field(default=0.196, description="a number from 0 to 1")
+    mode: Literal["trinary", "scale", "raw"] = Field(default="trinary", description="trinary, scale, raw")
+
+
+_MODELS = (DiscRobot, RectangleRobot, PolygonRobot, DiscObstacle, RectangleObstacle, PolygonObstacle, QueryEntry)
+_KINDS: dict[str, dict[str, type[BaseModel]]] = {
+    "robot": {"disc": DiscRobot, "rectangle": RectangleRobot, "polygon": PolygonRobot},
+    "obstacles": {"disc": DiscObstacle, "rectangle": RectangleObstacle, "polygon": PolygonObstacle},
+}
+_SHAPES = ("disc", "polygon", "rectangle")
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+_short = reprlib.Repr()
+_short.maxstring = 60
+_short.maxlist = _short.maxdict = 5
+_short.maxlevel = 3
+
+
+def validate(model: type[ModelT], data: dict[str, Any], path: Path) -> ModelT:
+    """Return the data as a model.
+
+    Args:
+        model: :class:`WorldFile` or :class:`MapFile`.
+        data: plain data, as :func:`trailmark.formats.yaml_data.parse_yaml` gives it.
+        path: the file it came from, for messages.
+
+    Raises:
+        FormatError: the data breaks the model's rules; the message names the first field that does, its value
+            and what is allowed, and how many more there are.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        problems = error.errors(include_url=False)
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise FormatError(path, _describe(model, problems[0]) + more) from None
+
+
+def _describe(model: type[BaseModel], problem: Any) -> str:
+    kind, location = problem["type"], [part for part in problem["loc"] if part not in _SHAPES]
+    where, value = _where(location), _short.repr(problem["input"])
+    if kind == "extra_forbidden":
+        allowed = did_you_mean(str(location[-1]), _model_at(model, problem["loc"]).model_fields)
+        return f"{where}: unknown key, {allowed}"
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        given = problem["input"].get("shape") if isinstance(problem["input"], dict) else problem["input"]
+        state = "missing" if kind == "union_tag_not_found" else f"{_short.repr(given)} given"
+        return f"{where}.shape: {state}, {did_you_mean(str(given), _SHAPES)}"
+    allowed = _allowed(model, location, kind)
+    return f"{where}: {'missing' if kind == 'missing' else value + ' given'}, allowed: {allowed}"
+
+
+def _allowed(model: type[BaseModel], location: Sequence[str | int], kind: str) -> str:
+    if isinstance(location[-1], int):
+        if kind in ("float_type", "finite_number"):
+            return "a finite number"
+        if len(location) == 2 and location[0] in ("obstacles", "queries"):
+            return "a mapping"
+    field = next(part for part in reversed(location) if isinstance(part, str))
+    owners = (model, *_MODELS) if len(location) == 1 else (*_MODELS, model)
+    return next(
+        owner.model_fields[field].description or ", ".join(_SHAPES) for owner in owners if field in owner.model_fields
+    )
+
+
+def _model_at(model: type[BaseModel], location: Sequence[str | int]) -> type[BaseModel]:
+    names = [part for part in location if isinstance(part, str)]
+    if len(names) == 1:
+        return model
+    return QueryEntry if names[0] == "queries" else _KINDS[names[0]][names[1]]
+
+
+def _where(location: Sequence[str | int]) -> str:
+    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
+    return text.removeprefix(".")

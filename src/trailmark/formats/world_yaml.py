@@ -1,0 +1,151 @@
+"""trailmark's own world file, schema version 1: YAML that people write and read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from trailmark.errors import ConfigurationError, FormatError, OutputError, ShapeError
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.world import Query, Robot, World
+
+if TYPE_CHECKING:
+    from trailmark.formats import schema
+
+__all__ = ["world_from_data", "world_text"]
+
+_HEADER = "# A trailmark world. Metres and radians; y up, theta counter-clockwise; configurations are [x, y, theta].\n"
+_PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?: [A-Za-z0-9_.-]+)*")
+# Words that YAML readers of any version take for something other than text.
+_RESERVED = frozenset(("null", "true", "false", "yes", "no", "on", "off", "y", "n"))
+
+
+def world_from_data(data: dict[str, Any], path: Path) -> World:
+    """Return the world that a world file describes.
+
+    Args:
+        data: the file's plain data.
+        path: the file, for messages; its stem names the world if the file does not.
+
+    Raises:
+        FormatError: a field is missing, unknown, of a wrong type or out of range, or a shape bounds no region; the
+            message names the field, its value and what is allowed.
+    """
+    from trailmark.formats.schema import WorldFile, validate
+
+    version = data["trailmark"]
+    if isinstance(version, bool | float) or version != 1:
+        raise FormatError(path, f"trailmark: {version!r} given, allowed: 1 (the schema version)")
+    file = validate(WorldFile, data, path)
+    robot = None if file.robot is None else _build(path, "robot", _robot, file.robot)
+    boundary = None if file.boundary is None else _build(path, "boundary", Polygon, file.boundary)
+    obstacles = [_build(path, f"obstacles[{i}]", _obstacle, entry) for i, entry in enumerate(file.obstacles or ())]
+    queries = [_build(path, f"queries[{i}]", _query, entry) for i, entry in enumerate(file.queries or ())]
+    xmin, ymin, xmax, ymax = file.bounds
+    return World(
+        name=path.stem if file.name is None else file.name,
+        bounds=(xmin, ymin, xmax, ymax),
+        obstacles=tuple(obstacles),
+        robot=robot,
+        boundary=boundary,
+        queries=tuple(queries),
+    )
+
+
+def world_text(world: World) -> str:
+    """Return the world as the text of a world file; reading it gives an equal world.
+
+    Raises:
+        OutputError: a name that UTF-8 cannot hold.
+    """
+    lines = [
+        "trailmark: 1",
+        f"name: {_text(world.name)}",
+        f"bounds: {_numbers(world.bounds)}",
+    ]
+    if world.robot is not None:
+        lines.append(f"robot: {_shape(world.robot.footprint, placed=False)}")
+    if world.boundary is not None:
+        lines.append(f"boundary: {_points(world.boundary.vertices.tolist())}")
+    if world.obstacles:
+        lines.append("obstacles:")
+        lines += [f"  - {_shape(shape, placed=True)}" for shape in world.obstacles]
+    if world.queries:
+        lines.append("queries:")
+        lines += [
+            f"  - {{name: {_text(query.name)}, start: {_numbers(query.start)}, goal: {_numbers(query.goal)}}}"
+            for query in world.queries
+        ]
+    return _HEADER + "\n".join(lines) + "\n"
+
+
+def _build(path: Path, where: str, make: Any, entry: Any) -> Any:
+    try:
+        return make(entry)
+    except (ShapeError, ConfigurationError) as error:
+        raise FormatError(path, f"{where}: {error}") from None
+
+
+def _robot(entry: schema.DiscRobot | schema.RectangleRobot | schema.PolygonRobot) -> Robot:
+    if entry.shape == "disc":
+        return Robot.disc(entry.radius)
+    if entry.shape == "rectangle":
+        return Robot.rectangle(entry.length, entry.width)
+    return Robot.polygon(entry.vertices)
+
+
+def _obstacle(entry: schema.DiscObstacle | schema.RectangleObstacle | schema.PolygonObstacle) -> Shape:
+    if entry.shape == "disc":
+        return Disc((entry.center[0], entry.center[1]), entry.radius)
+    if entry.shape == "rectangle":
+        return Rectangle((entry.center[0], entry.center[1]), entry.length, entry.width, entry.heading)
+    return Polygon(entry.vertices, entry.holes)  # type: ignore[arg-type]  # it turns lists into arrays itself
+
+
+def _query(entry: schema.QueryEntry) -> Query:
+    (x0, y0, t0), (x1, y1, t1) = entry.start, entry.goal
+    return Query(entry.name, (x0, y0, t0), (x1, y1, t1))
+
+
+def _shape(shape: Shape, placed: bool) -> str:
+    if isinstance(shape, Polygon):
+        fields = f"polygon, vertices: {_points(shape.vertices.tolist())}"
+        if shape.holes:
+            fields += f", holes: [{', '.join(_points(hole.tolist()) for hole in shape.holes)}]"
+        return f"{{shape: {fields}}}"
+    center = f"center: {_numbers(shape.center)}, " if placed else ""
+    if isinstance(shape, Disc):
+        return f"{{shape: disc, {center}radius: {_number(shape.radius)}}}"
+    size = f"length: {_number(shape.length)}, width: {_number(shape.width)}"
+    heading = f", heading: {_number(shape.heading)}" if shape.heading else ""
+    return f"{{shape: rectangle, {center}{size}{heading}}}"
+
+
+def _points(points: Iterable[Iterable[float]]) -> str:
+    return f"[{', '.join(map(_numbers, points))}]"
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return f"[{', '.join(map(_number, values))}]"
+
+
+def _number(value: float) -> str:
+    digits = repr(float(value))
+    mantissa, e, exponent = digits.partition("e")
+    # Readers of YAML 1.1 take 1e-05 for a text, but 1.0e-05 for a number.
+    return f"{mantissa}.0e{exponent}" if e and "." not in mantissa else digits
+
+
+def _text(text: str) -> str:
+    if _PLAIN.fullmatch(text) and text.lower() not in _RESERVED:
+        return text
+    import yaml
+
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise OutputError(f"name {text!r} given, allowed: a text that UTF-8 can hold") from None
+    quoted: str = yaml.safe_dump(text, default_style='"', width=1 << 30, allow_unicode=True)
+    return quoted.rstrip("\n")
