@@ -158,9 +158,10 @@ def _segment_ring(ring: FloatArray, n: int, ax: float, ay: float, bx: float, by:
 def _blocked_regions(grid: ObstacleGrid, px: float, py: float) -> int:
     """Return how many blocked regions (discs left out) cover a point; 1 outside the grid.
 
-    From the cell's centre, whose number is known, first along x, then along y, counting the segments crossed.
-    Both steps follow the half-open rule of the grid's own numbers: a point stands for the one just above and
-    to the right of it.
+    From the cell's centre, whose number is known, first along x, then along y, counting the segments crossed. A
+    point stands for the one just right of it and, by far less, above it: the half-open rule of the grid's own
+    numbers. On which side of a segment the path's corner lies is decided once, so that rounding cannot make its
+    two legs contradict each other.
     """
     column = floor((px - grid.x0) / grid.size)
     row = floor((py - grid.y0) / grid.size)
@@ -168,28 +169,25 @@ def _blocked_regions(grid: ObstacleGrid, px: float, py: float) -> int:
         return 1
     cell = row * grid.columns + column
     cx, cy = grid.x0 + (column + 0.5) * grid.size, grid.y0 + (row + 0.5) * grid.size
-    winding = int(grid.winding[cell])
+    winding = grid.winding[cell]
     for k in range(grid.cell_start[cell], grid.cell_start[cell + 1]):
         item = grid.items[k]
         if item >= len(grid.segments):
             continue
         ax, ay, bx, by = grid.segments[item]
+        corner_above = cy >= max(ay, by)
         if min(ay, by) <= cy < max(ay, by):
             x = ax + (cy - ay) / (by - ay) * (bx - ax)
-            # Left of an edge that runs upwards is blocked.
-            step = -1 if by > ay else 1
-            if cx < x <= px:
-                winding += step
-            elif px < x <= cx:
-                winding -= step
+            centre_right, corner_right = x <= cx, x <= px
+            corner_above = corner_right != ((bx > ax) == (by > ay))
+            if centre_right != corner_right:
+                # Left of an edge that runs upwards is blocked.
+                winding += -1 if (by > ay) == corner_right else 1
         if min(ax, bx) <= px < max(ax, bx):
-            y = ay + (px - ax) / (bx - ax) * (by - ay)
-            # Above an edge that runs to the right is blocked.
-            step = 1 if bx > ax else -1
-            if cy < y <= py:
-                winding += step
-            elif py < y <= cy:
-                winding -= step
+            above = ay + (px - ax) / (bx - ax) * (by - ay) <= py
+            if above != corner_above:
+                # Above an edge that runs to the right is blocked.
+                winding += 1 if (bx > ax) == above else -1
     return winding
 
 
@@ -337,6 +335,7 @@ def _state(
 
 @njit(cache=True)
 def workspace(robot: Footprint) -> FloatArray:
+    """Return room for the placed outline, shape (v, 2)."""
     return np.empty((max(len(robot.outline), len(robot.core), 1), 2))
 
 

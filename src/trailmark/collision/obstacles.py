@@ -104,6 +104,13 @@ def build_grid(world: World, size: float) -> ObstacleGrid:
 
 
 @njit(cache=True)
+def _cell(value: float, origin: float, size: float, count: int) -> int:
+    """Return the index of the column or row that holds a coordinate, -1 below the grid and ``count`` above it."""
+    # Clipped while it is still a float: an obstacle may reach so far that no integer holds the index.
+    return int(min(max(np.floor((value - origin) / size), -1.0), float(count)))
+
+
+@njit(cache=True)
 def _touched_cells(
     segments: FloatArray, discs: FloatArray, x0: float, y0: float, size: float, columns: int, rows: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
@@ -123,8 +130,8 @@ def _touched_cells(
             x1, y1, x2, y2 = segments[item]
             cx = cy = r = 0.0
             low_y, high_y = min(y1, y2), max(y1, y2)
-        first = max(0, int(np.floor((low_y - slack - y0) / size)))
-        last = min(rows - 1, int(np.floor((high_y + slack - y0) / size)))
+        first = max(0, _cell(low_y - slack, y0, size, rows))
+        last = min(rows - 1, _cell(high_y + slack, y0, size, rows))
         for row in range(first, last + 1):
             bottom, top = y0 + row * size - slack, y0 + (row + 1) * size + slack
             if disc:
@@ -142,8 +149,8 @@ def _touched_cells(
                 t2 = min(1.0, max(0.0, (top - y1) / (y2 - y1)))
                 xa, xb = x1 + t1 * (x2 - x1), x1 + t2 * (x2 - x1)
                 low_x, high_x = min(xa, xb), max(xa, xb)
-            left = max(0, int(np.floor((low_x - slack - x0) / size)))
-            right = min(columns - 1, int(np.floor((high_x + slack - x0) / size)))
+            left = max(0, _cell(low_x - slack, x0, size, columns))
+            right = min(columns - 1, _cell(high_x + slack, x0, size, columns))
             for column in range(left, right + 1):
                 if count == capacity:
                     capacity *= 2
@@ -174,16 +181,21 @@ def _winding_of_centres(
         # Left of an edge that runs upwards is blocked: crossing it to the right leaves the blocked side.
         step = -1 if y2 > y1 else 1
         low, high = min(y1, y2), max(y1, y2)
-        first = max(0, int(np.floor((low - y0) / size - 0.5)))
-        last = min(rows - 1, int(np.floor((high - y0) / size + 0.5)))
+        first = max(0, _cell(low - 0.5 * size, y0, size, rows))
+        last = min(rows - 1, _cell(high + 0.5 * size, y0, size, rows))
         for row in range(first, last + 1):
             y = y0 + (row + 0.5) * size
             if not (low <= y < high):
                 continue
             x = x1 + (y - y1) / (y2 - y1) * (x2 - x1)
-            # First column whose centre lies at or right of the crossing.
-            column = int(np.ceil((x - x0) / size - 0.5))
-            change[row, min(columns, max(0, column))] += step
+            # First column whose centre lies at or right of the crossing. Its comparison with the centre must come
+            # out as it does in kernels._blocked_regions, to the last bit: so the guess is corrected.
+            column = _cell(x + 0.5 * size, x0, size, columns)
+            while column > 0 and x <= x0 + (column - 1 + 0.5) * size:
+                column -= 1
+            while column < columns and x > x0 + (column + 0.5) * size:
+                column += 1
+            change[row, column] += step
     winding = np.empty(rows * columns, np.int32)
     for row in range(rows):
         total = enclosing

@@ -1,0 +1,108 @@
+"""Configurations drawn over a world: uniform or Halton, valid ones only, and where the robot can get."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError, did_you_mean
+from trailmark.landmarks.relaxation import Relaxation
+from trailmark.shapes import Disc
+
+__all__ = ["RandomState", "draw", "free_samples", "generator"]
+
+RandomState = int | np.random.Generator | None
+"""A seed, a generator to draw from, or None for a random one."""
+
+METHODS = ("uniform", "halton")
+
+
+def generator(random_state: RandomState) -> np.random.Generator:
+    """Return a numpy generator for a seed; a generator is returned as it is."""
+    return random_state if isinstance(random_state, np.random.Generator) else np.random.default_rng(random_state)
+
+
+def draw(
+    bounds: tuple[float, float, float, float],
+    n: int,
+    *,
+    method: Literal["uniform", "halton"] = "uniform",
+    random_state: RandomState = None,
+) -> se2.FloatArray:
+    """Return n configurations over ``bounds`` and all headings, valid or not; shape (n, 3).
+
+    Args:
+        bounds: xmin, ymin, xmax, ymax in metres.
+        n: how many, >= 0.
+        method: ``uniform`` (independent) or ``halton`` (scrambled Halton sequence, bases 2, 3, 5;
+            Halton 1960, scrambling by Owen 2017 as in scipy).
+        random_state: seed or generator.
+
+    Raises:
+        ConfigurationError: an unknown method or a negative n.
+    """
+    if method not in METHODS:
+        raise ConfigurationError(f"method: {method!r} given; {did_you_mean(str(method), METHODS)}")
+    if n < 0:
+        raise ConfigurationError(f"n: {n} given, allowed: 0 or more")
+    rng = generator(random_state)
+    if method == "uniform":
+        unit = rng.random((n, 3))
+    else:
+        from scipy.stats import qmc
+
+        unit = qmc.Halton(3, rng=rng).random(n) if n else np.empty((0, 3))
+    low = np.array([bounds[0], bounds[1], -np.pi])
+    high = np.array([bounds[2], bounds[3], np.pi])
+    q = low + unit * (high - low)
+    q[:, 2] = se2.wrap(q[:, 2])
+    return q
+
+
+def free_samples(
+    checker: StateChecker,
+    n: int,
+    *,
+    method: Literal["uniform", "halton"] = "uniform",
+    reachable_from: se2.FloatArray | None = None,
+    random_state: RandomState = None,
+    max_draws: int | None = None,
+) -> se2.FloatArray:
+    """Return up to n valid configurations, shape (m, 3), m <= n.
+
+    A disc robot's headings are all 0: it looks the same at every heading.
+
+    Args:
+        checker: decides what is valid.
+        n: how many are wanted, >= 0.
+        method: see :func:`draw`.
+        reachable_from: shape (3,): leave out what obstacles wholly enclose, seen from this configuration (on the
+            relaxation's grid: what is left out is proven out of reach).
+        random_state: seed or generator.
+        max_draws: configurations drawn at most, by default 50 n; fewer than n come back when that is not enough.
+
+    Raises:
+        ConfigurationError: an unknown method or a negative n.
+    """
+    rng = generator(random_state)
+    region: NDArray[np.bool_] | None = None
+    if reachable_from is not None:
+        relaxation = Relaxation(checker)
+        region = relaxation.component(reachable_from)
+    found: list[se2.FloatArray] = [np.empty((0, 3))]
+    have, drawn, limit = 0, 0, 50 * n if max_draws is None else max_draws
+    while have < n and drawn < limit:
+        q = draw(checker.world.bounds, min(max(256, 2 * (n - have)), limit - drawn), method=method, random_state=rng)
+        drawn += len(q)
+        if isinstance(checker.robot.footprint, Disc):
+            q[:, 2] = 0.0
+        if region is not None:
+            q = q[region[relaxation.cells(relaxation.disc_centers(q))]]
+        q = q[checker.valid(q)] if len(q) else q
+        found.append(q)
+        have += len(q)
+    return np.concatenate(found)[:n]

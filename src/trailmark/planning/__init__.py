@@ -1,0 +1,7 @@
+"""Planning: the landmark planner, path shortening, and what a planner returns."""
+
+from trailmark.planning.planner import LandmarkPlanner
+from trailmark.planning.result import PlanProgress, PlanResult
+from trailmark.planning.shortening import shorten
+
+__all__ = ["LandmarkPlanner", "PlanProgress", "PlanResult", "shorten"]

@@ -1,0 +1,87 @@
+"""What a planner returns: PlanResult, and PlanProgress on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from trailmark.path import Path
+
+__all__ = ["PlanProgress", "PlanResult", "Status"]
+
+Status = Literal["solved", "timeout", "infeasible"]
+
+
+@dataclass(frozen=True)
+class PlanProgress:
+    """How far a planner has come.
+
+    Attributes:
+        elapsed: seconds since planning began.
+        phase: what it is doing, in a word or two.
+        landmarks: nodes of the roadmap so far.
+        cost: the best path's cost in metres; None before there is one.
+    """
+
+    elapsed: float
+    phase: str
+    landmarks: int
+    cost: float | None
+
+
+@dataclass(frozen=True)
+class PlanResult:
+    """The answer to one query.
+
+    Attributes:
+        status: ``solved``, ``timeout`` (no path within the limit) or ``infeasible`` (proven: there is none).
+        path: the path if solved, every motion of it certified.
+        seed: what the planner was seeded with.
+        lower_bound: proven lower bound (metres) on the cost of any valid path; None if infeasible.
+        first_cost: cost (metres) of the first path found, before it was shortened; None if there is none.
+        min_clearance: smallest clearance (metres) found along the path, at its states and between them.
+        landmarks: nodes of the roadmap.
+        edges: edges of the roadmap that are not known to be blocked.
+        history: (seconds, cost in metres) for each better path.
+        time: seconds: ``load`` (reading the world; filled in by who read it), ``build`` (checker, field and
+            relaxed problem), ``first_solution`` (from the call to the first path; None if there is none),
+            ``total`` (the whole call).
+    """
+
+    status: Status
+    path: Path | None
+    seed: int
+    lower_bound: float | None
+    first_cost: float | None
+    min_clearance: float | None
+    landmarks: int
+    edges: int
+    history: tuple[tuple[float, float], ...] = ()
+    time: dict[str, float | None] = field(default_factory=dict)
+
+    @property
+    def cost(self) -> float | None:
+        """The path's cost in metres; None if there is no path."""
+        return None if self.path is None else self.path.cost
+
+    def to_dict(self, world: str, query: str | None = None) -> dict[str, Any]:
+        """Return the record that ``plan --json`` prints, made of plain numbers, strings and lists."""
+        path = self.path
+        return {
+            "world": world,
+            "query": query,
+            "planner": "landmark",
+            "status": self.status,
+            "seed": self.seed,
+            "states": [] if path is None else path.states.tolist(),
+            "cost": self.cost,
+            "length": None if path is None else path.length,
+            "rotation": None if path is None else path.rotation,
+            "min_clearance": self.min_clearance,
+            "lower_bound": self.lower_bound,
+            "first_cost": self.first_cost,
+            "landmarks": self.landmarks,
+            "edges": self.edges,
+            "history": [list(entry) for entry in self.history],
+            "time": dict(self.time),
+        }

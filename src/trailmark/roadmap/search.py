@@ -1,0 +1,128 @@
+"""Shortest paths over a roadmap whose edges are checked only when the search comes to need them.
+
+Source: Cohen, Phillips & Likhachev, "Planning single-arm manipulations with n-arm robots", RSS 2014 (Lazy
+Weighted A*, here with weight 1): an edge is checked when the search pops it, not when it is put in the queue.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.footprint import Footprint
+from trailmark.collision.kernels import BLOCKED, FREE, motion, workspace
+from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+
+__all__ = ["lazy_shortest_path"]
+
+
+@njit(cache=True, nogil=True)
+def lazy_shortest_path(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    configurations: FloatArray,
+    start_of: NDArray[np.int64],
+    incident: NDArray[np.int64],
+    edges: NDArray[np.int32],
+    cost: FloatArray,
+    status: NDArray[np.uint8],
+    start: int,
+    goal: int,
+    to_go: FloatArray,
+    banned: NDArray[np.bool_],
+    limit: float,
+) -> NDArray[np.int64]:
+    """Return the nodes of the shortest certified path from start to goal; empty if there is none below ``limit``.
+
+    Args:
+        grid: the obstacles.
+        field: their clearance field.
+        robot: the footprint.
+        configurations: (n, 3) nodes.
+        start_of: (n + 1,) where each node's incident edges begin in ``incident``.
+        incident: indices into ``edges``.
+        edges: (m, 2) nodes joined.
+        cost: (m,) length of each edge.
+        status: (m,) FREE, BLOCKED or UNDECIDED; undecided edges that the search needs are checked and marked.
+        start: first node.
+        goal: last node.
+        to_go: (n,) lower estimate of each node's cost to the goal.
+        banned: (n,) nodes not to be used.
+        limit: longest cost of interest.
+    """
+    n = len(configurations)
+    placed, queue = workspace(robot), np.empty((128, 2))
+    done = np.zeros(n, np.bool_)
+    best = np.full(n, np.inf)
+    parent = np.full(n, -1, np.int64)
+    keys, values = np.empty(1024), np.empty(1024, np.int64)
+    # An entry stands for an edge in one direction, 2·edge + direction; -1 for the start.
+    size = heap_push(keys, values, 0, to_go[start], -1)
+    while size > 0:
+        size = heap_pop(keys, values, size)
+        key, entry = keys[size], values[size]
+        if key >= limit:
+            break
+        if entry < 0:
+            node, reached = start, 0.0
+        else:
+            edge = entry >> 1
+            before, node = edges[edge, entry & 1], edges[edge, 1 - (entry & 1)]
+            if done[node]:
+                continue
+            if status[edge] != FREE:
+                if status[edge] != BLOCKED:
+                    a, b = configurations[edges[edge, 0]], configurations[edges[edge, 1]]
+                    status[edge] = motion(grid, field, robot, placed, queue, a, b, True)
+                if status[edge] == BLOCKED:
+                    continue
+            reached = best[before] + cost[edge]
+            parent[node] = before
+        done[node] = True
+        best[node] = reached
+        if node == goal:
+            break
+        for k in range(start_of[node], start_of[node + 1]):
+            edge = incident[k]
+            if status[edge] == BLOCKED:
+                continue
+            direction = 0 if edges[edge, 0] == node else 1
+            other = edges[edge, 1 - direction]
+            if done[other] or banned[other]:
+                continue
+            key = reached + cost[edge] + to_go[other]
+            if key < limit:
+                if size == len(keys):
+                    keys, values = heap_grow(keys, values)
+                size = heap_push(keys, values, size, key, 2 * edge + direction)
+    if not done[goal]:
+        return np.empty(0, np.int64)
+    length, node = 1, goal
+    while node != start:
+        node = parent[node]
+        length += 1
+    path = np.empty(length, np.int64)
+    node = goal
+    for i in range(length - 1, -1, -1):
+        path[i] = node
+        node = parent[node]
+    return path
+
+
+@njit(cache=True)
+def edge_costs(configurations: FloatArray, edges: NDArray[np.int32], turning: bool) -> FloatArray:
+    """Return ‖Δxy‖ (+ 0.5·|Δθ| if ``turning``) of edges (m, 2), in metres."""
+    result = np.empty(len(edges))
+    for i in range(len(edges)):
+        a, b = configurations[edges[i, 0]], configurations[edges[i, 1]]
+        turn = abs(b[2] - a[2])
+        turn = min(turn, 2.0 * pi - turn) if turning else 0.0
+        result[i] = np.hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * turn
+    return result
