@@ -54,7 +54,8 @@ def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
     region = robot.outline.shapely()
     cover, inner = _cover(region, discs)
     return Footprint(
-        np.ascontiguousarray(robot.outline.rings()[0]),
+        # A copy: shapes are read-only, which to numba is another type and another compilation.
+        np.array(robot.outline.rings()[0], order="C"),
         _largest_ring(eroded(region, DEEP_TOLERANCE)),
         cover,
         inner,

@@ -58,7 +58,7 @@ def draw(
         unit = qmc.Halton(3, rng=rng).random(n) if n else np.empty((0, 3))
     low = np.array([bounds[0], bounds[1], -np.pi])
     high = np.array([bounds[2], bounds[3], np.pi])
-    q = low + unit * (high - low)
+    q = np.asarray(low + unit * (high - low))
     q[:, 2] = se2.wrap(q[:, 2])
     return q
 

@@ -220,7 +220,7 @@ class _Attempt:
         nodes = self.roadmap.add(ends)
         self._search(band, nodes)
         widening = 0
-        landmarks = FIRST_LANDMARKS
+        landmarks = float(FIRST_LANDMARKS)
         while self.best is None and self._go_on("placing landmarks"):
             ε = WIDENINGS[widening] if widening < len(WIDENINGS) else np.inf
             self._grow(band, ε, int(landmarks))

@@ -80,14 +80,15 @@ class Roadmap:
             return added
         points = se2.embed(nodes, self.checker.footprint.sweep_radius)
         k = min(len(nodes) - 1, neighbour_count(len(nodes)) if neighbours is None else neighbours)
-        found = cKDTree(points).query(points[first:], k + 1)[1]
+        found = np.asarray(cKDTree(points).query(points[first:], k + 1)[1])
         pairs = np.column_stack([np.repeat(added, k + 1), found.ravel()])
         pairs = pairs[pairs[:, 0] != pairs[:, 1]]
         # Two new nodes may have chosen each other.
-        pairs = np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int32)
+        pairs = np.unique(np.sort(pairs, axis=1), axis=0)
+        joined = np.asarray(pairs, dtype=np.int32)
         status = self.checker.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]])
-        self.edges = np.vstack([self.edges, pairs])
-        self.lengths = np.concatenate([self.lengths, edge_costs(nodes, pairs, self.turning)])
+        self.edges = np.vstack([self.edges, joined])
+        self.lengths = np.concatenate([self.lengths, edge_costs(nodes, joined, self.turning)])
         self.status = np.concatenate([self.status, status])
         self._index()
         return added
@@ -143,7 +144,7 @@ class Roadmap:
         target = self.configurations[node]
         if self.turning:
             return np.asarray(se2.distance(self.configurations, target))
-        return np.hypot(*(self.configurations[:, :2] - target[:2]).T)
+        return np.asarray(np.hypot(*(self.configurations[:, :2] - target[:2]).T))
 
     def certify_all(self) -> None:
         """Check every edge that nobody has checked yet, in one batch."""
