@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
@@ -14,6 +15,9 @@ __all__ = ["Band"]
 ALONG, AGAINST, BETWEEN = 0.3, 0.1, 0.3
 SPREAD = 0.2
 """Standard deviation (radians) of the headings that are not uniform."""
+
+GUIDE_TRIES = 8
+"""Configurations tried in each cell of the relaxed shortest way."""
 
 
 class Band:
@@ -36,33 +40,64 @@ class Band:
         self.checker = checker
         self.relaxation = relaxation
         self.start, self.goal = start, goal
-        self.to_goal: CostMap = relaxation.costs_from(goal)
-        row, column = relaxation.cells(relaxation.disc_centers(start))
-        self.shortest = float(self.to_goal.cost[row, column])
+        self._compute(relaxation.costs_from(goal, until=start))
+
+    def _compute(self, to_goal: CostMap) -> None:
+        relaxation = self.relaxation
+        self.to_goal = to_goal
+        self.shortest = float(to_goal.cost.ravel()[relaxation.cells(relaxation.disc_centers(self.start))])
         if not np.isfinite(self.shortest):
             return
-        from_start = relaxation.costs_from(start)
-        total = from_start.cost + self.to_goal.cost
-        self._cells = np.flatnonzero(np.isfinite(total))
-        self._total = total.ravel()[self._cells]
+        self.from_start = from_start = relaxation.costs_from(self.start, limit=to_goal.limit)
+        total = from_start.cost.ravel() + to_goal.cost.ravel()
+        self._cells = (
+            np.flatnonzero(total <= to_goal.limit) if np.isfinite(to_goal.limit) else np.flatnonzero(np.isfinite(total))
+        )
+        self._total = total[self._cells]
         self._share = from_start.cost.ravel()[self._cells] / np.maximum(self._total, 1e-9)
         # The tighter a place, the more landmarks it needs: K-means would thin out just these.
-        room = np.maximum(relaxation.clearance.ravel()[self._cells] - relaxation.radius, 0.0)
-        self._weight = 1.0 / (room + 0.25 * checker.footprint.circumradius)
-        toward = self.to_goal.parent.ravel()[self._cells].astype(np.float64)
-        self._along = np.where(toward >= 0, toward * (np.pi / 4.0), goal[2])
+        room = np.maximum(relaxation.clearance(self._cells) - relaxation.radius, 0.0)
+        self._weight = 1.0 / (room + 0.25 * self.checker.footprint.circumradius)
+        self._along = self._headings_along(self._cells)
+
+    def _headings_along(self, cells: NDArray[np.int64]) -> se2.FloatArray:
+        """Return the heading (radians) of the relaxed way to the goal in each cell, shape (n,)."""
+        toward = self.to_goal.parent.ravel()[cells].astype(np.float64)
+        return np.asarray(np.where(toward >= 0, toward * (np.pi / 4.0), self.goal[2]))
+
+    def widen(self, widening: float) -> None:
+        """Make sure that all cells of the band of width ε = ``widening`` are known."""
+        if (1.0 + widening) * self.shortest > self.to_goal.limit:
+            self._compute(self.relaxation.costs_from(self.goal))
 
     def costs_to_goal(self, q: se2.FloatArray) -> se2.FloatArray:
         """Return a lower estimate (metres) of the cost from configurations (n, 3) to the goal, shape (n,)."""
-        rows, columns = self.relaxation.cells(self.relaxation.disc_centers(q))
-        relaxed = self.to_goal.cost[rows, columns]
+        relaxed = self.to_goal.cost.ravel()[self.relaxation.cells(self.relaxation.disc_centers(q))]
         # Eight directions overestimate lengths by up to 8.3 %, cells by up to a diagonal at either end.
         estimate = np.where(np.isfinite(relaxed), relaxed / 1.0824 - 3.0 * self.relaxation.size, 0.0)
-        return np.maximum(estimate, np.hypot(*(q[:, :2] - self.goal[:2]).T))
+        return np.asarray(np.maximum(estimate, np.hypot(*(q[:, :2] - self.goal[:2]).T)))
 
-    def guide(self) -> se2.FloatArray:
-        """Return the relaxed shortest way as positions, shape (n, 2), from start to goal."""
-        return self.relaxation.way(self.to_goal, self.start)
+    def guides(self, rng: np.random.Generator) -> se2.FloatArray:
+        """Return valid configurations along the relaxed shortest way, shape (n, 3): where it is tight, every cell.
+
+        Each is the one with most clearance among several tries in its cell, so that a way through a gap hardly
+        wider than the robot comes out near the gap's middle.
+        """
+        cells = self.relaxation.way(self.to_goal, self.start)
+        where = self._headings_along(cells)
+        tries = np.repeat(np.arange(len(cells)), GUIDE_TRIES)
+        share = tries / max(1, len(cells) - 1)
+        q = self._place(cells[tries], where[tries], share, rng)
+        room = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
+        room[~self.checker.valid(q)] = -1.0
+        best = np.lexsort((room, tries)).reshape(len(cells), GUIDE_TRIES)[:, -1]
+        best = best[room[best] >= 0.0]
+        kept: list[int] = []
+        for i in best:
+            # One in every stretch as long as the clearance: motions of that length cannot collide.
+            if not kept or np.hypot(*(q[i, :2] - q[kept[-1], :2])) >= min(room[i], room[kept[-1]]):
+                kept.append(int(i))
+        return np.asarray(q[kept])
 
     def samples(self, n: int, widening: float, rng: np.random.Generator) -> se2.FloatArray:
         """Return up to n valid configurations from the band, shape (m, 3).
@@ -72,13 +107,14 @@ class Band:
             widening: ε; infinite takes in every cell that the disc can reach.
             rng: source of randomness.
         """
+        self.widen(widening)
         chosen = np.flatnonzero(self._total <= (1.0 + widening) * self.shortest + 2.0 * self.relaxation.size)
         cumulative = np.cumsum(self._weight[chosen])
         found, have = [np.empty((0, 3))], 0
         for _ in range(8):
             draws = max(64, 2 * (n - have))
             picked = chosen[np.searchsorted(cumulative, rng.random(draws) * cumulative[-1], side="right")]
-            q = self._place(picked, rng)
+            q = self._place(self._cells[picked], self._along[picked], self._share[picked], rng)
             q = q[self.checker.valid(q)]
             found.append(q)
             have += len(q)
@@ -86,19 +122,42 @@ class Band:
                 break
         return np.concatenate(found)[:n]
 
-    def _place(self, picked: np.ndarray, rng: np.random.Generator) -> se2.FloatArray:
-        """Return one configuration per picked cell: a random point of the cell, a heading of one of four kinds."""
-        relaxation = self.relaxation
-        rows, columns = np.divmod(self._cells[picked], relaxation.columns)
-        centers = relaxation.cell_centers(rows, columns)
+    def samples_near(self, q: se2.FloatArray, reach: float, n: int, rng: np.random.Generator) -> se2.FloatArray:
+        """Return valid configurations, shape (m, 3), m <= n, whose disc lies within ``reach`` metres of q's."""
+        center = self.relaxation.disc_centers(q)
+        off = self.relaxation.cell_centers(self._cells) - center
+        near = np.flatnonzero(np.hypot(off[:, 0], off[:, 1]) <= reach + self.relaxation.size)
+        if len(near) == 0:
+            return np.empty((0, 3))
+        picked = near[rng.integers(len(near), size=n)]
+        found = self._place(self._cells[picked], self._along[picked], self._share[picked], rng)
+        return np.asarray(found[self.checker.valid(found)])
+
+    def nearest_to_goal(self, q: se2.FloatArray) -> int:
+        """Return which of the configurations (n, 3) is nearest to the goal on the relaxed way."""
+        return int(np.argmin(self.to_goal.cost.ravel()[self.relaxation.cells(self.relaxation.disc_centers(q))]))
+
+    def nearest_to_start(self, q: se2.FloatArray) -> int:
+        """Return which of the configurations (n, 3) is nearest to the start on the relaxed way."""
+        return int(np.argmin(self.from_start.cost.ravel()[self.relaxation.cells(self.relaxation.disc_centers(q))]))
+
+    def _place(
+        self,
+        cells: NDArray[np.int64],
+        along: se2.FloatArray,
+        share: se2.FloatArray,
+        rng: np.random.Generator,
+    ) -> se2.FloatArray:
+        """Return one configuration per cell: a random point of it, a heading of one of four kinds."""
+        relaxation, n = self.relaxation, len(cells)
+        centers = relaxation.cell_centers(cells)
         centers += (rng.random(centers.shape) - 0.5) * relaxation.size
-        headings = rng.uniform(-np.pi, np.pi, len(picked))
         if self.checker.footprint.disc_radius > 0.0:
-            return relaxation.references(centers, np.zeros(len(picked)))
-        kind, noise = rng.random(len(picked)), SPREAD * rng.standard_normal(len(picked))
-        along = self._along[picked] + noise
-        between = se2.interpolate(self.start, self.goal, self._share[picked])[:, 2] + noise
+            return relaxation.references(centers, np.zeros(n))
+        headings = rng.uniform(-np.pi, np.pi, n)
+        kind, noise = rng.random(n), SPREAD * rng.standard_normal(n)
+        between = se2.interpolate(self.start, self.goal, share)[:, 2] + noise
         headings = np.where(kind < ALONG + AGAINST + BETWEEN, between, headings)
-        headings = np.where(kind < ALONG + AGAINST, along + np.pi, headings)
-        headings = np.where(kind < ALONG, along, headings)
+        headings = np.where(kind < ALONG + AGAINST, along + np.pi + noise, headings)
+        headings = np.where(kind < ALONG, along + noise, headings)
         return relaxation.references(centers, np.asarray(se2.wrap(headings)))

@@ -20,13 +20,13 @@ from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.kernels import field_value, point_clearance
 from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.heap import heap_grow, heap_pop, heap_push
 
 __all__ = ["CostMap", "Relaxation"]
 
 FloatArray = NDArray[np.float64]
 
 MAX_CELLS = 1 << 20
+"""Upper limit on the number of cells."""
 
 UNSURE_FACTOR = 3.0
 """How much dearer a step into a cell is whose centre is too close to an obstacle for the disc."""
@@ -34,16 +34,19 @@ UNSURE_FACTOR = 3.0
 
 @dataclass(frozen=True)
 class CostMap:
-    """Costs from one configuration's disc centre to all cells.
+    """Costs from one configuration's disc centre to all cells within a limit.
 
     Attributes:
-        cost: (rows, columns), metres, dearer in unsure cells; infinite where the disc cannot get.
-        parent: (rows, columns) int8, the direction (index into DIRECTIONS) that leads back towards the source;
-            -1 at the source and where the disc cannot get.
+        cost: (rows, columns), metres, dearer in unsure cells; infinite where the disc cannot get, or not within
+            ``limit``.
+        parent: (rows, columns) int8, the direction (index into the eight neighbours, counter-clockwise from +x)
+            that leads back towards the source; -1 at the source and where ``cost`` is infinite.
+        limit: metres; every cell at most this far has its cost.
     """
 
     cost: FloatArray
     parent: NDArray[np.int8]
+    limit: float
 
 
 # Columns and rows of the eight neighbours, counter-clockwise from +x: direction k has heading k * 45 degrees.
@@ -52,18 +55,17 @@ _STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1])
 
 
 class Relaxation:
-    """The inscribed disc's grid for one checker.
+    """The inscribed disc's grid for one checker; what a query needs of it is computed once and kept.
 
     Args:
         checker: gives obstacles, field and robot.
 
     Attributes:
+        center: the disc's centre in the robot's frame, shape (2,), metres.
+        radius: its radius, metres.
         size: edge of a cell, metres.
         rows: number of rows.
         columns: number of columns.
-        clearance: (rows, columns), distance (metres) from cell centres to the nearest obstacle; exact where it
-            decides whether the disc fits, within the field's slack elsewhere.
-        open: (rows, columns) bool, cells in which the disc's centre may lie.
     """
 
     def __init__(self, checker: StateChecker) -> None:
@@ -72,18 +74,30 @@ class Relaxation:
         self.center = np.array(disc.center)
         self.radius = disc.radius
         xmin, ymin, xmax, ymax = checker.world.bounds
-        wanted = 0.7 * self.radius
-        self.size = max(wanted, sqrt((xmax - xmin) * (ymax - ymin) / MAX_CELLS))
+        self.size = max(self.radius, sqrt((xmax - xmin) * (ymax - ymin) / MAX_CELLS))
         # A large robot still deserves a map: at least a hundred cells along the longer side.
         self.size = min(self.size, max(xmax - xmin, ymax - ymin) / 100.0)
         self.columns = max(1, int(np.ceil((xmax - xmin) / self.size)))
         self.rows = max(1, int(np.ceil((ymax - ymin) / self.size)))
         self.x0, self.y0 = xmin, ymin
-        self.clearance = _clearances(
-            checker.grid, checker.field, self.x0, self.y0, self.size, self.rows, self.columns, self.radius
-        )
-        # Contact is allowed up to 1e-7 m; ten times that is left open.
-        self.open = self.clearance + self.size * sqrt(0.5) >= self.radius - 1e-6
+        self._clearance = np.full((self.rows, self.columns), np.nan)
+
+    def clearance(self, cells: NDArray[np.int64]) -> FloatArray:
+        """Return the distance (metres) from cell centres to the nearest obstacle, shape (n,).
+
+        It is exact where it decides whether the disc fits, and right within the field's slack elsewhere.
+
+        Args:
+            cells: row * columns + column, shape (n,).
+        """
+        _fill(self.checker.grid, self.checker.field, self._clearance, cells, self.x0, self.y0, self.size, self.radius)
+        return self._clearance.ravel()[cells]
+
+    @property
+    def open(self) -> NDArray[np.bool_]:
+        """The cells in which the disc's centre may lie, shape (rows, columns)."""
+        clearance = self.clearance(np.arange(self.rows * self.columns)).reshape(self.rows, self.columns)
+        return np.asarray(clearance >= self._least())
 
     def disc_centers(self, q: FloatArray) -> FloatArray:
         """Return the inscribed disc's centre in the world for configurations (..., 3); shape (..., 2)."""
@@ -97,95 +111,170 @@ class Relaxation:
         y = centers[:, 1] - sin * cx - cos * cy
         return np.column_stack([x, y, headings])
 
-    def cells(self, points: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return rows and columns of the cells of points (..., 2), clipped to the grid."""
+    def cells(self, points: FloatArray) -> NDArray[np.int64]:
+        """Return the cells (row * columns + column) of points (..., 2), clipped to the grid; shape (...)."""
         column = np.floor((points[..., 0] - self.x0) / self.size).astype(np.int64)
         row = np.floor((points[..., 1] - self.y0) / self.size).astype(np.int64)
-        return np.clip(row, 0, self.rows - 1), np.clip(column, 0, self.columns - 1)
+        return np.asarray(np.clip(row, 0, self.rows - 1) * self.columns + np.clip(column, 0, self.columns - 1))
 
-    def cell_centers(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> FloatArray:
-        """Return the centres of cells, shape (n, 2), metres."""
+    def cell_centers(self, cells: NDArray[np.int64]) -> FloatArray:
+        """Return the centres of cells (n,), shape (n, 2), metres."""
+        rows, columns = np.divmod(cells, self.columns)
         return np.column_stack([self.x0 + (columns + 0.5) * self.size, self.y0 + (rows + 0.5) * self.size])
 
-    def costs_from(self, q: FloatArray) -> CostMap:
-        """Return the costs from the disc's centre at configuration q, shape (3,), to all cells (Dijkstra)."""
-        row, column = self.cells(self.disc_centers(q))
-        cost, parent = _dijkstra(self.open, self.clearance, self.radius, self.size, int(row), int(column))
-        return CostMap(cost, parent)
+    def costs_from(self, q: FloatArray, *, limit: float = np.inf, until: FloatArray | None = None) -> CostMap:
+        """Return the costs from the disc's centre at configuration q, shape (3,), to the cells (Dijkstra).
+
+        Args:
+            q: the source.
+            limit: metres; cells farther off may be left out.
+            until: shape (3,): go on to half as far again as this configuration lies, and no farther.
+        """
+        target = -1 if until is None else int(self.cells(self.disc_centers(until)))
+        cost, parent, reached = _dijkstra(
+            self.checker.grid,
+            self.checker.field,
+            self._clearance,
+            self.x0,
+            self.y0,
+            self.size,
+            self.radius,
+            self._least(),
+            int(self.cells(self.disc_centers(q))),
+            target,
+            limit,
+        )
+        return CostMap(cost, parent, reached)
 
     def component(self, q: FloatArray) -> NDArray[np.bool_]:
-        """Return the cells that the disc may reach from configuration q; a superset of what the robot can reach."""
-        from scipy.ndimage import label
+        """Return the cells, shape (rows * columns,), that the disc may reach from configuration q.
 
-        labels, _ = label(self.open, structure=np.ones((3, 3), dtype=np.int8))
-        row, column = self.cells(self.disc_centers(q))
-        return np.asarray((labels == labels[row, column]) & self.open)
+        It is a superset of what the robot can reach.
+        """
+        return np.isfinite(self.costs_from(q).cost).ravel()
 
-    def way(self, costs: CostMap, q: FloatArray) -> FloatArray:
-        """Return the cell centres from q's disc centre back to the costs' source, shape (n, 2)."""
-        row, column = (int(v) for v in self.cells(self.disc_centers(q)))
-        rows, columns = [row], [column]
-        while (k := int(costs.parent[row, column])) >= 0:
-            row, column = row + int(_STEP_Y[k]), column + int(_STEP_X[k])
-            rows.append(row)
-            columns.append(column)
-        return self.cell_centers(np.array(rows), np.array(columns))
+    def way(self, costs: CostMap, q: FloatArray) -> NDArray[np.int64]:
+        """Return the cells, shape (n,), from q's disc centre back to the costs' source."""
+        cell = int(self.cells(self.disc_centers(q)))
+        parent = costs.parent.ravel()
+        cells = [cell]
+        while (k := int(parent[cell])) >= 0:
+            cell += int(_STEP_Y[k]) * self.columns + int(_STEP_X[k])
+            cells.append(cell)
+        return np.array(cells)
+
+    def _least(self) -> float:
+        """Return the clearance of a cell's centre below which no centre position in the cell leaves room."""
+        # Contact is allowed up to 1e-7 m; ten times that is left open.
+        return self.radius - self.size * sqrt(0.5) - 1e-6
 
 
 @njit(cache=True)
-def _clearances(
+def _cell_clearance(grid: ObstacleGrid, field: ClearanceField, x: float, y: float, size: float, radius: float) -> float:
+    """Return the clearance of a point, exact (up to radius + size) where that matters for the disc."""
+    value = field_value(field, x, y)
+    if value - field.slack < radius and value + field.slack + size >= radius:
+        exact = point_clearance(grid, x, y, radius + size)
+        # A value at the cap says only that there is more room: keep the field's.
+        return exact if exact < radius + size else max(exact, value)
+    return value
+
+
+@njit(cache=True)
+def _fill(
     grid: ObstacleGrid,
     field: ClearanceField,
+    clearance: FloatArray,
+    cells: NDArray[np.int64],
     x0: float,
     y0: float,
     size: float,
-    rows: int,
-    columns: int,
     radius: float,
-) -> FloatArray:
-    """Return the clearance of all cell centres, exact (up to radius + size) where that matters for the disc."""
-    result = np.empty((rows, columns))
-    margin = size * sqrt(0.5)
-    for row in range(rows):
-        y = y0 + (row + 0.5) * size
-        for column in range(columns):
-            x = x0 + (column + 0.5) * size
-            value = field_value(field, x, y)
-            if value - field.slack < radius and value + field.slack + margin >= radius:
-                exact = point_clearance(grid, x, y, radius + size)
-                # A value at the cap says only that there is more room: keep the field's.
-                value = exact if exact < radius + size else max(exact, value)
-            result[row, column] = value
-    return result
+) -> None:
+    """Compute the clearance of cells that nobody has asked for yet."""
+    columns = clearance.shape[1]
+    for cell in cells:
+        row, column = cell // columns, cell % columns
+        if np.isnan(clearance[row, column]):
+            x, y = x0 + (column + 0.5) * size, y0 + (row + 0.5) * size
+            clearance[row, column] = _cell_clearance(grid, field, x, y, size, radius)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _dijkstra(
-    is_open: NDArray[np.bool_], clearance: FloatArray, radius: float, size: float, row: int, column: int
-) -> tuple[FloatArray, NDArray[np.int8]]:
-    rows, columns = is_open.shape
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    clearance: FloatArray,
+    x0: float,
+    y0: float,
+    size: float,
+    radius: float,
+    least: float,
+    source: int,
+    target: int,
+    limit: float,
+) -> tuple[FloatArray, NDArray[np.int8], float]:
+    """Return costs and parents of the cells up to ``limit`` (metres), and that limit.
+
+    No step is shorter than a cell, so cells within one cell's size of each other cannot improve each other: a
+    ring of buckets of that width serves as the queue (Dial 1969).
+    """
+    rows, columns = clearance.shape
     cost = np.full((rows, columns), np.inf)
     parent = np.full((rows, columns), -1, np.int8)
-    keys, values = np.empty(1024), np.empty(1024, np.int64)
-    cost[row, column] = 0.0
-    count = heap_push(keys, values, 0, 0.0, row * columns + column)
-    while count > 0:
-        count = heap_pop(keys, values, count)
-        key, cell = keys[count], values[count]
-        r, c = cell // columns, cell % columns
-        if key > cost[r, c]:
-            continue
-        for k in range(8):
-            nr, nc = r + _STEP_Y[k], c + _STEP_X[k]
-            if not (0 <= nr < rows and 0 <= nc < columns) or not is_open[nr, nc]:
+    # The dearest step spans 3 * sqrt(2) cells: six buckets ahead of the current one.
+    buckets = 8
+    head = np.full(buckets, -1, np.int64)
+    capacity = 4096
+    queued, following = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+    free, used, waiting = -1, 1, 1
+    cost[source // columns, source % columns] = 0.0
+    queued[0], following[0], head[0] = source, -1, 0
+    level = 0
+    while waiting > 0 and level * size <= limit:
+        slot = level % buckets
+        while head[slot] >= 0:
+            entry = head[slot]
+            head[slot] = following[entry]
+            cell = queued[entry]
+            following[entry], free = free, entry
+            waiting -= 1
+            r, c = cell // columns, cell % columns
+            key = cost[r, c]
+            if int(key / size) != level:
                 continue
-            step = size * (sqrt(2.0) if k % 2 else 1.0)
-            if clearance[nr, nc] < radius:
-                step *= UNSURE_FACTOR
-            if key + step < cost[nr, nc]:
-                cost[nr, nc] = key + step
-                parent[nr, nc] = (k + 4) % 8
-                if count == len(keys):
-                    keys, values = heap_grow(keys, values)
-                count = heap_push(keys, values, count, key + step, nr * columns + nc)
-    return cost, parent
+            if cell == target:
+                limit = min(limit, 1.5 * key + 8.0 * size)
+            for j in range(8):
+                # Straight neighbours first: they tell whether a diagonal cuts a corner.
+                k = 2 * j if j < 4 else 2 * j - 7
+                nr, nc = r + _STEP_Y[k], c + _STEP_X[k]
+                if not (0 <= nr < rows and 0 <= nc < columns):
+                    continue
+                room = clearance[nr, nc]
+                if np.isnan(room):
+                    room = _cell_clearance(grid, field, x0 + (nc + 0.5) * size, y0 + (nr + 0.5) * size, size, radius)
+                    clearance[nr, nc] = room
+                if room < least:
+                    continue
+                step = size * (sqrt(2.0) if k % 2 else 1.0)
+                # A diagonal past a cell that is too tight would cut the obstacle's corner.
+                if room < radius or (k % 2 and min(clearance[r, nc], clearance[nr, c]) < radius):
+                    step *= UNSURE_FACTOR
+                if key + step < cost[nr, nc]:
+                    cost[nr, nc] = key + step
+                    parent[nr, nc] = (k + 4) % 8
+                    if free >= 0:
+                        entry, free = free, following[free]
+                    else:
+                        if used == capacity:
+                            capacity *= 2
+                            more_queued, more_following = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+                            more_queued[:used], more_following[:used] = queued, following
+                            queued, following = more_queued, more_following
+                        entry, used = used, used + 1
+                    slot_of = int((key + step) / size) % buckets
+                    queued[entry], following[entry], head[slot_of] = nr * columns + nc, head[slot_of], entry
+                    waiting += 1
+        level += 1
+    return cost, parent, limit

@@ -32,6 +32,9 @@ FIRST_LANDMARKS = 120
 GROWTH = 1.4
 """Each round places this many times the landmarks of the one before."""
 
+BRIDGE_MISSES = 3
+"""Attempts at the same gap before the next round of landmarks."""
+
 PATIENCE = 4
 """Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
 IMPROVEMENT = 1e-3
@@ -223,8 +226,11 @@ class _Attempt:
         landmarks = float(FIRST_LANDMARKS)
         while self.best is None and self._go_on("placing landmarks"):
             ε = WIDENINGS[widening] if widening < len(WIDENINGS) else np.inf
+            self.roadmap.add(band.guides(self.rng))
             self._grow(band, ε, int(landmarks))
             self._search(band, nodes)
+            if self.best is None:
+                self._bridge(band, nodes)
             widening += 1
             landmarks *= GROWTH
         self._improve(band, nodes, landmarks)
@@ -235,11 +241,28 @@ class _Attempt:
         if len(samples):
             self.planner._place(samples, landmarks)
 
+    def _bridge(self, band: Band, nodes: NDArray[np.int64]) -> None:
+        """Place landmarks where the start's and the goal's parts of the roadmap end, while they come nearer."""
+        misses = 0
+        frontier: set[int] = set()
+        while self.best is None and misses < BRIDGE_MISSES and self._time_left() > 0.0:
+            q = self.roadmap.configurations
+            ahead = np.flatnonzero(self.roadmap.shortest_path(int(nodes[0]), int(nodes[1])).reached)
+            behind = np.flatnonzero(self.roadmap.shortest_path(int(nodes[1]), int(nodes[0])).reached)
+            ends = {int(ahead[band.nearest_to_goal(q[ahead])]), int(behind[band.nearest_to_start(q[behind])])}
+            misses = misses + 1 if ends <= frontier else 0
+            frontier |= ends
+            reach = band.relaxation.size * 2.0 ** self.rng.uniform(0.0, 4.0)
+            found = [band.samples_near(q[end], reach, 100, self.rng) for end in sorted(ends)]
+            self.roadmap.add(np.concatenate(found))
+            self._search(band, nodes)
+
     def _search(self, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None) -> None:
         """Offer the roadmap's shortest path, shortened."""
         to_go = band.costs_to_goal(self.roadmap.configurations)
         limit = np.inf if banned is not None else self.best_cost
-        found = self.roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit)
+        search = self.roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit)
+        found = search.nodes
         if len(found) == 0:
             return
         states = self.roadmap.configurations[found]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from trailmark.roadmap.search import edge_costs, lazy_shortest_path
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["Roadmap", "neighbour_count"]
+__all__ = ["Roadmap", "Search", "neighbour_count"]
 
 
 def neighbour_count(n: int) -> int:
@@ -26,6 +26,19 @@ def neighbour_count(n: int) -> int:
     (k-nearest PRM*).
     """
     return int(np.ceil(np.e * (1.0 + 1.0 / 3.0) * np.log(max(n, 2))))
+
+
+class Search(NamedTuple):
+    """What a search found.
+
+    Attributes:
+        nodes: (p,) the path's nodes from start to goal; empty if there is none.
+        reached: (n,) bool, the nodes reached by certified motions from the start; without a path and a limit,
+            all that can be reached.
+    """
+
+    nodes: NDArray[np.int64]
+    reached: NDArray[np.bool_]
 
 
 class Roadmap:
@@ -101,8 +114,8 @@ class Roadmap:
         to_go: se2.FloatArray | None = None,
         banned: NDArray[np.bool_] | None = None,
         limit: float = np.inf,
-    ) -> NDArray[np.int64]:
-        """Return the nodes of the shortest certified path, shape (p,); empty if there is none.
+    ) -> Search:
+        """Return the shortest certified path's nodes.
 
         Edges that the search needs and nobody has checked yet are checked and marked.
 
@@ -122,7 +135,7 @@ class Roadmap:
                 raise ConfigurationError(f"node {node} given, allowed: 0 to {n - 1}")
         if to_go is None:
             to_go = self.distances_to(goal)
-        return lazy_shortest_path(
+        nodes, reached = lazy_shortest_path(
             self.checker.grid,
             self.checker.field,
             self.checker.footprint,
@@ -138,6 +151,7 @@ class Roadmap:
             np.zeros(n, np.bool_) if banned is None else banned,
             limit,
         )
+        return Search(nodes, reached)
 
     def distances_to(self, node: int) -> se2.FloatArray:
         """Return every node's straight distance to a node, shape (n,), in the metric of ``lengths``."""

@@ -38,8 +38,10 @@ def lazy_shortest_path(
     to_go: FloatArray,
     banned: NDArray[np.bool_],
     limit: float,
-) -> NDArray[np.int64]:
-    """Return the nodes of the shortest certified path from start to goal; empty if there is none below ``limit``.
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the nodes of the shortest certified path from start to goal, and which nodes the search reached.
+
+    The path is empty if there is none below ``limit``.
 
     Args:
         grid: the obstacles.
@@ -103,7 +105,7 @@ def lazy_shortest_path(
                     keys, values = heap_grow(keys, values)
                 size = heap_push(keys, values, size, key, 2 * edge + direction)
     if not done[goal]:
-        return np.empty(0, np.int64)
+        return np.empty(0, np.int64), done
     length, node = 1, goal
     while node != start:
         node = parent[node]
@@ -113,7 +115,7 @@ def lazy_shortest_path(
     for i in range(length - 1, -1, -1):
         path[i] = node
         node = parent[node]
-    return path
+    return path, done
 
 
 @njit(cache=True)
