@@ -169,7 +169,7 @@ def _blocked_regions(grid: ObstacleGrid, px: float, py: float) -> int:
         return 1
     cell = row * grid.columns + column
     cx, cy = grid.x0 + (column + 0.5) * grid.size, grid.y0 + (row + 0.5) * grid.size
-    winding = grid.winding[cell]
+    winding = int(grid.winding[cell])
     for k in range(grid.cell_start[cell], grid.cell_start[cell + 1]):
         item = grid.items[k]
         if item >= len(grid.segments):

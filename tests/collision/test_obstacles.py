@@ -1,0 +1,130 @@
+"""The obstacle grid: it forgets no obstacle, and it knows inside from outside at any alignment of its cells."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from benchmarks.random_worlds import random_world
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trailmark.collision import StateChecker
+from trailmark.collision.obstacles import boundary_segments, build_grid, cell_size_for, obstacle_discs
+from trailmark.shapes import Disc, Polygon
+from trailmark.world import Robot, World
+
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+def aligned_cell(distance: float, column: int) -> float:
+    """Return the cell size that puts a column's centre ``distance`` metres right of the bounds, up to rounding."""
+    return distance / (column + 0.5 - 1.3137)
+
+
+@pytest.mark.parametrize("left", [-7.0, -3.0, 0.1, 11.0, 1e5])
+@pytest.mark.parametrize("column", [7, 16, 22, 34, 43])
+def test_a_wall_through_the_centres_of_cells_hides_nothing_behind_it(left: float, column: int) -> None:
+    for distance in (2.0, 7.0, 12.0, 27.0, 37.0):
+        size = aligned_cell(distance, column)
+        wall = Polygon(SQUARE * (10.0, 16.0) + (left + distance, 2.0))
+        world = World("aligned", (left, 0.0, left + 60.0, 20.0), (wall,))
+        # So small that it lies inside one cell, and far from the wall's edges for its size.
+        checker = StateChecker(world, Robot.disc(0.01 * size), cell=size)
+        rows = np.linspace(3.0, 17.0, 40)
+        for side, expected in ((0.2, False), (-0.2, True)):
+            at = np.column_stack([np.full(40, left + distance + side * size), rows, np.zeros(40)])
+            assert (checker.valid(at) == expected).all()
+
+
+@given(
+    st.integers(1, 12),
+    st.integers(2, 60),
+    st.sampled_from([(0.0, 0.0), (-7.0, 3.0), (1e5, -1e5), (0.1, 0.3)]),
+    st.integers(0, 2**32 - 1),
+)
+def test_the_number_of_regions_over_a_point_on_aligned_lattices(
+    distance: int, column: int, origin: tuple[float, float], seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((8, 8)) < 0.5
+    world = World(
+        "lattice",
+        (*origin, origin[0] + 8, origin[1] + 8),
+        tuple(Polygon(SQUARE + cell + np.array(origin)) for cell in np.argwhere(occupied)),
+    )
+    checker = StateChecker(world, Robot.disc(1e-3), cell=aligned_cell(float(distance), column))
+    at = rng.integers(0, 8, (200, 2))
+    offset = rng.choice([0.002, 0.25, 0.5, 0.75, 0.998], (200, 2))
+    q = np.column_stack([at + offset + origin, np.zeros(200)])
+    assert (checker.valid(q) == ~occupied[at[:, 0], at[:, 1]]).all()
+
+
+def test_winding_counts_the_regions_over_every_cell_centre() -> None:
+    world = random_world(4, 60, size=40.0, holes=0.5, boundary=True)
+    grid = build_grid(world, 0.37)
+    columns, rows = np.meshgrid(np.arange(grid.columns), np.arange(grid.rows))
+    x = grid.x0 + (columns.ravel() + 0.5) * grid.size
+    y = grid.y0 + (rows.ravel() + 0.5) * grid.size
+    expected = np.zeros(len(x), int)
+    for shape in world.obstacles:
+        expected += shapely.contains_xy(shape.polygon().shapely(), x, y)
+    assert world.boundary is not None
+    expected += ~shapely.contains_xy(world.boundary.shapely(), x, y)
+    expected += ~shapely.contains_xy(shapely.box(*world.bounds), x, y)
+    assert (grid.winding == expected).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_cell_lists_all_that_touches_it(seed: int) -> None:
+    world = random_world(seed, 40, size=20.0, radii=(0.05, 6.0), discs=0.4, holes=0.4, boundary=True)
+    grid = build_grid(world, 0.41)
+    columns, rows = np.meshgrid(np.arange(grid.columns), np.arange(grid.rows))
+    x, y = grid.x0 + columns.ravel() * grid.size, grid.y0 + rows.ravel() * grid.size
+    cells = shapely.box(x, y, x + grid.size, y + grid.size)
+    items = np.concatenate(
+        [
+            shapely.linestrings(grid.segments.reshape(-1, 2, 2)),
+            shapely.buffer(shapely.points(grid.discs[:, :2]), grid.discs[:, 2], quad_segs=64),
+        ]
+    )
+    touched = shapely.STRtree(cells).query(items, predicate="intersects")
+    listed = {
+        (int(item), cell)
+        for cell in range(len(cells))
+        for item in grid.items[grid.cell_start[cell] : grid.cell_start[cell + 1]]
+    }
+    assert {(int(item), int(cell)) for item, cell in touched.T} <= listed
+
+
+def test_segments_have_the_blocked_side_on_their_left() -> None:
+    clockwise = Polygon(SQUARE[::-1] * 4.0 + 3.0, (SQUARE + 4.0,))
+    world = World("w", (0, 0, 10, 10), (clockwise,), boundary=Polygon(SQUARE * 9.0 + 0.5))
+    segments, enclosing = boundary_segments(world)
+    assert enclosing == 2
+    assert len(segments) == 16
+    free = shapely.difference(shapely.box(0.5, 0.5, 9.5, 9.5), clockwise.shapely())
+    a, b = segments[:, :2], segments[:, 2:]
+    along = (b - a) / np.hypot(*(b - a).T)[:, None]
+    left = 0.5 * (a + b) + 0.01 * np.column_stack([-along[:, 1], along[:, 0]])
+    assert not shapely.contains_xy(free, left).any()
+    right = 0.5 * (a + b) - 0.01 * np.column_stack([-along[:, 1], along[:, 0]])
+    # The bounds' own edges have the boundary's outside on both sides.
+    assert shapely.contains_xy(free, right)[4:].all()
+
+
+def test_obstacle_discs_are_kept_exact() -> None:
+    world = World("w", (0, 0, 10, 10), (Disc((1, 2), 3), Polygon(SQUARE), Disc((4, 5), 0.5)))
+    assert obstacle_discs(world).tolist() == [[1, 2, 3], [4, 5, 0.5]]
+    assert obstacle_discs(World("w", (0, 0, 1, 1))).shape == (0, 3)
+
+
+@pytest.mark.parametrize("bounds", [(0, 0, 1, 1), (0, 0, 1e6, 1.0), (-5, -1e5, 5, 1e5), (0, 0, 1e4, 1e4)])
+@pytest.mark.parametrize("wanted", [1e-9, 0.1, 10.0])
+def test_cells_stay_few(bounds: tuple[float, float, float, float], wanted: float) -> None:
+    world = World("w", bounds)
+    size = cell_size_for(world, wanted)
+    assert size >= wanted
+    grid = build_grid(world, size)
+    assert grid.columns * grid.rows <= 1.2 * 2**18
+    assert max(grid.columns, grid.rows) <= 8200
