@@ -70,15 +70,19 @@ def result_of(path: Path | None, status: str = "solved") -> Any:
     return SimpleNamespace(status=status, path=path, time={"total": 0.25})
 
 
-def roadmap_of(*configurations: tuple[float, float, float]) -> Any:
-    n = len(configurations)
-    edges = np.array([[i, i + 1] for i in range(n - 1)], dtype=np.int64).reshape(-1, 2)
-    certified = np.arange(len(edges)) % 2 == 0
-    return SimpleNamespace(configurations=np.array(configurations), edges=edges, certified=certified)
+BLOCKED, FREE, UNDECIDED = 0, 1, 2
+
+
+def roadmap_of(configurations: list[tuple[float, float, float]], status: list[int]) -> Any:
+    """A roadmap whose i-th edge joins the nodes i and i + 1."""
+    kinds = np.array(status, dtype=np.uint8)
+    edges = np.array([[i, i + 1] for i in range(len(kinds))], dtype=np.int32).reshape(-1, 2)
+    at = np.array(configurations).reshape(-1, 3)
+    return SimpleNamespace(configurations=at, edges=edges, status=kinds, certified=kinds == FREE)
 
 
 PATH = Path(np.array([START, (8.0, 1.2, 0.0), (8.5, 3.0, 1.2), GOAL]))
-ROADMAP = roadmap_of(START, (5.0, 1.0, 0.5), (8.0, 1.2, 0.0), (8.5, 3.0, 1.2), GOAL)
+ROADMAP = roadmap_of([START, (5.0, 1.0, 0.5), (8.0, 1.2, 0.0), (8.5, 3.0, 1.2), GOAL], [FREE, UNDECIDED, BLOCKED, FREE])
 
 
 def test_dark_pixels_are_obstacles_and_white_ones_are_free() -> None:
@@ -156,23 +160,54 @@ def test_path_robot_and_ends_are_visible() -> None:
     assert is_colour(rgb[beside], "white").all()
 
 
-@pytest.mark.parametrize(("robot", "collections"), [(CAR, 3), (Robot.disc(0.2), 2)])
-def test_roadmap_edges_by_kind_and_heading_ticks_unless_the_robot_is_a_disc(robot: Robot, collections: int) -> None:
-    canvas = Canvas(ROOM.bounds)
-    plotting.draw_plan(canvas.axes, robot, roadmap=ROADMAP)
-    drawn = {c.get_label(): c for c in canvas.axes.collections}
-    assert len(canvas.axes.collections) == collections
-    assert len(drawn["edge, certified"].get_paths()) == 2
-    assert len(drawn["edge, not checked"].get_paths()) == 2
+def ink(canvas: Canvas, x: float, y: float) -> float:
+    """Return how dark the darkest pixel about a point is in the green channel: 0 white, 1 black."""
+    rgb, xs, ys = canvas.pixels()
+    return float(1.0 - rgb[np.hypot(xs - x, ys - y) < 1.5 * canvas.size][:, 1].min())
+
+
+def test_roadmap_edges_by_what_is_known_of_them() -> None:
+    canvas = Canvas(ROOM.bounds, per_metre=80)
+    plotting.draw_plan(canvas.axes, CAR, roadmap=ROADMAP)
+    middles = (ROADMAP.configurations[:-1] + ROADMAP.configurations[1:]) / 2
+    free, undecided, blocked, last = (ink(canvas, *middle[:2]) for middle in middles)
+    assert min(free, last) > 1.5 * undecided
+    assert undecided > 0.03
+    assert blocked == 0.0
+
+
+def test_edges_that_are_not_checked_lie_under_the_obstacles() -> None:
+    canvas = Canvas(ROOM.bounds, per_metre=80)
+    plotting.draw_world(canvas.axes, ROOM)
+    plotting.draw_plan(canvas.axes, CAR, roadmap=roadmap_of([(0.5, 4.0, 0.0), (2.5, 4.0, 0.0)], [UNDECIDED]))
+    assert ink(canvas, 1.5, 4.0) == pytest.approx(1.0 - to_rgb(plotting.OBSTACLE)[1], abs=0.005)
+    assert 0.03 < ink(canvas, 2.35, 4.0) < 0.2
+
+
+@pytest.mark.parametrize(("robot", "ticks"), [(CAR, True), (Robot.disc(0.2), False)])
+def test_landmarks_have_heading_ticks_unless_the_robot_is_a_disc(robot: Robot, ticks: bool) -> None:
+    canvas = Canvas((0.0, 0.0, 2.0, 2.0), per_metre=200)
+    plotting.draw_plan(canvas.axes, robot, roadmap=roadmap_of([(1.0, 1.0, 2.0)], []))
     rgb, x, y = canvas.pixels()
-    for q in ROADMAP.configurations:
-        assert is_colour(rgb[np.hypot(x - q[0], y - q[1]) < canvas.size], plotting.LANDMARK, 0.15).all()
+    inked = np.argwhere(is_colour(rgb, plotting.LANDMARK, 0.3))
+    assert len(inked) > 5
+    reach = np.array([x[tuple(at)] - 1.0 for at in inked]), np.array([y[tuple(at)] - 1.0 for at in inked])
+    along = reach[0] * math.cos(2.0) + reach[1] * math.sin(2.0)
+    assert (along.max() > -1.5 * along.min()) == ticks
+
+
+def test_a_dense_roadmap_stays_lighter_than_its_landmarks() -> None:
+    rng = np.random.default_rng(1)
+    at = [(float(x), float(y), 0.0) for x, y in rng.uniform((1, 1), (9, 5), (4000, 2))]
+    canvas = Canvas(ROOM.bounds)
+    plotting.draw_plan(canvas.axes, CAR, roadmap=roadmap_of(at, [FREE] * 3999))
+    rgb = canvas.pixels()[0]
+    assert rgb.mean() > np.mean(to_rgb(plotting.EDGE))
 
 
 def test_empty_roadmap_and_single_state_path_can_be_drawn() -> None:
     canvas = Canvas(ROOM.bounds)
-    nothing: Any = SimpleNamespace(configurations=np.empty((0, 3)), edges=np.empty((0, 2)), certified=np.empty(0))
-    plotting.draw_plan(canvas.axes, CAR, Path(np.array([START])), nothing)
+    plotting.draw_plan(canvas.axes, CAR, Path(np.array([START])), roadmap_of([], []))
     assert is_colour(canvas.pixels()[0], plotting.GOAL).any()
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib
 import numpy as np
 import shapely
-from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
@@ -39,7 +39,7 @@ __all__ = ["PICTURE_SUFFIXES", "draw_plan", "draw_world", "save_plan_figure", "s
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 OBSTACLE, MARGIN, OUTSIDE, HATCH, TEXT = "#3f4249", "#c9ccd2", "#eceef1", "#b4b9c2", "#55585f"
-START, GOAL, PATH, LANDMARK = "#009e73", "#d55e00", "#0072b2", "#9c4a79"
+START, GOAL, PATH, BODY, LANDMARK = "#009e73", "#d55e00", "#0072b2", "#d8e9f4", "#9c4a79"
 EDGE, CANDIDATE = "#dca6c5", "#ecdde5"  # tints of Okabe & Ito's purple: the roadmap is the path's background
 
 _LONG_SIDE = 7.5  # inches of the axes
@@ -70,8 +70,9 @@ def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
         solid = shapely.simplify(solid, pixel / 2)
     if robot is not None and robot.reference_radius > pixel / 2:
         radius = robot.reference_radius
-        grown = shapely.buffer(solid, radius, quad_segs=8)
-        shrunk = shapely.simplify(inside, pixel / 2).buffer(-radius, quad_segs=8)
+        arc = min(16, math.ceil(math.sqrt(radius / pixel)))  # then a chord lies within half a pixel of its arc
+        grown = shapely.buffer(solid, radius, quad_segs=arc)
+        shrunk = shapely.simplify(inside, pixel / 2).buffer(-radius, quad_segs=arc)
         _fill(axes, [inside.difference(shrunk), *grown], MARGIN, 1.0, label="C-obstacle at every heading")
     _fill(axes, solid, OBSTACLE, 1.5, label="obstacle")
     _fill(axes, [shapely.box(*view).difference(inside)], OUTSIDE, 2.0, edgecolor=HATCH, hatch="////", label="outside")
@@ -171,39 +172,37 @@ def save_world_figure(file: str | FilePath, world: World) -> None:
             note.set(fontsize=8, color=TEXT, parse_math=False)
             note.set_bbox({"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8})
     facts = [f"{world.bounds[2] - world.bounds[0]:g} × {world.bounds[3] - world.bounds[1]:g} m"]
-    facts.append(f"{len(world.obstacles):,} obstacles")
-    facts.append(f"{len(world.queries):,} queries" + (f", {len(shown)} shown" if world.queries != shown else ""))
+    facts.append(f"{len(world.obstacles):,} obstacle{'' if len(world.obstacles) == 1 else 's'}")
+    facts.append(f"{len(world.queries):,} quer{'y' if len(world.queries) == 1 else 'ies'}")
+    facts[-1] += f", {len(shown)} shown" if len(shown) < len(world.queries) else ""
     facts.append(world.robot.describe() if world.robot else "no robot")
     _annotate(figure, axes, world.name, " · ".join(facts))
     _write(figure, FilePath(file))
 
 
 def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:
-    at = np.asarray(roadmap.configurations)
-    edges, certified = np.asarray(roadmap.edges).reshape(-1, 2), np.asarray(roadmap.certified, dtype=bool)
-    # Ink per edge falls with their number, so that a dense roadmap stays a texture under the path.
-    fade = min(1.0, math.sqrt(1500 / max(len(edges), 1)))
-    kinds = (~certified, CANDIDATE, 0.5, "edge, not checked"), (certified, EDGE, 0.8, "edge, certified")
-    for which, colour, width, label in kinds:
-        if which.any():
-            lines = LineCollection(list(at[edges[which], :2]), colors=colour, linewidths=max(0.25, width * fade))
-            lines.set(zorder=3.0 + 0.1 * width, label=label)
-            axes.add_collection(lines, autolim=False)
+    from trailmark.collision.kernels import BLOCKED
+
+    at, status = roadmap.configurations, roadmap.status
+    # Edges that nobody has checked yet may run through obstacles, which therefore lie over them.
+    _draw_lines(axes, at[roadmap.edges[~roadmap.certified & (status != BLOCKED)], :2], CANDIDATE, 0.5, 1.2)
+    _draw_lines(axes, at[roadmap.edges[roadmap.certified], :2], EDGE, 0.8, 3.0)
+    axes.plot([], [], color=CANDIDATE, lw=1.5, label="edge, not checked")
+    axes.plot([], [], color=EDGE, lw=1.5, label="edge, certified")
+    axes.plot([], [], "o", ms=3.0, mew=0, color=LANDMARK, label="landmark")
     size = min(3.0, max(0.8, 3.0 * math.sqrt(400 / len(at))))
-    axes.plot(*at[:, :2].T, "o", ms=size, mew=0, color=LANDMARK, zorder=4.0, label="landmark")
+    axes.plot(*at[:, :2].T, "o", ms=size, mew=0, color=LANDMARK, zorder=4.0)
     if robot.sweep_radius > 0.0:
         tick = 2.2 * size / _points_per_metre(axes)
         tips = at[:, :2] + tick * np.column_stack([np.cos(at[:, 2]), np.sin(at[:, 2])])
-        ticks = LineCollection(list(np.stack([at[:, :2], tips], axis=1)), colors=LANDMARK)
-        ticks.set(zorder=4.0, linewidths=0.3 * size)
-        axes.add_collection(ticks, autolim=False)
+        _draw_lines(axes, np.stack([at[:, :2], tips], axis=1), LANDMARK, 0.3 * size, 4.0)
 
 
 def _draw_path(axes: Axes, robot: Robot, path: Path) -> None:
-    # By cost, so that the robot also shows where it turns in place; never more than some dozens.
-    n = int(min(48, max(2, math.ceil(path.cost / (1.5 * robot.circumradius))))) + 1
+    # By cost, so that the robot also shows where it turns in place; some dozens at most.
+    n = min(48, max(8, math.ceil(path.cost / (2.0 * robot.circumradius)))) + 1
     shown = se2.transform(path.at(np.linspace(0.0, 1.0, n)), robot.outline.vertices)
-    robots = PolyCollection(list(shown), facecolors=(*to_rgb(PATH), 0.13), edgecolors=PATH)
+    robots = PolyCollection(list(shown), facecolors=(*to_rgb(BODY), 0.7), edgecolors=PATH)
     robots.set(linewidths=0.6, zorder=5.0, label="robot along the path")
     axes.add_collection(robots, autolim=False)
     xy = path.states[:, :2]
@@ -218,11 +217,37 @@ def _draw_end(axes: Axes, robot: Robot | None, q: se2.FloatArray, colour: str, m
         body.set(edgecolors=colour, linewidths=1.4, zorder=7.0)
         axes.add_collection(body, autolim=False)
         if robot.sweep_radius > 0.0 and reach > 4.0:
-            tip = q[:2] + robot.circumradius * np.array([math.cos(q[2]), math.sin(q[2])])
-            axes.plot(*np.stack([q[:2], tip]).T, color=colour, lw=1.8, zorder=7.5, solid_capstyle="round")
+            ahead = shapely.LineString([(0.0, 0.0), (robot.circumradius, 0.0)]).intersection(robot.outline.shapely())
+            front = robot.circumradius if ahead.is_empty else ahead.bounds[2]
+            axes.plot(
+                *se2.transform(q, [(0.0, 0.0), (front, 0.0)]).T,
+                color=colour,
+                lw=1.8,
+                zorder=7.5,
+                solid_capstyle="round",
+            )
     # A robot of a few pixels would be lost on a large map: then the mark is the larger.
     size = 5.0 if reach > 8.0 else 8.0
     axes.plot(*q[:2], marker, color=colour, ms=size, mec="white", mew=1.0, zorder=8.0, label=label)
+
+
+def _draw_lines(axes: Axes, lines: se2.FloatArray, colour: str, width: float, zorder: float) -> None:
+    """Draw n line segments, shape (n, 2, 2), as one patch: tens of thousands of separate ones take seconds.
+
+    They get thinner where their ink would fill most of the region they lie in, so that they stay a texture.
+    """
+    if len(lines) == 0:
+        return
+    scale = _points_per_metre(axes)
+    ink = scale * np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()
+    steps = np.linspace(0.0, 1.0, 8)[:, None, None]
+    cells = np.floor(scale / 12.0 * (lines[:, 0] + steps * (lines[:, 1] - lines[:, 0])))
+    room = 144.0 * len(np.unique(cells @ [1.0, 1e4]))  # square points: what the lines touch, in cells of 12 points
+    codes = np.tile(np.array([Outline.MOVETO, Outline.LINETO], dtype=Outline.code_type), len(lines))
+    thin = min(width, max(0.06, 0.7 * room / max(ink, 1e-9)))
+    axes.add_artist(
+        PathPatch(Outline(lines.reshape(-1, 2), codes), fill=False, edgecolor=colour, linewidth=thin, zorder=zorder)
+    )
 
 
 def _fill(axes: Axes, regions: Any, colour: str, zorder: float, **style: Any) -> None:
@@ -238,7 +263,8 @@ def _fill(axes: Axes, regions: Any, colour: str, zorder: float, **style: Any) ->
     codes[last] = Outline.CLOSEPOLY
     codes[np.roll(last, 1)] = Outline.MOVETO
     style = {"edgecolor": "none", "linewidth": 0.0} | style
-    axes.add_patch(PathPatch(Outline(points, codes), facecolor=colour, zorder=zorder, **style))
+    # Not add_patch, which looks for the limits of every edge in Python: seconds on a grid map.
+    axes.add_artist(PathPatch(Outline(points, codes), facecolor=colour, zorder=zorder, **style))
 
 
 def _view(world: World) -> tuple[float, float, float, float]:
@@ -275,7 +301,7 @@ def _annotate(figure: Figure, axes: Axes, title: str, facts: str) -> None:
     artists, labels = axes.get_legend_handles_labels()
     entries = {label: artists[labels.index(label)] for label in sorted(set(labels), key=_LEGEND.index)}
     wide = axes.bbox.width > 1.15 * axes.bbox.height
-    legend = axes.legend(
+    axes.legend(
         entries.values(),
         entries.keys(),
         loc="upper left",
@@ -286,9 +312,6 @@ def _annotate(figure: Figure, axes: Axes, title: str, facts: str) -> None:
         borderaxespad=0.0,
         handlelength=1.6,
     )
-    for label, handle in zip(entries, legend.legend_handles, strict=True):
-        if label.startswith("edge") and handle is not None:
-            handle.set(linewidth=1.5)  # the hairlines of a dense roadmap would be invisible here
 
 
 def _points_per_metre(axes: Axes) -> float:

@@ -78,8 +78,8 @@ class FakePlanner:
     def __init__(self, world: Any, robot: Any, seed: int = 0, landmarks: int | None = None) -> None:
         self.asked = {"world": world, "robot": robot, "seed": seed, "landmarks": landmarks}
         at = np.array([[1.0, 1.0, 0.0], [5.0, 1.0, 0.5], [9.0, 5.0, 1.5]])
-        edges, certified = np.array([[0, 1], [1, 2]]), np.array([True, False])
-        self.roadmap = SimpleNamespace(configurations=at, edges=edges, certified=certified)
+        edges, status = np.array([[0, 1], [1, 2]]), np.array([1, 2])
+        self.roadmap = SimpleNamespace(configurations=at, edges=edges, status=status, certified=status == 1)
 
     def plan(self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None) -> Any:
         type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit})

@@ -73,7 +73,7 @@ def test_paths_are_written_as_rows(shell: Shell, yard: Path, planner: Any, tmp_p
     assert shell("plan", yard, "--output", file).status == 0
     lines = file.read_text().splitlines()
     rows = [[float(word) for word in line.replace(",", " ").split()] for line in lines if line[0] != "x"]
-    np.testing.assert_allclose(rows, [[1, 1, 0], [5, 1, 0.5], [9, 5, 1.5]])
+    assert rows == [[1.0, 1.0, 0.0], [5.0, 1.0, 0.5], [9.0, 5.0, 1.5]]
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".path", ".txt"])
