@@ -25,7 +25,7 @@ from trailmark.formats.files import read_bytes
 __all__ = ["MAX_FACES", "Mesh", "read_collada"]
 
 MAX_FACES = 2_000_000
-"""Most faces that a scene may hold once each geometry stands wherever the nodes place it."""
+"""Most nodes and faces that a scene may hold once each stands wherever instances place it."""
 
 _MAX_DEPTH = 64
 
@@ -100,17 +100,16 @@ class _Reader:
         self.root = root
         self.by_id = {element.get("id"): element for element in root.iter() if element.get("id")}
         self.groups: dict[str, list[_Group]] = {}
+        self.places = 0
 
     def scene(self) -> Mesh:
         """Return all groups that the scene places, each where its nodes put it."""
         link = next((e for e in self.root.iter() if _tag(e) == "instance_visual_scene"), None)
         if link is None:
             raise _ColladaError("no <instance_visual_scene> given, allowed: one")
-        triangles, polygons, vertices, faces = [], [], [], 0
+        triangles, polygons, vertices = [], [], []
         for matrix, group in self._placed(self._target(link), self._upright(), 0):
-            faces += max(1, len(group.triangles) + len(group.polygons))
-            if faces > MAX_FACES:
-                raise _ColladaError(f"more than {MAX_FACES:,} faces placed, allowed: at most that")
+            self._count(len(group.triangles) + len(group.polygons))
             triangles.append(_moved(matrix, group.triangles))
             polygons += [_moved(matrix, polygon) for polygon in group.polygons]
             vertices.append(_moved(matrix, group.vertices))
@@ -125,6 +124,7 @@ class _Reader:
         """Yield the groups below a node with the transform that places each."""
         if depth > _MAX_DEPTH:
             raise _ColladaError(f"nodes nested deeper than {_MAX_DEPTH} levels, allowed: at most that")
+        self._count(1)
         for child in node:
             # A node's transforms stand before its content and apply from the last to the first.
             matrix = matrix @ _transform(child)
@@ -136,6 +136,11 @@ class _Reader:
             elif _tag(child) == "instance_geometry":
                 for group in self._geometry(child):
                     yield matrix, group
+
+    def _count(self, places: int) -> None:
+        self.places += places
+        if self.places > MAX_FACES:
+            raise _ColladaError(f"more than {MAX_FACES:,} nodes and faces placed, allowed: at most that")
 
     def _upright(self) -> FloatArray:
         axis = next((e.text for e in self.root.iter() if _tag(e) == "up_axis"), None)
@@ -159,7 +164,7 @@ class _Reader:
         return self.groups[url]
 
     def _group(self, element: ElementTree.Element) -> _Group:
-        inputs = [(int(e.get("offset", "0")), e) for e in element if _tag(e) == "input"]
+        inputs = [(_integer(e, "offset", 0), e) for e in element if _tag(e) == "input"]
         stride = 1 + max((offset for offset, _ in inputs), default=0)
         place = next((offset for offset, e in inputs if e.get("semantic") == "VERTEX"), None)
         if place is None:
@@ -184,25 +189,28 @@ class _Reader:
 
     def _columns(self, element: ElementTree.Element, index: NDArray[np.int64]) -> Iterator[tuple[str, FloatArray]]:
         target = self._target(element, "source")
-        if _tag(target) == "vertices":
-            for nested in target:
-                if _tag(nested) == "input":
-                    yield from self._columns(nested, index)
+        if _tag(target) != "vertices":
+            yield self._column(element, index)
             return
+        for nested in target:
+            if _tag(nested) == "input":
+                yield self._column(nested, index)
+
+    def _column(self, element: ElementTree.Element, index: NDArray[np.int64]) -> tuple[str, FloatArray]:
+        target = self._target(element, "source")
         accessor = next((e for e in target.iter() if _tag(e) == "accessor"), None)
         if _tag(target) != "source" or accessor is None:
             raise _ColladaError(f"input {element.get('semantic')} has no <accessor>")
-        stride, count, first = (int(accessor.get(name, default)) for name, default in _ACCESSOR.items())
+        stride, count, first = (_integer(accessor, *named) for named in (("stride", 1), ("count", 0), ("offset", 0)))
         numbers = _numbers(self._target(accessor, "source"), np.float64)
-        if stride < 1 or count < 0 or first < 0 or first + stride * count > len(numbers):
+        if stride < 1 or first + stride * count > len(numbers):
             raise _ColladaError(f"<accessor> asks for {count} x {stride} numbers, {len(numbers)} are there")
         values = numbers[first : first + stride * count].reshape(count, stride)
         if len(index) and (index.min() < 0 or index.max() >= count):
             raise _ColladaError(f"input {element.get('semantic')} has an index beyond its {count} entries")
-        yield element.get("semantic", ""), values[index]
+        return element.get("semantic", ""), values[index]
 
 
-_ACCESSOR = {"stride": "1", "count": "0", "offset": "0"}
 _FACES = ("triangles", "polylist", "polygons", "trifans", "tristrips")
 _LINES = ("lines", "linestrips")
 
@@ -268,6 +276,13 @@ def _numbers(element: ElementTree.Element, kind: type[np.int64 | np.float64]) ->
         return np.array((element.text or "").split(), dtype=kind)
     except (ValueError, OverflowError):
         raise _ColladaError(f"<{_tag(element)}> holds something other than numbers") from None
+
+
+def _integer(element: ElementTree.Element, name: str, default: int) -> int:
+    value = element.get(name, str(default)).strip()
+    if not (value.isascii() and value.isdigit() and len(value) < 10):
+        raise _ColladaError(f"<{_tag(element)}> {name} {value!r} given, allowed: a whole number, 0 or more")
+    return int(value)
 
 
 def _tag(element: ElementTree.Element) -> str:

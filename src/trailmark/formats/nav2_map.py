@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError, WorldError
-from trailmark.formats.grid import check_size, grid_polygons
+from trailmark.formats.grid import MAX_CELLS, check_size, grid_polygons
 from trailmark.shapes import Polygon
 from trailmark.world import World
 
@@ -49,10 +49,6 @@ def read_nav2_map(data: dict[str, Any], path: Path) -> World:
     from trailmark.formats.schema import MapFile, validate
 
     file = validate(MapFile, data, path)
-    if file.free_thresh >= file.occupied_thresh:
-        raise FormatError(
-            path, f"free_thresh: {file.free_thresh} given, allowed: below occupied_thresh {file.occupied_thresh}"
-        )
     free = _free_image(path.parent / file.image, file)
     x, y, yaw = file.origin
     try:
@@ -73,13 +69,13 @@ def read_nav2_map(data: dict[str, Any], path: Path) -> World:
 def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:
     """Return which pixels are free.
 
-    The brightness s in [0, 1] is the mean of the colours, and p the probability that the cell is occupied:
+    The brightness s in [0, 1] is the mean of the colours, p the probability that the cell is occupied. A pixel is
+    free where p <= free_thresh and p < occupied_thresh.
 
-    - trinary: p = 1 - s (s if negate); free where p <= free_thresh. An alpha channel counts as a fourth colour.
+    - trinary: p = 1 - s (s if negate). An alpha channel counts as a fourth colour.
     - scale: the same, but alpha stays out of the mean and a pixel that is not opaque is unknown. Values between
       the thresholds, which nav2 grades, are not free.
-    - raw: the pixel's value, 0..100, is p in percent whatever negate says, and other values are unknown; free where
-      p <= free_thresh, as above.
+    - raw: the pixel's value, 0..100, is p in percent whatever negate says; other values are unknown.
 
     Args:
         image: an image of any mode that Pillow reads from :data:`IMAGE_KINDS`.
@@ -89,7 +85,7 @@ def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:
         Shape (rows, columns); row 0 is the image's top row.
 
     Raises:
-        ValueError: an image of a mode without brightness, such as floating point.
+        WorldError: an image of a mode without brightness, such as floating point.
     """
     values, full, has_alpha = _channels(image)
     free = np.empty(values.shape[:2], dtype=bool)
@@ -105,8 +101,10 @@ def _free(values: NDArray[np.int64], full: int, has_alpha: bool, file: MapFile) 
     bright, scale = colours.sum(axis=-1), full * colours.shape[-1]
     if file.mode == "raw":
         percent = np.floor(255.0 * bright / scale + 0.5)
-        return np.asarray(percent / 100.0 <= min(file.free_thresh, 1.0))
-    free = np.asarray((bright if file.negate else scale - bright) / scale <= file.free_thresh)
+        p = percent / 100.0
+    else:
+        p = (bright if file.negate else scale - bright) / scale
+    free = np.asarray((p <= file.free_thresh) & (p < file.occupied_thresh))
     if has_alpha and file.mode == "scale":
         free &= values[..., -1] == full
     return free
@@ -121,7 +119,7 @@ def _channels(image: Image) -> tuple[NDArray[Any], int, bool]:
         return np.asarray(image.convert("L"))[..., None], 255, False
     if image.mode in ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX", "CMYK", "YCbCr"):
         return np.asarray(image.convert("RGBA" if transparent else "RGB")), 255, transparent
-    raise ValueError(f"pixels of mode {image.mode} given, allowed: grey or colours of 8 or 16 bits")
+    raise WorldError(f"pixels of mode {image.mode} given, allowed: grey or colours of 8 or 16 bits")
 
 
 def _free_image(path: Path, file: MapFile) -> NDArray[np.bool_]:
@@ -139,7 +137,9 @@ def _free_image(path: Path, file: MapFile) -> NDArray[np.bool_]:
                 return free_cells(image, file)
     except UnidentifiedImageError:
         raise FormatError(path, f"not an image that can be read; {allowed}") from None
-    except (Image.DecompressionBombError, WorldError) as error:
+    except Image.DecompressionBombError:
+        raise FormatError(path, f"too many pixels given, allowed: at most {MAX_CELLS:,}") from None
+    except WorldError as error:
         raise FormatError(path, str(error)) from None
     except OSError as error:
         if error.strerror:

@@ -153,16 +153,20 @@ def _outline(region: shapely.Geometry, path: Path) -> shapely.LinearRing:
     parts = list(shapely.get_parts(region))
     if len(parts) == 1:
         return parts[0].exterior
-    extent, count, gap, joined = _extent(shapely.get_coordinates(region)), len(parts), 0.0, parts.pop()
-    while parts and gap <= MAX_GAP * extent:
+    extent, count, links, joined = _extent(shapely.get_coordinates(region)), len(parts), [], parts.pop()
+    while parts:
         nearest = int(np.argmin(shapely.distance(joined, parts)))
-        gap = max(gap, float(shapely.distance(joined, parts[nearest])))
+        links.append(shapely.shortest_line(joined, parts[nearest]))
         joined = shapely.union(joined, parts.pop(nearest))
+    gap = float(shapely.length(links).max())
     if gap <= MAX_GAP * extent:
         # A gap closes when both its sides grow by half of it; three quarters leave no doubt.
         reach = max(0.75 * gap, SHEET * extent)
         grown = shapely.buffer(joined, reach, join_style="mitre")
-        joined = shapely.union(joined, shapely.buffer(grown, -reach, join_style="mitre"))
+        closed = shapely.buffer(grown, -reach, join_style="mitre")
+        joined = shapely.union(joined, closed)
+        if joined.geom_type != "Polygon":  # parts that meet in a corner
+            joined = shapely.union_all([joined, *shapely.buffer(links, reach, quad_segs=1)])
         if joined.geom_type == "Polygon":
             return shapely.simplify(joined.exterior, 0.0)
     raise FormatError(path, f"a robot of {count} parts given, allowed: one, or gaps below {MAX_GAP:.0%} of its extent")

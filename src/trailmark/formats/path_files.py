@@ -92,7 +92,7 @@ def _json_text(path: FilePath, checked: Path, rows: list[list[str]], record: Map
     try:
         members = {
             key: states if key == "states" else json.dumps(value, allow_nan=False, default=_plain)
-            for key, value in {"states": None, **record, **({} if "states" in record else {"states": None})}.items()
+            for key, value in (record if "states" in record else {"states": None, **record}).items()
         }
     except (TypeError, ValueError) as error:
         raise OutputError(f"{path}: cannot be written: the record holds what JSON cannot: {error}") from None

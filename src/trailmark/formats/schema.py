@@ -132,6 +132,7 @@ _KINDS: dict[str, dict[str, type[BaseModel]]] = {
     "robot": {"disc": DiscRobot, "rectangle": RectangleRobot, "polygon": PolygonRobot},
     "obstacles": {"disc": DiscObstacle, "rectangle": RectangleObstacle, "polygon": PolygonObstacle},
 }
+_POINT_DEPTH = {"vertices": 1, "boundary": 1, "holes": 2}  # indices from the field down to one point
 _SHAPES = ("disc", "polygon", "rectangle")
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -157,7 +158,8 @@ def validate(model: type[ModelT], data: dict[str, Any], path: Path) -> ModelT:
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        problems = error.errors(include_url=False)
+        # An unknown key goes first: a key that is missing elsewhere is often the same one, misspelt.
+        problems = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise FormatError(path, _describe(model, problems[0]) + more) from None
 
@@ -177,12 +179,14 @@ def _describe(model: type[BaseModel], problem: Any) -> str:
 
 
 def _allowed(model: type[BaseModel], location: Sequence[str | int], kind: str) -> str:
-    if isinstance(location[-1], int):
-        if kind in ("float_type", "finite_number"):
-            return "a finite number"
-        if len(location) == 2 and location[0] in ("obstacles", "queries"):
-            return "a mapping"
-    field = next(part for part in reversed(location) if isinstance(part, str))
+    depth = next(i for i, part in enumerate(reversed(location)) if isinstance(part, str))
+    field = str(location[-1 - depth])
+    if depth and kind in ("float_type", "finite_number"):
+        return "a finite number"
+    if depth and field in ("obstacles", "queries"):
+        return "a mapping"
+    if depth and depth == _POINT_DEPTH.get(field):
+        return _POINT
     owners = (model, *_MODELS) if len(location) == 1 else (*_MODELS, model)
     return next(
         owner.model_fields[field].description or ", ".join(_SHAPES) for owner in owners if field in owner.model_fields
@@ -197,5 +201,6 @@ def _model_at(model: type[BaseModel], location: Sequence[str | int]) -> type[Bas
 
 
 def _where(location: Sequence[str | int]) -> str:
-    text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location)
-    return text.removeprefix(".")
+    # A key that someone made up may hold anything: what is no plain name is quoted and cut.
+    named = (part if isinstance(part, int) or part.isidentifier() else _short.repr(part) for part in location)
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in named).removeprefix(".")

@@ -64,7 +64,9 @@ def parse_yaml(text: str, path: Path) -> Data:
             elif isinstance(event, events.CollectionEndEvent):
                 stack.pop()
             elif isinstance(event, events.AliasEvent):
-                raise FormatError(path, f"alias *{event.anchor} given, allowed: no anchors and aliases", _line(event))
+                raise FormatError(
+                    path, f"alias *{event.anchor[:60]} given, allowed: no anchors and aliases", _line(event)
+                )
             elif isinstance(event, events.DocumentStartEvent) and root:
                 raise FormatError(path, "a second YAML document begins, allowed: one", _line(event))
     except yaml.YAMLError as error:
@@ -95,16 +97,16 @@ class _Container:
 def _take_key(top: _Container, event: object, path: Path) -> None:
     key: str = event.value  # type: ignore[attr-defined]  # a ScalarEvent; yaml is imported late
     if key in top.content:
-        raise FormatError(path, f"key {key!r} is given twice in one mapping, allowed: once", _line(event))
+        raise FormatError(path, f"key {key[:60]!r} is given twice in one mapping, allowed: once", _line(event))
     top.key, top.wants_key = key, False
 
 
 def _check_plain(event: object, path: Path) -> None:
     tag, anchor = event.tag, event.anchor  # type: ignore[attr-defined]  # a NodeEvent; yaml is imported late
     if tag is not None and tag != "!":
-        raise FormatError(path, f"tag {tag!r} given, allowed: no tags", _line(event))
+        raise FormatError(path, f"tag {tag[:60]!r} given, allowed: no tags", _line(event))
     if anchor is not None:
-        raise FormatError(path, f"anchor &{anchor} given, allowed: no anchors and aliases", _line(event))
+        raise FormatError(path, f"anchor &{anchor[:60]} given, allowed: no anchors and aliases", _line(event))
 
 
 def _check_room(stack: list[_Container], event: object, path: Path) -> None:

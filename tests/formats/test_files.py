@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from trailmark.errors import FormatError, OutputError
+from trailmark.formats import files
+
+root = pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+
+
+@pytest.mark.parametrize("content", ["text with ä\n", b"\x00\xff bytes"])
+def test_writes_the_whole_content_and_nothing_else(tmp_path: Path, content: str | bytes) -> None:
+    files.write_atomically(tmp_path / "out", content)
+    assert (tmp_path / "out").read_bytes() == (content.encode() if isinstance(content, str) else content)
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("moment", ["fsync", "replace"])
+@pytest.mark.parametrize("failure", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_an_interrupted_write_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: str, failure: BaseException
+) -> None:
+    def fail(*_: object) -> None:
+        raise failure
+
+    target = tmp_path / "out.yaml"
+    target.write_text("old")
+    monkeypatch.setattr(*{"fsync": (os, "fsync"), "replace": (Path, "replace")}[moment], fail)
+    with pytest.raises((KeyboardInterrupt, OutputError)):
+        files.write_atomically(target, "new")
+    assert target.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["out.yaml"]
+
+
+def test_permissions_follow_the_umask_and_then_the_old_file(tmp_path: Path) -> None:
+    target = tmp_path / "out"
+    old = os.umask(0o027)
+    try:
+        files.write_atomically(target, "a")
+    finally:
+        os.umask(old)
+    assert stat.S_IMODE(target.stat().st_mode) == 0o640
+    target.chmod(0o604)
+    files.write_atomically(target, "b")
+    assert stat.S_IMODE(target.stat().st_mode) == 0o604
+
+
+def test_a_symbolic_link_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "real").mkdir()
+    link = tmp_path / "link.csv"
+    link.symlink_to(tmp_path / "real" / "path.csv")
+    files.write_atomically(link, "x")
+    assert link.is_symlink()
+    assert (tmp_path / "real" / "path.csv").read_text() == "x"
+
+
+def test_a_pipe_is_written_to_directly(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        files.write_atomically(pipe, "through")
+        assert os.read(reader, 100) == b"through"
+    finally:
+        os.close(reader)
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+@pytest.mark.parametrize("name", ["missing/out.csv", "file/out.csv", ".", "x" * 300, "nul\0"])
+def test_unwritable_paths_are_told_in_one_line(tmp_path: Path, name: str) -> None:
+    (tmp_path / "file").write_text("")
+    for write in (lambda p: files.write_atomically(p, "x"), files.check_writable):
+        with pytest.raises(OutputError) as caught:
+            write(tmp_path / name)
+        assert "\n" not in str(caught.value)
+        assert str(caught.value).startswith(str(tmp_path))
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+@root
+def test_protected_files_and_directories_are_found_before_work_starts(tmp_path: Path) -> None:
+    target = tmp_path / "out.csv"
+    target.write_text("")
+    target.chmod(0o400)
+    with pytest.raises(OutputError, match="write-protected"):
+        files.check_writable(target)
+    target.unlink()
+    tmp_path.chmod(0o500)
+    try:
+        with pytest.raises(OutputError, match="no permission"):
+            files.check_writable(target)
+    finally:
+        tmp_path.chmod(0o700)
+
+
+def test_protection_is_asked_of_the_system(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(OutputError, match="no permission to write in the directory"):
+        files.check_writable(tmp_path / "new.csv")
+    (tmp_path / "old.csv").write_text("")
+    with pytest.raises(OutputError, match="write-protected"):
+        files.check_writable(tmp_path / "old.csv")
+
+
+def test_suffixes(tmp_path: Path) -> None:
+    files.check_writable(tmp_path / "a.PNG", (".png", ".svg"))
+    with pytest.raises(OutputError, match=r"suffix '.pgn' given, did you mean '.png'\? allowed: .png, .svg"):
+        files.check_writable(tmp_path / "a.pgn", (".png", ".svg"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_reading_is_bounded(tmp_path: Path) -> None:
+    file = tmp_path / "big"
+    file.write_bytes(b"12345")
+    assert files.read_bytes(file, limit=5) == b"12345"
+    with pytest.raises(FormatError, match=r"5 bytes given, allowed: at most 4$"):
+        files.read_bytes(file, limit=4)
+    with pytest.raises(FormatError, match=r"allowed: at most 1,000$"):
+        files.read_bytes(Path("/dev/zero"), limit=1000)
+
+
+def test_reading_drops_the_byte_order_mark(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"\xef\xbb\xbfname: \xc3\xa4")
+    assert files.read_text(tmp_path / "a") == "name: ä"
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe", b"a\0b"])
+def test_binary_is_no_text(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a").write_bytes(content)
+    with pytest.raises(FormatError, match="a: not a text file; allowed: UTF-8 text"):
+        files.read_text(tmp_path / "a")
+
+
+@pytest.mark.parametrize("name", ["missing", "", "nul\0", "x" * 300])
+def test_unreadable_paths_are_told_in_one_line(tmp_path: Path, name: str) -> None:
+    with pytest.raises(FormatError, match="cannot be read") as caught:
+        files.read_bytes(tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
+@root
+def test_a_protected_file_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "a").write_text("")
+    (tmp_path / "a").chmod(0)
+    with pytest.raises(FormatError, match="Permission denied"):
+        files.read_bytes(tmp_path / "a")

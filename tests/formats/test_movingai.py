@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.csgraph import dijkstra
+
+from trailmark.errors import FormatError
+from trailmark.formats import load_world
+from trailmark.formats.movingai import parse_grid, read_scenarios
+from trailmark.world import Query
+
+FILE = Path("a.map")
+
+
+def map_text(*rows: str) -> str:
+    return f"type octile\nheight {len(rows)}\nwidth {len(rows[0])}\nmap\n" + "\n".join(rows) + "\n"
+
+
+@given(
+    st.integers(1, 9).flatmap(lambda n: st.lists(st.text(".GS@OTW", min_size=n, max_size=n), min_size=1, max_size=9))
+)
+def test_free_and_blocked_cells(rows: list[str]) -> None:
+    free = parse_grid(map_text(*rows), FILE)
+    assert free.tolist() == [[cell in {".", "G", "S"} for cell in row] for row in rows]
+
+
+def test_world(tmp_path: Path) -> None:
+    (tmp_path / "a.map").write_text(map_text("@..", "...").replace("\n", "\r\n"))
+    (tmp_path / "a.map.scen").write_text("version 1\n0\ta.map\t3\t2\t1\t0\t2\t1\t1.41421356\n\n7 a.map 3 2 2 1 0 1 2\n")
+    world = load_world(tmp_path / "a.map")
+    assert world.name == "a"
+    assert world.bounds == (0.0, 0.0, 3.0, 2.0)
+    assert [shape.bounding_box() for shape in world.obstacles] == [(0.0, 1.0, 1.0, 2.0)]
+    assert world.queries == (
+        Query("0", (1.5, 1.5, 0.0), (2.5, 0.5, 0.0)),
+        Query("1", (2.5, 0.5, 0.0), (0.5, 0.5, 0.0)),
+    )
+    assert world.robot is None
+
+
+def test_the_other_scenario_name_and_none(tmp_path: Path) -> None:
+    (tmp_path / "a.map").write_text(map_text(".."))
+    assert load_world(tmp_path / "a.map").queries == ()
+    (tmp_path / "a.scen").write_text("1\ta b.map\t2\t1\t0\t0\t1\t0\t1\n")
+    assert [query.name for query in load_world(tmp_path / "a.map").queries] == ["0"]
+    assert read_scenarios(tmp_path / "a.scen")[0] == (1, "a b.map", 2, 1, (0, 0), (1, 0), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (map_text("..", ".x"), "a.map:6: character 'x' in column 2 given, allowed: . G S @ O T W"),
+        (map_text("..", ".é"), "a.map:6: character 'é' in column 2 given"),
+        (map_text("..", "..."), "a.map:6: row of 3 cells given, allowed: 2"),
+        (map_text("..", "."), "a.map:6: row of 1 cells given, allowed: 2"),
+        ("type octile\nheight 3\nwidth 2\nmap\n..\n..\n", "a.map:6: 2 rows given, allowed: 3"),
+        ("type octile\nheight 1\nwidth 2\nmap\n..\n..\n", "a.map:6: 2 rows given, allowed: 1"),
+        ("type octile\nheight 1\nmap\n..\n", "a.map:3: no width before the line 'map'"),
+        ("type octile\nmap\n", "a.map:2: no height and width before the line 'map'"),
+        ("type octile\nheight 1\nwidth 2\n..\n", "a.map:4: '..' given, allowed: height, map, type, width"),
+        ("type octile\nheigth 1\n", "a.map:2: 'heigth' given, did you mean 'height'?"),
+        ("type octile\n", "a.map: no line 'map' ends the header"),
+        ("type tile\nheight 1\n", "a.map:1: type 'tile' given, allowed: octile"),
+        ("type octile\nheight -1\nwidth 1\nmap\n", "a.map:2: height '-1' given, allowed: a whole number above 0"),
+        ("type octile\nheight 1.5\nwidth 1\nmap\n", "a.map:2: height '1.5' given"),
+        ("type octile\nheight 0\nwidth 1\nmap\n", "a.map: map of 1 x 0 cells given, allowed: 1 to 64,000,000 cells"),
+        ("type octile\nheight 99999\nwidth 99999\nmap\n", "a.map: map of 99999 x 99999 cells given"),
+        ("type octile\nheight 9999999999\nwidth 1\nmap\n", "a.map:2: height '9999999999' given"),
+    ],
+)
+def test_bad_maps(tmp_path: Path, text: str, problem: str) -> None:
+    (tmp_path / "a.map").write_text(text, encoding="utf-8")
+    with pytest.raises(FormatError) as caught:
+        load_world(tmp_path / "a.map")
+    assert f"{tmp_path}/{problem}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("row", "problem"),
+    [
+        ("0 a.map 2 1 0 0 1 0", "8 columns given, allowed: 9: bucket, map, width, height, start x"),
+        ("0 a.map 2 1 0 0 1 0 1 1", "10 columns given"),
+        ("zero a.map 2 1 0 0 1 0 1", "bucket 'zero' given, allowed: a whole number"),
+        ("0 a.map 2 1 0.5 0 1 0 1", "start x '0.5' given, allowed: a whole number"),
+        ("0 a.map 2 1 0 0 1 0 nan", "optimal length 'nan' given, allowed: a finite number, 0 or more"),
+        ("0 a.map 2 1 0 0 1 0 -1", "optimal length '-1' given"),
+        ("0 a.map 2 1 0 0 1 0 far", "optimal length 'far' given"),
+        ("0 a.map 2 1 0 0 2 0 1", "goal cell (2, 0) given, allowed: x in 0..1, y in 0..0"),
+        ("0 a.map 2 1 0 -1 1 0 1", "start cell (0, -1) given"),
+        ("0 a.map 4 2 0 0 1 0 1", "map of 4 x 2 cells given, allowed: the map's 2 x 1"),
+    ],
+)
+def test_bad_scenarios_name_file_and_line(tmp_path: Path, row: str, problem: str) -> None:
+    (tmp_path / "a.map").write_text(map_text(".."))
+    (tmp_path / "a.map.scen").write_text(f"version 1\n0 a.map 2 1 0 0 1 0 1\n{row}\n")
+    with pytest.raises(FormatError) as caught:
+        load_world(tmp_path / "a.map")
+    assert str(caught.value).startswith(f"{tmp_path}/a.map.scen:3: {problem}")
+
+
+def test_a_missing_scenario_file(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="cannot be read"):
+        read_scenarios(tmp_path / "a.scen")
+
+
+def octile_graph(free: NDArray[np.bool_]) -> sparse.csr_array:
+    """Steps of 1 and sqrt 2 between free cells; a diagonal step needs both cells beside it."""
+    height, width = free.shape
+    index = np.arange(height * width).reshape(height, width)
+    edges = []
+    for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = np.s_[: height - dy, max(0, -dx) : width - max(0, dx)]
+        there = np.s_[dy:, max(0, dx) : width + min(0, dx)]
+        open_ = free[here] & free[there]
+        if dx and dy:
+            open_ &= free[: height - dy, max(0, dx) : width + min(0, dx)] & free[dy:, max(0, -dx) : width - max(0, dx)]
+        length = math.hypot(dx, dy)
+        edges.append((index[here][open_], index[there][open_], np.full(open_.sum(), length)))
+    rows, columns, lengths = (np.concatenate(parts) for parts in zip(*edges, strict=True))
+    return sparse.csr_array((lengths, (rows, columns)), shape=(index.size, index.size))
+
+
+@pytest.mark.parametrize("name", ["8room_000", "Berlin_0_256"])
+def test_published_optimal_lengths(shared_data: Path, name: str) -> None:
+    file = shared_data / "movingai" / f"{name}.map"
+    free = parse_grid(file.read_text(), file)
+    rows = read_scenarios(file.with_name(file.name + ".scen"))
+    chosen = [rows[i] for i in np.linspace(0, len(rows) - 1, 15).astype(int)]
+    starts = [row.start[1] * row.width + row.start[0] for row in chosen]
+    lengths = dijkstra(octile_graph(free), directed=False, indices=starts)
+    for row, start, length in zip(chosen, starts, lengths, strict=True):
+        assert free.flat[start]
+        assert length[row.goal[1] * row.width + row.goal[0]] == pytest.approx(
+            row.optimal_length, rel=1e-5
+        )  # six digits are given
+
+
+@pytest.mark.parametrize("name", ["8room_000", "Berlin_0_256"])
+def test_published_maps(shared_data: Path, name: str) -> None:
+    file = shared_data / "movingai" / f"{name}.map"
+    world = load_world(file)
+    rows = file.read_text().split("map\n", 1)[1].split()
+    height, width = len(rows), len(rows[0])
+    blocked = np.array([[cell not in ".GS" for cell in row] for row in rows])
+    y, x = np.indices((height, width))
+    union = shapely.union_all([shape.polygon().shapely() for shape in world.obstacles])
+    shapely.prepare(union)
+    assert np.array_equal(shapely.contains_xy(union, x + 0.5, height - y - 0.5), blocked)
+    assert sum(shape.area for shape in world.obstacles) == blocked.sum()
+    assert world.bounds == (0.0, 0.0, width, height)
+
+    scenarios = file.with_name(file.name + ".scen").read_text().splitlines()[1:]
+    assert [query.name for query in world.queries] == [str(i) for i in range(len(scenarios))]
+    for query, line in zip(world.queries, scenarios, strict=True):
+        sx, sy, gx, gy = map(int, line.split("\t")[4:8])
+        assert query.start == (sx + 0.5, height - sy - 0.5, 0.0)
+        assert query.goal == (gx + 0.5, height - gy - 0.5, 0.0)
+        assert not shapely.contains_xy(union, *query.start[:2])

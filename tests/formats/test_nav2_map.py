@@ -1,0 +1,292 @@
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from PIL import Image
+
+from trailmark.errors import FormatError
+from trailmark.formats import grid, load_world
+from trailmark.formats.nav2_map import free_cells
+from trailmark.formats.schema import MapFile
+from trailmark.world import World
+
+
+def obstacles_at(world: World, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    union = shapely.union_all([shape.polygon().shapely() for shape in world.obstacles])
+    shapely.prepare(union)
+    return np.asarray(shapely.contains_xy(union, points[..., 0], points[..., 1]))
+
+
+def pixel_centres(shape: tuple[int, int], resolution: float, origin: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Where DESIGN.md section 5 puts each pixel: the first image row has the largest y."""
+    rows, columns = np.indices(shape)
+    x, y = (columns + 0.5) * resolution, (shape[0] - 1 - rows + 0.5) * resolution
+    cos, sin = math.cos(origin[2]), math.sin(origin[2])
+    return np.stack([origin[0] + cos * x - sin * y, origin[1] + sin * x + cos * y], axis=-1)
+
+
+def write_map(folder: Path, picture: Image.Image | bytes, name: str = "map.pgm", **keys: Any) -> Path:
+    if isinstance(picture, bytes):
+        (folder / name).write_bytes(picture)
+    else:
+        picture.save(folder / name)
+    fields = {"image": name, "resolution": 0.5, "origin": [0.0, 0.0, 0.0], **keys}
+    file = folder / "map.yaml"
+    file.write_text("".join(f"{key}: {value}\n" for key, value in fields.items() if value is not None))
+    return file
+
+
+def grey(*rows: list[int]) -> Image.Image:
+    return Image.fromarray(np.array(rows, dtype=np.uint8))
+
+
+def test_the_first_row_is_the_highest(tmp_path: Path) -> None:
+    world = load_world(write_map(tmp_path, grey([0, 254, 254], [254, 254, 254]), origin=[10, 20, 0]))
+    assert world == World("map", (10.0, 20.0, 11.5, 21.0), world.obstacles)
+    (obstacle,) = world.obstacles
+    assert obstacle.bounding_box() == (10.0, 20.5, 10.5, 21.0)
+
+
+def test_yaw_turns_the_map_about_its_origin(tmp_path: Path) -> None:
+    image = np.full((4, 6), 254, dtype=np.uint8)
+    image[1, 2] = image[3, 5] = 0
+    origin = (3.0, -2.0, 0.7)
+    world = load_world(write_map(tmp_path, Image.fromarray(image), origin=list(origin)))
+    points = pixel_centres((4, 6), 0.5, origin)
+    assert np.array_equal(obstacles_at(world, points), image == 0)
+    assert world.boundary is not None
+    region = world.boundary.shapely()
+    assert region.area == pytest.approx(3.0 * 2.0)
+    assert shapely.contains_xy(region, points[..., 0], points[..., 1]).all()
+    assert world.bounds == pytest.approx(region.bounds)
+
+
+def test_quarter_turn(tmp_path: Path) -> None:
+    world = load_world(write_map(tmp_path, grey([254, 254, 0]), origin=[0, 0, math.pi / 2]))
+    assert world.bounds == pytest.approx((-0.5, 0.0, 0.0, 1.5))
+    assert world.obstacles[0].bounding_box() == pytest.approx((-0.5, 1.0, 0.0, 1.5))
+
+
+def free_by_definition(v: int, file: MapFile) -> bool:
+    """DESIGN.md section 5 for a grey pixel, in exact arithmetic."""
+    if file.mode == "raw":
+        p = Fraction(v, 100)
+        return v <= 100 and p <= Fraction(str(file.free_thresh)) and p < Fraction(str(file.occupied_thresh))
+    p = Fraction(v if file.negate else 255 - v, 255)
+    return p <= Fraction(str(file.free_thresh)) and p < Fraction(str(file.occupied_thresh))
+
+
+@given(
+    st.sampled_from(["trinary", "scale", "raw"]),
+    st.sampled_from([0, 1]),
+    st.integers(0, 100).map(lambda percent: percent / 100),
+    st.integers(0, 100).map(lambda percent: percent / 100),
+)
+def test_every_grey_value_in_every_mode(mode: str, negate: int, occupied: float, free: float) -> None:
+    file = MapFile.model_validate(
+        {
+            "image": "x",
+            "resolution": 1,
+            "mode": mode,
+            "negate": negate,
+            "occupied_thresh": occupied,
+            "free_thresh": free,
+        }
+    )
+    values = np.arange(256, dtype=np.uint8).reshape(16, 16)
+    expected = [[free_by_definition(int(v), file) for v in row] for row in values]
+    assert free_cells(Image.fromarray(values), file).tolist() == expected
+
+
+def thresholds(**keys: Any) -> MapFile:
+    return MapFile.model_validate({"image": "x", "resolution": 1, **keys})
+
+
+@pytest.mark.parametrize(
+    ("mode", "pixel", "free"),
+    [
+        ("trinary", (255, 255, 255, 255), True),
+        ("trinary", (255, 255, 255, 0), False),  # alpha is a fourth colour: p = 1/4
+        ("trinary", (255, 255, 255, 60), True),  # p = 0.191
+        ("trinary", (255, 255, 255, 50), False),  # p = 0.201
+        ("scale", (255, 255, 255, 255), True),
+        ("scale", (255, 255, 255, 254), False),  # not opaque: unknown
+        ("scale", (200, 200, 230, 255), True),  # p = 0.176
+        ("scale", (130, 130, 130, 255), False),  # graded, hence not known to be free
+        ("raw", (0, 0, 0, 255), True),
+        ("raw", (20, 20, 20, 0), False),  # p = 0.2
+        ("raw", (19, 19, 19, 0), True),
+        ("raw", (255, 255, 255, 255), False),
+    ],
+)
+def test_colours_and_alpha(mode: str, pixel: tuple[int, ...], free: bool) -> None:
+    assert free_cells(Image.new("RGBA", (1, 1), pixel), thresholds(mode=mode)).item() is free
+
+
+@pytest.mark.parametrize(
+    ("image", "free"),
+    [
+        (Image.new("1", (1, 1), 1), True),
+        (Image.new("1", (1, 1), 0), False),
+        (Image.new("P", (1, 1), 0), False),  # the palette begins with black
+        (Image.new("LA", (1, 1), (255, 255)), True),
+        (Image.new("LA", (1, 1), (255, 0)), False),
+        (Image.new("RGB", (1, 1), (255, 255, 0)), False),
+        (Image.new("I;16", (1, 1), 65535), True),
+        (Image.new("I;16", (1, 1), 52428), False),  # p = 0.2
+    ],
+)
+def test_other_pixel_kinds(image: Image.Image, free: bool) -> None:
+    assert free_cells(image, thresholds()).item() is free
+
+
+def test_sixteen_bits_are_not_cut_to_eight(tmp_path: Path) -> None:
+    data = b"P5 2 1 65535\n" + struct.pack(">2H", 52691, 52690)  # p on both sides of 0.196
+    world = load_world(write_map(tmp_path, data))
+    assert sum(shape.area for shape in world.obstacles) == 0.25
+
+
+@pytest.mark.parametrize("name", ["map.png", "map.bmp", "map.jpg", "map.ppm"])
+def test_image_kinds(tmp_path: Path, name: str) -> None:
+    world = load_world(
+        write_map(tmp_path, Image.fromarray(np.kron([[0, 255]], np.ones((8, 8))).astype(np.uint8)), name)
+    )
+    (obstacle,) = world.obstacles
+    assert obstacle.bounding_box() == (0.0, 0.0, 4.0, 4.0)
+
+
+def test_ascii_pgm_and_a_small_maximum(tmp_path: Path) -> None:
+    world = load_world(write_map(tmp_path, b"P2\n# made by hand\n3 1\n10\n10 0 9\n"))
+    assert [shape.bounding_box() for shape in world.obstacles] == [(0.5, 0.0, 1.0, 0.5)]
+
+
+def test_defaults_and_foreign_keys(tmp_path: Path) -> None:
+    # 205 is what map savers write for unknown: p = 0.19608 > 0.196.
+    world = load_world(write_map(tmp_path, grey([205, 206, 254]), origin=None, elevation="x.tif"))
+    assert world.bounds == (0.0, 0.0, 1.5, 0.5)
+    assert [shape.bounding_box() for shape in world.obstacles] == [(0.0, 0.0, 0.5, 0.5)]
+
+
+def test_an_absolute_image_path(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    grey([0, 254]).save(tmp_path / "images" / "m.png")
+    file = write_map(tmp_path, grey([254]), image=str(tmp_path / "images" / "m.png"))
+    assert load_world(file).bounds == (0.0, 0.0, 1.0, 0.5)
+
+
+def png_header(width: int, height: int) -> bytes:
+    chunks = (b"IHDR" + struct.pack(">2I5B", width, height, 1, 0, 0, 0, 0), b"IDAT" + zlib.compress(b""))
+    data = (struct.pack(">I", len(c) - 4) + c + struct.pack(">I", zlib.crc32(c)) for c in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(data)
+
+
+def truncated(name: str) -> bytes:
+    import io
+
+    out = io.BytesIO()
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (64, 64), dtype=np.uint8)).save(out, name)
+    return out.getvalue()[:1200]
+
+
+@pytest.mark.parametrize(
+    ("image", "problem"),
+    [
+        (
+            b"this is a text",
+            "not an image that can be read; allowed: an image of the kinds PGM/PBM/PPM, PNG, BMP, JPEG",
+        ),
+        (b"", "not an image that can be read"),
+        (b"GIF89a" + bytes(20), "not an image that can be read"),
+        (b"P5 4 4 255\n1234", "damaged image"),
+        (b"P2 2 2 255\n1 2 x 4", "damaged image"),
+        (b"P5 2 2 0\n1234", "image"),
+        (truncated("PNG"), "damaged image"),
+        (truncated("JPEG"), "damaged image"),
+        (truncated("BMP"), "damaged image"),
+        (b"P5 9000 9000 255\n", "map of 9000 x 9000 cells given, allowed: 1 to 64,000,000 cells"),
+        (png_header(9000, 9000), "map of 9000 x 9000 cells given, allowed: 1 to 64,000,000 cells"),
+        (png_header(100_000, 100_000), "too many pixels given, allowed: at most 64,000,000"),
+        (b"Pf 1 1 -1.0\n" + struct.pack("<f", 0.5), "pixels of mode F given, allowed: grey or colours of 8 or 16 bits"),
+    ],
+)
+def test_bad_images(tmp_path: Path, image: bytes, problem: str) -> None:
+    file = write_map(tmp_path, image, "map.png")
+    with pytest.raises(FormatError) as caught:
+        load_world(file)
+    assert str(caught.value).startswith(f"{tmp_path / 'map.png'}: ")
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_image_and_directory(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match=r"none\.png: image cannot be read: No such file or directory"):
+        load_world(write_map(tmp_path, grey([0]), image="none.png"))
+    with pytest.raises(FormatError, match="a directory given, allowed: an image"):
+        load_world(write_map(tmp_path, grey([0]), image="."))
+
+
+def test_noise_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(grid, "MAX_CORNERS", 3)
+    with pytest.raises(FormatError, match=r"map\.pgm: map: outlines with 4 corners given, allowed: at most 3"):
+        load_world(write_map(tmp_path, grey([0])))
+
+
+@pytest.mark.parametrize(
+    ("keys", "problem"),
+    [
+        ({"resolution": None}, "resolution: missing, allowed: a finite number above 0 (metres per pixel)"),
+        ({"resolution": 0}, "resolution: 0 given, allowed: a finite number above 0"),
+        ({"resolution": "'0.05'"}, "resolution: '0.05' given"),
+        ({"resolution": ".nan"}, "resolution: nan given"),
+        ({"origin": "[0, 0]"}, "origin: [0, 0] given, allowed: [x, y, yaw]"),
+        ({"origin": "[0, 0, .inf]"}, "origin[2]: inf given, allowed: a finite number"),
+        ({"negate": 2}, "negate: 2 given, allowed: 0 or 1"),
+        ({"occupied_thresh": 65}, "occupied_thresh: 65 given, allowed: a number from 0 to 1"),
+        ({"free_thresh": -0.1}, "free_thresh: -0.1 given, allowed: a number from 0 to 1"),
+        ({"mode": "binary"}, "mode: 'binary' given, allowed: trinary, scale, raw"),
+        ({"image": ""}, "image: None given, allowed: the path of an image file"),
+        ({"image": "''"}, "image: '' given, allowed: the path of an image file"),
+        ({"image": "[a]"}, "image: ['a'] given"),
+    ],
+)
+def test_bad_fields(tmp_path: Path, keys: dict[str, Any], problem: str) -> None:
+    with pytest.raises(FormatError) as caught:
+        load_world(write_map(tmp_path, grey([0]), **keys))
+    assert str(caught.value).startswith(f"{tmp_path / 'map.yaml'}: ")
+    assert problem in str(caught.value)
+
+
+@pytest.mark.parametrize("keys", [{"resolution": "1e-320"}, {"resolution": "1e-9", "origin": "[1e12, 0, 0]"}])
+def test_cells_too_small_to_tell_apart(tmp_path: Path, keys: dict[str, Any]) -> None:
+    with pytest.raises(FormatError, match=r"map\.yaml: "):
+        load_world(write_map(tmp_path, grey([0, 254]), **keys))
+
+
+@pytest.mark.parametrize(
+    ("name", "free_at_most", "origin"),
+    [("depot", "0.25", (0.0, 0.0, 0.0)), ("tb3_sandbox", "0.196", (-10.0, -10.0, 0.0))],
+)
+def test_published_maps(shared_data: Path, name: str, free_at_most: str, origin: tuple[float, float, float]) -> None:
+    world = load_world(shared_data / "nav2" / f"{name}.yaml")
+    header, pixels = (shared_data / "nav2" / f"{name}.pgm").read_bytes().split(b"\n255\n", 1)
+    width, height = map(int, header.split(b"\n")[-1].split())
+    image = np.frombuffer(pixels, dtype=np.uint8).reshape(height, width)
+    free = np.array([Fraction(255 - v, 255) <= Fraction(free_at_most) for v in range(256)])[image]
+    points = pixel_centres((height, width), 0.05, origin)
+    assert np.array_equal(obstacles_at(world, points), ~free)
+    assert sum(shape.area for shape in world.obstacles) == pytest.approx((~free).sum() * 0.05**2, rel=1e-9)
+    assert world.bounds == pytest.approx((*origin[:2], origin[0] + width * 0.05, origin[1] + height * 0.05))
+    assert world.name == name
+    assert world.robot is None
+    assert world.boundary is None

@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import csv
+import json
+import math
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trailmark.errors import ConfigurationError, FormatError, OutputError
+from trailmark.formats.path_files import SUFFIXES, check_writable, read_path, write_path
+from trailmark.path import Path
+
+number = st.floats(-1e9, 1e9)
+states = st.lists(st.tuples(number, number, st.floats(-math.pi, math.pi, exclude_min=True)), min_size=1, max_size=9)
+ROWS = [[0.1, -2.0, 0.0], [1e-7, 3.5, math.pi]]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@given(rows=states)
+def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, suffix: str, rows: list[Any]) -> None:
+    file = tmp_path_factory.mktemp("paths") / f"a{suffix}"
+    write_path(file, rows)
+    assert read_path(file) == Path(np.array(rows))
+
+
+def test_csv(tmp_path: FilePath) -> None:
+    write_path(tmp_path / "a.csv", ROWS)
+    with (tmp_path / "a.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [list(map(float, row.values())) for row in table] == ROWS
+    assert list(table[0]) == ["x", "y", "theta"]
+
+
+@pytest.mark.parametrize("name", ["a.path", "a.txt", "a.PATH"])
+def test_plain_rows(tmp_path: FilePath, name: str) -> None:
+    write_path(tmp_path / name, Path(np.array(ROWS)))
+    assert np.loadtxt(tmp_path / name).tolist() == ROWS
+
+
+def test_json_holds_the_record(tmp_path: FilePath) -> None:
+    record = {"world": "öffice", "status": "solved", "states": "ignored", "seed": np.int64(3), "cost": np.float64(1.5)}
+    write_path(tmp_path / "a.json", ROWS, {**record, "lower_bound": None, "time": {"total": 0.1}})
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert data == {
+        "world": "öffice",
+        "status": "solved",
+        "states": ROWS,
+        "seed": 3,
+        "cost": 1.5,
+        "lower_bound": None,
+        "time": {"total": 0.1},
+    }
+    assert list(data) == ["world", "status", "states", "seed", "cost", "lower_bound", "time"]
+
+
+def test_json_without_a_record_measures_the_path(tmp_path: FilePath) -> None:
+    write_path(tmp_path / "a.json", [[0, 0, 0], [3, 4, 1]])
+    data = json.loads((tmp_path / "a.json").read_text())
+    assert data == {"states": [[0, 0, 0], [3, 4, 1]], "cost": 5.5, "length": 5.0, "rotation": 1.0}
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, object(), {1, 2}])
+def test_what_json_cannot_hold(tmp_path: FilePath, value: object) -> None:
+    with pytest.raises(OutputError, match="the record holds what JSON cannot"):
+        write_path(tmp_path / "a.json", ROWS, {"cost": value})
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("rows", [[], [[1, 2]], [[1, 2, math.nan]]])
+def test_bad_states_are_not_written(tmp_path: FilePath, rows: list[Any]) -> None:
+    with pytest.raises(ConfigurationError):
+        write_path(tmp_path / "a.csv", rows)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("a.cvs", r"suffix '.cvs' given, did you mean '.csv'\? allowed: .csv, .json, .path, .txt"),
+        ("a", r"suffix '' given, allowed: .csv, .json, .path, .txt"),
+        ("none/a.csv", "the directory .* does not exist"),
+        ("folder.csv", "is a directory, allowed: a file"),
+    ],
+)
+def test_unwritable_paths_are_found_before_planning(tmp_path: FilePath, name: str, problem: str) -> None:
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(OutputError, match=problem):
+        check_writable(tmp_path / name)
+    with pytest.raises(OutputError):
+        write_path(tmp_path / name, ROWS)
+    assert [p.name for p in tmp_path.iterdir()] == ["folder.csv"]
+
+
+def test_writable_paths_are_left_untouched(tmp_path: FilePath) -> None:
+    (tmp_path / "b.csv").write_text("old")
+    check_writable(tmp_path / "a.json")
+    check_writable(tmp_path / "b.csv")
+    assert (tmp_path / "b.csv").read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["b.csv"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        ("a.csv", "", "a.csv:1: header '' given, allowed: x,y,theta"),
+        ("a.csv", "x,y\n1,2\n", "a.csv:1: header 'x,y' given, allowed: x,y,theta"),
+        ("a.csv", "1,2,3\n", "a.csv:1: header '1,2,3' given"),
+        ("a.csv", "x,y,theta\n", "no states given, allowed: one or more rows x, y, theta"),
+        ("a.csv", "x,y,theta\n1,2,3\n1,2\n", "a.csv:3: row '1,2' given, allowed: three finite numbers x, y, theta"),
+        ("a.csv", "x,y,theta\n1,2,inf\n", "a.csv:2: row '1,2,inf' given"),
+        ("a.path", "1 2 3\n\n# note\n1 2 x\n", "a.path:4: row '1 2 x' given"),
+        ("a.path", "", "no states given"),
+        ("a.txt", "1 2 3 4\n", "a.txt:1: row '1 2 3 4' given"),
+        ("a.json", "{", "a.json:1: not valid JSON"),
+        ("a.json", "[" * 100_000, "not valid JSON"),
+        ("a.json", '{"states": [[' + "9" * 5000 + ", 0, 0]]}", "a.json: "),
+        ("a.json", '{"states": [[' + "9" * 400 + ", 0, 0]]}", "a.json: "),
+        ("a.json", "[[1, 2, 3]]", "no list 'states' given, allowed: an object with states [[x, y, theta], ...]"),
+        ("a.json", '{"states": null}', "no list 'states' given"),
+        ("a.json", '{"states": []}', "no states given"),
+        ("a.json", '{"states": [[1, 2, 3], [1, 2]]}', "states[1]: [1, 2] given, allowed: three numbers"),
+        ("a.json", '{"states": [[1, 2, "3"]]}', "states[0]: [1, 2, '3'] given"),
+        ("a.json", '{"states": [[1, 2, true]]}', "states[0]: [1, 2, True] given"),
+        ("a.json", '{"states": [[1, 2, NaN]]}', "holds a value that is not a finite number"),
+        ("a.gpx", "", "suffix '.gpx' given, allowed: .csv, .json, .path, .txt"),
+    ],
+)
+def test_bad_files(tmp_path: FilePath, name: str, text: str, problem: str) -> None:
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FormatError) as caught:
+        read_path(tmp_path / name)
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400
+
+
+def test_a_missing_file(tmp_path: FilePath) -> None:
+    with pytest.raises(FormatError, match="cannot be read: No such file"):
+        read_path(tmp_path / "a.csv")
+
+
+def test_published_rows(shared_data: FilePath) -> None:
+    file = shared_data / "omplapp" / "Maze_planar.path"
+    assert np.allclose(read_path(file).states, np.loadtxt(file), atol=1e-12)

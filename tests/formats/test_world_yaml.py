@@ -1,0 +1,306 @@
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trailmark.errors import FormatError, OutputError, TrailmarkError
+from trailmark.formats import load_world, save_world, world_json_schema
+from trailmark.formats.world_yaml import world_from_data, world_text
+from trailmark.formats.yaml_data import parse_yaml
+from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.world import Query, Robot, World
+
+# The example of the contract (DESIGN.md section 2), with numbers for its dots.
+CONTRACT = """
+trailmark: 1
+name: office
+bounds: [0.0, 0.0, 20.0, 12.0]          # xmin, ymin, xmax, ymax; no part of the robot may leave it
+robot: {shape: rectangle, length: 0.6, width: 0.4}
+boundary: [[0, 0], [20, 0], [20, 12], [10, 11.5], [0, 12]]
+obstacles:
+  - {shape: polygon, vertices: [[1, 1], [4, 1], [4, 4], [1, 4]], holes: [[[2, 2], [3, 2], [3, 3]]]}
+  - {shape: disc, center: [7, 8], radius: 0.5}
+  - {shape: rectangle, center: [9, 3], length: 2.0, width: 1.0, heading: 0.3}
+queries:
+  - {name: door, start: [1.0, 1.0, 0.0], goal: [18.0, 10.0, 1.57]}
+"""
+
+OFFICE = World(
+    "office",
+    (0.0, 0.0, 20.0, 12.0),
+    (
+        Polygon(np.array([[1, 1], [4, 1], [4, 4], [1, 4.0]]), (np.array([[2, 2], [3, 2], [3, 3.0]]),)),
+        Disc((7.0, 8.0), 0.5),
+        Rectangle((9.0, 3.0), 2.0, 1.0, 0.3),
+    ),
+    Robot.rectangle(0.6, 0.4),
+    Polygon(np.array([[0, 0], [20, 0], [20, 12], [10, 11.5], [0, 12.0]])),
+    (Query("door", (1.0, 1.0, 0.0), (18.0, 10.0, 1.57)),),
+)
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    file = tmp_path / "office.yaml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_the_contract_example(tmp_path: Path) -> None:
+    assert load_world(write(tmp_path, CONTRACT)) == OFFICE
+
+
+def test_defaults(tmp_path: Path) -> None:
+    world = load_world(write(tmp_path, "trailmark: 1\nbounds: [0, 0, 1, 2]\nobstacles:\nqueries: []\n"))
+    assert world == World("office", (0.0, 0.0, 1.0, 2.0))
+
+
+def test_windows_line_ends_and_byte_order_mark(tmp_path: Path) -> None:
+    file = tmp_path / "office.yaml"
+    file.write_bytes(b"\xef\xbb\xbf" + CONTRACT.replace("\n", "\r\n").encode())
+    assert load_world(file) == OFFICE
+
+
+coordinate = st.floats(-1e6, 1e6, allow_nan=False)
+length = st.floats(1e-6, 1e6)
+point = st.tuples(coordinate, coordinate)
+pose = st.tuples(coordinate, coordinate, st.floats(-10.0, 10.0))
+
+
+@st.composite
+def polygons(draw: st.DrawFn, holes: bool) -> Polygon:
+    """Star-shaped about a centre, which makes any radii simple; the hole is a shrunk copy."""
+    n = draw(st.integers(3, 9))
+    radii = np.array(draw(st.lists(st.floats(0.5, 2.0), min_size=n, max_size=n)))
+    angles = 2.0 * math.pi * np.arange(n) / n
+    ring = radii[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    center = np.array(draw(st.tuples(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))))
+    with_hole = holes and draw(st.booleans())
+    return Polygon(center + ring, (center + 0.3 * ring,) if with_hole else ())
+
+
+obstacles = st.one_of(
+    st.builds(Disc, point, length),
+    st.builds(Rectangle, point, length, length, st.floats(-10.0, 10.0)),
+    polygons(holes=True),
+)
+robots = st.one_of(
+    st.builds(Robot.disc, length),
+    st.builds(Robot.rectangle, length, length),
+    polygons(holes=False).map(lambda p: Robot.polygon(p.vertices)),
+)
+names = st.text(st.characters(exclude_categories=["Cs"]))
+
+
+@st.composite
+def any_world(draw: st.DrawFn) -> World:
+    low = draw(point)
+    size = draw(st.tuples(length, length))
+    ends = draw(st.lists(st.tuples(pose, pose), max_size=3))
+    unique = draw(st.lists(names, min_size=len(ends), max_size=len(ends), unique=True))
+    return World(
+        draw(names),
+        (*low, low[0] + size[0], low[1] + size[1]),
+        tuple(draw(st.lists(obstacles, max_size=5))),
+        draw(st.none() | robots),
+        draw(st.none() | polygons(holes=False)),
+        tuple(Query(name, *both) for name, both in zip(unique, ends, strict=True)),
+    )
+
+
+@given(any_world())
+def test_round_trip_is_exact(world: World) -> None:
+    data = parse_yaml(world_text(world), Path("w.yaml"))
+    assert isinstance(data, dict)
+    again = world_from_data(data, Path("w.yaml"))
+    assert again == world
+    assert world_text(again) == world_text(world)
+
+
+@given(any_world())
+def test_other_yaml_readers_see_the_same(world: World) -> None:
+    data = yaml.safe_load(world_text(world))
+    assert data["name"] == world.name
+    assert data["bounds"] == list(world.bounds)
+    for entry, shape in zip(data.get("obstacles", []), world.obstacles, strict=True):
+        if isinstance(shape, Disc):
+            assert entry == {"shape": "disc", "center": list(shape.center), "radius": shape.radius}
+
+
+def test_saved_files_are_for_people(tmp_path: Path) -> None:
+    file = tmp_path / "out.yaml"
+    save_world(OFFICE, file)
+    lines = file.read_text().splitlines()
+    assert lines[0].startswith("# A trailmark world.")
+    assert lines[1:5] == [
+        "trailmark: 1",
+        "name: office",
+        "bounds: [0.0, 0.0, 20.0, 12.0]",
+        "robot: {shape: rectangle, length: 0.6, width: 0.4}",
+    ]
+    assert lines[6:10] == [
+        "obstacles:",
+        "  - {shape: polygon, vertices: [[1.0, 1.0], [4.0, 1.0], [4.0, 4.0], [1.0, 4.0]], "
+        "holes: [[[2.0, 2.0], [3.0, 2.0], [3.0, 3.0]]]}",
+        "  - {shape: disc, center: [7.0, 8.0], radius: 0.5}",
+        "  - {shape: rectangle, center: [9.0, 3.0], length: 2.0, width: 1.0, heading: 0.3}",
+    ]
+    assert load_world(file) == OFFICE
+
+
+def test_a_name_that_utf8_cannot_hold(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="name"):
+        save_world(World("\ud800", (0, 0, 1, 1)), tmp_path / "out.yaml")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_saving_to_a_missing_directory(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="No such file or directory"):
+        save_world(OFFICE, tmp_path / "no" / "out.yaml")
+
+
+HEAD = "trailmark: 1\nname: office\nbounds: [0, 0, 20, 12]\n"
+LENGTH = "allowed: a finite number above 0 (metres)"
+QUERY = "{name: a, start: [0, 0, 0], goal: [1, 1, 1]}"
+
+
+def disc(radius: str) -> str:
+    return (
+        "obstacles:\n"
+        + 3 * "  - {shape: disc, center: [1, 2], radius: 1}\n"
+        + (f"  - {{shape: disc, center: [1, 2], radius: {radius}}}")
+    )
+
+
+def polygon(points: str) -> str:
+    return f"obstacles: [{{shape: polygon, vertices: {points}}}]"
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (HEAD + disc("-0.5"), f"obstacles[3].radius: -0.5 given, {LENGTH}"),
+        (HEAD + disc("0"), f"obstacles[3].radius: 0 given, {LENGTH}"),
+        (HEAD + disc("'0.5'"), f"obstacles[3].radius: '0.5' given, {LENGTH}"),
+        (HEAD + disc("true"), f"obstacles[3].radius: True given, {LENGTH}"),
+        (HEAD + disc(".nan"), f"obstacles[3].radius: nan given, {LENGTH}"),
+        (HEAD + disc("nan"), f"obstacles[3].radius: 'nan' given, {LENGTH}"),
+        (HEAD + disc("-.inf"), f"obstacles[3].radius: -inf given, {LENGTH}"),
+        (HEAD + disc("1e999"), f"obstacles[3].radius: inf given, {LENGTH}"),
+        (HEAD + disc(""), f"obstacles[3].radius: None given, {LENGTH}"),
+        (HEAD + disc("[1]"), f"obstacles[3].radius: [1] given, {LENGTH}"),
+        (
+            HEAD + "obstacles: [{shape: disc, center: [1, 2], radus: 1}]",
+            "obstacles[0].radus: unknown key, did you mean 'radius'? allowed: center, radius, shape (and 1 more)",
+        ),
+        (HEAD + "obstacles: [{shape: disk}]", "obstacles[0].shape: 'disk' given, did you mean 'disc'? allowed: disc, "),
+        (HEAD + "obstacles: [{radius: 1}]", "obstacles[0].shape: missing, allowed: disc, polygon, rectangle"),
+        (HEAD + "obstacles: [5]", "obstacles[0]: 5 given, allowed: a mapping"),
+        (HEAD + "obstacles: 5", "obstacles: 5 given, allowed: a list of mappings"),
+        (HEAD + "obstacles: {shape: disc}", "obstacles: {'shape': 'disc'} given, allowed: a list of mappings"),
+        (HEAD + polygon("[[0, 0], [1, 1], [1, 0], [0, 1]]"), "obstacles[0]: polygon: not simple: Self-intersection"),
+        (HEAD + polygon("[[0, 0], [1, 1], [2, 2]]"), "obstacles[0]: polygon: "),
+        (HEAD + polygon("[[0, 0], [1, 1], [0, 0]]"), "obstacles[0]: polygon: vertices: 2 different points given"),
+        (HEAD + polygon("[[0, 0], [1, 1]]"), "obstacles[0].vertices: [[0, 0], [1, 1]] given, allowed: three or more"),
+        (HEAD + polygon("[[0, 0], [1, 1], [1]]"), "obstacles[0].vertices[2]: [1] given, allowed: a point [x, y]"),
+        (HEAD + polygon("[[0, 0], [1, 1], 7]"), "obstacles[0].vertices[2]: 7 given, allowed: a point [x, y]"),
+        (
+            HEAD + polygon("[[0, 0], [1, 1], [1, x]]"),
+            "obstacles[0].vertices[2][1]: 'x' given, allowed: a finite number",
+        ),
+        (
+            HEAD + "obstacles: [{shape: polygon, vertices: [[0, 0], [9, 0], [0, 9]], holes: [[[1, 1], [2, 2]]]}]",
+            "obstacles[0].holes[0]: [[1, 1], [2, 2]] given, allowed: a list of rings",
+        ),
+        (
+            HEAD + "obstacles: [{shape: polygon, vertices: [[0, 0], [9, 0], [0, 9]], holes: [[[1, 1], [2, 2], 3]]}]",
+            "obstacles[0].holes[0][2]: 3 given, allowed: a point [x, y]",
+        ),
+        (
+            HEAD
+            + "obstacles: [{shape: polygon, vertices: [[0, 0], [1, 0], [0, 1]], holes: [[[5, 5], [6, 5], [5, 6]]]}]",
+            "obstacles[0]: polygon: not simple: Hole lies outside shell",
+        ),
+        (HEAD + "robot: 7", "robot: 7 given, allowed: a mapping with the key shape: disc, rectangle or polygon"),
+        (HEAD + "robot: {shape: disc, radius: -1}", f"robot.radius: -1 given, {LENGTH}"),
+        (HEAD + "robot: {shape: rectangle, length: 1}", f"robot.width: missing, {LENGTH}"),
+        (HEAD + "robot: {shape: disc, radius: 1, center: [0, 0]}", "robot.center: unknown key, "),
+        (HEAD + "robot: {shape: polygon, vertices: [[0, 0], [1, 1], [1, 0], [0, 1]]}", "robot: polygon: not simple"),
+        (HEAD + "boundary: [[0, 0], [1, 1], [1, 0], [0, 1]]", "boundary: polygon: not simple"),
+        (HEAD + "boundary: [[0, 0], [1, 1], [1, .inf]]", "boundary[2][1]: inf given, allowed: a finite number"),
+        (HEAD + "queries: [{name: 1, start: [0, 0, 0], goal: [0, 0, 0]}]", "queries[0].name: 1 given, allowed: a text"),
+        (
+            HEAD + "queries: [{name: a, start: [0, 0], goal: [0, 0, 0]}]",
+            "queries[0].start: [0, 0] given, allowed: a conf",
+        ),
+        (HEAD + "queries: [{nam: a, start: [0, 0, 0], goal: [0, 0, 0]}]", "queries[0].nam: unknown key, did you mean"),
+        (HEAD + f"queries: [{QUERY}, {QUERY}]", "queries: the name 'a' is given more than once"),
+        (HEAD + "obstacels: []", "obstacels: unknown key, did you mean 'obstacles'? allowed: boundary, bounds, name, "),
+        (HEAD + '"a\\nb": []', "'a\\nb': unknown key, allowed: boundary, "),
+        (HEAD + "x" * 500 + ": []", "unknown key, allowed: boundary, "),
+        (HEAD + "name: x", "key 'name' is given twice"),
+        ("trailmark: 1", "bounds: missing, allowed: four finite numbers [xmin, ymin, xmax, ymax] (metres)"),
+        ("trailmark: 1\nbounds: [0, 0, 1]", "bounds: [0, 0, 1] given, allowed: four finite numbers"),
+        ("trailmark: 1\nbounds: [0, 0, 1, true]", "bounds[3]: True given, allowed: a finite number"),
+        ("trailmark: 1\nbounds: [0, 0, 0, 1]", "bounds: [0.0, 0.0, 0.0, 1.0] given, allowed: xmin < xmax"),
+        ("trailmark: 2\nbounds: [0, 0, 1, 1]", "trailmark: 2 given, allowed: 1 (the schema version)"),
+        ("trailmark: true\nbounds: [0, 0, 1, 1]", "trailmark: True given, allowed: 1"),
+        ("trailmark:\nbounds: [0, 0, 1, 1]", "trailmark: None given, allowed: 1"),
+        ("trailmark: '1'\nbounds: [0, 0, 1, 1]", "trailmark: '1' given, allowed: 1"),
+    ],
+)
+def test_messages_name_field_value_and_what_is_allowed(tmp_path: Path, text: str, problem: str) -> None:
+    file = write(tmp_path, text)
+    with pytest.raises(FormatError) as caught:
+        load_world(file)
+    message = str(caught.value)
+    assert message.startswith(str(file))
+    assert problem in message
+    assert "\n" not in message
+
+
+@given(
+    st.recursive(
+        st.none() | st.booleans() | st.integers(-3, 3) | st.floats() | st.sampled_from(["disc", "polygon", "a"]),
+        lambda inner: (
+            st.lists(inner, max_size=4)
+            | st.dictionaries(
+                st.sampled_from(
+                    ["shape", "radius", "center", "vertices", "holes", "name", "start", "goal", "length", "x"]
+                ),
+                inner,
+                max_size=4,
+            )
+        ),
+        max_leaves=12,
+    ),
+    st.sampled_from(["name", "bounds", "robot", "boundary", "obstacles", "queries", "other"]),
+)
+def test_any_data_gives_a_world_or_one_line(value: object, key: str) -> None:
+    data = {"trailmark": 1, "bounds": [0, 0, 1, 1], **{key: value}}
+    message = "a world"
+    try:
+        world_from_data(data, Path("w.yaml"))
+    except TrailmarkError as error:
+        message = str(error)
+    assert len(message.splitlines()) == 1
+    assert len(message) < 1000
+
+
+def test_json_schema_describes_the_contract() -> None:
+    schema = world_json_schema()
+    json.dumps(schema)
+    assert schema["title"] == "trailmark world"
+    assert schema["additionalProperties"] is False
+    assert set(schema["properties"]) == {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"}
+    assert schema["required"] == ["trailmark", "bounds"]
+    disc_schema = schema["$defs"]["DiscObstacle"]
+    assert disc_schema["properties"]["radius"]["exclusiveMinimum"] == 0.0
+    assert disc_schema["properties"]["radius"]["description"] == "a finite number above 0 (metres)"
+    assert set(disc_schema["required"]) == {"shape", "center", "radius"}

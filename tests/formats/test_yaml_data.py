@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trailmark.errors import FormatError
+from trailmark.formats.yaml_data import MAX_DEPTH, parse_yaml
+
+FILE = Path("a.yaml")
+
+texts = st.text(st.characters(codec="ascii", exclude_categories=["Cc"]))
+plain = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | texts,
+    lambda inner: st.lists(inner) | st.dictionaries(texts, inner),
+    max_leaves=20,
+)
+
+
+@given(plain)
+def test_reads_what_json_writes(data: Any) -> None:
+    assert parse_yaml(json.dumps(data), FILE) == data
+
+
+@given(plain)
+def test_reads_what_pyyaml_writes(data: Any) -> None:
+    assert parse_yaml(yaml.safe_dump(data), FILE) == data
+
+
+@pytest.fixture(params=["C", "Python"])
+def either_loader(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    if request.param == "Python":
+        monkeypatch.delattr(yaml, "CSafeLoader")
+    elif not hasattr(yaml, "CSafeLoader"):
+        pytest.skip("this PyYAML has no C loader")
+
+
+@pytest.mark.usefixtures("either_loader")
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("", None),
+        ("# nothing\n", None),
+        ("~", None),
+        ("12", 12),
+        ("-012", -12),
+        ("1e-05", 1e-5),
+        (".5", 0.5),
+        ("5.", 5.0),
+        ("+1E+3", 1000.0),
+        ("1e999", math.inf),
+        ("-.inf", -math.inf),
+        ("9" * 5000, math.inf),
+        ("true", True),
+        ("no", "no"),
+        ("1_000", "1_000"),
+        ("1:30", "1:30"),
+        ("0x10", "0x10"),
+        ("2024-01-01", "2024-01-01"),
+        ("nan", "nan"),
+        ("'1'", "1"),
+        ('"true"', "true"),
+        ("! 5", 5),
+        ("a: {b: [1, {c: d}], e: }", {"a": {"b": [1, {"c": "d"}], "e": None}}),
+        ("1: a\ntrue: b", {"1": "a", "true": "b"}),
+        ("- - 1\n  - 2\n- []\n- {}", [[1, 2], [], {}]),
+        ("|\n  two\n  lines\n", "two\nlines\n"),
+    ],
+)
+def test_scalars_and_containers(text: str, value: Any) -> None:
+    given_back = parse_yaml(text, FILE)
+    assert given_back == value
+    assert type(given_back) is type(value)
+
+
+def test_nan() -> None:
+    value = parse_yaml(".nan", FILE)
+    assert isinstance(value, float)
+    assert math.isnan(value)
+
+
+BOMB = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 12)
+)
+
+
+@pytest.mark.usefixtures("either_loader")
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (BOMB, "a.yaml:1: anchor &a0 given, allowed: no anchors and aliases"),
+        ("a: *b", "a.yaml:1: alias *b given, allowed: no anchors and aliases"),
+        ("\na: !!python/object/apply:os.system [ls]", "tag 'tag:yaml.org,2002:python/object/apply:os.system' given"),
+        ("!!float 1", "allowed: no tags"),
+        ("a: 1\nb: 2\na: 3", "a.yaml:3: key 'a' is given twice in one mapping, allowed: once"),
+        ("- {a: 1, b: 2, 'a': 3}", "key 'a' is given twice"),
+        ("[" * 100_000, f"a.yaml:1: nested deeper than {MAX_DEPTH} levels"),
+        ("\n".join(" " * i + "-" for i in range(100)), f"nested deeper than {MAX_DEPTH} levels"),
+        ("? [1, 2]\n: 3", "a list or mapping is given as a key, allowed: a text"),
+        ("{{a: b}: c}", "a list or mapping is given as a key"),
+        ("a: 1\n---\nb: 2", "a.yaml:2: a second YAML document begins, allowed: one"),
+        ("a: [1, 2", "not valid YAML"),
+        ("a: b: c", "a.yaml:1: not valid YAML: mapping values are not allowed"),
+        ("a: 1\n\tb: 2", "a.yaml:2: not valid YAML"),
+        ("a: '", "not valid YAML"),
+        ("a: \x01", "not valid YAML"),
+        ("%YAML 9.9\n---\na", "not valid YAML"),
+    ],
+)
+def test_refused_in_one_line(text: str, message: str) -> None:
+    with pytest.raises(FormatError) as caught:
+        parse_yaml(text, FILE)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_depth_up_to_the_limit_is_read() -> None:
+    assert json.dumps(parse_yaml("[" * MAX_DEPTH + "]" * MAX_DEPTH, FILE)) == "[" * MAX_DEPTH + "]" * MAX_DEPTH
