@@ -16,6 +16,9 @@ ALONG, AGAINST, BETWEEN = 0.3, 0.1, 0.3
 SPREAD = 0.2
 """Standard deviation (radians) of the headings that are not uniform."""
 
+FIRST_REACH, LATER_REACH = 0.15, 0.8
+"""Widths of the bands whose cells are found at first, and when those are used up; after that, all cells."""
+
 GUIDE_TRIES = 8
 """Configurations tried in each cell of the relaxed shortest way."""
 
@@ -40,15 +43,17 @@ class Band:
         self.checker = checker
         self.relaxation = relaxation
         self.start, self.goal = start, goal
-        self._compute(relaxation.costs_from(goal, until=start))
+        self._compute(FIRST_REACH)
 
-    def _compute(self, to_goal: CostMap) -> None:
+    def _compute(self, widening: float) -> None:
+        """Find the cells of all bands up to a width."""
         relaxation = self.relaxation
-        self.to_goal = to_goal
+        to_goal = relaxation.costs_from(self.goal, until=self.start, widening=widening)
+        self.to_goal: CostMap = to_goal
         self.shortest = float(to_goal.cost.ravel()[relaxation.cells(relaxation.disc_centers(self.start))])
         if not np.isfinite(self.shortest):
             return
-        self.from_start = from_start = relaxation.costs_from(self.start, limit=to_goal.limit)
+        self.from_start = from_start = relaxation.costs_from(self.start, limit=to_goal.limit, onward=to_goal)
         total = from_start.cost.ravel() + to_goal.cost.ravel()
         self._cells = (
             np.flatnonzero(total <= to_goal.limit) if np.isfinite(to_goal.limit) else np.flatnonzero(np.isfinite(total))
@@ -68,7 +73,7 @@ class Band:
     def widen(self, widening: float) -> None:
         """Make sure that all cells of the band of width ε = ``widening`` are known."""
         if (1.0 + widening) * self.shortest > self.to_goal.limit:
-            self._compute(self.relaxation.costs_from(self.goal))
+            self._compute(LATER_REACH if widening <= LATER_REACH else np.inf)
 
     def costs_to_goal(self, q: se2.FloatArray) -> se2.FloatArray:
         """Return a lower estimate (metres) of the cost from configurations (n, 3) to the goal, shape (n,)."""
@@ -124,13 +129,12 @@ class Band:
 
     def samples_near(self, q: se2.FloatArray, reach: float, n: int, rng: np.random.Generator) -> se2.FloatArray:
         """Return valid configurations, shape (m, 3), m <= n, whose disc lies within ``reach`` metres of q's."""
-        center = self.relaxation.disc_centers(q)
-        off = self.relaxation.cell_centers(self._cells) - center
-        near = np.flatnonzero(np.hypot(off[:, 0], off[:, 1]) <= reach + self.relaxation.size)
-        if len(near) == 0:
-            return np.empty((0, 3))
-        picked = near[rng.integers(len(near), size=n)]
-        found = self._place(self._cells[picked], self._along[picked], self._share[picked], rng)
+        around = self.relaxation.disc_centers(q) + rng.uniform(-reach, reach, (n, 2))
+        cells = self.relaxation.cells(around)
+        from_start, to_goal = self.from_start.cost.ravel()[cells], self.to_goal.cost.ravel()[cells]
+        known = np.isfinite(from_start + to_goal)
+        cells, share = cells[known], from_start[known] / np.maximum(from_start[known] + to_goal[known], 1e-9)
+        found = self._place(cells, self._headings_along(cells), share, rng)
         return np.asarray(found[self.checker.valid(found)])
 
     def nearest_to_goal(self, q: se2.FloatArray) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import lru_cache
 from typing import Any
 
@@ -52,12 +53,15 @@ def k_means_landmarks(
         return np.array(samples)
     from scipy.spatial import cKDTree
     from sklearn.cluster import KMeans
+    from sklearn.exceptions import ConvergenceWarning
 
     rng = generator(random_state)
     points = se2.embed(samples, radius)
     first = points[rng.choice(len(points), k, replace=False)]
     # One thread: with more, sums are rounded in an order that changes from run to run.
-    with _threadpools().limit(limits=1):
+    with _threadpools().limit(limits=1), warnings.catch_warnings():
+        # A cluster too many for the data is no fault here: it only means one landmark less.
+        warnings.simplefilter("ignore", ConvergenceWarning)
         centres = (
             KMeans(k, init=first, n_init=1, max_iter=steps, tol=0.0, algorithm="lloyd").fit(points).cluster_centers_
         )

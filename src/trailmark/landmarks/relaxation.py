@@ -59,6 +59,7 @@ class Relaxation:
 
     Args:
         checker: gives obstacles, field and robot.
+        fineness: how many times the cells are halved.
 
     Attributes:
         center: the disc's centre in the robot's frame, shape (2,), metres.
@@ -68,19 +69,26 @@ class Relaxation:
         columns: number of columns.
     """
 
-    def __init__(self, checker: StateChecker) -> None:
+    def __init__(self, checker: StateChecker, fineness: int = 0) -> None:
         self.checker = checker
+        self.fineness = fineness
         disc = checker.robot.inscribed_disc
         self.center = np.array(disc.center)
         self.radius = disc.radius
         xmin, ymin, xmax, ymax = checker.world.bounds
         self.size = max(self.radius, sqrt((xmax - xmin) * (ymax - ymin) / MAX_CELLS))
         # A large robot still deserves a map: at least a hundred cells along the longer side.
-        self.size = min(self.size, max(xmax - xmin, ymax - ymin) / 100.0)
+        self.size = min(self.size, max(xmax - xmin, ymax - ymin) / 100.0) / 2.0**fineness
         self.columns = max(1, int(np.ceil((xmax - xmin) / self.size)))
         self.rows = max(1, int(np.ceil((ymax - ymin) / self.size)))
         self.x0, self.y0 = xmin, ymin
         self._clearance = np.full((self.rows, self.columns), np.nan)
+
+    def finer(self) -> Relaxation | None:
+        """Return the relaxation on cells half as large; None if that would take more than 4 * MAX_CELLS cells."""
+        if self.rows * self.columns > MAX_CELLS:
+            return None
+        return Relaxation(self.checker, self.fineness + 1)
 
     def clearance(self, cells: NDArray[np.int64]) -> FloatArray:
         """Return the distance (metres) from cell centres to the nearest obstacle, shape (n,).
@@ -122,15 +130,26 @@ class Relaxation:
         rows, columns = np.divmod(cells, self.columns)
         return np.column_stack([self.x0 + (columns + 0.5) * self.size, self.y0 + (rows + 0.5) * self.size])
 
-    def costs_from(self, q: FloatArray, *, limit: float = np.inf, until: FloatArray | None = None) -> CostMap:
+    def costs_from(
+        self,
+        q: FloatArray,
+        *,
+        limit: float = np.inf,
+        until: FloatArray | None = None,
+        widening: float = np.inf,
+        onward: CostMap | None = None,
+    ) -> CostMap:
         """Return the costs from the disc's centre at configuration q, shape (3,), to the cells (Dijkstra).
 
         Args:
             q: the source.
             limit: metres; cells farther off may be left out.
-            until: shape (3,): go on to half as far again as this configuration lies, and no farther.
+            until: shape (3,): once it is reached, go on to (1 + ``widening``) times as far, and no farther.
+            widening: see ``until``.
+            onward: costs from elsewhere; cells whose costs in both maps add up to more than ``limit`` may be left out.
         """
         target = -1 if until is None else int(self.cells(self.disc_centers(until)))
+        ahead = np.empty((0, 0)) if onward is None else onward.cost
         cost, parent, reached = _dijkstra(
             self.checker.grid,
             self.checker.field,
@@ -143,6 +162,8 @@ class Relaxation:
             int(self.cells(self.disc_centers(q))),
             target,
             limit,
+            widening,
+            ahead,
         )
         return CostMap(cost, parent, reached)
 
@@ -213,6 +234,8 @@ def _dijkstra(
     source: int,
     target: int,
     limit: float,
+    widening: float,
+    ahead: FloatArray,
 ) -> tuple[FloatArray, NDArray[np.int8], float]:
     """Return costs and parents of the cells up to ``limit`` (metres), and that limit.
 
@@ -244,7 +267,7 @@ def _dijkstra(
             if int(key / size) != level:
                 continue
             if cell == target:
-                limit = min(limit, 1.5 * key + 8.0 * size)
+                limit = min(limit, (1.0 + widening) * key + 8.0 * size)
             for j in range(8):
                 # Straight neighbours first: they tell whether a diagonal cuts a corner.
                 k = 2 * j if j < 4 else 2 * j - 7
@@ -261,6 +284,8 @@ def _dijkstra(
                 # A diagonal past a cell that is too tight would cut the obstacle's corner.
                 if room < radius or (k % 2 and min(clearance[r, nc], clearance[nr, c]) < radius):
                     step *= UNSURE_FACTOR
+                if len(ahead) and key + step + ahead[nr, nc] > limit:
+                    continue
                 if key + step < cost[nr, nc]:
                     cost[nr, nc] = key + step
                     parent[nr, nc] = (k + 4) % 8

@@ -32,6 +32,9 @@ FIRST_LANDMARKS = 120
 GROWTH = 1.4
 """Each round places this many times the landmarks of the one before."""
 
+ROUNDS_PER_GRID = 2
+"""Rounds without a path after which the relaxed problem is looked at on a grid twice as fine."""
+
 BRIDGE_MISSES = 3
 """Attempts at the same gap before the next round of landmarks."""
 
@@ -139,9 +142,6 @@ class LandmarkPlanner:
         begin = perf_counter()
         ends = (self.checker.require_valid(start, "start"), self.checker.require_valid(goal, "goal"))
         build = self._build_time
-        if self._relaxation is None:
-            self._relaxation = Relaxation(self.checker)
-            build += perf_counter() - begin
         if self._landmarks is not None and len(self.roadmap) == 0:
             self.build()
             build = self._build_time
@@ -149,6 +149,13 @@ class LandmarkPlanner:
         status, states = attempt.run()
         self._build_time = 0.0
         return self._result(attempt, status, states, build)
+
+    @property
+    def relaxation(self) -> Relaxation:
+        """The relaxed problem's grid, kept from query to query."""
+        if self._relaxation is None:
+            self._relaxation = Relaxation(self.checker)
+        return self._relaxation
 
     def _place(self, samples: se2.FloatArray, k: int) -> NDArray[np.int64]:
         """Cluster samples into k landmarks and join them to the roadmap; return the new nodes."""
@@ -216,8 +223,8 @@ class _Attempt:
             # Nothing is shorter than the straight motion.
             self._offer(ends)
             return self._answer()
-        assert self.planner._relaxation is not None  # noqa: S101  # made by plan(), for mypy
-        band = Band(self.checker, self.planner._relaxation, ends[0], ends[1])
+        grid = self.planner.relaxation
+        band = Band(self.checker, grid, ends[0], ends[1])
         if not np.isfinite(band.shortest):
             return "infeasible", None
         nodes = self.roadmap.add(ends)
@@ -232,6 +239,13 @@ class _Attempt:
             if self.best is None:
                 self._bridge(band, nodes)
             widening += 1
+            finer = grid.finer() if self.best is None and widening % ROUNDS_PER_GRID == 0 else None
+            if finer is not None:
+                # What keeps failing may need a closer look, or be impossible.
+                grid = finer
+                band = Band(self.checker, grid, ends[0], ends[1])
+                if not np.isfinite(band.shortest):
+                    return "infeasible", None
             landmarks *= GROWTH
         self._improve(band, nodes, landmarks)
         return self._answer()
@@ -269,7 +283,7 @@ class _Attempt:
         if self.best is None:
             self._offer(states)
             self._report("shortening")
-        self._offer(shorten(self.checker, states, self.rng))
+        self._offer(shorten(self.checker, states, self.rng, deadline=self.deadline))
 
     def _improve(self, band: Band, nodes: NDArray[np.int64], landmarks: float) -> None:
         """Place landmarks where better paths might run and search again, until nothing is gained any more."""
@@ -288,7 +302,7 @@ class _Attempt:
                 marked = np.concatenate([marked, self.roadmap.add(self.best[1:-1])])
                 self._search(band, nodes)
             if self._time_left() > 0.0:
-                self._offer(shorten(self.checker, self.best, self.rng))
+                self._offer(shorten(self.checker, self.best, self.rng, deadline=self.deadline))
             settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0
 
     def _offer(self, states: se2.FloatArray) -> None:
