@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import pty
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -51,6 +54,32 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Callable[..., Run]:
         capsys.readouterr()
         status = main([str(word) for word in words])
         return Run(status, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Run]:
+    """Run a process whose stderr is a terminal of 100 columns and whose stdout is not."""
+
+    def run(*words: object) -> Run:
+        outside, inside = pty.openpty()
+        stdout = tmp_path_factory.mktemp("terminal") / "stdout"
+        environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "100"}
+        with stdout.open("wb") as out:
+            process = subprocess.Popen(list(map(str, words)), stdout=out, stderr=inside, env=environment)
+        os.close(inside)
+        shown = b""
+        while True:
+            try:
+                chunk = os.read(outside, 1 << 16)
+            except OSError:  # how Linux says that the other end was closed
+                chunk = b""
+            if not chunk:
+                break
+            shown += chunk
+        os.close(outside)
+        return Run(process.wait(), stdout.read_text(), shown.decode())
 
     return run
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import pty
 import signal
 import subprocess
 import sys
@@ -18,31 +17,12 @@ import pytest
 import trailmark
 
 Shell = Callable[..., Any]
+Terminal = Callable[..., Any]
 COMMAND = [sys.executable, "-m", "trailmark.cli"]
 
 
 def python(program: str, **how: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, **how)
-
-
-def in_terminal(program: str) -> str:
-    """Run a program with its stderr on a terminal; return what it wrote there."""
-    master, slave = pty.openpty()
-    environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "100"}
-    with subprocess.Popen([sys.executable, "-c", program], stderr=slave, env=environment) as process:
-        os.close(slave)
-        written = b""
-        while True:
-            try:
-                chunk = os.read(master, 65536)
-            except OSError:  # Linux says so when the other end is closed
-                break
-            if not chunk:
-                break
-            written += chunk
-    os.close(master)
-    assert process.returncode == 0
-    return written.decode()
 
 
 def test_help_names_every_command(shell: Shell) -> None:
@@ -146,39 +126,40 @@ sys.exit(main(["plan", {str(yard)!r}, "--output", {str(yard.parent / "path.json"
 WAIT = """
 import time
 from trailmark.cli import console
-with console.progress("planning", limit=5.0) as progress:
+with console.progress("loading") as progress:
+    progress.stage("planning", limit=5.0)
     progress.details = ["312 landmarks", "cost 19.5"]
     time.sleep({seconds})
 """
 
 
-def test_long_work_shows_progress_on_a_terminal_and_wipes_it() -> None:
-    written = in_terminal(WAIT.format(seconds=0.7))
+def test_long_work_shows_progress_on_a_terminal_and_wipes_it(terminal: Terminal) -> None:
+    written = terminal(sys.executable, "-c", WAIT.format(seconds=0.7)).err
     assert "planning · 0." in written
     assert "of 5 s · 312 landmarks · cost 19.5" in written
     assert written.rstrip().endswith(("\x1b[2K", "\x1b[?25h")), "the line is erased and the cursor shown again"
 
 
-def test_short_work_shows_nothing() -> None:
-    assert "planning" not in in_terminal(WAIT.format(seconds=0.05))
+def test_short_work_shows_nothing(terminal: Terminal) -> None:
+    assert "planning" not in terminal(sys.executable, "-c", WAIT.format(seconds=0.05)).err
 
 
 def test_no_progress_without_a_terminal() -> None:
     assert python(WAIT.format(seconds=0.5)).stderr == ""
 
 
-def test_notes_are_for_terminals_only() -> None:
+def test_notes_are_for_terminals_only(terminal: Terminal) -> None:
     program = "from trailmark.cli import console; console.note('written')"
-    assert in_terminal(program) == "written\r\n"
+    assert terminal(sys.executable, "-c", program).err == "written\r\n"
     assert python(program).stderr == ""
 
 
-def test_colours_are_for_terminals_only(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_colours_are_for_terminals_only(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
     program = "from trailmark.cli import console; console.fail('[b]no[/b]')"
     assert python(program).stderr == "trailmark: error: [b]no[/b]\n"
-    assert "\x1b[" in in_terminal(program)
+    assert "\x1b[" in terminal(sys.executable, "-c", program).err
     monkeypatch.setenv("NO_COLOR", "1")
-    assert in_terminal(program) == "trailmark: error: [b]no[/b]\r\n"
+    assert terminal(sys.executable, "-c", program).err == "trailmark: error: [b]no[/b]\r\n"
 
 
 def test_output_survives_a_terminal_that_knows_ascii_only() -> None:

@@ -58,33 +58,38 @@ def silence_stdout() -> None:
 
 
 class Progress:
-    """What a long command is doing; commands set its attributes, the display reads them.
+    """What a long command is doing: the command says so, the display shows it.
 
     Attributes:
         phase: a word or two.
-        limit: seconds allowed, or None.
         details: further facts, such as ``312 landmarks``.
     """
 
-    def __init__(self, phase: str, limit: float | None = None) -> None:
-        self.phase = phase
-        self.limit = limit
-        self.details: Sequence[str] = ()
+    def __init__(self, phase: str) -> None:
         self._begun = time.perf_counter()
+        self.stage(phase)
+
+    def stage(self, phase: str, limit: float | None = None) -> None:
+        """Begin another piece of work, whose clock starts at zero and may run to ``limit`` seconds."""
+        self.phase = phase
+        self.details: Sequence[str] = ()
+        self._limit = limit
+        self._stage_begun = time.perf_counter()
 
     def render(self) -> str:
-        """Return the display's line; empty while the work is still young."""
-        elapsed = time.perf_counter() - self._begun
-        if elapsed < _PATIENCE:
+        """Return the display's line; empty while the command is still young."""
+        now = time.perf_counter()
+        if now - self._begun < _PATIENCE:
             return ""
-        clock = f"{elapsed:.1f} s" if self.limit is None else f"{elapsed:.1f} of {self.limit:g} s"
+        clock = f"{now - self._stage_begun:.1f}"
+        clock += " s" if self._limit is None else f" of {self._limit:g} s"
         return " · ".join([self.phase, clock, *self.details])
 
 
 @contextmanager
-def progress(phase: str, limit: float | None = None) -> Iterator[Progress]:
+def progress(phase: str) -> Iterator[Progress]:
     """Show a spinner with the :class:`Progress` while the block runs: on a terminal, after 0.3 s, then gone again."""
-    state = Progress(phase, limit)
+    state = Progress(phase)
     if not sys.stderr.isatty():
         yield state
         return

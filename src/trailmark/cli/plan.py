@@ -30,7 +30,7 @@ from trailmark.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from trailmark.planning import PlanResult
+    from trailmark.planning import PlanProgress, PlanResult
     from trailmark.world import World
 
 __all__ = ["plan"]
@@ -84,7 +84,7 @@ def plan(
     path_file = output_file(output, PATH_SUFFIXES)
     picture = output_file(plot, PICTURE_SUFFIXES)
 
-    with console.progress("loading", limit) as progress:
+    with console.progress("loading") as progress:
         begun = time.perf_counter()
         loaded = load_world(world)
         body = robot_of(loaded, given)
@@ -93,18 +93,20 @@ def plan(
 
         from trailmark import LandmarkPlanner
 
-        def follow(state: Any) -> None:
+        def follow(state: PlanProgress) -> None:
             progress.phase = state.phase
             cost = "no path yet" if state.cost is None else f"cost {state.cost:.4g}"
             progress.details = (f"{state.landmarks:,} landmarks", cost)
 
+        progress.stage("preparing (compiles on first use)")
         planner = LandmarkPlanner(loaded, body, seed=number, landmarks=count)
+        progress.stage("planning", limit)
         result = planner.plan(a, b, time_limit=limit, on_progress=follow)
 
         record = result.to_dict(world=loaded.name, query=name)
         record["time"]["load"] = loading
         record["time"]["total"] += loading
-        progress.phase = "writing"
+        progress.stage("writing")
         written = []
         if path_file is not None and _write_path(path_file, result, record):
             written.append(path_file)

@@ -57,7 +57,7 @@ def show(world: WorldArgument, robot: RobotOption = None, plot: PlotOption = Non
         if picture is not None:
             from trailmark.plotting import save_world_figure
 
-            progress.phase = "drawing"
+            progress.stage("drawing")
             save_world_figure(picture, loaded)
     facts = _facts(loaded)
     if as_json:

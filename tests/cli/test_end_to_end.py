@@ -1,0 +1,103 @@
+"""The shell with the real planner on the worlds that ship; shapely, not trailmark, judges the paths."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from shapely import affinity
+
+from trailmark.formats.path_files import read_path
+from trailmark.world import World
+
+Shell = Callable[..., Any]
+
+
+def free_space(world: World) -> Any:
+    region = shapely.box(*world.bounds)
+    if world.boundary is not None:
+        region = region.intersection(world.boundary.shapely())
+    return region.difference(shapely.union_all([shape.polygon(1e-4).shapely() for shape in world.obstacles]))
+
+
+def judge(world: World, record: dict[str, Any], start: Any, goal: Any) -> None:
+    """Assert that a record's path is valid, runs from start to goal and costs what it says."""
+    assert world.robot is not None
+    states = np.array(record["states"])
+    np.testing.assert_allclose(states[0], start)
+    np.testing.assert_allclose(states[-1], goal)
+    steps = np.diff(states, axis=0)
+    steps[:, 2] = np.angle(np.exp(1j * steps[:, 2]))
+    length, rotation = np.hypot(steps[:, 0], steps[:, 1]).sum(), np.abs(steps[:, 2]).sum()
+    assert record["length"] == pytest.approx(length)
+    assert record["rotation"] == pytest.approx(rotation)
+    assert record["cost"] == pytest.approx(length + 0.5 * rotation)
+    assert record["lower_bound"] <= record["cost"] <= record["first_cost"] + 1e-9
+    body, free = world.robot.footprint.polygon(1e-4).shapely(), free_space(world).buffer(1e-3)
+    shapely.prepare(free)
+    fractions = np.linspace(0.0, 1.0, 60)[:, None]
+    for state, step in zip(states[:-1], steps, strict=True):
+        for x, y, theta in state + fractions * step:
+            placed = affinity.translate(affinity.rotate(body, theta, origin=(0, 0), use_radians=True), x, y)
+            assert free.contains(placed), (x, y, theta)
+
+
+def test_a_whole_process_prints_writes_and_draws(terminal: Shell, worlds: Path, tmp_path: Path) -> None:
+    office = World.load(worlds / "office.yaml")
+    outputs = ["--output", tmp_path / "path.json", "--plot", tmp_path / "path.png"]
+    words = ["plan", worlds / "office.yaml", "--seed", 3, "--json", *outputs]
+    run = terminal(sys.executable, "-m", "trailmark.cli", *words)
+    assert run.status == 0, run.err
+    record = json.loads(run.out)
+    query = office.query()
+    assert (record["world"], record["query"], record["planner"]) == ("office", query.name, "landmark")
+    assert (record["status"], record["seed"]) == ("solved", 3)
+    judge(office, record, query.start, query.goal)
+    assert json.loads((tmp_path / "path.json").read_text()) == record
+    assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["path.json", "path.png"]
+    assert 0.0 < record["time"]["first_solution"] < record["time"]["total"]
+    assert "planning" in run.err or "preparing" in run.err
+    assert "planning" not in run.out
+
+
+def test_given_ends_and_robot(shell: Shell, worlds: Path, tmp_path: Path) -> None:
+    file = tmp_path / "path.csv"
+    words = ["--robot", "disc:0.15", "--start", "1,1,-3", "--goal=5,4.5,3", "--time-limit", "0.5", "--output", file]
+    run = shell("plan", worlds / "office.yaml", *words)
+    assert run.status == 0, run.err
+    states = read_path(file).states
+    np.testing.assert_allclose(states[[0, -1]], [[1.0, 1.0, -3.0], [5.0, 4.5, 3.0]])
+    assert "path found" in run.out
+    assert run.err == ""
+
+
+def test_infeasible_is_status_4_and_the_picture_tells_why(shell: Shell, worlds: Path, tmp_path: Path) -> None:
+    run = shell("plan", worlds / "enclosed.yaml", "--json", "--plot", tmp_path / "why.svg")
+    assert run.status == 4
+    assert json.loads(run.out)["status"] == "infeasible"
+    assert (tmp_path / "why.svg").read_bytes().startswith(b"<?xml")
+
+
+def test_too_little_time_is_status_3(shell: Shell, worlds: Path) -> None:
+    run = shell("plan", worlds / "maze.yaml", "--json", "--time-limit", "1e-6")
+    assert run.status == 3
+    record = json.loads(run.out)
+    assert (record["status"], record["states"], record["cost"]) == ("timeout", [], None)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "end"),
+    [("1,1,0", "100,1,0", "goal"), ("-0.1,1,0", "1,1,0", "start"), ("1,1,0", "0.05,0.05,0", "goal")],
+)
+def test_invalid_ends_are_one_line(shell: Shell, worlds: Path, tmp_path: Path, start: str, goal: str, end: str) -> None:
+    run = shell("plan", worlds / "office.yaml", "--start", start, "--goal", goal, "--plot", tmp_path / "none.png")
+    assert run.status == 2
+    assert end in run.problem
+    assert not list(tmp_path.iterdir())
