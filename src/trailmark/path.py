@@ -42,7 +42,8 @@ class Path:
         return np.array_equal(self.states, other.states) if isinstance(other, Path) else NotImplemented
 
     def __hash__(self) -> int:
-        return hash(self.states.tobytes())
+        # Adding 0 makes -0.0 to 0.0: the two are equal, so their hashes must be.
+        return hash((self.states + 0.0).tobytes())
 
     @property
     def length(self) -> float:

@@ -7,6 +7,7 @@ function takes arrays of shape ``(..., 3)`` and broadcasts like numpy. The dista
 
 from __future__ import annotations
 
+import reprlib
 from typing import Any
 
 import numpy as np
@@ -46,12 +47,14 @@ def configurations(q: ArrayLike, *, name: str = "configuration") -> FloatArray:
     """
     try:
         array = np.array(q, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ConfigurationError(f"{name}: {q!r} is not an array of numbers x, y, theta") from None
+    except (TypeError, ValueError, OverflowError):
+        given = " ".join(reprlib.repr(q).split())
+        raise ConfigurationError(f"{name}: {given} is not an array of numbers x, y, theta") from None
     if array.ndim not in (1, 2) or array.shape[-1] != 3:
         raise ConfigurationError(f"{name}: shape {array.shape} given, allowed: (3,) or (n, 3) for x, y, theta")
     if not np.isfinite(array).all():
-        raise ConfigurationError(f"{name}: {array.tolist()} holds a value that is not a finite number")
+        first = array if array.ndim == 1 else array[~np.isfinite(array).all(axis=1)][0]
+        raise ConfigurationError(f"{name}: {first.tolist()} holds a value that is not a finite number")
     array[..., 2] = wrap(array[..., 2])
     return array
 

@@ -7,6 +7,7 @@ themselves when they are made.
 from __future__ import annotations
 
 import math
+import reprlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -18,9 +19,12 @@ from trailmark.errors import ShapeError
 if TYPE_CHECKING:
     import shapely
 
-__all__ = ["Disc", "Polygon", "Rectangle", "Shape", "signed_area", "triangulate"]
+__all__ = ["LIMIT", "Disc", "Polygon", "Rectangle", "Shape", "signed_area", "triangulate"]
 
 FloatArray = NDArray[np.float64]
+
+LIMIT = 1e8
+"""Metres: no coordinate or length may be larger, since a double then no longer holds the touching tolerance."""
 
 
 @dataclass(frozen=True)
@@ -78,9 +82,7 @@ class Rectangle:
         object.__setattr__(self, "center", _point(self.center, "rectangle: center"))
         object.__setattr__(self, "length", _positive(self.length, "rectangle: length"))
         object.__setattr__(self, "width", _positive(self.width, "rectangle: width"))
-        if not math.isfinite(self.heading):
-            raise ShapeError(f"rectangle: heading {self.heading!r} is not a finite number")
-        object.__setattr__(self, "heading", float(self.heading))
+        object.__setattr__(self, "heading", _number(self.heading, "rectangle: heading"))
 
     @property
     def area(self) -> float:
@@ -161,7 +163,8 @@ class Polygon:
         )
 
     def __hash__(self) -> int:
-        return hash((self.vertices.tobytes(), *(hole.tobytes() for hole in self.holes)))
+        # Adding 0 makes -0.0 to 0.0: the two are equal, so their hashes must be.
+        return hash(tuple((ring + 0.0).tobytes() for ring in (self.vertices, *self.holes)))
 
 
 Shape = Disc | Rectangle | Polygon
@@ -193,12 +196,14 @@ def triangulate(polygon: Polygon) -> FloatArray:
 def _ring(points: ArrayLike, name: str) -> FloatArray:
     try:
         ring = np.array(points, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ShapeError(f"{name}: {points!r} is not a list of points [x, y]") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ShapeError(f"{name}: {_brief(points)} is not a list of points [x, y]") from None
     if ring.ndim != 2 or ring.shape[1] != 2:
         raise ShapeError(f"{name}: shape {ring.shape} given, allowed: (n, 2)")
     if not np.isfinite(ring).all():
         raise ShapeError(f"{name}: holds a value that is not a finite number")
+    if np.abs(ring).max(initial=0.0) > LIMIT:
+        raise ShapeError(f"{name}: {np.abs(ring).max():g} given, allowed: coordinates of at most {LIMIT:g} m")
     if len(ring) > 1 and np.array_equal(ring[0], ring[-1]):
         ring = ring[:-1]
     if len(ring) < 3:
@@ -209,19 +214,32 @@ def _ring(points: ArrayLike, name: str) -> FloatArray:
 
 def _point(value: object, name: str) -> tuple[float, float]:
     try:
-        x, y = (float(v) for v in value)  # type: ignore[attr-defined]  # the except below is the check
+        x, y = tuple(value)  # type: ignore[arg-type]  # the except below is the check
     except (TypeError, ValueError):
-        raise ShapeError(f"{name} {value!r} given, allowed: two numbers x, y") from None
-    if not (math.isfinite(x) and math.isfinite(y)):
-        raise ShapeError(f"{name} {value!r} holds a value that is not a finite number")
-    return x, y
+        raise ShapeError(f"{name} {_brief(value)} given, allowed: two numbers x, y") from None
+    point = _number(x, name), _number(y, name)
+    if max(map(abs, point)) > LIMIT:
+        raise ShapeError(f"{name} {_brief(value)} given, allowed: coordinates of at most {LIMIT:g} m")
+    return point
 
 
 def _positive(value: object, name: str) -> float:
+    number = _number(value, name)
+    if not 0.0 < number <= LIMIT:
+        raise ShapeError(f"{name} {number!r} given, allowed: a number above 0 and at most {LIMIT:g} m")
+    return number
+
+
+def _number(value: object, name: str) -> float:
     try:
         number = float(value)  # type: ignore[arg-type]  # the except below is the check
-    except (TypeError, ValueError):
-        raise ShapeError(f"{name} {value!r} given, allowed: a number above 0") from None
-    if not (math.isfinite(number) and number > 0.0):
-        raise ShapeError(f"{name} {number!r} given, allowed: a finite number above 0")
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ShapeError(f"{name} {_brief(value)} given, allowed: a finite number")
     return number
+
+
+def _brief(value: object) -> str:
+    """Return a value for a message: on one line, and cut where it is long."""
+    return " ".join(reprlib.repr(value).split())

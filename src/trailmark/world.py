@@ -14,7 +14,10 @@ from trailmark import se2
 from trailmark.errors import ShapeError, WorldError, did_you_mean
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
-__all__ = ["Query", "Robot", "World"]
+__all__ = ["BOUNDS_LIMIT", "Query", "Robot", "World"]
+
+BOUNDS_LIMIT = 1e7
+"""Metres: farther from the origin, rounding would eat up the touching tolerance of 1e-7 m."""
 
 
 @dataclass(frozen=True)
@@ -173,9 +176,15 @@ class World:
     queries: tuple[Query, ...] = field(default=())
 
     def __post_init__(self) -> None:
-        bounds = tuple(float(v) for v in self.bounds)
-        if len(bounds) != 4 or not all(map(math.isfinite, bounds)):
-            raise WorldError(f"bounds: {list(bounds)} given, allowed: four finite numbers xmin, ymin, xmax, ymax")
+        try:
+            bounds = tuple(float(v) for v in self.bounds)
+        except (TypeError, ValueError, OverflowError):
+            bounds = ()
+        if len(bounds) != 4 or not all(abs(v) <= BOUNDS_LIMIT for v in bounds):
+            raise WorldError(
+                f"bounds: {self.bounds!r} given, allowed: four numbers xmin, ymin, xmax, ymax of at most "
+                f"{BOUNDS_LIMIT:g} m"
+            )
         if not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
             raise WorldError(f"bounds: {list(bounds)} given, allowed: xmin < xmax and ymin < ymax")
         object.__setattr__(self, "bounds", bounds)

@@ -1,0 +1,31 @@
+"""The errors: one family, one line each, with a hint at what was meant."""
+
+from __future__ import annotations
+
+import pytest
+
+from trailmark import errors
+
+
+@pytest.mark.parametrize("name", [name for name in errors.__all__ if name.endswith("Error")])
+def test_one_base_class_catches_them_all(name: str) -> None:
+    assert issubclass(getattr(errors, name), errors.TrailmarkError)
+
+
+def test_the_standard_classes_catch_them_too() -> None:
+    for error in (errors.ShapeError, errors.WorldError, errors.ConfigurationError, errors.FormatError):
+        assert issubclass(error, ValueError)
+    assert issubclass(errors.OutputError, OSError)
+
+
+def test_a_format_error_says_where() -> None:
+    error = errors.FormatError("a.yaml", "bounds: missing", line=3)
+    assert str(error) == "a.yaml:3: bounds: missing"
+    assert (error.path, error.problem, error.line) == ("a.yaml", "bounds: missing", 3)
+    assert str(errors.FormatError("a.yaml", "empty")) == "a.yaml: empty"
+
+
+def test_a_close_name_is_suggested_and_all_are_listed() -> None:
+    assert errors.did_you_mean("dor", ["door", "desk"]) == "did you mean 'door'? allowed: desk, door"
+    assert errors.did_you_mean("xyz", ["door", "desk"]) == "allowed: desk, door"
+    assert errors.did_you_mean("xyz", []) == "allowed: none"
