@@ -142,6 +142,7 @@ def test_narrow_gaps_in_the_robot_are_filled(tmp_path: Path) -> None:
     mean = np.mean([(x, z) for part in parts for x, _, z in part], axis=0)
     whole = shapely.union_all([shapely.box(p[0][0], p[0][2], p[2][0], p[2][2]) for p in parts])
     assert outline.buffer(1e-9).covers(shapely.transform(whole, lambda xy: xy - mean))
+    assert np.hypot(*np.diff(outline.exterior.coords, axis=0).T).min() > 1e-3
     assert outline.area == pytest.approx(whole.area + 3 * 0.05 + 3 * 0.02, rel=1e-4)
 
 
@@ -178,15 +179,19 @@ def test_parts_that_touch_in_a_corner_are_one_robot(tmp_path: Path) -> None:
         ("world = world.dae", "world = none.dae", "none.dae: cannot be read: No such file or directory"),
         ("world = world.dae", "world = yard.cfg", "yard.cfg:1: not valid XML"),
         ("robot = robot.dae", "robot =", "cannot be read: Is a directory"),
+        ("robot = robot.dae", "robot = point.dae", "point.dae: a mesh without extent in the plane given"),
+        ("robot = robot.dae", "robot = dust.dae", "dust.dae: a robot of 200 parts given"),
         (
             "robot = robot.dae",
             "robot = apart.dae",
-            "apart.dae: a robot of 2 parts given, allowed: one, or gaps below 1%",
+            "apart.dae: a robot of 2 parts given, allowed: one, or up to 100 with gaps below 1%",
         ),
     ],
 )
 def test_bad_problems(tmp_path: Path, old: str, new: str, problem_text: str) -> None:
     (tmp_path / "apart.dae").write_text(mesh(roof(0, 0, 1, 1), roof(3, 3, 4, 4)))
+    (tmp_path / "dust.dae").write_text(mesh(*(roof(i, 0, i + 0.9, 1) for i in range(200))))
+    (tmp_path / "point.dae").write_text(mesh(roof(1, 1, 1, 1)))
     file = problem(tmp_path, cfg=CFG.replace(old, new))
     with pytest.raises(FormatError) as caught:
         load_world(file)

@@ -24,7 +24,7 @@ from trailmark.formats.files import read_bytes
 
 __all__ = ["MAX_FACES", "Mesh", "read_collada"]
 
-MAX_FACES = 2_000_000
+MAX_FACES = 500_000
 """Most nodes and faces that a scene may hold once each stands wherever instances place it."""
 
 _MAX_DEPTH = 64

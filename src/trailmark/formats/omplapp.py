@@ -32,6 +32,9 @@ SHEET = 1e-6
 MAX_GAP = 0.01
 """Widest gap between parts of a robot that is bridged, as a share of the robot's extent."""
 
+MAX_PARTS = 100
+"""Most parts of a robot that are joined into one."""
+
 _POSES = ("start.x", "start.y", "start.theta", "goal.x", "goal.y", "goal.theta")
 _VOLUME = ("volume.min.x", "volume.min.y", "volume.max.x", "volume.max.y")
 
@@ -151,15 +154,18 @@ def _outline(region: shapely.Geometry, path: Path) -> shapely.LinearRing:
     import shapely
 
     parts = list(shapely.get_parts(region))
-    if len(parts) == 1:
+    count = len(parts)
+    if count == 0:
+        raise FormatError(path, "a mesh without extent in the plane given, allowed: one that covers an area or a line")
+    if count == 1:
         return parts[0].exterior
-    extent, count, links, joined = _extent(shapely.get_coordinates(region)), len(parts), [], parts.pop()
-    while parts:
+    extent, links, joined = _extent(shapely.get_coordinates(region)), [], parts.pop()
+    while parts and count <= MAX_PARTS:
         nearest = int(np.argmin(shapely.distance(joined, parts)))
         links.append(shapely.shortest_line(joined, parts[nearest]))
         joined = shapely.union(joined, parts.pop(nearest))
-    gap = float(shapely.length(links).max())
-    if gap <= MAX_GAP * extent:
+    gap = float(shapely.length(links).max(initial=0.0))
+    if gap <= MAX_GAP * extent and not parts:
         # A gap closes when both its sides grow by half of it; three quarters leave no doubt.
         reach = max(0.75 * gap, SHEET * extent)
         grown = shapely.buffer(joined, reach, join_style="mitre")
@@ -168,8 +174,10 @@ def _outline(region: shapely.Geometry, path: Path) -> shapely.LinearRing:
         if joined.geom_type != "Polygon":  # parts that meet in a corner
             joined = shapely.union_all([joined, *shapely.buffer(links, reach, quad_segs=1)])
         if joined.geom_type == "Polygon":
-            return shapely.simplify(joined.exterior, 0.0)
-    raise FormatError(path, f"a robot of {count} parts given, allowed: one, or gaps below {MAX_GAP:.0%} of its extent")
+            # Growing and shrinking leaves vertices side by side that differ by rounding alone.
+            return shapely.remove_repeated_points(shapely.simplify(joined.exterior, 0.0), 1e-9 * extent)
+    allowed = f"allowed: one, or up to {MAX_PARTS} with gaps below {MAX_GAP:.0%} of its extent"
+    raise FormatError(path, f"a robot of {count} parts given, {allowed}")
 
 
 def _face(loop: NDArray[np.float64]) -> shapely.Geometry:

@@ -65,7 +65,7 @@ def parse_yaml(text: str, path: Path) -> Data:
                 stack.pop()
             elif isinstance(event, events.AliasEvent):
                 raise FormatError(
-                    path, f"alias *{event.anchor[:60]} given, allowed: no anchors and aliases", _line(event)
+                    path, f"alias *{str(event.anchor)[:60]} given, allowed: no anchors and aliases", _line(event)
                 )
             elif isinstance(event, events.DocumentStartEvent) and root:
                 raise FormatError(path, "a second YAML document begins, allowed: one", _line(event))
