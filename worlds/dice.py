@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from blocks import PI, poly
 from numpy.typing import NDArray
 
+from blocks import PI, poly
 from trailmark import Polygon, World
 
 

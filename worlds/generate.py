@@ -15,7 +15,6 @@ from pathlib import Path
 from grounds import bugtrap, lake, maze, parking, warehouse
 from rooms import corridor, enclosed, gate, lshape, narrow, office
 from scattered import clutter, discs, field2000, long
-
 from trailmark import World
 
 FOLDER = Path(__file__).resolve().parent

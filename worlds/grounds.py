@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
+
 from blocks import PI, QUARTER, Shape, box, disc, frame, placed, poly, rect, ribbon
 from dice import Dice, Scatter
-
 from trailmark import Polygon, Query, Robot, World
 
 

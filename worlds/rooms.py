@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from blocks import PI, QUARTER, Shape, box, disc, frame, mm, ngon, placed, poly, rect, ribbon, wall
-
 from trailmark import Query, Robot, World
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from blocks import PI, QUARTER, Shape, disc, rect
 from dice import Dice, Scatter
-
 from trailmark import Query, Robot, World
 
 

@@ -1,0 +1,79 @@
+"""The README's snippets are run as they stand."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from trailmark import World
+
+ROOT = Path(__file__).resolve().parents[1]
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.S)
+SETUP = "python3 -m venv"
+
+
+def blocks(language: str) -> list[str]:
+    return [text for kind, text in BLOCKS if kind == language]
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """A folder in which the README's relative paths lead somewhere."""
+    (tmp_path / "worlds").symlink_to(ROOT / "worlds")
+    return tmp_path
+
+
+@pytest.mark.parametrize("snippet", blocks("python"))
+def test_python_snippets_run(snippet: str, checkout: Path) -> None:
+    done = subprocess.run([sys.executable, "-c", snippet], cwd=checkout, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip()
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        line
+        for text in blocks("sh")
+        for line in text.splitlines()
+        if line.startswith("trailmark ") and "MAP.yaml" not in line
+    ],
+)
+def test_shell_snippets_run(command: str, checkout: Path) -> None:
+    words = [str(Path(sys.executable).with_name("trailmark")), *shlex.split(command)[1:]]
+    done = subprocess.run(words, cwd=checkout, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip()
+    for flag in ("--plot", "--output"):
+        if flag in words:
+            assert (checkout / words[words.index(flag) + 1]).stat().st_size > 0
+
+
+def test_the_two_commands_set_up_everything_themselves() -> None:
+    commands = [line for text in blocks("sh") for line in text.splitlines() if line.startswith(SETUP)]
+    assert len(commands) == 2
+    assert "trailmark plan worlds/office.yaml --plot" in commands[0]
+    assert "pytest" in commands[1]
+    assert all("-c constraints.txt" in command for command in commands)
+
+
+def test_the_world_file_is_valid(tmp_path: Path) -> None:
+    (text,) = blocks("yaml")
+    file = tmp_path / "yard.yaml"
+    file.write_text(text)
+    world = World.load(file)
+    assert world.name == yaml.safe_load(text)["name"]
+    assert len(world.obstacles) == 3
+
+
+def test_no_file_names_an_index_or_a_machine() -> None:
+    text = (ROOT / "constraints.txt").read_text() + (ROOT / "README.md").read_text()
+    assert "://" not in text
+    assert os.sep + "work" + os.sep not in text
