@@ -1,5 +1,7 @@
-"""Roadmap: landmarks joined by certified motions, and shortest paths over them."""
+"""Roadmap: landmarks joined by certified motions, shortest paths over them, and their files."""
 
+from trailmark.roadmap.files import load_roadmap, save_roadmap
+from trailmark.roadmap.nav2_route import read_route_graph
 from trailmark.roadmap.roadmap import Roadmap, neighbour_count
 
-__all__ = ["Roadmap", "neighbour_count"]
+__all__ = ["Roadmap", "load_roadmap", "neighbour_count", "read_route_graph", "save_roadmap"]

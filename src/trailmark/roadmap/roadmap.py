@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -63,6 +64,43 @@ class Roadmap:
         self.status: NDArray[np.uint8] = np.empty(0, np.uint8)
         self._start_of: NDArray[np.int64] = np.zeros(1, np.int64)
         self._incident: NDArray[np.int64] = np.empty(0, np.int64)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        checker: StateChecker,
+        configurations: se2.FloatArray,
+        edges: NDArray[np.int32],
+        status: NDArray[np.uint8],
+    ) -> Roadmap:
+        """Return a roadmap made of given nodes and edges, which are not checked.
+
+        Args:
+            checker: decides which motions are certified.
+            configurations: (n, 3), valid, headings in (-pi, pi].
+            edges: (m, 2), no loops, none twice.
+            status: (m,), FREE, BLOCKED or UNDECIDED.
+        """
+        roadmap = cls(checker)
+        roadmap.configurations = np.array(configurations, dtype=np.float64, order="C")
+        roadmap.edges = np.array(edges, dtype=np.int32, order="C")
+        roadmap.status = np.array(status, dtype=np.uint8)
+        roadmap.lengths = edge_costs(roadmap.configurations, roadmap.edges, roadmap.turning)
+        roadmap._index()
+        return roadmap
+
+    def save(self, path: str | FilePath) -> None:
+        """Write the roadmap to a file: see :func:`trailmark.roadmap.files.save_roadmap`."""
+        from trailmark.roadmap.files import save_roadmap
+
+        save_roadmap(self, path)
+
+    @classmethod
+    def load(cls, path: str | FilePath, checker: StateChecker) -> Roadmap:
+        """Read a roadmap from a file: see :func:`trailmark.roadmap.files.load_roadmap`."""
+        from trailmark.roadmap.files import load_roadmap
+
+        return load_roadmap(path, checker)
 
     def __len__(self) -> int:
         return len(self.configurations)

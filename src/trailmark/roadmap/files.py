@@ -1,0 +1,270 @@
+"""Roadmap files: ``.npz`` and GraphML, both ways, and nav2 route GeoJSON, out.
+
+A certificate holds for one world and one robot only. A file therefore carries a fingerprint of both, and a
+checksum over its nodes and edges: an edge comes back as checked only if both match. Otherwise (another world,
+another robot, a file edited since) every edge comes back as UNDECIDED, to be checked when a search needs it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import zipfile
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
+from trailmark.errors import FormatError
+from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
+from trailmark.roadmap.nav2_route import route_text
+from trailmark.roadmap.roadmap import Roadmap
+
+if TYPE_CHECKING:
+    from trailmark.collision import StateChecker
+
+__all__ = ["fingerprint", "load_roadmap", "save_roadmap"]
+
+VERSION = 1
+"""Of the content of ``.npz`` and ``.graphml`` files; part of the fingerprint."""
+
+LOADED = (".graphml", ".npz")
+SAVED = (".geojson", ".graphml", ".npz")
+
+
+class _Content(NamedTuple):
+    """What a file says, nothing of it believed yet."""
+
+    configurations: NDArray[Any]
+    edges: NDArray[Any]
+    status: NDArray[Any]
+    fingerprint: str
+    checksum: str
+
+
+def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
+    """Write a roadmap to a file, whole or not at all.
+
+    - ``.npz``: arrays ``configurations`` (n, 3), ``edges`` (m, 2), ``status`` (m,), and strings ``fingerprint``
+      and ``checksum``.
+    - ``.graphml``: node attributes ``x``, ``y``, ``theta``, ``clearance``; edge attributes ``length``,
+      ``certified``, ``clearance``; blocked edges are left out (:attr:`Roadmap.graph`).
+    - ``.geojson``: certified edges for nav2's route server (:mod:`trailmark.roadmap.nav2_route`); edges that
+      nobody has checked yet are checked first.
+
+    Args:
+        roadmap: what to write.
+        path: the file; its suffix chooses the format.
+
+    Raises:
+        OutputError: another suffix, a path that cannot be written, or a GeoJSON file without a certified edge.
+    """
+    path = FilePath(path)
+    check_writable(path, SAVED)
+    suffix = path.suffix.lower()
+    if suffix == ".geojson":
+        roadmap.certify_all()
+        write_atomically(path, route_text(roadmap, path))
+    else:
+        write_atomically(path, _npz_bytes(roadmap) if suffix == ".npz" else _graphml_bytes(roadmap))
+
+
+def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: bool = False) -> Roadmap:
+    """Read a roadmap from a file written by :func:`save_roadmap`.
+
+    Which edges are certified is believed only of a file made for the checker's world and robot, and unchanged
+    since; otherwise all edges come back UNDECIDED. Lengths and clearances are computed anew.
+
+    Args:
+        path: ``.npz`` or ``.graphml``.
+        checker: of the world and robot to plan for.
+        drop_invalid: leave out the nodes that are not valid there, with their edges, instead of refusing the
+            file: for a world that has changed.
+
+    Raises:
+        FormatError: another suffix; a file that is missing, damaged, or does not hold a roadmap; nodes that are
+            not valid for the checker, unless ``drop_invalid``.
+    """
+    path = FilePath(path)
+    suffix = path.suffix.lower()
+    if suffix not in LOADED:
+        hint = "; a route graph is read by read_route_graph" if suffix == ".geojson" else ""
+        raise FormatError(path, f"suffix {path.suffix!r} given, allowed: {', '.join(LOADED)}{hint}")
+    data = read_bytes(path)
+    content = _read_npz(data, path) if suffix == ".npz" else _read_graphml(data, path)
+    q, edges, status = _checked(content, path)
+    known = content.fingerprint == fingerprint(checker)
+    if not known or content.checksum != _checksum(content.fingerprint, q, edges, status):
+        status[:] = UNDECIDED
+    if checker.footprint.disc_radius < 0.0:
+        # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
+        status[np.abs(q[edges[:, 0], 2] - q[edges[:, 1], 2]) == np.pi] = BLOCKED
+    valid = checker.valid(q) if len(q) else np.ones(0, dtype=np.bool_)
+    if not valid.all():
+        if not drop_invalid:
+            count = np.count_nonzero(~valid)
+            where = ", ".join(f"{v:g}" for v in q[np.argmin(valid)])
+            raise FormatError(
+                path,
+                f"{count} of {len(q)} nodes are not valid for this robot in this world, the first at ({where}); "
+                "allowed: none, or drop_invalid to leave them out",
+            )
+        kept = valid[edges].all(axis=1)
+        q, edges, status = q[valid], (np.cumsum(valid) - 1)[edges[kept]].astype(np.int32), status[kept]
+    return Roadmap.from_arrays(checker, q, edges, status)
+
+
+def fingerprint(checker: StateChecker) -> str:
+    """Return the SHA-256, in hexadecimal, of all that decides what is valid: bounds, obstacles, footprint."""
+    robot = checker.footprint
+    digest = hashlib.sha256(f"trailmark roadmap {VERSION}".encode())
+    for array in (checker.world.bounds, checker.grid.segments, checker.grid.discs, robot.outline, robot.disc_radius):
+        _digest(digest, np.asarray(array), "<f8")
+    return digest.hexdigest()
+
+
+def _checksum(world: str, q: se2.FloatArray, edges: NDArray[np.int32], status: NDArray[np.uint8]) -> str:
+    """Return the SHA-256 over a file's content, whatever the order in which it lists the edges."""
+    pairs = np.sort(edges, axis=1)
+    order = np.lexsort((pairs[:, 1], pairs[:, 0]))
+    digest = hashlib.sha256(world.encode())
+    _digest(digest, q, "<f8")
+    _digest(digest, pairs[order], "<i4")
+    _digest(digest, status[order], "u1")
+    return digest.hexdigest()
+
+
+def _digest(digest: Any, array: NDArray[Any], kind: str) -> None:
+    # The shape too, so that numbers cannot move from one array into the next.
+    digest.update(repr(array.shape).encode())
+    digest.update(np.ascontiguousarray(array, dtype=kind).tobytes())
+
+
+def _npz_bytes(roadmap: Roadmap) -> bytes:
+    world = fingerprint(roadmap.checker)
+    q, edges, status = roadmap.configurations, roadmap.edges, roadmap.status
+    checksum = _checksum(world, q, edges, status)
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        configurations=q,
+        edges=edges,
+        status=status,
+        fingerprint=np.array(world),
+        checksum=np.array(checksum),
+    )
+    return buffer.getvalue()
+
+
+def _graphml_bytes(roadmap: Roadmap) -> bytes:
+    import networkx as nx
+
+    graph = roadmap.graph
+    for _, attributes in graph.nodes(data=True):
+        attributes["x"], attributes["y"], attributes["theta"] = attributes.pop("configuration")
+    world, kept = fingerprint(roadmap.checker), roadmap.status != BLOCKED
+    checksum = _checksum(world, roadmap.configurations, roadmap.edges[kept], roadmap.status[kept])
+    graph.graph.update(trailmark_roadmap=VERSION, fingerprint=world, checksum=checksum)
+    buffer = io.BytesIO()
+    nx.write_graphml_xml(graph, buffer)
+    return buffer.getvalue()
+
+
+def _read_npz(data: bytes, path: FilePath) -> _Content:
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            unpacked = sum(member.file_size for member in archive.infolist())
+        arrays = {}
+        if unpacked <= MAX_FILE_BYTES:
+            with np.load(io.BytesIO(data), allow_pickle=False) as file:
+                arrays = {name: file[name] for name in _Content._fields if name in file}
+    except Exception as error:  # zipfile, zlib and numpy each have their own exceptions for damaged data
+        raise FormatError(path, f"not a readable .npz file: {_one_line(error)}") from None
+    if unpacked > MAX_FILE_BYTES:
+        raise FormatError(path, f"{unpacked:,} bytes unpacked, allowed: at most {MAX_FILE_BYTES:,}")
+    for name, kinds, allowed in (
+        ("configurations", "fiu", "numbers"),
+        ("edges", "iu", "whole numbers"),
+        ("status", "iu", "whole numbers"),
+        ("fingerprint", "U", "text"),
+        ("checksum", "U", "text"),
+    ):
+        if name not in arrays:
+            raise FormatError(path, f"array {name!r} is missing, allowed: {', '.join(_Content._fields)}")
+        if arrays[name].dtype.kind not in kinds:
+            raise FormatError(path, f"array {name!r} of {arrays[name].dtype} given, allowed: {allowed}")
+    texts = [str(arrays.pop(name)) for name in ("fingerprint", "checksum")]
+    return _Content(**arrays, fingerprint=texts[0], checksum=texts[1])
+
+
+def _read_graphml(data: bytes, path: FilePath) -> _Content:
+    import warnings
+
+    import networkx as nx
+
+    try:
+        with warnings.catch_warnings():
+            # What networkx warns of (ports, undeclared keys) shows as a missing attribute below, or does not matter.
+            warnings.simplefilter("ignore")
+            graph = nx.read_graphml(io.BytesIO(data), node_type=int, edge_key_type=str)
+    except Exception as error:  # networkx lets XML, key and number errors through as they come
+        raise FormatError(path, f"not a readable GraphML file: {_one_line(error)}") from None
+    nodes = sorted(graph.nodes)
+    number = {node: i for i, node in enumerate(nodes)}
+    q = [[_number(graph.nodes[node], name, f"node {node}", path) for name in ("x", "y", "theta")] for node in nodes]
+    edges, status = [], []
+    for u, v, attributes in graph.edges(data=True):
+        certified = attributes.get("certified")
+        if not isinstance(certified, bool):
+            raise FormatError(path, f"edge {u}-{v}: certified {str(certified)[:60]!r} given, allowed: true, false")
+        edges.append((number[u], number[v]))
+        status.append(FREE if certified else UNDECIDED)
+    texts = [str(graph.graph.get(name, "")) for name in ("fingerprint", "checksum")]
+    return _Content(
+        np.array(q, dtype=np.float64).reshape(-1, 3),
+        np.array(edges, dtype=np.int64).reshape(-1, 2),
+        np.array(status, dtype=np.uint8),
+        *texts,
+    )
+
+
+def _number(attributes: dict[str, Any], name: str, where: str, path: FilePath) -> float:
+    value = attributes.get(name)
+    try:
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            return float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        pass
+    raise FormatError(path, f"{where}: {name} {str(value)[:60]!r} given, allowed: a finite number")
+
+
+def _checked(content: _Content, path: FilePath) -> tuple[se2.FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
+    """Return configurations, edges and status, as far as a file alone can tell whether they make sense."""
+    q, edges, status = content.configurations, content.edges, content.status
+    if q.ndim != 2 or q.shape[1] != 3:
+        raise FormatError(path, f"configurations of shape {q.shape} given, allowed: (n, 3)")
+    if edges.ndim != 2 or edges.shape[1] != 2:
+        raise FormatError(path, f"edges of shape {edges.shape} given, allowed: (m, 2)")
+    if status.shape != (len(edges),):
+        raise FormatError(path, f"status of shape {status.shape} given, allowed: ({len(edges)},), one for each edge")
+    _refuse(~np.isfinite(q).all(axis=1), "configurations", q, "finite numbers", path)
+    _refuse(np.any((edges < 0) | (edges >= len(q)), axis=1), "edges", edges, f"nodes 0 to {len(q) - 1}", path)
+    _refuse(edges[:, 0] == edges[:, 1], "edges", edges, "two different nodes", path)
+    _refuse(~np.isin(status, (BLOCKED, FREE, UNDECIDED)), "status", status, "0, 1, 2", path)
+    _, first = np.unique(np.sort(edges, axis=1), axis=0, return_index=True)
+    _refuse(~np.isin(np.arange(len(edges)), first), "edges", edges, "each pair once", path)
+    return se2.configurations(q), edges.astype(np.int32), status.astype(np.uint8)
+
+
+def _refuse(bad: NDArray[Any], name: str, rows: NDArray[Any], allowed: str, path: FilePath) -> None:
+    """Raise for the first bad row."""
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise FormatError(path, f"{name}[{first}]: {rows[first].tolist()} given, allowed: {allowed}")
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:120] or type(error).__name__
