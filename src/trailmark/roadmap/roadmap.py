@@ -136,6 +136,9 @@ class Roadmap:
         pairs = pairs[pairs[:, 0] != pairs[:, 1]]
         # Two new nodes may have chosen each other.
         pairs = np.unique(np.sort(pairs, axis=1), axis=0)
+        if self.turning:
+            # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
+            pairs = pairs[np.abs(nodes[pairs[:, 0], 2] - nodes[pairs[:, 1], 2]) != np.pi]
         joined = np.asarray(pairs, dtype=np.int32)
         status = self.checker.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]])
         self.edges = np.vstack([self.edges, joined])
