@@ -38,6 +38,9 @@ ROUNDS_PER_GRID = 2
 BRIDGE_MISSES = 3
 """Attempts at the same gap before the next round of landmarks."""
 
+FIRST_SWEEPS, PROMISING = 5, 1.03
+"""Another path is shortened to the end only if this many sweeps bring it within this factor of the best cost."""
+
 PATIENCE = 4
 """Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
 IMPROVEMENT = 1e-3
@@ -283,7 +286,9 @@ class _Attempt:
         if self.best is None:
             self._offer(states)
             self._report("shortening")
-        self._offer(shorten(self.checker, states, self.rng, deadline=self.deadline))
+        states = shorten(self.checker, states, self.rng, sweeps=FIRST_SWEEPS, deadline=self.deadline)
+        if Path(states).cost < PROMISING * self.best_cost:
+            self._offer(shorten(self.checker, states, self.rng, deadline=self.deadline))
 
     def _improve(self, band: Band, nodes: NDArray[np.int64], landmarks: float) -> None:
         """Place landmarks where better paths might run and search again, until nothing is gained any more."""
