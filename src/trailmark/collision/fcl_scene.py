@@ -62,7 +62,10 @@ class FclScene:
         transform = _transform(q)
         self._robot.setTransform(transform)
         for obstacle in self._obstacles:
-            # One call per object: distances through a manager cannot tell overlap reliably.
+            # One call per object: distances through a manager cannot tell overlap reliably. Nor can that of a
+            # sphere and a mesh, which is a value left over in memory when they overlap: asked first.
+            if fcl.collide(self._robot, obstacle, fcl.CollisionRequest(), fcl.CollisionResult()) > 0:
+                return 0.0
             result = fcl.DistanceResult()
             distance = fcl.distance(self._robot, obstacle, fcl.DistanceRequest(), result)
             clearance = min(clearance, distance)
@@ -90,7 +93,9 @@ def _transform(q: FloatArray) -> Any:
 
 def _robot_geometry(robot: Robot, erosion: float) -> Any:
     if isinstance(robot.footprint, Disc):
-        return fcl.Sphere(robot.footprint.radius - erosion)
+        radius = robot.footprint.radius
+        # A sphere without a radius collides with nothing, not even around its centre.
+        return fcl.Sphere(max(radius - erosion, 0.5 * radius))
     region = robot.outline.shapely()
     shrunk = eroded(region, erosion) if erosion else region
     parts = [part for part in shapely.get_parts(shrunk) if not part.is_empty]

@@ -22,6 +22,10 @@ DEEP_TOLERANCE = 3e-7
 """Overlap (metres) from which the kernels call a collision themselves; between the two FCL decides."""
 
 
+MAX_TILES = 48
+"""Tiles at most along each side of a footprint, which a very thin one would else ask for in any number."""
+
+
 class Footprint(NamedTuple):
     """A robot's footprint in its own frame; all lengths in metres.
 
@@ -66,8 +70,12 @@ def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
 
 
 def eroded(region: shapely.Polygon, depth: float) -> shapely.Geometry:
-    """Return the region shrunk by ``depth`` metres (mitred, so that convex corners stay sharp)."""
-    return shapely.buffer(region, -depth, join_style="mitre", mitre_limit=100.0)
+    """Return the region shrunk by ``depth`` metres.
+
+    Convex corners stay sharp. Reflex ones are rounded by an inscribed polyline, so that nothing deeper than
+    ``depth`` is lost there: a mitre would reach far into the region from the end of a narrow notch.
+    """
+    return shapely.buffer(region, -depth, join_style="round", quad_segs=2)
 
 
 def _largest_ring(geometry: shapely.Geometry) -> FloatArray:
@@ -89,7 +97,7 @@ def _cover(region: shapely.Polygon, wanted: int) -> tuple[FloatArray, FloatArray
     length, width = float(np.hypot(*u)), float(np.hypot(*v))
     # Tiles as square as the box allows; a footprint fills only a part of its box.
     tile = np.sqrt(float(region.area) / wanted)
-    n, m = max(1, round(length / tile)), max(1, round(width / tile))
+    n, m = (min(MAX_TILES, max(1, round(side / tile))) for side in (length, width))
     cover, inner = [], []
     for i in range(n):
         for j in range(m):

@@ -1,0 +1,98 @@
+"""The footprint's discs: the cover leaves nothing out, the inner discs do not stick out, erosion is bounded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from benchmarks.random_worlds import ROBOTS, star_polygon
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trailmark.collision.footprint import MAX_TILES, build_footprint, eroded
+from trailmark.shapes import Disc, signed_area
+from trailmark.world import Robot
+
+SHAPES = {
+    **ROBOTS,
+    "needle": Robot.rectangle(4.0, 1e-6),
+    "frame": Robot.polygon([(-2, -2), (2, -2), (2, 2), (1.9, 2), (1.9, -1.9), (-1.9, -1.9), (-1.9, 2), (-2, 2)]),
+    "far reference": Robot.polygon([(100, 100), (101, 100), (100.5, 101)]),
+    "speck": Robot.rectangle(1e-3, 5e-4),
+    "giant": Robot.rectangle(500.0, 300.0),
+    "comb": Robot.polygon(
+        [(0, 0), (9, 0), *[p for i in range(8, 0, -2) for p in ((i + 0.5, 5), (i, 0.1), (i - 0.5, 5))]]
+    ),
+}
+
+
+def assert_bounded_by_discs(robot: Robot) -> None:
+    footprint = build_footprint(robot)
+    region = robot.outline.shapely()
+    size = robot.circumradius
+    rng = np.random.default_rng(0)
+    # The triangles' corners and random points of each: all of the footprint, its rim above all.
+    corners = shapely.get_coordinates(shapely.constrained_delaunay_triangles(region)).reshape(-1, 4, 2)[:, :3]
+    weights = np.concatenate([np.eye(3), rng.dirichlet([0.4] * 3, 200)])
+    points = (weights @ corners).reshape(-1, 2)
+    gaps = np.hypot(*(points[:, None] - footprint.cover[:, :2]).transpose(2, 0, 1)) - footprint.cover[:, 2]
+    assert gaps.min(axis=1).max() <= 1e-12 * size
+    assert len(footprint.inner) > 0
+    assert (footprint.inner[:, 2] > 0.0).all()
+    centers = shapely.points(footprint.inner[:, :2])
+    assert shapely.contains(region, centers).all()
+    assert (footprint.inner[:, 2] <= shapely.distance(region.exterior, centers)).all()
+    assert footprint.inner[0, 2] == footprint.inner[:, 2].max()
+    assert footprint.circumradius == pytest.approx(np.hypot(*robot.outline.vertices.T).max())
+    assert signed_area(footprint.outline) > 0.0
+
+
+@pytest.mark.parametrize("name", [name for name, robot in SHAPES.items() if not isinstance(robot.footprint, Disc)])
+def test_discs_bound_the_footprint_from_outside_and_from_inside(name: str) -> None:
+    assert_bounded_by_discs(SHAPES[name])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_discs_bound_random_footprints(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    center = (float(rng.uniform(-2, 2)), float(rng.uniform(-2, 2)))
+    assert_bounded_by_discs(Robot(star_polygon(rng, center, float(rng.uniform(0.1, 5.0)))))
+
+
+def test_a_disc_is_its_own_cover() -> None:
+    footprint = build_footprint(Robot.disc(0.3))
+    assert footprint.cover.tolist() == footprint.inner.tolist() == [[0.0, 0.0, 0.3]]
+    assert footprint.disc_radius == footprint.circumradius == 0.3
+    assert footprint.sweep_radius == 0.0
+    assert len(footprint.outline) == 0
+
+
+def test_the_thinnest_footprint_is_covered_by_few_discs() -> None:
+    assert len(build_footprint(Robot.rectangle(4.0, 1e-9)).cover) <= MAX_TILES
+    assert len(build_footprint(SHAPES["frame"]).cover) <= MAX_TILES**2
+
+
+@pytest.mark.parametrize("name", ["rectangle", "L", "star", "comb", "frame"])
+@pytest.mark.parametrize("depth", [1e-7, 3e-7, 1e-3])
+def test_erosion_takes_off_what_it_says(name: str, depth: float) -> None:
+    region = SHAPES[name].outline.shapely()
+    left = eroded(region, depth)
+    assert region.contains(left)
+    # No deeper than said, and everywhere at least 0.9 of it (at reflex corners an arc is a polyline).
+    rim = shapely.points(shapely.get_coordinates(left))
+    distance = shapely.distance(region.exterior, rim)
+    assert distance.min() >= 0.9 * depth
+    rng = np.random.default_rng(1)
+    points = shapely.points(rng.uniform(region.bounds[:2], region.bounds[2:], (2000, 2)))
+    kept = shapely.contains(left, points)
+    deep = shapely.contains(region, points) & (shapely.distance(region.exterior, points) > depth * (1 + 1e-6))
+    assert kept[deep].all()
+
+
+def test_the_core_stays_within_the_footprint() -> None:
+    footprint = build_footprint(SHAPES["L"])
+    core = shapely.Polygon(footprint.core)
+    assert core.is_valid
+    assert shapely.Polygon(footprint.outline).contains(core)
+    # A footprint thinner than the erosion has none, and must not fail for it.
+    assert len(build_footprint(Robot.rectangle(4.0, 1e-7)).core) == 0
