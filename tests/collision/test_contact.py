@@ -1,0 +1,176 @@
+"""Contact: touching is allowed, however edges and corners meet; 1e-5 m of overlap is not, 1e-5 m of gap is."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import pytest
+from benchmarks.oracle import Oracle
+
+from trailmark.collision import StateChecker
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.world import Robot, World
+
+EXACT: list[Literal["kernel", "fcl"]] = ["kernel", "fcl"]
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+DIAMOND = Robot.polygon([(1, 0), (0, 1), (-1, 0), (0, -1)])
+L_SHAPE = Robot.polygon([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)])
+BLOCK = Polygon(SQUARE * 2.0 + 4.0)
+L_BLOCK = Polygon(np.array([[4, 4], [7, 4], [7, 7], [6, 7], [6, 5], [4, 5]], dtype=float))
+U_BLOCK = Polygon(np.array([[3, 3], [7, 3], [7, 7], [6, 7], [6, 4], [4, 4], [4, 7], [3, 7]], dtype=float))
+RING = Polygon(SQUARE * 6.0 + 2.0, (SQUARE * 2.0 + 4.0,))
+DIAGONAL = Polygon(np.array([[5, 3], [7, 5], [5, 7], [3, 5]], dtype=float))
+HALF = math.sqrt(0.5)
+
+
+def shifted(shape: Shape, offset: tuple[float, float]) -> Shape:
+    if isinstance(shape, Polygon):
+        return Polygon(shape.vertices + np.array(offset), tuple(hole + np.array(offset) for hole in shape.holes))
+    return replace(shape, center=(shape.center[0] + offset[0], shape.center[1] + offset[1]))
+
+
+# What, robot, obstacle, configuration in contact, direction that leads out of the contact (length 1).
+CONTACTS: list[tuple[str, Robot, Shape | None, tuple[float, float, float], tuple[float, float]]] = [
+    ("edge on edge", Robot.rectangle(2, 2), BLOCK, (3, 5, 0), (-1, 0)),
+    ("edge on edge, turned a quarter", Robot.rectangle(2, 1), BLOCK, (3.5, 5, math.pi / 2), (-1, 0)),
+    ("edge on edge, turned half", Robot.rectangle(2, 2), BLOCK, (5, 7, math.pi), (0, 1)),
+    ("edges of one length", Robot.rectangle(2, 2), BLOCK, (5, 3, 0), (0, -1)),
+    ("part of an edge on part of an edge", Robot.rectangle(2, 2), BLOCK, (3, 6.5, 0), (-1, 0)),
+    ("corner on corner", Robot.rectangle(2, 2), BLOCK, (3, 3, 0), (-HALF, -HALF)),
+    ("corner on edge", DIAMOND, BLOCK, (3, 5, 0), (-1, 0)),
+    ("corner on edge, turned", Robot.rectangle(2, 2), BLOCK, (5, 6 + math.sqrt(2), math.pi / 4), (0, 1)),
+    ("edge on corner", DIAMOND, BLOCK, (3.5, 3.5, 0), (-HALF, -HALF)),
+    ("corner of the robot on corner of a diamond", DIAMOND, DIAGONAL, (2, 5, 0), (-1, 0)),
+    ("sloped edge on sloped edge", DIAMOND, DIAGONAL, (3.5, 3.5, 0), (-HALF, -HALF)),
+    ("an inner corner around a corner", L_SHAPE, BLOCK, (7, 7, -math.pi), (HALF, HALF)),
+    ("an inner corner around a corner, unturned", L_SHAPE, BLOCK, (3, 3, 0), (-HALF, -HALF)),
+    ("into the inner corner of an L", Robot.rectangle(1, 1), L_BLOCK, (5.5, 5.5, 0), (-HALF, HALF)),
+    ("into a slot of its own width", Robot.rectangle(2, 2), U_BLOCK, (5, 5, 0), (0, 1)),
+    ("into a hole of its own size", Robot.rectangle(2, 2), RING, (5, 5, 0), (0, 0)),
+    ("corners on a hole's edges", DIAMOND, RING, (5, 5, 0), (0, 0)),
+    ("disc in a hole of its own size", Robot.disc(1), RING, (5, 5, 0), (0, 0)),
+    ("disc on edge", Robot.disc(1), BLOCK, (3, 5, 0), (-1, 0)),
+    ("disc on corner", Robot.disc(1), BLOCK, (4 - HALF, 4 - HALF, 0), (-HALF, -HALF)),
+    ("disc on disc", Robot.disc(1), Disc((5, 5), 2), (2, 5, 0), (-1, 0)),
+    ("disc on disc, sloped", Robot.disc(1), Disc((5, 5), 2), (5 - 3 * 0.6, 5 - 3 * 0.8, 0), (-0.6, -0.8)),
+    ("edge on disc", Robot.rectangle(2, 2), Disc((5, 5), 1), (3, 5, 0), (-1, 0)),
+    ("corner on disc", DIAMOND, Disc((5, 5), 1), (3, 5, 0), (-1, 0)),
+    ("corner on a turned rectangle", DIAMOND, Rectangle((5, 5), 2, 2, math.pi / 4), (4 - 2 * HALF, 5, 0), (-1, 0)),
+    ("edge on bound", Robot.rectangle(2, 2), None, (1, 5, 0), (1, 0)),
+    ("edges on two bounds", Robot.rectangle(2, 2), None, (9, 9, 0), (-1, -1)),
+    ("corner on bound", DIAMOND, None, (5, 1, 0), (0, 1)),
+    ("disc on bound", Robot.disc(1), None, (9, 5, 0), (-1, 0)),
+]
+
+
+@pytest.mark.parametrize("exact", EXACT)
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (-7.25, 3.1), (1e5, -1e5)], ids=["origin", "near", "far"])
+@pytest.mark.parametrize("contact", CONTACTS, ids=[contact[0] for contact in CONTACTS])
+def test_touching_is_valid(
+    contact: tuple[str, Robot, Shape | None, tuple[float, float, float], tuple[float, float]],
+    offset: tuple[float, float],
+    exact: Literal["kernel", "fcl"],
+) -> None:
+    _, robot, obstacle, at, out = contact
+    bounds = (offset[0], offset[1], offset[0] + 10, offset[1] + 10)
+    world = World("w", bounds, (shifted(obstacle, offset),) if obstacle else ())
+    checker = StateChecker(world, robot, exact=exact)
+    q = np.array([at[0] + offset[0], at[1] + offset[1], at[2]])
+    outwards = np.array([*out, 0.0])
+    assert checker.valid(q)
+    assert checker.clearance(q) <= 1e-9
+    if any(out):
+        assert checker.valid(q + 1e-5 * outwards)
+        assert not checker.valid(q - 1e-5 * outwards)
+        assert checker.clearance(q - 1e-5 * outwards) == 0.0
+    # Against a hole of the robot's own size every way is in.
+    for sx, sy in itertools.product((-1, 1), (-1, 1)) if out == (0, 0) else ():
+        assert not checker.valid(q + 1e-5 * np.array([sx, sy, 0.0]))
+
+
+@pytest.mark.parametrize("exact", EXACT)
+@pytest.mark.parametrize(("outward", "valid"), [(1e-5, True), (2e-8, True), (0.0, True), (-2e-8, True), (-1e-5, False)])
+def test_the_tolerance_of_touching(outward: float, valid: bool, exact: Literal["kernel", "fcl"]) -> None:
+    world = World("w", (0, 0, 10, 10), (BLOCK, Disc((8, 5), 0.5)))
+    for robot, x in ((Robot.rectangle(2, 1), 3.0), (Robot.disc(1), 3.0), (L_SHAPE, 2.0)):
+        checker = StateChecker(world, robot, exact=exact)
+        assert checker.valid((x - outward, 5.0, 0.0)) is valid
+        assert checker.valid((5.0, 6.0 + outward - (x - 4.0 if x == 3.0 else 0.0), math.pi / 2 * (x == 3.0))) is valid
+
+
+@pytest.mark.parametrize("exact", EXACT)
+def test_a_spike_beyond_the_end_of_a_narrow_notch(exact: Literal["kernel", "fcl"]) -> None:
+    robot = Robot.polygon([(-1, -1), (1, -1), (1, 1), (0.02, 1), (0, -0.5), (-0.02, 1), (-1, 1)])
+    # Narrower than the notch, its tip 4 um past the notch's end: the erosion of the footprint must not hide it.
+    spike = np.array([[5.0, 4.5], [5.005, 7.0], [4.995, 7.0]])
+    for depth, valid in ((4e-6, False), (-1e-5, True), (0.0, True)):
+        world = World("w", (0, 0, 10, 10), (Polygon(spike - (0.0, depth)),))
+        assert StateChecker(world, robot, exact=exact).valid((5.0, 5.0, 0.0)) is valid
+
+
+def lattice_world(occupied: np.ndarray, origin: FloatArray, rng: np.random.Generator) -> World:
+    """Return unit squares at the occupied cells, in random order and sense, with shared edges and corners."""
+    cells = np.argwhere(occupied)
+    rng.shuffle(cells)
+    squares = [Polygon((SQUARE if rng.random() < 0.5 else SQUARE[::-1]) + cell + origin) for cell in cells]
+    size = np.array(occupied.shape)
+    return World("lattice", (*origin, *(origin + size)), tuple(squares))
+
+
+@pytest.mark.parametrize("exact", EXACT)
+@pytest.mark.parametrize("origin", [(0.0, 0.0), (-7.0, 3.0), (0.1, 0.3), (1e5, -1e5)])
+@pytest.mark.parametrize("cell", [None, 0.5, 7 / (16 - 0.8137), 3 / (9 - 0.8137)])
+def test_squares_that_share_edges_and_corners(
+    origin: tuple[float, float], cell: float | None, exact: Literal["kernel", "fcl"]
+) -> None:
+    n, rng = 12, np.random.default_rng(8)
+    shift = np.array(origin)
+    for density, (length, width) in ((0.15, (2.0, 1.0)), (0.4, (1.0, 1.0)), (0.7, (0.5, 0.5)), (0.3, (1.0, 0.5))):
+        occupied = rng.random((n, n)) < density
+        checker = StateChecker(
+            lattice_world(occupied, shift, rng), Robot.rectangle(length, width), cell=cell, exact=exact
+        )
+        # All centres and edges lie on quarters, so the expected verdict is a matter of whole numbers.
+        many = 600 if exact == "kernel" else 150
+        at, quarter = rng.integers(0, 4 * n + 1, (many, 2)), rng.integers(-1, 3, many)
+        half = np.where(quarter[:, None] % 2 == 0, (length, width), (width, length)) / 2
+        for nudge in (0.0, 1e-5, -1e-5):
+            low, high = at / 4 - half + nudge, at / 4 + half + nudge
+            expected = np.all((low >= 0) & (high <= n), axis=1)
+            first, last = np.floor(low).astype(int), np.ceil(high).astype(int)
+            for i in np.flatnonzero(expected):
+                expected[i] = not occupied[first[i, 0] : last[i, 0], first[i, 1] : last[i, 1]].any()
+            q = np.column_stack([at / 4 + nudge + shift, quarter * math.pi / 2])
+            assert (checker.valid(q) == expected).all()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_lattices_of_diagonals(seed: int) -> None:
+    # Triangles and diamonds with whole coordinates: edges through cell corners, vertices on edges.
+    rng = np.random.default_rng(seed)
+    origin = np.array([(0, 0), (-7, 3), (1e5, -1e5), (4096, -333)][seed % 4], dtype=float)
+    shapes = []
+    for _ in range(12):
+        s = int(rng.integers(1, 4))
+        kind = [
+            [[0, 0], [s, 0], [s, s], [0, s]],
+            [[s, 0], [2 * s, s], [s, 2 * s], [0, s]],
+            [[0, 0], [s, 0], [0, s]],
+            [[0, 0], [2 * s, s], [s, 2 * s]],
+        ][int(rng.integers(4))]
+        shapes.append(Polygon(np.array(kind) + rng.integers(0, 12, 2) + origin))
+    world = World("diagonals", (*origin, *(origin + 12)), tuple(shapes))
+    for robot in (Robot.rectangle(0.5, 0.25), Robot.disc(0.25), Robot.rectangle(1, 1), Robot.polygon(SQUARE[:3])):
+        distance, column = int(rng.integers(1, 12)), int(rng.integers(2, 40))
+        checker = StateChecker(world, robot, cell=distance / (column - 0.8137))
+        at = rng.integers(0, 97, (1500, 2)) / 8 + origin
+        q = np.column_stack([at, rng.integers(-3, 5, 1500) * math.pi / 4])
+        oracle, valid = Oracle(world, robot), checker.valid(q)
+        assert not oracle.disagrees(q, valid).any()
+        # Contact is exact here, so all that does not collide by the band must be valid, touching included.
+        assert (valid == ~oracle.collides(q)).all()
