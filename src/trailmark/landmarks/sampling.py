@@ -45,10 +45,7 @@ def draw(
     Raises:
         ConfigurationError: an unknown method or a negative n.
     """
-    if method not in METHODS:
-        raise ConfigurationError(f"method: {method!r} given; {did_you_mean(str(method), METHODS)}")
-    if n < 0:
-        raise ConfigurationError(f"n: {n} given, allowed: 0 or more")
+    _check(n, method)
     rng = generator(random_state)
     if method == "uniform":
         unit = rng.random((n, 3))
@@ -88,6 +85,7 @@ def free_samples(
     Raises:
         ConfigurationError: an unknown method or a negative n.
     """
+    _check(n, method)
     rng = generator(random_state)
     region: NDArray[np.bool_] | None = None
     if reachable_from is not None:
@@ -106,3 +104,10 @@ def free_samples(
         found.append(q)
         have += len(q)
     return np.concatenate(found)[:n]
+
+
+def _check(n: int, method: str) -> None:
+    if method not in METHODS:
+        raise ConfigurationError(f"method: {method!r} given; {did_you_mean(str(method), METHODS)}")
+    if n < 0:
+        raise ConfigurationError(f"n: {n} given, allowed: 0 or more")
