@@ -7,12 +7,90 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks.sampling import RandomState, generator
 
-__all__ = ["k_means_landmarks"]
+__all__ = ["k_means_landmarks", "lloyd"]
+
+FloatArray = NDArray[np.float64]
+
+
+def k_means_landmarks(
+    samples: se2.FloatArray,
+    k: int,
+    *,
+    radius: float,
+    steps: int | None = None,
+    random_state: RandomState = None,
+) -> se2.FloatArray:
+    """Return k landmarks, shape (m, 3), m <= min(k, n): valid configurations spread as the samples are.
+
+    Lloyd's K-means (Lloyd 1982) in the embedding (x, y, R·cos θ, R·sin θ) of :func:`trailmark.se2.embed`, started
+    from k of the samples (Forgy 1965). A centre may lie in an obstacle, so each is replaced by the sample nearest
+    to it: landmarks are samples, and no two of them are the same one.
+
+    Args:
+        samples: valid configurations, shape (n, 3).
+        k: how many landmarks, >= 1; with k >= n every sample is a landmark.
+        radius: R of the embedding, metres; 0 leaves headings out.
+        steps: None iterates until no sample changes its cluster (scikit-learn). A number does so many steps and no
+            more (:func:`lloyd`): the first few bring most of what there is to gain, and a planner's rounds cannot
+            wait for the rest.
+        random_state: seed or generator; the same one gives the same landmarks.
+
+    Raises:
+        ConfigurationError: k < 1.
+    """
+    from scipy.spatial import cKDTree
+
+    if k < 1:
+        raise ConfigurationError(f"landmarks: {k} given, allowed: 1 or more")
+    if k >= len(samples):
+        return np.array(samples)
+    points = se2.embed(samples, radius)
+    first = points[generator(random_state).choice(len(points), k, replace=False)]
+    centres = _converged(points, first) if steps is None else lloyd(points, first, steps)
+    nearest = np.unique(np.asarray(cKDTree(points).query(centres)[1]))
+    return np.array(samples[nearest])
+
+
+def lloyd(points: FloatArray, centres: FloatArray, steps: int) -> FloatArray:
+    """Return the centres, shape (k, d), after some steps of Lloyd's algorithm.
+
+    The same steps as scikit-learn's, whose import takes longer than most queries; its distances to all k centres,
+    which a k-d tree spares, would be the larger part of a planning round.
+
+    Args:
+        points: shape (n, d).
+        centres: shape (k, d), those to start from; one that no point is nearest to stays where it is.
+        steps: how many, >= 0.
+    """
+    from scipy.spatial import cKDTree
+
+    centres = np.array(centres)
+    for _ in range(steps):
+        owner = np.asarray(cKDTree(centres, balanced_tree=False).query(points)[1])
+        count = np.bincount(owner, minlength=len(centres))
+        taken = count > 0
+        for axis in range(points.shape[1]):
+            total = np.bincount(owner, weights=points[:, axis], minlength=len(centres))
+            centres[taken, axis] = total[taken] / count[taken]
+    return centres
+
+
+def _converged(points: FloatArray, first: FloatArray) -> FloatArray:
+    from sklearn.cluster import KMeans
+    from sklearn.exceptions import ConvergenceWarning
+
+    # One thread: with more, sums are rounded in an order that changes from run to run.
+    with _threadpools().limit(limits=1), warnings.catch_warnings():
+        # A cluster too many for the data is no fault here: it only means one landmark less.
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        k_means = KMeans(len(first), init=first, n_init=1, max_iter=300, tol=0.0, algorithm="lloyd").fit(points)
+    return np.asarray(k_means.cluster_centers_)
 
 
 @lru_cache(maxsize=1)
@@ -21,49 +99,3 @@ def _threadpools() -> Any:
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController()
-
-
-def k_means_landmarks(
-    samples: se2.FloatArray,
-    k: int,
-    *,
-    radius: float,
-    steps: int = 3,
-    random_state: RandomState = None,
-) -> se2.FloatArray:
-    """Return k landmarks, shape (min(k, n), 3): valid configurations spread as the samples are.
-
-    Lloyd's K-means (MacQueen 1967; Lloyd 1982) from scikit-learn in the embedding (x, y, R·cos θ, R·sin θ) of
-    :func:`trailmark.se2.embed`, started from k of the samples (Forgy). A centre may lie in an obstacle, so each is
-    replaced by the sample nearest to it; landmarks are therefore samples, and no two of them are the same one.
-
-    Args:
-        samples: valid configurations, shape (n, 3).
-        k: how many landmarks, >= 1; with k >= n every sample is a landmark.
-        radius: R of the embedding, metres; 0 leaves headings out.
-        steps: Lloyd iterations; the first few bring nearly all of the spread, and landmarks need no fixed point.
-        random_state: seed or generator; the same one gives the same landmarks.
-
-    Raises:
-        ConfigurationError: k < 1.
-    """
-    if k < 1:
-        raise ConfigurationError(f"landmarks: {k} given, allowed: 1 or more")
-    if k >= len(samples):
-        return np.array(samples)
-    from scipy.spatial import cKDTree
-    from sklearn.cluster import KMeans
-    from sklearn.exceptions import ConvergenceWarning
-
-    rng = generator(random_state)
-    points = se2.embed(samples, radius)
-    first = points[rng.choice(len(points), k, replace=False)]
-    # One thread: with more, sums are rounded in an order that changes from run to run.
-    with _threadpools().limit(limits=1), warnings.catch_warnings():
-        # A cluster too many for the data is no fault here: it only means one landmark less.
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        centres = (
-            KMeans(k, init=first, n_init=1, max_iter=steps, tol=0.0, algorithm="lloyd").fit(points).cluster_centers_
-        )
-    nearest = np.unique(cKDTree(points).query(centres)[1])
-    return np.array(samples[nearest])

@@ -27,6 +27,13 @@ OnProgress = Callable[[PlanProgress], None]
 WIDENINGS = (0.02, 0.05, 0.12, 0.3, 0.7, 1.5)
 """How much longer than the relaxed shortest way a band's ways may be, round by round; then without limit."""
 
+MAX_LANDMARKS = 20_000
+"""Most landmarks that may be asked for: clustering more takes longer than anybody waits."""
+
+LLOYD_STEPS = 3
+"""Steps of K-means in a round; :meth:`LandmarkPlanner.build` iterates to the end up to CONVERGED_LANDMARKS."""
+CONVERGED_LANDMARKS = 2_000
+
 SAMPLES_PER_LANDMARK = 5
 FIRST_LANDMARKS = 120
 GROWTH = 1.4
@@ -68,7 +75,7 @@ class LandmarkPlanner:
 
     Raises:
         WorldError: neither ``robot`` nor ``world.robot`` is given.
-        ConfigurationError: ``landmarks`` below 1, a negative seed.
+        ConfigurationError: ``landmarks`` below 1 or above MAX_LANDMARKS, a negative seed.
     """
 
     def __init__(
@@ -81,8 +88,8 @@ class LandmarkPlanner:
         checker: StateChecker | None = None,
         warm: bool = True,
     ) -> None:
-        if landmarks is not None and landmarks < 1:
-            raise ConfigurationError(f"landmarks: {landmarks} given, allowed: 1 or more")
+        if landmarks is not None and not 1 <= landmarks <= MAX_LANDMARKS:
+            raise ConfigurationError(f"landmarks: {landmarks} given, allowed: 1 to {MAX_LANDMARKS}")
         if seed is not None and seed < 0:
             raise ConfigurationError(f"seed: {seed} given, allowed: 0 or more")
         self.world = world
@@ -109,10 +116,12 @@ class LandmarkPlanner:
         """
         begin = perf_counter()
         k = landmarks if landmarks is not None else self._landmarks or 200
+        if not 1 <= k <= MAX_LANDMARKS:
+            raise ConfigurationError(f"landmarks: {k} given, allowed: 1 to {MAX_LANDMARKS}")
         samples = free_samples(self.checker, SAMPLES_PER_LANDMARK * k, method="halton", random_state=self._rng)
         if len(samples) == 0:
             raise ConfigurationError(f"world {self.world.name!r}: no free place for the robot was found")
-        self._place(samples, k)
+        self._place(samples, k, None if k <= CONVERGED_LANDMARKS else LLOYD_STEPS)
         self._build_time += perf_counter() - begin
         return self.roadmap
 
@@ -160,11 +169,11 @@ class LandmarkPlanner:
             self._relaxation = Relaxation(self.checker)
         return self._relaxation
 
-    def _place(self, samples: se2.FloatArray, k: int) -> NDArray[np.int64]:
+    def _place(self, samples: se2.FloatArray, k: int, steps: int | None = LLOYD_STEPS) -> NDArray[np.int64]:
         """Cluster samples into k landmarks and join them to the roadmap; return the new nodes."""
         # Heading differences count as far as they move the robot.
         radius = self.checker.footprint.sweep_radius
-        return self.roadmap.add(k_means_landmarks(samples, k, radius=radius, random_state=self._rng))
+        return self.roadmap.add(k_means_landmarks(samples, k, radius=radius, steps=steps, random_state=self._rng))
 
     def _result(self, attempt: _Attempt, status: Status, states: se2.FloatArray | None, build: float) -> PlanResult:
         path = None if states is None else Path(states)
