@@ -62,8 +62,9 @@ class Oracle:
         """Return the distance (metres) to what blocks the robot at q, shape (n, 3); 0 on overlap or outside."""
         bodies = self._bodies(q, self.outline)
         best = np.maximum(0.0, -self._beyond(q))
-        for polygon in self.polygons:
-            best = np.minimum(best, np.maximum(0.0, shapely.distance(bodies, polygon) - (self.radius or 0.0)))
+        if len(self.polygons):
+            (body, _), gap = self.tree.query_nearest(bodies, return_distance=True, all_matches=False)
+            best[body] = np.minimum(best[body], np.maximum(0.0, gap - (self.radius or 0.0)))
         for x, y, r in self.discs:
             gap = shapely.distance(bodies, shapely.Point(x, y)) - r - (self.radius or 0.0)
             best = np.minimum(best, np.maximum(0.0, gap))

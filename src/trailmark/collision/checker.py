@@ -102,9 +102,11 @@ class StateChecker:
             float for one configuration, a float array of shape (n,) for n.
 
         Raises:
-            ConfigurationError: another shape, or values that are not finite.
+            ConfigurationError: another shape, values that are not finite, or a negative cap.
         """
         states = se2.configurations(q)
+        if not cap >= 0.0:
+            raise ConfigurationError(f"clearance: cap {cap!r} given, allowed: 0 or more")
         rows = np.atleast_2d(states)
         if self.exact == "fcl":
             found = np.minimum([self.scene.clearance(row) for row in rows], cap)
@@ -134,7 +136,10 @@ class StateChecker:
 
     def motion_valid(self, a: ArrayLike, b: ArrayLike) -> bool:
         """Return whether the motion from a to b, each of shape (3,), is certified free of collision."""
-        return bool(self.motions_valid(np.reshape(a, (1, 3)), np.reshape(b, (1, 3)))[0])
+        ends = se2.configurations(a, name="motion: start"), se2.configurations(b, name="motion: end")
+        if ends[0].ndim != 1 or ends[1].ndim != 1:
+            raise ConfigurationError(f"motion: shapes {ends[0].shape} and {ends[1].shape} given, allowed: (3,)")
+        return bool(self.motions_valid(*ends)[0])
 
     def motions_between_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
         """Return which motions between configurations known to be valid are certified; shapes (n, 3), unchecked."""

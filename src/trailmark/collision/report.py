@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 
 from trailmark import se2
+from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.shapes import Disc, Shape
 from trailmark.world import Robot, World
 
@@ -13,42 +14,68 @@ __all__ = ["invalid_reason"]
 
 
 def invalid_reason(world: World, robot: Robot, q: se2.FloatArray) -> str:
-    """Return a clause such as ``overlaps obstacle 3 (disc) by 0.12 m`` for an invalid configuration, shape (3,)."""
-    body = _placed(robot, q)
-    xmin, ymin, xmax, ymax = world.bounds
-    left, low, right, high = body.bounds
+    """Return a clause such as ``overlaps obstacle 3 (disc) by 0.12 m`` for an invalid configuration, shape (3,).
+
+    Bounds come first, then the boundary, then the obstacle that is overlapped most. The overlap of two polygons is
+    how far a corner of their common region lies behind the obstacle's edge, or that region's width if larger.
+    """
+    # A disc is placed as its centre; its radius is added to distances, which keeps it round.
+    radius = robot.footprint.radius if isinstance(robot.footprint, Disc) else 0.0
+    body = shapely.Point(q[:2]) if radius else shapely.Polygon(se2.transform(q, robot.outline.vertices))
+    (xmin, ymin, xmax, ymax), (left, low, right, high) = world.bounds, body.bounds
     beyond = {"left": xmin - left, "lower": ymin - low, "right": right - xmax, "upper": high - ymax}
-    side, most = max(beyond.items(), key=lambda item: item[1])
-    if most > 0.0:
-        return f"reaches {most:.3g} m over the {side} bound"
+    side = max(beyond, key=lambda name: beyond[name])
+    if beyond[side] + radius > TOUCHING_TOLERANCE:
+        return f"reaches {beyond[side] + radius:.3g} m over the {side} bound"
     if world.boundary is not None:
-        inside = world.boundary.shapely()
-        outside = shapely.difference(body, inside)
-        if outside.area > 0.0:
-            return f"reaches {_farthest(outside, inside):.3g} m over the boundary"
-    for i, shape in enumerate(world.obstacles):
-        box = shape.bounding_box()
-        if box[0] > right or box[2] < left or box[1] > high or box[3] < low:
-            continue
-        region = _region(shape)
-        common = shapely.intersection(body, region)
-        if common.area > 0.0:
-            depth = _farthest(common, shapely.boundary(region))
-            return f"overlaps obstacle {i} ({type(shape).__name__.lower()}) by {depth:.3g} m"
+        free = world.boundary.shapely()
+        edge = shapely.boundary(free)
+        most = _depth_in_complement(body, free, edge, radius)
+        if most > TOUCHING_TOLERANCE:
+            return f"reaches {most:.3g} m over the boundary"
+    depths = np.array([_overlap(body, radius, shape) for shape in world.obstacles])
+    if len(depths) and depths.max() > 0.0:
+        worst = int(np.argmax(depths))
+        kind = type(world.obstacles[worst]).__name__.lower()
+        return f"overlaps obstacle {worst} ({kind}) by {depths[worst]:.3g} m"
     return "touches an obstacle within rounding"
 
 
-def _placed(robot: Robot, q: se2.FloatArray) -> shapely.Polygon:
-    if isinstance(robot.footprint, Disc):
-        return _region(Disc((float(q[0]), float(q[1])), robot.footprint.radius))
-    return shapely.Polygon(se2.transform(q, robot.outline.vertices))
+def _overlap(body: shapely.Geometry, radius: float, shape: Shape) -> float:
+    """Return how far (metres) the body, grown by ``radius``, reaches into an obstacle; 0 or less if it does not."""
+    left, low, right, high = body.bounds
+    box = shape.bounding_box()
+    apart = max(box[0] - right, left - box[2], box[1] - high, low - box[3])
+    if apart > radius:
+        return radius - apart
+    if isinstance(shape, Disc):
+        return radius + shape.radius - float(shapely.distance(body, shapely.Point(shape.center)))
+    region = shape.polygon().shapely()
+    edge = shapely.boundary(region)
+    if radius:
+        gap = float(shapely.distance(body, edge))
+        return radius + gap if region.contains(body) else radius - gap
+    return _depth(shapely.intersection(body, region), edge)
 
 
-def _region(shape: Shape) -> shapely.Polygon:
-    return shape.polygon(1e-3 * shape.radius if isinstance(shape, Disc) else 0.0).shapely()
+def _depth_in_complement(
+    body: shapely.Geometry, free: shapely.Geometry, edge: shapely.Geometry, radius: float
+) -> float:
+    """Return how far (metres) the body, grown by ``radius``, reaches out of the region ``free``."""
+    if radius:
+        gap = float(shapely.distance(body, edge))
+        return radius - gap if free.contains(body) else radius + gap
+    return _depth(shapely.difference(body, free), edge)
 
 
-def _farthest(region: shapely.Geometry, line: shapely.Geometry) -> float:
-    """Return the largest distance of the region's vertices from ``line`` (metres)."""
-    vertices = shapely.points(shapely.get_coordinates(region))
-    return float(np.max(shapely.distance(vertices, line)))
+def _depth(common: shapely.Geometry, edge: shapely.Geometry) -> float:
+    """Return the largest distance (metres) of a region's corners from ``edge``, or the region's width if larger."""
+    parts = [part for part in shapely.get_parts(common) if part.area > 0.0]
+    if not parts:
+        return 0.0
+    depth = float(shapely.distance(shapely.points(shapely.get_coordinates(parts)), edge).max())
+    for part in parts:
+        # The search for the inscribed circle of a region that is as thin as rounding may take for ever.
+        if 2.0 * part.area > TOUCHING_TOLERANCE * part.length:
+            depth = max(depth, 2.0 * float(shapely.maximum_inscribed_circle(part).length))
+    return depth
