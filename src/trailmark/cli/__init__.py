@@ -1,7 +1,8 @@
 """The shell command ``trailmark``: one file per command, heavy imports inside the commands.
 
 A new command is a new file here and one line below. Exit status: 0 done, 2 bad input or usage (one line on
-stderr), 3 no path found within the time limit, 4 proven infeasible, 130 interrupted, 141 reader gone away.
+stderr), 3 no path found within the time limit, 4 proven infeasible, 130 interrupted, 141 the reader of
+stdout went away, 143 terminated.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 import signal
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Annotated, Any
 
 import typer
@@ -55,44 +57,74 @@ def main(args: Sequence[str] | None = None) -> int:
     Args:
         args: the words after ``trailmark``; default: those of this process.
     """
-    command = typer.main.get_command(app)
-    before = signal.signal(signal.SIGTERM, _leave)
-    try:
-        with warnings.catch_warnings():
-            # Other libraries' advice to programmers; -W and PYTHONWARNINGS still show it.
-            if not sys.warnoptions:
-                warnings.simplefilter("ignore")
-            words = sys.argv[1:] if args is None else args
-            status = 0
-            try:
-                with command.make_context("trailmark", list(words)) as context:
-                    command.invoke(context)
-            except typer.Exit as done:
-                status = done.exit_code
-            # Here and not while the interpreter shuts down, where an error could no longer be told.
-            sys.stdout.flush()
-            return status
-    except UsageError as error:
-        console.fail(_usage(error))
-    except TrailmarkError as error:
-        console.fail(str(error))
-    except BrokenPipeError:
-        console.silence_stdout()
-        return 128 + signal.SIGPIPE
-    except OSError as error:
-        console.silence_stdout()
-        console.fail(f"{error.filename or 'output'}: {error.strerror or error}")
-    except KeyboardInterrupt:
-        console.fail("interrupted")
-        return 128 + signal.SIGINT
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    with _signals() as received:
+        try:
+            return _run(sys.argv[1:] if args is None else args)
+        except UsageError as error:
+            console.fail(_usage(error))
+        except TrailmarkError as error:
+            console.fail(str(error))
+        except BrokenPipeError:
+            console.silence_stdout()
+            return 128 + signal.SIGPIPE
+        except OSError as error:
+            console.silence_stdout()
+            console.fail(f"{error.filename or 'output'}: {error.strerror or error}")
+        except KeyboardInterrupt:
+            return _ended(received)
+        except Exception:
+            # Compiled code may turn the KeyboardInterrupt of a signal into an error of its own.
+            if not received:
+                raise
+            return _ended(received)
     return 2
 
 
-def _leave(signum: int, frame: object) -> None:
-    """End as after an exception, so that temporary files go and the terminal's cursor comes back."""
-    raise SystemExit(128 + signum)
+def _run(words: Sequence[str]) -> int:
+    """Run one command; return its exit status or raise what stopped it."""
+    command = typer.main.get_command(app)
+    status = 0
+    with warnings.catch_warnings():
+        # Other libraries' advice to programmers; -W and PYTHONWARNINGS still show it.
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore")
+        try:
+            with command.make_context("trailmark", list(words)) as context:
+                command.invoke(context)
+        except typer.Exit as done:
+            status = done.exit_code
+    # Here and not while the interpreter shuts down, where an error could no longer be told.
+    sys.stdout.flush()
+    return status
+
+
+@contextmanager
+def _signals() -> Iterator[list[int]]:
+    """Let SIGTERM end a command as Ctrl-C does, by an exception: temporary files go, the cursor comes back.
+
+    Yields the signals received so far.
+    """
+    received: list[int] = []
+
+    def leave(number: int, frame: object) -> None:
+        received.append(number)
+        raise KeyboardInterrupt
+
+    # A signal that the parent process had ignored (nohup) stays ignored.
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, leave)
+    try:
+        yield received
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler or signal.SIG_DFL)  # None: not set from Python
+
+
+def _ended(received: list[int]) -> int:
+    console.fail("terminated" if signal.SIGTERM in received else "interrupted")
+    return 128 + (received[0] if received else signal.SIGINT)
 
 
 def _usage(error: Any) -> str:

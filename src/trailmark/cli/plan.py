@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 __all__ = ["plan"]
 
 EXIT_STATUS = {"solved": 0, "timeout": 3, "infeasible": 4}
-PATH_SUFFIXES = (".json", ".csv", ".path", ".txt")
+MAX_LANDMARKS = 20_000  # K-means takes the square of their number: half a minute for these
 
 
 def plan(
@@ -76,12 +76,14 @@ def plan(
 
     Exit status: 0 path found, 2 bad input, 3 no path within the time limit, 4 proven that there is none.
     """
+    from trailmark.formats import path_files
+
     limit = read_duration(time_limit, "--time-limit")
     number = read_count(seed, "--seed", 0)
-    count = None if landmarks is None else read_count(landmarks, "--landmarks", 1)
+    count = None if landmarks is None else read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
     given = read_robot(robot)
     ends = _given_ends(query, start, goal)
-    path_file = output_file(output, PATH_SUFFIXES)
+    path_file = output_file(output, path_files.SUFFIXES)
     picture = output_file(plot, PICTURE_SUFFIXES)
 
     with console.progress("loading") as progress:
