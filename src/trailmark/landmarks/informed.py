@@ -8,13 +8,17 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.landmarks.relaxation import CostMap, Relaxation
+from trailmark.landmarks.retraction import retracted
 
 __all__ = ["Band"]
 
 # Shares of the headings that are drawn along the way, against it, between the ends' headings; the rest uniform.
 ALONG, AGAINST, BETWEEN = 0.3, 0.1, 0.3
-SPREAD = 0.2
-"""Standard deviation (radians) of the headings that are not uniform."""
+SPREAD = 0.3
+"""Largest standard deviation (radians) of the headings that are not uniform."""
+
+AHEAD = 4
+"""Cells by which the direction of the relaxed way is told."""
 
 FIRST_REACH, LATER_REACH = 0.15, 0.8
 """Widths of the bands whose cells are found at first, and when those are used up; after that, all cells."""
@@ -67,8 +71,9 @@ class Band:
 
     def _headings_along(self, cells: NDArray[np.int64]) -> se2.FloatArray:
         """Return the heading (radians) of the relaxed way to the goal in each cell, shape (n,)."""
-        toward = self.to_goal.parent.ravel()[cells].astype(np.float64)
-        return np.asarray(np.where(toward >= 0, toward * (np.pi / 4.0), self.goal[2]))
+        ahead = self.relaxation.onward(self.to_goal, cells, AHEAD)
+        way = self.relaxation.cell_centers(ahead) - self.relaxation.cell_centers(cells)
+        return np.asarray(np.where(ahead == cells, self.goal[2], np.arctan2(way[:, 1], way[:, 0])))
 
     def widen(self, widening: float) -> None:
         """Make sure that all cells of the band of width ε = ``widening`` are known."""
@@ -93,6 +98,8 @@ class Band:
         tries = np.repeat(np.arange(len(cells)), GUIDE_TRIES)
         share = tries / max(1, len(cells) - 1)
         q = self._place(cells[tries], where[tries], share, rng)
+        tight = self.relaxation.clearance(cells)[tries] < 1.5 * self.checker.footprint.circumradius
+        q[tight] = retracted(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
         room = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
         room[~self.checker.valid(q)] = -1.0
         best = np.lexsort((room, tries)).reshape(len(cells), GUIDE_TRIES)[:, -1]
@@ -128,14 +135,32 @@ class Band:
         return np.concatenate(found)[:n]
 
     def samples_near(self, q: se2.FloatArray, reach: float, n: int, rng: np.random.Generator) -> se2.FloatArray:
-        """Return valid configurations, shape (m, 3), m <= n, whose disc lies within ``reach`` metres of q's."""
+        """Return valid configurations, shape (m, 3), m <= 2 n, near q, shape (3,).
+
+        Half of the tries put the disc within ``reach`` metres of q's, in cells of the band and with the band's
+        headings; half move q itself a little, at all scales below ``reach``, which is what gets on in a passage
+        hardly wider than the robot.
+        """
+        moved = self._moved(np.repeat(q[None], n, axis=0), reach, rng)
         around = self.relaxation.disc_centers(q) + rng.uniform(-reach, reach, (n, 2))
         cells = self.relaxation.cells(around)
         from_start, to_goal = self.from_start.cost.ravel()[cells], self.to_goal.cost.ravel()[cells]
         known = np.isfinite(from_start + to_goal)
         cells, share = cells[known], from_start[known] / np.maximum(from_start[known] + to_goal[known], 1e-9)
-        found = self._place(cells, self._headings_along(cells), share, rng)
+        found = np.vstack([self._place(cells, self._headings_along(cells), share, rng), moved])
+        found[::2] = retracted(self.checker, found[::2], 0.25 * reach, rng)
         return np.asarray(found[self.checker.valid(found)])
+
+    def _moved(self, q: se2.FloatArray, reach: float, rng: np.random.Generator) -> se2.FloatArray:
+        """Return configurations (n, 3) moved at random, by 1/32 of ``reach`` (metres) up to the whole."""
+        scale = reach * 2.0 ** -rng.uniform(0.0, 5.0, (len(q), 1))
+        turning = self.checker.footprint.sweep_radius
+        step = rng.standard_normal((len(q), 3)) * scale / (1.0, 1.0, turning or 1.0)
+        if turning == 0.0:
+            step[:, 2] = 0.0
+        moved = q + step
+        moved[:, 2] = se2.wrap(moved[:, 2])
+        return np.asarray(moved)
 
     def nearest_to_goal(self, q: se2.FloatArray) -> int:
         """Return which of the configurations (n, 3) is nearest to the goal on the relaxed way."""
@@ -159,7 +184,8 @@ class Band:
         if self.checker.footprint.disc_radius > 0.0:
             return relaxation.references(centers, np.zeros(n))
         headings = rng.uniform(-np.pi, np.pi, n)
-        kind, noise = rng.random(n), SPREAD * rng.standard_normal(n)
+        # At all scales up to SPREAD: tight passages leave little play, wide ones some.
+        kind, noise = rng.random(n), SPREAD * rng.standard_normal(n) * 2.0 ** -rng.uniform(0.0, 4.0, n)
         between = se2.interpolate(self.start, self.goal, share)[:, 2] + noise
         headings = np.where(kind < ALONG + AGAINST + BETWEEN, between, headings)
         headings = np.where(kind < ALONG + AGAINST, along + np.pi + noise, headings)

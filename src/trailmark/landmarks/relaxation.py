@@ -174,6 +174,14 @@ class Relaxation:
         """
         return np.isfinite(self.costs_from(q).cost).ravel()
 
+    def onward(self, costs: CostMap, cells: NDArray[np.int64], steps: int) -> NDArray[np.int64]:
+        """Return the cells that lie some steps nearer to the costs' source, shape (n,)."""
+        parent = costs.parent.ravel()
+        for _ in range(steps):
+            k = parent[cells].astype(np.int64)
+            cells = np.where(k >= 0, cells + _STEP_Y[k] * self.columns + _STEP_X[k], cells)
+        return cells
+
     def way(self, costs: CostMap, q: FloatArray) -> NDArray[np.int64]:
         """Return the cells, shape (n,), from q's disc centre back to the costs' source."""
         cell = int(self.cells(self.disc_centers(q)))

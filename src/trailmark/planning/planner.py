@@ -42,8 +42,8 @@ GROWTH = 1.4
 ROUNDS_PER_GRID = 2
 """Rounds without a path after which the relaxed problem is looked at on a grid twice as fine."""
 
-BRIDGE_MISSES = 3
-"""Attempts at the same gap before the next round of landmarks."""
+BRIDGE_MISSES, BRIDGE_TRIES = 6, 40
+"""Attempts that bring the parts no closer before the next round of landmarks; configurations tried at each place."""
 
 FIRST_SWEEPS, PROMISING = 5, 1.03
 """Another path is shortened to the end only if this many sweeps bring it within this factor of the best cost."""
@@ -268,20 +268,36 @@ class _Attempt:
             self.planner._place(samples, landmarks)
 
     def _bridge(self, band: Band, nodes: NDArray[np.int64]) -> None:
-        """Place landmarks where the start's and the goal's parts of the roadmap end, while they come nearer."""
-        misses = 0
-        frontier: set[int] = set()
+        """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
+        misses, narrowest = 0, np.inf
         while self.best is None and misses < BRIDGE_MISSES and self._time_left() > 0.0:
             q = self.roadmap.configurations
-            ahead = np.flatnonzero(self.roadmap.shortest_path(int(nodes[0]), int(nodes[1])).reached)
-            behind = np.flatnonzero(self.roadmap.shortest_path(int(nodes[1]), int(nodes[0])).reached)
-            ends = {int(ahead[band.nearest_to_goal(q[ahead])]), int(behind[band.nearest_to_start(q[behind])])}
-            misses = misses + 1 if ends <= frontier else 0
-            frontier |= ends
+            ahead = q[self.roadmap.shortest_path(int(nodes[0]), int(nodes[1])).reached]
+            behind = q[self.roadmap.shortest_path(int(nodes[1]), int(nodes[0])).reached]
+            near, far, gap = self._closest(ahead, behind)
+            misses, narrowest = (0, gap) if gap < 0.9 * narrowest else (misses + 1, narrowest)
+            # Where the two parts come closest, and where each comes closest to its end on the relaxed way: the first
+            # tells of gaps in the headings, the others of gaps in the way.
+            places = (
+                ahead[near],
+                behind[far],
+                ahead[band.nearest_to_goal(ahead)],
+                behind[band.nearest_to_start(behind)],
+            )
             reach = band.relaxation.size * 2.0 ** self.rng.uniform(0.0, 4.0)
-            found = [band.samples_near(q[end], reach, 100, self.rng) for end in sorted(ends)]
+            found = [band.samples_near(place, reach, BRIDGE_TRIES, self.rng) for place in places]
             self.roadmap.add(np.concatenate(found))
             self._search(band, nodes)
+
+    def _closest(self, ahead: se2.FloatArray, behind: se2.FloatArray) -> tuple[int, int, float]:
+        """Return the indices of the closest pair of two sets of configurations, and their distance (metres)."""
+        from scipy.spatial import cKDTree
+
+        radius = self.checker.footprint.sweep_radius
+        found = cKDTree(se2.embed(behind, radius)).query(se2.embed(ahead, radius))
+        gaps, pairs = np.asarray(found[0]), np.asarray(found[1])
+        near = int(np.argmin(gaps))
+        return near, int(pairs[near]), float(gaps[near])
 
     def _search(self, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None) -> None:
         """Offer the roadmap's shortest path, shortened."""

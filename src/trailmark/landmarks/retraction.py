@@ -1,0 +1,84 @@
+"""Retraction: configurations pushed away from the obstacles, towards the middle of the free space around them.
+
+In a passage hardly wider than the robot next to no random configuration is valid, but many are nearly so. Pushing
+them towards more clearance aligns them with the passage. After MAPRM (Wilmarth, Amato & Stiller, ICRA 1999), with
+the clearance field and the footprint's covering discs in place of exact penetration depths.
+"""
+
+from __future__ import annotations
+
+from math import cos, floor, pi, sin
+
+import numpy as np
+from numba import njit
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.footprint import Footprint
+
+__all__ = ["retracted"]
+
+
+def retracted(
+    checker: StateChecker, q: se2.FloatArray, reach: float, rng: np.random.Generator, *, steps: int = 40
+) -> se2.FloatArray:
+    """Return the configurations, valid or not, moved to places with more clearance; shape (n, 3).
+
+    Args:
+        checker: gives the field and the footprint.
+        q: shape (n, 3).
+        reach: metres, size of the first steps; headings move by up to as much of the robot's outline.
+        rng: source of randomness.
+        steps: moves tried for each.
+    """
+    moves = rng.standard_normal((max(1, len(q)), steps, 3))
+    turning = checker.footprint.sweep_radius
+    return np.asarray(_climb(checker.field, checker.footprint, np.array(q), moves, reach, turning))
+
+
+@njit(cache=True, nogil=True)
+def _climb(
+    field: ClearanceField, robot: Footprint, q: se2.FloatArray, moves: se2.FloatArray, reach: float, turning: float
+) -> se2.FloatArray:
+    """Try random moves and keep those that gain clearance; steps grow with success and shrink without."""
+    for i in range(len(q)):
+        best = _room(field, robot, q[i, 0], q[i, 1], q[i, 2])
+        scale = reach
+        for k in range(moves.shape[1]):
+            # As much room as its own size: a robot that can turn freely is in no passage.
+            if best > robot.circumradius:
+                break
+            x, y = q[i, 0] + scale * moves[i, k, 0], q[i, 1] + scale * moves[i, k, 1]
+            theta = q[i, 2]
+            if turning > 0.0:
+                theta += scale / turning * moves[i, k, 2]
+            value = _room(field, robot, x, y, theta)
+            if value > best:
+                best = value
+                q[i, 0], q[i, 1] = x, y
+                q[i, 2] = theta - 2.0 * pi * floor((theta + pi) / (2.0 * pi))
+                scale *= 1.3
+            else:
+                scale *= 0.85
+    return q
+
+
+@njit(cache=True)
+def _room(field: ClearanceField, robot: Footprint, x: float, y: float, theta: float) -> float:
+    """Return the least of the covering discs' clearances by the field, interpolated; negative in an obstacle."""
+    c, s = cos(theta), sin(theta)
+    rows, columns = field.distance.shape
+    least = np.inf
+    for k in range(len(robot.cover)):
+        bx, by = robot.cover[k, 0], robot.cover[k, 1]
+        u = (x + c * bx - s * by - field.x0) / field.size - 0.5
+        v = (y + s * bx + c * by - field.y0) / field.size - 0.5
+        column, row = floor(u), floor(v)
+        if not (0 <= column < columns - 1 and 0 <= row < rows - 1):
+            return -np.inf
+        u, v = u - column, v - row
+        low = (1.0 - u) * field.distance[row, column] + u * field.distance[row, column + 1]
+        high = (1.0 - u) * field.distance[row + 1, column] + u * field.distance[row + 1, column + 1]
+        least = min(least, (1.0 - v) * low + v * high - robot.cover[k, 2])
+    return least
