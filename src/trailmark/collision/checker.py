@@ -38,7 +38,7 @@ class StateChecker:
         robot: footprint; the world's own robot if None.
         exact: what decides where the field cannot.
         cell: edge of the field's cells in metres; by default a tenth of the robot's inscribed diameter, larger
-            where that would take more than 2^18 cells.
+            where that would take more than 2^18 cells (2^20 where cells would be larger than the robot).
 
     Raises:
         WorldError: neither ``robot`` nor ``world.robot`` is given.
@@ -63,7 +63,7 @@ class StateChecker:
         self.robot: Robot = chosen
         self.exact = exact
         wanted = 0.2 * chosen.inscribed_disc.radius if cell is None else cell
-        self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted))
+        self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted, 1.5 * chosen.inscribed_disc.radius))
         self.field: ClearanceField = build_field(self.grid)
         self.footprint: Footprint = build_footprint(chosen)
         self._scene: FclScene | None = None

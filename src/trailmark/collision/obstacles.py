@@ -21,7 +21,7 @@ __all__ = ["ObstacleGrid", "boundary_segments", "build_grid", "cell_size_for", "
 FloatArray = NDArray[np.float64]
 
 MAX_CELLS = 1 << 18
-"""Upper limit on the number of grid cells, which bounds the time and memory of the set-up."""
+"""Usual upper limit on the number of grid cells, which bounds the time and memory of the set-up."""
 
 
 class ObstacleGrid(NamedTuple):
@@ -76,10 +76,19 @@ def obstacle_discs(world: World) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
 
-def cell_size_for(world: World, wanted: float, cells: int = MAX_CELLS) -> float:
-    """Return the cell size (metres): as wanted, or as much larger as it takes to stay within ``cells`` cells."""
+def cell_size_for(world: World, wanted: float, largest: float = 0.0) -> float:
+    """Return the cell size (metres) for a world.
+
+    Args:
+        world: its bounds count.
+        wanted: taken if that makes at most MAX_CELLS cells; else the cells are made larger.
+        largest: cells larger than this are too coarse to be of use; up to four times MAX_CELLS are made if that
+            avoids them.
+    """
     width, height = world.bounds[2] - world.bounds[0], world.bounds[3] - world.bounds[1]
-    return max(wanted, 1.01 * float(np.sqrt(width * height / cells)), 1.01 * max(width, height) / 8192)
+    least = 1.01 * max(width, height) / 8192
+    size = max(wanted, 1.01 * float(np.sqrt(width * height / MAX_CELLS)), least)
+    return max(size / 2.0, least) if largest < size <= 2.0 * largest else size
 
 
 def build_grid(world: World, size: float) -> ObstacleGrid:

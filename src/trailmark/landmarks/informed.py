@@ -23,7 +23,7 @@ AHEAD = 4
 FIRST_REACH, LATER_REACH = 0.15, 0.8
 """Widths of the bands whose cells are found at first, and when those are used up; after that, all cells."""
 
-GUIDE_TRIES = 8
+GUIDE_TRIES = 12
 """Configurations tried in each cell of the relaxed shortest way."""
 
 
@@ -82,34 +82,48 @@ class Band:
 
     def costs_to_goal(self, q: se2.FloatArray) -> se2.FloatArray:
         """Return a lower estimate (metres) of the cost from configurations (n, 3) to the goal, shape (n,)."""
-        relaxed = self.to_goal.cost.ravel()[self.relaxation.cells(self.relaxation.disc_centers(q))]
+        return self._estimate(self.to_goal, q, self.goal)
+
+    def costs_to_start(self, q: se2.FloatArray) -> se2.FloatArray:
+        """Return a lower estimate (metres) of the cost from the start to configurations (n, 3), shape (n,)."""
+        return self._estimate(self.from_start, q, self.start)
+
+    def _estimate(self, costs: CostMap, q: se2.FloatArray, end: se2.FloatArray) -> se2.FloatArray:
+        relaxed = costs.cost.ravel()[self.relaxation.cells(self.relaxation.disc_centers(q))]
         # Eight directions overestimate lengths by up to 8.3 %, cells by up to a diagonal at either end.
         estimate = np.where(np.isfinite(relaxed), relaxed / 1.0824 - 3.0 * self.relaxation.size, 0.0)
-        return np.asarray(np.maximum(estimate, np.hypot(*(q[:, :2] - self.goal[:2]).T)))
+        return np.asarray(np.maximum(estimate, np.hypot(*(q[:, :2] - end[:2]).T)))
 
     def guides(self, rng: np.random.Generator) -> se2.FloatArray:
-        """Return valid configurations along the relaxed shortest way, shape (n, 3): where it is tight, every cell.
+        """Return valid configurations along the relaxed shortest way, shape (n, 3).
 
-        Each is the one with most clearance among several tries in its cell, so that a way through a gap hardly
-        wider than the robot comes out near the gap's middle.
+        One in every stretch as long as the clearance, each the one with most clearance among several tries in its
+        cell; and where two of them are not joined by a certified motion, every valid try between them.
         """
         cells = self.relaxation.way(self.to_goal, self.start)
         where = self._headings_along(cells)
         tries = np.repeat(np.arange(len(cells)), GUIDE_TRIES)
         share = tries / max(1, len(cells) - 1)
         q = self._place(cells[tries], where[tries], share, rng)
+        # Half of the tries stay: the field's idea of the middle may be off by its slack.
         tight = self.relaxation.clearance(cells)[tries] < 1.5 * self.checker.footprint.circumradius
+        tight[::2] = False
         q[tight] = retracted(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
         room = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
         room[~self.checker.valid(q)] = -1.0
         best = np.lexsort((room, tries)).reshape(len(cells), GUIDE_TRIES)[:, -1]
-        best = best[room[best] >= 0.0]
-        kept: list[int] = []
-        for i in best:
-            # One in every stretch as long as the clearance: motions of that length cannot collide.
-            if not kept or np.hypot(*(q[i, :2] - q[kept[-1], :2])) >= min(room[i], room[kept[-1]]):
-                kept.append(int(i))
-        return np.asarray(q[kept])
+        chain: list[int] = []
+        for i in best[room[best] >= 0.0]:
+            if not chain or np.hypot(*(q[i, :2] - q[chain[-1], :2])) >= min(room[i], room[chain[-1]]):
+                chain.append(int(i))
+        if not chain:
+            return np.empty((0, 3))
+        kept = np.zeros(len(q), dtype=np.bool_)
+        kept[chain] = True
+        joined = self.checker.motions_between_valid(q[chain[:-1]], q[chain[1:]])
+        for a, b in zip(np.array(chain[:-1])[~joined], np.array(chain[1:])[~joined], strict=True):
+            kept[max(0, a - GUIDE_TRIES) : b + GUIDE_TRIES] = True
+        return np.asarray(q[kept & (room >= 0.0)])
 
     def samples(self, n: int, widening: float, rng: np.random.Generator) -> se2.FloatArray:
         """Return up to n valid configurations from the band, shape (m, 3).

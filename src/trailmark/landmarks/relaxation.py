@@ -9,7 +9,7 @@ short paths are likely; they guide the placing of landmarks and never decide any
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import hypot, sqrt
 
 import numpy as np
 from numba import njit
@@ -30,6 +30,9 @@ MAX_CELLS = 1 << 20
 
 UNSURE_FACTOR = 3.0
 """How much dearer a step into a cell is whose centre is too close to an obstacle for the disc."""
+
+CORNER_FACTOR = 2.0
+"""How much dearer a diagonal step past such a cell is: it would likely cut an obstacle's corner."""
 
 
 @dataclass(frozen=True)
@@ -229,6 +232,12 @@ def _fill(
             clearance[row, column] = _cell_clearance(grid, field, x, y, size, radius)
 
 
+@njit(cache=True)
+def _straight(target: int, goal_row: int, goal_column: int, row: int, column: int) -> float:
+    """Return the straight distance to the target, in cells; 0 without a target."""
+    return hypot(row - goal_row, column - goal_column) if target >= 0 else 0.0
+
+
 @njit(cache=True, nogil=True)
 def _dijkstra(
     grid: ObstacleGrid,
@@ -247,21 +256,23 @@ def _dijkstra(
 ) -> tuple[FloatArray, NDArray[np.int8], float]:
     """Return costs and parents of the cells up to ``limit`` (metres), and that limit.
 
-    No step is shorter than a cell, so cells within one cell's size of each other cannot improve each other: a
-    ring of buckets of that width serves as the queue (Dial 1969).
+    A ring of buckets one cell wide serves as the queue (Dial 1969). With a target, cells are taken in the order of
+    cost plus straight distance to the target (A*), so that those that lie on no way within the limit are never
+    looked at; a cell improved within its own bucket is taken again.
     """
     rows, columns = clearance.shape
     cost = np.full((rows, columns), np.inf)
     parent = np.full((rows, columns), -1, np.int8)
-    # The dearest step spans 3 * sqrt(2) cells: six buckets ahead of the current one.
-    buckets = 8
+    # The dearest step adds 3 * 2 * sqrt(2) cells and sqrt(2) more of straight distance: ten buckets ahead.
+    buckets = 16
     head = np.full(buckets, -1, np.int64)
     capacity = 4096
     queued, following = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     free, used, waiting = -1, 1, 1
     cost[source // columns, source % columns] = 0.0
-    queued[0], following[0], head[0] = source, -1, 0
-    level = 0
+    goal_row, goal_column = target // columns, target % columns
+    level = int(_straight(target, goal_row, goal_column, source // columns, source % columns))
+    queued[0], following[0], head[level % buckets] = source, -1, 0
     while waiting > 0 and level * size <= limit:
         slot = level % buckets
         while head[slot] >= 0:
@@ -272,7 +283,7 @@ def _dijkstra(
             waiting -= 1
             r, c = cell // columns, cell % columns
             key = cost[r, c]
-            if int(key / size) != level:
+            if int(key / size + _straight(target, goal_row, goal_column, r, c)) != level:
                 continue
             if cell == target:
                 limit = min(limit, (1.0 + widening) * key + 8.0 * size)
@@ -289,9 +300,10 @@ def _dijkstra(
                 if room < least:
                     continue
                 step = size * (sqrt(2.0) if k % 2 else 1.0)
-                # A diagonal past a cell that is too tight would cut the obstacle's corner.
-                if room < radius or (k % 2 and min(clearance[r, nc], clearance[nr, c]) < radius):
+                if room < radius:
                     step *= UNSURE_FACTOR
+                if k % 2 and min(clearance[r, nc], clearance[nr, c]) < radius:
+                    step *= CORNER_FACTOR
                 if len(ahead) and key + step + ahead[nr, nc] > limit:
                     continue
                 if key + step < cost[nr, nc]:
@@ -306,7 +318,7 @@ def _dijkstra(
                             more_queued[:used], more_following[:used] = queued, following
                             queued, following = more_queued, more_following
                         entry, used = used, used + 1
-                    slot_of = int((key + step) / size) % buckets
+                    slot_of = int((key + step) / size + _straight(target, goal_row, goal_column, nr, nc)) % buckets
                     queued[entry], following[entry], head[slot_of] = nr * columns + nc, head[slot_of], entry
                     waiting += 1
         level += 1

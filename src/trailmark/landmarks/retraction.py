@@ -19,6 +19,9 @@ from trailmark.collision.footprint import Footprint
 
 __all__ = ["retracted"]
 
+LEASH = 1.5
+"""How far a configuration may be moved along either axis, in units of ``reach``."""
+
 
 def retracted(
     checker: StateChecker, q: se2.FloatArray, reach: float, rng: np.random.Generator, *, steps: int = 40
@@ -28,7 +31,7 @@ def retracted(
     Args:
         checker: gives the field and the footprint.
         q: shape (n, 3).
-        reach: metres, size of the first steps; headings move by up to as much of the robot's outline.
+        reach: metres, size of the first steps; places move by at most LEASH times as much.
         rng: source of randomness.
         steps: moves tried for each.
     """
@@ -45,11 +48,16 @@ def _climb(
     for i in range(len(q)):
         best = _room(field, robot, q[i, 0], q[i, 1], q[i, 2])
         scale = reach
+        x0, y0 = q[i, 0], q[i, 1]
         for k in range(moves.shape[1]):
             # As much room as its own size: a robot that can turn freely is in no passage.
             if best > robot.circumradius:
                 break
             x, y = q[i, 0] + scale * moves[i, k, 0], q[i, 1] + scale * moves[i, k, 1]
+            # Farther off it would leave the passage for the open.
+            if abs(x - x0) > LEASH * reach or abs(y - y0) > LEASH * reach:
+                scale *= 0.85
+                continue
             theta = q[i, 2]
             if turning > 0.0:
                 theta += scale / turning * moves[i, k, 2]

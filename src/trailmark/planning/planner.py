@@ -269,21 +269,19 @@ class _Attempt:
 
     def _bridge(self, band: Band, nodes: NDArray[np.int64]) -> None:
         """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
-        misses, narrowest = 0, np.inf
+        misses, nearest = 0, np.full(3, np.inf)
         while self.best is None and misses < BRIDGE_MISSES and self._time_left() > 0.0:
             q = self.roadmap.configurations
             ahead = q[self.roadmap.shortest_path(int(nodes[0]), int(nodes[1])).reached]
             behind = q[self.roadmap.shortest_path(int(nodes[1]), int(nodes[0])).reached]
             near, far, gap = self._closest(ahead, behind)
-            misses, narrowest = (0, gap) if gap < 0.9 * narrowest else (misses + 1, narrowest)
+            first, last = band.nearest_to_goal(ahead), band.nearest_to_start(behind)
+            apart = np.array([gap, band.costs_to_goal(ahead[[first]])[0], band.costs_to_start(behind[[last]])[0]])
+            misses = 0 if (apart < 0.95 * nearest).any() else misses + 1
+            nearest = np.minimum(nearest, apart)
             # Where the two parts come closest, and where each comes closest to its end on the relaxed way: the first
             # tells of gaps in the headings, the others of gaps in the way.
-            places = (
-                ahead[near],
-                behind[far],
-                ahead[band.nearest_to_goal(ahead)],
-                behind[band.nearest_to_start(behind)],
-            )
+            places = (ahead[near], behind[far], ahead[first], behind[last])
             reach = band.relaxation.size * 2.0 ** self.rng.uniform(0.0, 4.0)
             found = [band.samples_near(place, reach, BRIDGE_TRIES, self.rng) for place in places]
             self.roadmap.add(np.concatenate(found))
