@@ -102,8 +102,9 @@ def test_a_full_disk_is_one_line() -> None:
 @pytest.mark.parametrize("disguised", [False, True])
 def test_signals_end_in_one_line(number: signal.Signals, status: int, disguised: bool, yard: Path) -> None:
     program = f"""
-import sys, time, trailmark
+import signal, sys, time, trailmark
 from trailmark.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job would ignore it
 class Slow:
     def __init__(self, *args, **named): pass
     def plan(self, *args, **named):

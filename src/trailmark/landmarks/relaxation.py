@@ -263,6 +263,7 @@ def _dijkstra(
     rows, columns = clearance.shape
     cost = np.full((rows, columns), np.inf)
     parent = np.full((rows, columns), -1, np.int8)
+    waits_at = np.full((rows, columns), -1, np.int32)
     # The dearest step adds 3 * 2 * sqrt(2) cells and sqrt(2) more of straight distance: ten buckets ahead.
     buckets = 16
     head = np.full(buckets, -1, np.int64)
@@ -273,6 +274,7 @@ def _dijkstra(
     goal_row, goal_column = target // columns, target % columns
     level = int(_straight(target, goal_row, goal_column, source // columns, source % columns))
     queued[0], following[0], head[level % buckets] = source, -1, 0
+    waits_at[source // columns, source % columns] = level
     while waiting > 0 and level * size <= limit:
         slot = level % buckets
         while head[slot] >= 0:
@@ -283,9 +285,10 @@ def _dijkstra(
             waiting -= 1
             r, c = cell // columns, cell % columns
             key = cost[r, c]
-            if int(key / size + _straight(target, goal_row, goal_column, r, c)) != level:
+            if waits_at[r, c] != level:
                 continue
-            if cell == target:
+            waits_at[r, c] = -1
+            if cell == target and key > 0.0:
                 limit = min(limit, (1.0 + widening) * key + 8.0 * size)
             for j in range(8):
                 # Straight neighbours first: they tell whether a diagonal cuts a corner.
@@ -318,7 +321,10 @@ def _dijkstra(
                             more_queued[:used], more_following[:used] = queued, following
                             queued, following = more_queued, more_following
                         entry, used = used, used + 1
-                    slot_of = int((key + step) / size + _straight(target, goal_row, goal_column, nr, nc)) % buckets
+                    # Never an earlier bucket: straight towards the target the sum stays the same but for rounding.
+                    at = max(level, int((key + step) / size + _straight(target, goal_row, goal_column, nr, nc)))
+                    waits_at[nr, nc] = at
+                    slot_of = at % buckets
                     queued[entry], following[entry], head[slot_of] = nr * columns + nc, head[slot_of], entry
                     waiting += 1
         level += 1
