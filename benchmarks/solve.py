@@ -23,6 +23,7 @@ from benchmarks.machine import describe_machine, markdown_table
 from benchmarks.oracle import Oracle, motion_states
 from benchmarks.suite import GROUPS, Problem, data_folder, problems
 from trailmark.collision import StateChecker
+from trailmark.formats.files import write_atomically
 from trailmark.planning import LandmarkPlanner
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -124,6 +125,33 @@ HEADER = [
 ]
 
 
+def write(runs: list[dict[str, Any]], settings: str) -> None:
+    """Put the rows of the groups that were run in place of their old ones in results/solve.{json,md}."""
+    RESULTS.mkdir(exist_ok=True)
+    file = RESULTS / "solve.json"
+    record = json.loads(file.read_text()) if file.exists() else {"rows": [], "runs": {}}
+    rows = summary(runs)
+    groups = {row[0] for row in rows}
+    kept = [row for row in record["rows"] if row[0] not in groups]
+    record = {"header": HEADER, "rows": sorted(kept + rows), "runs": record["runs"]}
+    record["runs"].update({group: f"{settings}; {describe_machine()}" for group in groups})
+    write_atomically(file, json.dumps(record, indent=1) + "\n")
+    lines = [
+        "# Queries solved",
+        "",
+        "Written by `python -m benchmarks.solve`; every path passed a referee of its own.",
+        "",
+    ]
+    lines += [markdown_table(HEADER, record["rows"]), ""]
+    lines += ["`build`: checker with its field; `first`: time to the first path; `settled`: time until no better one"]
+    lines += [
+        "was found; `wrong`: paths that the referee refused; `cost / optimum`: against the published optimal cost"
+    ]
+    lines += ["of paths on the grid, which keep to eight directions.", ""]
+    lines += [f"- {group}: {text}" for group, text in sorted(record["runs"].items())]
+    write_atomically(RESULTS / "solve.md", "\n".join(lines) + "\n")
+
+
 def main() -> int:
     """Run the suite and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -154,17 +182,7 @@ def main() -> int:
     for row in bad:
         print("not solved:", row["world"], row["robot"], row["query"], "seed", row["seed"], row["status"])
     if not options.no_write:
-        RESULTS.mkdir(exist_ok=True)
-        machine = describe_machine()
-        settings = f"{options.seeds} seeds, {options.time_limit:g} s per query, {options.workers} worker(s)"
-        record = {"machine": machine, "settings": settings, "header": HEADER, "table": summary(runs)}
-        (RESULTS / "solve.json").write_text(json.dumps(record, indent=1) + "\n")
-        lines = ["# Queries solved", "", f"{settings}. {machine}", "", table, ""]
-        lines += [
-            "`build`: checker with its field; `first`: time to the first path; `settled`: time until no better one"
-        ]
-        lines += ["was found; `wrong`: paths that the referee refused."]
-        (RESULTS / "solve.md").write_text("\n".join(lines) + "\n")
+        write(runs, f"{options.seeds} seeds, {options.time_limit:g} s per query, {options.workers} worker(s)")
     return 1 if bad else 0
 
 

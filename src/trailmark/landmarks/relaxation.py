@@ -203,12 +203,12 @@ class Relaxation:
 
 @njit(cache=True)
 def _cell_clearance(grid: ObstacleGrid, field: ClearanceField, x: float, y: float, size: float, radius: float) -> float:
-    """Return the clearance of a point, exact (up to radius + size) where that matters for the disc."""
+    """Return the clearance of a point, exact up to the radius, by the field beyond it."""
     value = field_value(field, x, y)
     if value - field.slack < radius and value + field.slack + size >= radius:
-        exact = point_clearance(grid, x, y, radius + size)
-        # A value at the cap says only that there is more room: keep the field's.
-        return exact if exact < radius + size else max(exact, value)
+        exact = point_clearance(grid, x, y, radius)
+        # A value at the cap says only that there is room enough: keep the field's.
+        return exact if exact < radius else max(exact, value)
     return value
 
 
