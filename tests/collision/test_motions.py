@@ -2,16 +2,125 @@
 
 from __future__ import annotations
 
+import math
+from time import process_time
+from typing import Literal
+
 import numpy as np
 import pytest
+from benchmarks.oracle import Oracle, motion_states
+from benchmarks.random_worlds import ROBOTS, random_states, random_world, short_motions
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from trailmark.collision import StateChecker
-from trailmark.shapes import Polygon
+from trailmark import se2
+from trailmark.collision import StateChecker, kernels
+from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import Robot, World
+
+EXACT: list[Literal["kernel", "fcl"]] = ["kernel", "fcl"]
+BOUNDS = (0.0, 0.0, 20.0, 20.0)
+DIAMOND = Robot.polygon([(1, 0), (0, 1), (-1, 0), (0, -1)])
+WORLDS = {
+    "polygons": random_world(21, 200),
+    "holes, discs, boundary": random_world(22, 120, discs=0.3, holes=0.5, boundary=True),
+    "far": random_world(23, 100, discs=0.3, holes=0.3, boundary=True, origin=(1e5, -1e5)),
+    "crowded": random_world(24, 25, size=20.0, radii=(0.1, 1.0), discs=0.3, holes=0.4),
+}
 
 
 def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
     return Polygon(np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]]))
+
+
+def checker_for(robot: Robot, *obstacles: Shape, exact: Literal["kernel", "fcl"] = "kernel") -> StateChecker:
+    return StateChecker(World("w", BOUNDS, obstacles), robot, exact=exact, cell=0.25)
+
+
+# --- against dense sampling
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("world", WORLDS)
+def test_motions_in_random_worlds(world: str, name: str) -> None:
+    checker, oracle = StateChecker(WORLDS[world], ROBOTS[name]), Oracle(WORLDS[world], ROBOTS[name])
+    rng = np.random.default_rng(12)
+    a, b = short_motions(checker.world, 700, rng, 6.0)
+    b[:100, :2] = a[:100, :2]
+    b[100:200, 2] = se2.wrap(a[100:200, 2] + math.pi)
+    b[200:250, 2] = a[200:250, 2]
+    accepted = checker.motions_valid(a, b)
+    assert (accepted == [checker.motion_valid(*ends) for ends in zip(a, b, strict=True)]).all()
+    assert 15 < accepted.sum() < 685
+
+    # Sound: none of the accepted ones collides anywhere.
+    states = motion_states(a, b, 150)
+    assert not oracle.collides(states[accepted].reshape(-1, 3)).any()
+
+    # Complete: one that keeps 1 mm away everywhere is accepted. The moves between two samples are shorter than
+    # what their clearances allow for.
+    refused = ~accepted & checker.valid(a) & checker.valid(b)
+    clearance = checker.clearance(states[refused].reshape(-1, 3)).reshape(-1, 150)
+    half_step = 0.5 * se2.motion_bound(a, b, checker.footprint.sweep_radius)[refused] / 149
+    assert not (clearance.min(axis=1) - half_step >= 1e-3).any()
+
+    # The field contradicts nobody, and FCL gives the same answers.
+    ok = checker.valid(a) & checker.valid(b)
+    proven = checker.motions_by_field(a[ok], b[ok])
+    assert not (accepted[ok] & (proven == kernels.BLOCKED)).any()
+    assert not (~accepted[ok] & (proven == kernels.FREE)).any()
+    reference = StateChecker(checker.world, checker.robot, exact="fcl")
+    assert (reference.motions_valid(a[:150], b[:150]) == accepted[:150]).all()
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("world", WORLDS)
+def test_the_field_contradicts_no_exact_verdict(world: str, name: str) -> None:
+    checker, oracle = StateChecker(WORLDS[world], ROBOTS[name]), Oracle(WORLDS[world], ROBOTS[name])
+    q = random_states(checker.world, 4000, np.random.default_rng(13), 3.0)
+    proven = kernels.field_states(checker.field, checker.footprint, q)
+    collides = oracle.collides(q)
+    assert not collides[proven == kernels.FREE].any()
+    assert collides[proven == kernels.BLOCKED].all()
+    if world != "crowded" and name != "thin":
+        assert (proven != kernels.UNDECIDED).mean() > 0.5
+
+
+poses = st.tuples(st.floats(6.0, 14.0), st.floats(6.0, 14.0), st.floats(-math.pi, math.pi))
+
+
+@given(
+    st.sampled_from(sorted(ROBOTS)),
+    poses,
+    poses,
+    st.floats(0.0, 1.0),
+    st.tuples(st.floats(0.01, 0.99), st.floats(0.01, 0.99)),
+    st.sampled_from([1e-5, 1e-3]),
+)
+@settings(max_examples=200)
+def test_no_needle_is_small_enough_to_be_missed(
+    name: str,
+    a: tuple[float, float, float],
+    b: tuple[float, float, float],
+    t: float,
+    where: tuple[float, float],
+    size: float,
+) -> None:
+    """A speck anywhere that the robot passes over, at any moment: no sampling at a resolution would find it."""
+    robot = ROBOTS[name]
+    # A point of the footprint at least a speck's size away from its outline: around the largest inscribed disc.
+    inscribed = robot.inscribed_disc
+    r, angle = 0.99 * where[0] * inscribed.radius, 2.0 * math.pi * where[1]
+    point = np.array(inscribed.center) + (r * math.cos(angle), r * math.sin(angle))  # noqa: RUF005  # a sum of arrays
+    q = motion_states(np.array([a]), np.array([b]), 2)[0]
+    x, y = se2.transform(q[0] + t * (q[1] - q[0]), point[None])[0]
+    speck: Shape = Disc((x, y), size) if where[0] < 0.5 else box(x - size, y - size, x + size, y + size)
+    assert not checker_for(robot, speck).motion_valid(a, b)
+    assert not checker_for(robot, speck).motion_valid(b, a) or abs(se2.difference(a, b)[2]) == math.pi
+    assert checker_for(robot).motion_valid(a, b)
+
+
+# --- long motions
 
 
 @pytest.mark.parametrize("gap", [0.02, 0.005])
@@ -20,7 +129,128 @@ def test_a_tooth_in_a_long_tight_corridor_is_not_missed(gap: float, at: float) -
     # So many gaps are open at once along the walls that the kernel's queue runs full: none may be lost.
     walls = (box(0, 0, 100, 4.5 - gap), box(0, 5.5 + gap, 100, 10))
     tooth = box(at, 5.0, at + 0.01, 5.5 + gap)
-    checker = StateChecker(World("tooth", (0, 0, 100, 10), (*walls, tooth)), Robot.rectangle(1, 1))
-    assert checker.valid([(1, 5, 0), (99, 5, 0)]).all()
-    assert not checker.motion_valid((1, 5, 0), (99, 5, 0))
-    assert not checker.motion_valid((99, 5, 0), (1, 5, 0))
+    robot = Robot.rectangle(1, 1)
+    ends = (1.0, 5.0, 0.0), (99.0, 5.0, 0.0)
+    checker = StateChecker(World("tooth", (0, 0, 100, 10), (*walls, tooth)), robot)
+    assert checker.valid(ends).all()
+    assert not checker.motion_valid(*ends)
+    assert not checker.motion_valid(*ends[::-1])
+    assert StateChecker(World("no tooth", (0, 0, 100, 10), walls), robot).motion_valid(*ends)
+
+
+def test_a_motion_across_a_big_world() -> None:
+    rng = np.random.default_rng(2)
+    away = [(float(x), float(y)) for x, y in rng.uniform(0, 10_000, (400, 2)) if abs(x - y) > 30.0]
+    world = World("big", (0, 0, 10_000, 10_000), tuple(Disc(center, 15.0) for center in away))
+    checker = StateChecker(world, Robot.rectangle(2, 1))
+    a, b = (5.0, 5.0, -3.0), (9995.0, 9995.0, 0.1)
+    assert checker.motion_valid(a, b)
+    needle = Disc((7000.1234, 7000.5), 1e-4)
+    blocked = StateChecker(World("big", world.bounds, (*world.obstacles, needle)), Robot.rectangle(2, 1))
+    assert not blocked.motion_valid(a, b)
+
+
+# --- turning
+
+
+def test_turning_in_place() -> None:
+    bar = Robot.rectangle(4, 0.5)
+    checker = checker_for(bar, box(9, 11, 11, 12))
+    assert not checker.motion_valid((10, 10, 0), (10, 10, math.pi / 2 - 0.01))
+    assert not checker.motion_valid((10, 10, -1), (10, 10, 2.1))
+    assert checker.motion_valid((10, 10, -0.3), (10, 10, 0.3))
+    assert checker.motion_valid((10, 9, -1.2), (10, 9, 0.4))
+    # The shorter way round: through half a turn, not through the obstacle above.
+    assert checker.motion_valid((10, 10, math.pi - 0.3), (10, 10, -math.pi + 0.3))
+    disc = checker_for(Robot.disc(1), box(9, 11, 11, 12))
+    assert disc.motion_valid((10, 10, 0), (10, 10, math.pi))
+
+
+def test_half_a_turn_goes_counter_clockwise_and_is_checked_there() -> None:
+    arm = Robot.polygon([(0, -0.2), (3, -0.2), (3, 0.2), (0, 0.2)])
+    above, below = Disc((10, 12), 0.3), Disc((10, 8), 0.3)
+    right, left = (10.0, 10.0, 0.0), (10.0, 10.0, math.pi)
+    assert checker_for(arm, below).motion_valid(right, left)
+    assert not checker_for(arm, above).motion_valid(right, left)
+    assert checker_for(arm, above).motion_valid(left, right)
+    assert not checker_for(arm, below).motion_valid(left, right)
+    assert se2.interpolate(right, left, 0.5)[2] > 0.0
+
+
+@pytest.mark.parametrize("exact", EXACT)
+def test_a_motion_without_length(exact: Literal["kernel", "fcl"]) -> None:
+    wall = box(6, 0, 8, 20)
+    for robot in (Robot.disc(1), Robot.rectangle(2, 1), ROBOTS["L"]):
+        checker = checker_for(robot, wall, exact=exact)
+        q = np.array([(3.0, 5.0, 0.5), (7.0, 5.0, 0.5)])
+        assert checker.motions_valid(q, q).tolist() == [True, False]
+    touching = checker_for(Robot.rectangle(2, 1), wall, exact=exact)
+    assert touching.motion_valid((5, 5, 0), (5, 5, 0))
+
+
+# --- contact
+
+
+@pytest.mark.parametrize("exact", EXACT)
+@pytest.mark.parametrize("robot", [Robot.rectangle(2, 2), Robot.disc(1)], ids=["square", "disc"])
+def test_a_motion_may_leave_contact_and_arrive_in_it(robot: Robot, exact: Literal["kernel", "fcl"]) -> None:
+    checker = checker_for(robot, box(6, 0, 8, 20), box(0, 0, 20, 3), Disc((3, 16), 1), exact=exact)
+    wall, corner, away = (5.0, 8.0, 0.0), (5.0, 4.0, 0.0), (2.0, 8.0, 0.0)
+    for contact in (wall, corner):
+        assert checker.clearance(contact) == 0.0
+        assert checker.motion_valid(contact, away)
+        assert checker.motion_valid(away, contact)
+    assert checker.motion_valid((3.0, 14.0, 0.0), wall)
+    assert not checker.motion_valid(wall, (9.0, 8.0, 0.0))
+    assert not checker.motion_valid(wall, (5.0 + 1e-4, 8.0, 0.0))
+    # From contact into the wall and out of it again, by turning: the corners swing out.
+    if robot.sweep_radius > 0.0:
+        assert not checker.motion_valid(wall, (5.0, 8.0, math.pi / 2))
+    # Sliding along the wall keeps contact for longer than the ends' zone.
+    assert not checker.motion_valid(wall, corner)
+    assert not checker.motion_valid(corner, wall)
+    # A hair's breadth from the wall, sliding is certified.
+    assert checker.motion_valid((5.0 - 1e-3, 8.0, 0.0), (5.0 - 1e-3, 4.0 + 1e-3, 0.0))
+
+
+def test_leaving_contact_in_random_directions() -> None:
+    rng = np.random.default_rng(6)
+    robot, wall = Robot.rectangle(2, 2), box(6, 0, 8, 20)
+    checker, oracle = checker_for(robot, wall), Oracle(World("w", BOUNDS, (wall,)), robot)
+    n = 400
+    a = np.column_stack([np.full(n, 5.0), rng.uniform(5, 15, n), np.zeros(n)])
+    bearing = rng.uniform(0.5 * math.pi, 1.5 * math.pi, n)
+    b = a + np.column_stack([3 * np.cos(bearing), 3 * np.sin(bearing), np.zeros(n)])
+    accepted = checker.motions_valid(a, b)
+    # At less than two thousandths of slope it stays near the wall for longer than the ends' zone.
+    steep = np.abs(np.cos(bearing)) > 3e-3
+    assert accepted[steep].all()
+    # Turning as well, some swing a corner into the wall first: those must not pass.
+    b[:, 2] = rng.uniform(-math.pi, math.pi, n)
+    accepted = checker.motions_valid(a, b)
+    fine = np.concatenate([motion_states(a, b, 200), motion_states(a, a + 0.01 * se2.difference(a, b), 200)], axis=1)
+    assert not oracle.collides(fine[accepted].reshape(-1, 3)).any()
+    assert 0 < accepted.sum() < n
+
+
+@pytest.mark.parametrize("exact", EXACT)
+@pytest.mark.parametrize("gap", [1e-3, 1e-4, 1e-5, 2e-6])
+def test_passing_close_by_a_corner_is_certified(gap: float, exact: Literal["kernel", "fcl"]) -> None:
+    spike = Polygon(np.array([[10, 8], [12, 4], [8, 4]], dtype=float))
+    for robot, depth in ((DIAMOND, 1.0), (Robot.disc(1), 1.0), (ROBOTS["star"], 0.25)):
+        for obstacle in (spike, Disc((10, 7.5), 0.5)):
+            checker = checker_for(robot, obstacle, Disc((5, 11.5), 1.0), exact=exact)
+            low, high = 8.0 + depth + gap, 8.0 + depth - 1e-5
+            assert checker.motion_valid((3, low, 0), (17, low, 0))
+            assert not checker.motion_valid((3, high, 0), (17, high, 0))
+
+
+def test_hopeless_motions_end_soon() -> None:
+    walls = (box(0, 0, 100, 4.5), box(0, 5.5, 100, 10))
+    checker = StateChecker(World("corridor", (0, 0, 100, 10), walls), Robot.rectangle(1, 1 - 2e-5))
+    a, b = np.array([[1.0, 5.0, 0.0]]), np.array([[99.0, 5.0, 0.0]])
+    checker.motions_valid(a, a)
+    start = process_time()
+    # 1e-5 m from the walls for 98 m: five million steps, of which the budget allows 20,000.
+    assert not checker.motions_valid(a, b).any()
+    assert process_time() - start < 2.0

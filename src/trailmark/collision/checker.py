@@ -26,8 +26,8 @@ class StateChecker:
     A configuration is valid if the robot overlaps no obstacle by more than 1e-7 m and reaches over ``bounds``
     and ``boundary`` by no more than that: touching is allowed. A motion is certified if no configuration along
     it collides; nothing is sampled, so nothing is missed (:mod:`trailmark.collision.kernels` says how). A motion
-    that comes within 1e-6 m of an obstacle more than 1 mm from its ends is not certified; its first and last
-    1e-6 m count as free when their middle is.
+    that comes within 1e-6 m of an obstacle more than 1 mm from its ends is not certified, nor is one that needs
+    more than 20,000 distances (40 m at 1 mm from a wall); its first and last 1e-6 m count as free, as its ends are.
 
     The clearance field decides what it can prove, exact distances in compiled code most of the rest, and FCL
     what lies within 3e-7 m of touching. With ``exact="fcl"`` FCL decides all that the field leaves open; it
@@ -190,6 +190,8 @@ class StateChecker:
             if not gaps:
                 return True
             low, high = gaps.pop(0)
+            if (low == 0.0 or high == 1.0) and (high - low) * bound <= kernels.CONTACT:
+                continue
             middle = 0.5 * (low + high)
             need = 0.5 * (high - low) * bound + kernels.ROUNDING
             d = self.scene.clearance(se2.interpolate(a, b, middle))
@@ -199,8 +201,6 @@ class StateChecker:
                 near_end = min(middle, 1.0 - middle) * bound < kernels.END_ZONE
                 if d <= kernels.ROUNDING or not near_end:
                     return False
-                if need < kernels.CONTACT and (low == 0.0 or high == 1.0):
-                    continue
             reach = (d - kernels.ROUNDING) / bound
             gaps += [(low, middle - reach), (middle + reach, high)]
         return False

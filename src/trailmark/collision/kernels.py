@@ -394,8 +394,9 @@ def motion(
 ) -> int:
     """Return FREE if the motion is certified, BLOCKED if it is not, UNDECIDED if the field alone cannot tell.
 
-    Both ends must be valid. The first and the last CONTACT metres count as free when their middle is free,
-    so that a robot may start and stop in contact with an obstacle.
+    Both ends must be valid. A robot may start and stop in contact with an obstacle: what is left open at an end
+    counts as free once it is no longer than CONTACT. All of it lies within half of that of the valid end or of
+    what is certified already.
     """
     dx, dy, dtheta = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     if dtheta > pi:
@@ -423,6 +424,8 @@ def motion(
         else:
             last = (first + count) % capacity
             low, high = queue[last, 0], queue[last, 1]
+        if (low == 0.0 or high == 1.0) and (high - low) * bound <= CONTACT:
+            continue
         middle = 0.5 * (low + high)
         need = 0.5 * (high - low) * bound + ROUNDING
         x, y, theta = a[0] + middle * dx, a[1] + middle * dy, a[2] + middle * dtheta
@@ -444,8 +447,6 @@ def motion(
                     near_end = min(middle, 1.0 - middle) * bound < END_ZONE
                     if d <= ROUNDING or not near_end:
                         return BLOCKED
-                    if need < CONTACT and (low == 0.0 or high == 1.0):
-                        d = need
         if d < need:
             reach = (d - ROUNDING) / bound
             queue[(first + count) % capacity, 0] = low
