@@ -45,7 +45,7 @@ def _overlap(body: shapely.Geometry, radius: float, shape: Shape) -> float:
     """Return how far (metres) the body, grown by ``radius``, reaches into an obstacle; 0 or less if it does not."""
     left, low, right, high = body.bounds
     box = shape.bounding_box()
-    apart = max(box[0] - right, left - box[2], box[1] - high, low - box[3])
+    apart = float(max(box[0] - right, left - box[2], box[1] - high, low - box[3]))
     if apart > radius:
         return radius - apart
     if isinstance(shape, Disc):

@@ -1,0 +1,152 @@
+"""The rule of dependence: which part may import which, and what must not be loaded early (see CONTRIBUTING.md)."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
+
+LAYERS: tuple[frozenset[str], ...] = (
+    frozenset({"errors", "heap"}),
+    frozenset({"se2", "shapes"}),
+    frozenset({"path", "world", "formats"}),
+    frozenset({"collision", "estimation"}),
+    frozenset({"landmarks"}),
+    frozenset({"roadmap"}),
+    frozenset({"planning"}),
+    frozenset({"exploration", "ompl_bridge"}),
+    frozenset({"benchmark"}),
+    frozenset({"plotting", "library"}),
+    frozenset({"cli"}),
+)
+"""From the bottom up: a part imports from layers below its own, and from its own layer only as PEERS allows."""
+
+PEERS = {
+    ("se2", "shapes"),
+    ("shapes", "se2"),
+    ("path", "world"),
+    ("world", "path"),
+    ("formats", "world"),
+    ("formats", "path"),
+    # World.load and World.save hand over to the readers when they are called.
+    ("world", "formats"),
+    ("exploration", "ompl_bridge"),
+}
+"""Imports within one layer: collision and estimation do not know each other."""
+
+HOMES = {"fcl": {"collision/fcl_scene.py"}, "ompl": {"ompl_bridge"}, "matplotlib": {"plotting.py"}}
+"""Libraries that only one file or package may import."""
+
+TOP_LEVEL = {"__init__"}
+"""The package's own __init__ names all public classes, lazily."""
+
+HEAVY = ("scipy", "sklearn", "numba", "shapely", "matplotlib", "networkx", "pydantic", "fcl", "ompl", "PIL", "filterpy")
+
+
+def part_of(file: Path) -> str:
+    """Return the first name below trailmark: ``world`` for world.py, ``collision`` for all of its files."""
+    relative = file.relative_to(SOURCE)
+    return relative.parts[0].removesuffix(".py")
+
+
+def imported_modules(text: str, package: list[str]) -> list[tuple[str, int]]:
+    """Return all modules that a file of ``package`` imports, anywhere in it, as absolute names with their lines.
+
+    Imports for type checkers only count too: a part that needs another's types depends on it.
+    """
+    found = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found += [(alias.name, node.lineno) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parents = package[: len(package) - node.level + 1]
+                base = ".".join([*parents, base] if base else parents)
+            found += [(base, node.lineno), *((f"{base}.{alias.name}", node.lineno) for alias in node.names)]
+        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
+            name = node.func.id if isinstance(node.func, ast.Name) else node.func.attr
+            first = node.args[0] if node.args else None
+            if name in ("import_module", "__import__") and isinstance(first, ast.Constant):
+                found.append((str(first.value), node.lineno))
+    return found
+
+
+FILES = [file for file in sorted(SOURCE.rglob("*.py")) if part_of(file) not in TOP_LEVEL]
+LAYER_OF = {part: i for i, layer in enumerate(LAYERS) for part in layer}
+
+
+def test_every_part_has_its_layer() -> None:
+    assert {part_of(file) for file in FILES} <= set(LAYER_OF)
+
+
+@pytest.mark.parametrize("file", FILES, ids=[str(file.relative_to(SOURCE)) for file in FILES])
+def test_a_file_imports_only_what_lies_below_it(file: Path) -> None:
+    own, relative = part_of(file), file.relative_to(SOURCE)
+    package = ["trailmark", *relative.parts[:-1]]
+    for module, line in imported_modules(file.read_text(encoding="utf-8"), package):
+        names = module.split(".")
+        where = f"{relative}:{line}: {own} imports {module}"
+        if names[0] == "trailmark" and len(names) > 1 and names[1] in LAYER_OF and names[1] != own:
+            below = LAYER_OF[names[1]] < LAYER_OF[own]
+            assert below or (own, names[1]) in PEERS, f"{where}, which lies above it or beside it"
+            assert names[1] not in ("plotting", "library") or own == "cli", f"{where}, which only cli may use"
+        homes = HOMES.get(names[0])
+        if homes is not None:
+            assert relative.as_posix() in homes or relative.parts[0] in homes, f"{where}, allowed: {sorted(homes)}"
+
+
+def test_the_public_names_are_imported_when_asked_for() -> None:
+    tree = ast.parse((SOURCE / "__init__.py").read_text(encoding="utf-8"))
+    at_once = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    assert {getattr(node, "module", None) for node in at_once} <= {"__future__", "importlib", "typing"}
+
+
+def test_the_reader_of_imports_sees_them_all() -> None:
+    text = """
+import fcl.x
+from .. import world
+from ..planning.result import A
+if TYPE_CHECKING:
+    from trailmark.benchmark import B
+def f():
+    from trailmark import cli
+    import_module("trailmark.exploration")
+"""
+    found = {name for name, _ in imported_modules(text, ["trailmark", "collision"])}
+    assert {"fcl.x", "trailmark.world", "trailmark.planning.result", "trailmark.benchmark"} <= found
+    assert {"trailmark.cli", "trailmark.exploration"} <= found
+
+
+def modules_after(code: str) -> set[str]:
+    """Return the top-level names of all modules loaded in a fresh interpreter after it ran ``code``."""
+    program = f"{code}\nimport json, sys\nprint(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.mark.parametrize("code", ["import trailmark", "import trailmark; dir(trailmark)", "import trailmark.cli"])
+def test_importing_is_light(code: str) -> None:
+    assert modules_after(code).isdisjoint(HEAVY)
+
+
+def test_light_parts_stay_light() -> None:
+    # What the shell needs to read a world's file name and a robot's size: nothing that compiles or plots.
+    code = "from trailmark import Robot, Path, World, TrailmarkError, Query, Disc\nfrom trailmark import se2"
+    assert modules_after(code).isdisjoint(HEAVY)
+
+
+def test_every_public_name_is_there() -> None:
+    import trailmark
+
+    for name in trailmark.__all__:
+        assert getattr(trailmark, name) is not None
+    assert set(dir(trailmark)) == set(trailmark.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'Planner'"):
+        _ = trailmark.Planner
