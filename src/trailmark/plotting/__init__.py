@@ -1,0 +1,34 @@
+"""Pictures of worlds and plans, by matplotlib; import this module only when a picture is asked for.
+
+The ``draw_*`` functions draw on any matplotlib axes; the ``save_*`` functions lay out a figure of their own and
+write it whole or not at all. No pyplot, hence no global state and no display. Colours are Okabe & Ito's
+("Color Universal Design", 2008), which colour-blind readers tell apart; shape and line width repeat what colour says.
+"""
+
+from trailmark.plotting.canvas import (
+    EDGE,
+    GOAL,
+    LANDMARK,
+    MARGIN,
+    OBSTACLE,
+    PATH,
+    PICTURE_SUFFIXES,
+    START,
+)
+from trailmark.plotting.plan import draw_plan, save_plan_figure
+from trailmark.plotting.world import draw_world, save_world_figure
+
+__all__ = [
+    "EDGE",
+    "GOAL",
+    "LANDMARK",
+    "MARGIN",
+    "OBSTACLE",
+    "PATH",
+    "PICTURE_SUFFIXES",
+    "START",
+    "draw_plan",
+    "draw_world",
+    "save_plan_figure",
+    "save_world_figure",
+]

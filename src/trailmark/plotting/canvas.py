@@ -1,0 +1,150 @@
+"""What every picture is made of: colours, figures and axes, filled regions, lines, legends, files."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+import numpy as np
+import shapely
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+from matplotlib.ticker import MaxNLocator
+
+from trailmark import se2
+from trailmark.errors import OutputError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from trailmark.world import World
+
+__all__ = [
+    *("DPI", "LONG_SIDE", "PICTURE_SUFFIXES"),
+    *("BODY", "CANDIDATE", "EDGE", "GOAL", "HATCH", "LANDMARK"),
+    *("MARGIN", "OBSTACLE", "OUTSIDE", "PATH", "START", "TEXT"),
+    *("annotate", "draw_lines", "figure_of", "fill", "points_per_metre", "view", "write"),
+]
+
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
+
+OBSTACLE, MARGIN, OUTSIDE, HATCH, TEXT = "#3f4249", "#c9ccd2", "#eceef1", "#b4b9c2", "#55585f"
+START, GOAL, PATH, BODY, LANDMARK = "#009e73", "#d55e00", "#0072b2", "#d8e9f4", "#9c4a79"
+EDGE, CANDIDATE = "#dca6c5", "#ecdde5"  # tints of Okabe & Ito's purple: the roadmap is the path's background
+
+LONG_SIDE = 7.5  # inches of the axes
+DPI = 160
+_LEGEND = ["start", "goal", "path", "robot along the path", "landmark", "edge, certified", "edge, not checked"]
+_LEGEND += ["obstacle", "C-obstacle at every heading", "outside"]
+
+
+def view(world: World) -> tuple[float, float, float, float]:
+    """Return the part of the plane that a picture of the world shows: xmin, ymin, xmax, ymax in metres."""
+    xmin, ymin, xmax, ymax = world.bounds
+    pad = 0.03 * max(xmax - xmin, ymax - ymin)
+    return xmin - pad, ymin - pad, xmax + pad, ymax + pad
+
+
+def figure_of(world: World) -> tuple[Figure, Axes]:
+    """Return a figure with one pair of axes that fit the world's shape."""
+    xmin, ymin, xmax, ymax = view(world)
+    scale = LONG_SIDE / max(xmax - xmin, ymax - ymin)
+    width, height = max(0.8, (xmax - xmin) * scale), max(0.8, (ymax - ymin) * scale)
+    left, bottom, right, top = 0.7, 0.6, 0.2, 0.6
+    whole = left + width + right, bottom + height + top
+    figure = Figure(figsize=whole, dpi=DPI, facecolor="white")
+    axes = figure.add_axes((left / whole[0], bottom / whole[1], width / whole[0], height / whole[1]))
+    axes.tick_params(labelsize=8, color=TEXT, labelcolor=TEXT)
+    axes.spines[:].set_visible(False)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(nbins=8, steps=[1, 2, 5, 10]))
+    return figure, axes
+
+
+def annotate(figure: Figure, axes: Axes, title: str, facts: str) -> None:
+    """Write title and facts above the axes and the legend beside or, where they are wide, below."""
+    lines: list[tuple[str, int, dict[str, Any]]] = [
+        (title, 20, {"fontsize": 12, "fontweight": "bold"}),
+        (facts, 6, {"fontsize": 9, "color": TEXT}),
+    ]
+    for text, up, style in lines:
+        short = text if len(text) <= 90 else text[:89] + "…"
+        note = axes.annotate(short, (0.0, 1.0), xytext=(0, up), xycoords="axes fraction", textcoords="offset points")
+        note.set(va="bottom", ha="left", parse_math=False, **style)
+    artists, labels = axes.get_legend_handles_labels()
+    entries = {label: artists[labels.index(label)] for label in sorted(set(labels), key=_LEGEND.index)}
+    wide = axes.bbox.width > 1.15 * axes.bbox.height
+    axes.legend(
+        entries.values(),
+        entries.keys(),
+        loc="upper left",
+        bbox_to_anchor=(0.0, -0.55 * figure.dpi / axes.bbox.height) if wide else (1.02, 1.0),
+        ncols=4 if wide else 1,
+        fontsize=8,
+        frameon=False,
+        borderaxespad=0.0,
+        handlelength=1.6,
+    )
+
+
+def fill(axes: Axes, regions: Any, colour: str, zorder: float, **style: Any) -> None:
+    """Fill polygonal regions as one patch; they may overlap (non-zero winding), and neighbours show no seam."""
+    polygons = shapely.get_parts(np.asarray(regions, dtype=object))
+    polygons = polygons[(shapely.get_type_id(polygons) == 3) & ~shapely.is_empty(polygons)]
+    if len(polygons) == 0:
+        return
+    rings = shapely.get_rings(shapely.orient_polygons(polygons))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    codes = np.full(len(points), Outline.LINETO, dtype=Outline.code_type)
+    last = np.append(ring[1:] != ring[:-1], True)
+    codes[last] = Outline.CLOSEPOLY
+    codes[np.roll(last, 1)] = Outline.MOVETO
+    style = {"edgecolor": "none", "linewidth": 0.0} | style
+    # Not add_patch, which looks for the limits of every edge in Python: seconds on a grid map.
+    axes.add_artist(PathPatch(Outline(points, codes), facecolor=colour, zorder=zorder, **style))
+
+
+def draw_lines(axes: Axes, lines: se2.FloatArray, colour: str, width: float, zorder: float) -> None:
+    """Draw n line segments, shape (n, 2, 2), as one patch: tens of thousands of separate ones take seconds.
+
+    They get thinner where their ink would fill most of the region they lie in, so that they stay a texture.
+    """
+    if len(lines) == 0:
+        return
+    scale = points_per_metre(axes)
+    ink = scale * np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum()
+    steps = np.linspace(0.0, 1.0, 8)[:, None, None]
+    cells = np.floor(scale / 12.0 * (lines[:, 0] + steps * (lines[:, 1] - lines[:, 0])))
+    room = 144.0 * len(np.unique(cells @ [1.0, 1e4]))  # square points: what the lines touch, in cells of 12 points
+    codes = np.tile(np.array([Outline.MOVETO, Outline.LINETO], dtype=Outline.code_type), len(lines))
+    thin = min(width, max(0.06, 0.7 * room / max(ink, 1e-9)))
+    axes.add_artist(
+        PathPatch(Outline(lines.reshape(-1, 2), codes), fill=False, edgecolor=colour, linewidth=thin, zorder=zorder)
+    )
+
+
+def points_per_metre(axes: Axes) -> float:
+    """Return how many typographic points a metre takes on axes whose limits are set."""
+    (left, low), (right, high) = axes.transData.transform([(0.0, 0.0), (1.0, 1.0)])
+    return float(min(abs(right - left), abs(high - low))) * 72.0 / axes.figure.dpi
+
+
+def write(figure: Figure, file: FilePath) -> None:
+    """Write a figure, whole or not at all; the same figure gives the same bytes.
+
+    Raises:
+        OutputError: a suffix other than PICTURE_SUFFIXES, or a file that cannot be written.
+    """
+    from trailmark.formats.files import write_atomically
+
+    kind = file.suffix.lower()
+    if kind not in PICTURE_SUFFIXES:
+        raise OutputError(f"{file}: suffix {file.suffix!r} given, allowed: {', '.join(PICTURE_SUFFIXES)}")
+    buffer = io.BytesIO()
+    dateless: dict[str, Any] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(kind, {})
+    with matplotlib.rc_context({"svg.hashsalt": "trailmark"}):
+        figure.savefig(buffer, format=kind[1:], dpi=DPI, bbox_inches="tight", pad_inches=0.12, metadata=dateless)
+    write_atomically(file, buffer.getvalue())

@@ -1,0 +1,138 @@
+"""Pictures of plans: a roadmap, a path with the robot along it, the two ends."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+
+from trailmark import se2
+from trailmark.plotting.canvas import (
+    BODY,
+    CANDIDATE,
+    EDGE,
+    GOAL,
+    LANDMARK,
+    PATH,
+    START,
+    annotate,
+    draw_lines,
+    figure_of,
+    points_per_metre,
+    write,
+)
+from trailmark.plotting.world import draw_end, draw_world
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+    from trailmark.path import Path
+    from trailmark.planning import PlanResult
+    from trailmark.roadmap import Roadmap
+    from trailmark.world import Robot, World
+
+__all__ = ["draw_plan", "save_plan_figure"]
+
+
+def draw_plan(
+    axes: Axes,
+    robot: Robot,
+    path: Path | None = None,
+    roadmap: Roadmap | None = None,
+    start: ArrayLike | None = None,
+    goal: ArrayLike | None = None,
+) -> None:
+    """Draw a roadmap, a path with the robot along it, and the two ends, on axes whose limits are set.
+
+    Args:
+        axes: what to draw on, usually after :func:`draw_world`.
+        robot: its footprint is drawn along the path and at the ends.
+        path: drawn from its first to its last state.
+        roadmap: edges thin, certified ones stronger; landmarks with a tick along the heading (none for a disc).
+        start: configuration, shape (3,); default: the path's first state.
+        goal: configuration, shape (3,); default: the path's last state.
+    """
+    if roadmap is not None and len(roadmap.configurations):
+        _draw_roadmap(axes, robot, roadmap)
+    if path is not None:
+        _draw_path(axes, robot, path)
+        start = path.states[0] if start is None else start
+        goal = path.states[-1] if goal is None else goal
+    for q, colour, marker, label in ((start, START, "o", "start"), (goal, GOAL, "s", "goal")):
+        if q is not None:
+            draw_end(axes, robot, np.asarray(q, dtype=np.float64), colour, marker, label)
+
+
+def save_plan_figure(
+    file: str | FilePath,
+    world: World,
+    robot: Robot,
+    result: PlanResult,
+    roadmap: Roadmap | None = None,
+    start: ArrayLike | None = None,
+    goal: ArrayLike | None = None,
+    query: str | None = None,
+) -> None:
+    """Write a picture of a plan; without a path it shows the roadmap, which tells why.
+
+    Args:
+        file: ends in ``.png``, ``.svg`` or ``.pdf``; the same input gives the same bytes (SVG, PDF: no date).
+        world: what was planned in.
+        robot: what was planned for.
+        result: status, path, cost and times.
+        roadmap: left out if None.
+        start: configuration, shape (3,).
+        goal: configuration, shape (3,).
+        query: its name, for the title.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written.
+    """
+    figure, axes = figure_of(world)
+    draw_world(axes, world, robot)
+    draw_plan(axes, robot, result.path, roadmap, start, goal)
+    seconds = f"{result.time.get('total', math.nan):.3g} s"
+    if result.path is not None:
+        path = result.path
+        facts = f"cost {path.cost:.4g} = {path.length:.4g} m + {se2.ROTATION_WEIGHT:g} × {path.rotation:.3g} rad"
+        facts = f"{facts} · {seconds} · {robot.describe()}"
+    else:
+        why = "no path exists (proven)" if result.status == "infeasible" else f"no path found in {seconds}"
+        facts = f"{why} · {robot.describe()}"
+    annotate(figure, axes, world.name if query is None else f"{world.name} · {query}", facts)
+    write(figure, FilePath(file))
+
+
+def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:
+    from trailmark.collision.kernels import BLOCKED
+
+    at, status = roadmap.configurations, roadmap.status
+    # Edges that nobody has checked yet may run through obstacles, which therefore lie over them.
+    draw_lines(axes, at[roadmap.edges[~roadmap.certified & (status != BLOCKED)], :2], CANDIDATE, 0.5, 1.2)
+    draw_lines(axes, at[roadmap.edges[roadmap.certified], :2], EDGE, 0.8, 3.0)
+    axes.plot([], [], color=CANDIDATE, lw=1.5, label="edge, not checked")
+    axes.plot([], [], color=EDGE, lw=1.5, label="edge, certified")
+    axes.plot([], [], "o", ms=3.0, mew=0, color=LANDMARK, label="landmark")
+    size = min(3.0, max(0.8, 3.0 * math.sqrt(400 / len(at))))
+    axes.plot(*at[:, :2].T, "o", ms=size, mew=0, color=LANDMARK, zorder=4.0)
+    if robot.sweep_radius > 0.0:
+        tick = 2.2 * size / points_per_metre(axes)
+        tips = at[:, :2] + tick * np.column_stack([np.cos(at[:, 2]), np.sin(at[:, 2])])
+        draw_lines(axes, np.stack([at[:, :2], tips], axis=1), LANDMARK, 0.3 * size, 4.0)
+
+
+def _draw_path(axes: Axes, robot: Robot, path: Path) -> None:
+    # By cost, so that the robot also shows where it turns in place; some dozens at most.
+    n = min(48, max(8, math.ceil(path.cost / (2.0 * robot.circumradius)))) + 1
+    shown = se2.transform(path.at(np.linspace(0.0, 1.0, n)), robot.outline.vertices)
+    robots = PolyCollection(list(shown), facecolors=(*to_rgb(BODY), 0.7), edgecolors=PATH)
+    robots.set(linewidths=0.6, zorder=5.0, label="robot along the path")
+    axes.add_collection(robots, autolim=False)
+    xy = path.states[:, :2]
+    axes.plot(*xy.T, color="white", lw=3.6, alpha=0.9, zorder=6.0, solid_joinstyle="round")
+    axes.plot(*xy.T, color=PATH, lw=2.0, zorder=6.1, solid_joinstyle="round", label="path")

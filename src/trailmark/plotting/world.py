@@ -1,0 +1,125 @@
+"""Pictures of worlds: obstacles, what lies outside, the margin that the robot makes of them, starts and goals."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+
+from trailmark import se2
+from trailmark.plotting.canvas import (
+    DPI,
+    GOAL,
+    HATCH,
+    LONG_SIDE,
+    MARGIN,
+    OBSTACLE,
+    OUTSIDE,
+    PATH,
+    START,
+    TEXT,
+    annotate,
+    figure_of,
+    fill,
+    points_per_metre,
+    view,
+    write,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from trailmark.world import Robot, World
+
+__all__ = ["draw_end", "draw_world", "save_world_figure"]
+
+_MANY_VERTICES = 20_000
+_SHOWN_QUERIES, _NAMED_QUERIES = 12, 6
+
+
+def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
+    """Draw obstacles, what lies outside, and the margin that the robot's reference point cannot enter.
+
+    The margin is the obstacles and walls grown by :attr:`Robot.reference_radius`: no heading is valid there, so
+    no landmark and no path ever touches it. Sets limits and an equal aspect.
+
+    Args:
+        axes: what to draw on; one unit is a metre.
+        world: the world; curves in it are drawn to half a pixel.
+        robot: whose margin to draw; none without it.
+    """
+    window, pixel = view(world), world.extent / (LONG_SIDE * DPI)
+    inside = shapely.box(*world.bounds)
+    if world.boundary is not None:
+        inside = inside.intersection(world.boundary.shapely())
+    solid = np.array([shape.polygon(pixel / 8).shapely() for shape in world.obstacles], dtype=object)
+    if shapely.get_num_coordinates(solid).sum() > _MANY_VERTICES:
+        solid = shapely.simplify(solid, pixel / 2)
+    if robot is not None and robot.reference_radius > pixel / 2:
+        radius = robot.reference_radius
+        arc = min(16, math.ceil(math.sqrt(radius / pixel)))  # then a chord lies within half a pixel of its arc
+        grown = shapely.buffer(solid, radius, quad_segs=arc)
+        shrunk = shapely.simplify(inside, pixel / 2).buffer(-radius, quad_segs=arc)
+        fill(axes, [inside.difference(shrunk), *grown], MARGIN, 1.0, label="C-obstacle at every heading")
+    fill(axes, solid, OBSTACLE, 1.5, label="obstacle")
+    fill(axes, [shapely.box(*window).difference(inside)], OUTSIDE, 2.0, edgecolor=HATCH, hatch="////", label="outside")
+    fill(axes, [inside], "none", 2.5, edgecolor=OBSTACLE, linewidth=1.0)
+    axes.set_xlim(window[0], window[2])
+    axes.set_ylim(window[1], window[3])
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+
+
+def save_world_figure(file: str | FilePath, world: World) -> None:
+    """Write a picture of a world and the first of its queries; ``file`` as for :func:`save_plan_figure`.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written.
+    """
+    figure, axes = figure_of(world)
+    draw_world(axes, world, world.robot)
+    shown = world.queries[:_SHOWN_QUERIES]
+    for query in shown:
+        ends = np.array([query.start, query.goal])
+        axes.plot(*ends[:, :2].T, color=PATH, lw=0.8, ls=(0, (4, 3)), alpha=0.8, zorder=5.0)
+        for q, colour, marker, label in zip(ends, (START, GOAL), "os", ("start", "goal"), strict=True):
+            draw_end(axes, world.robot, q, colour, marker, label)
+        if len(shown) <= _NAMED_QUERIES:
+            note = axes.annotate(query.name, query.start[:2], xytext=(6, 6), textcoords="offset points", zorder=9.0)
+            note.set(fontsize=8, color=TEXT, parse_math=False)
+            note.set_bbox({"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8})
+    facts = [f"{world.bounds[2] - world.bounds[0]:g} × {world.bounds[3] - world.bounds[1]:g} m"]
+    facts.append(f"{len(world.obstacles):,} obstacle{'' if len(world.obstacles) == 1 else 's'}")
+    facts.append(f"{len(world.queries):,} quer{'y' if len(world.queries) == 1 else 'ies'}")
+    facts[-1] += f", {len(shown)} shown" if len(shown) < len(world.queries) else ""
+    facts.append(world.robot.describe() if world.robot else "no robot")
+    annotate(figure, axes, world.name, " · ".join(facts))
+    write(figure, FilePath(file))
+
+
+def draw_end(axes: Axes, robot: Robot | None, q: se2.FloatArray, colour: str, marker: str, label: str) -> None:
+    """Draw a start or goal (3,): the robot standing there, its heading, and a mark that is seen at any scale."""
+    reach = 0.0 if robot is None else robot.circumradius * points_per_metre(axes)
+    if robot is not None:
+        body = PolyCollection([se2.transform(q, robot.outline.vertices)], facecolors=(*to_rgb(colour), 0.45))
+        body.set(edgecolors=colour, linewidths=1.4, zorder=7.0)
+        axes.add_collection(body, autolim=False)
+        if robot.sweep_radius > 0.0 and reach > 4.0:
+            ahead = shapely.LineString([(0.0, 0.0), (robot.circumradius, 0.0)]).intersection(robot.outline.shapely())
+            front = robot.circumradius if ahead.is_empty else ahead.bounds[2]
+            axes.plot(
+                *se2.transform(q, [(0.0, 0.0), (front, 0.0)]).T,
+                color=colour,
+                lw=1.8,
+                zorder=7.5,
+                solid_capstyle="round",
+            )
+    # A robot of a few pixels would be lost on a large map: then the mark is the larger.
+    size = 5.0 if reach > 8.0 else 8.0
+    axes.plot(*q[:2], marker, color=colour, ms=size, mec="white", mew=1.0, zorder=8.0, label=label)
