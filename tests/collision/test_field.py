@@ -1,0 +1,78 @@
+"""The clearance field: its bounds on the distance to the nearest obstacle hold at every point."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from benchmarks.random_worlds import random_world
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trailmark.collision.field import build_field, clearance_at
+from trailmark.collision.obstacles import build_grid
+from trailmark.shapes import Disc, Polygon
+from trailmark.world import World
+
+
+def free_distance(world: World, points: np.ndarray) -> np.ndarray:
+    """Return the distance of points to all that blocks them, 0 inside of it."""
+    free = shapely.box(*world.bounds)
+    if world.boundary is not None:
+        free = shapely.intersection(free, world.boundary.shapely())
+    places = shapely.points(points)
+    distance = np.where(shapely.contains(free, places), shapely.distance(shapely.boundary(free), places), 0.0)
+    for shape in world.obstacles:
+        if isinstance(shape, Disc):
+            gap = np.hypot(*(points - np.array(shape.center)).T) - shape.radius
+        else:
+            gap = shapely.distance(shape.polygon().shapely(), places)
+        distance = np.minimum(distance, np.maximum(gap, 0.0))
+    return np.asarray(distance)
+
+
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from([0.02, 0.3, 2.0, 30.0]),
+    st.sampled_from([(0.0, 0.0), (1e5, -1e5), (9e6, 9e6)]),
+)
+@settings(max_examples=40)
+def test_the_distance_lies_within_the_slack(seed: int, cell: float, origin: tuple[float, float]) -> None:
+    rng = np.random.default_rng(seed)
+    world = random_world(
+        seed, int(rng.integers(0, 12)), size=8.0, radii=(0.05, 2.0), discs=0.4, holes=0.4,
+        boundary=bool(rng.random() < 0.5), origin=origin,
+    )  # fmt: skip
+    grid = build_grid(world, cell)
+    field = build_field(grid)
+    assert field.slack >= grid.size * np.sqrt(2.0)
+    points = rng.uniform(-1.0, 9.0, (500, 2)) + np.array(origin)
+    true = free_distance(world, points)
+    value = clearance_at(field, points)
+    rounding = 1e-7 if origin[0] > 1e6 else 1e-9
+    assert (true >= value - field.slack - rounding).all()
+    inside = (np.abs(points - np.array(origin) - 4.0) < 4.0).all(axis=1)
+    assert (true[inside] <= value[inside] + field.slack + rounding).all()
+
+
+def test_outside_of_the_grid_everything_is_blocked() -> None:
+    field = build_field(build_grid(World("w", (0, 0, 10, 6)), 0.5))
+    far = np.array([[-50.0, 3.0], [60.0, 3.0], [5.0, -50.0], [5.0, 1e12], [-1e12, -1e12]])
+    assert not clearance_at(field, far).any()
+    assert clearance_at(field, np.array([5.0, 3.0])) == pytest.approx(3.0, abs=field.slack)
+    assert clearance_at(field, np.zeros((4, 2, 2))).shape == (4, 2)
+
+
+def test_cells_inside_of_an_obstacle_are_occupied_although_no_edge_touches_them() -> None:
+    block = Polygon(np.array([[3.0, 3.0], [17.0, 3.0], [17.0, 17.0], [3.0, 17.0]]))
+    hollow = Polygon(block.vertices, (np.array([[7.0, 7.0], [13.0, 7.0], [13.0, 13.0], [7.0, 13.0]]),))
+    world = World("w", (0, 0, 20, 20), (block,))
+    at = np.array([[10.0, 10.0], [5.0, 5.0], [1.5, 1.5]])
+    full = clearance_at(build_field(build_grid(world, 0.4)), at)
+    ring = clearance_at(build_field(build_grid(replace(world, obstacles=(hollow,)), 0.4)), at)
+    assert full[:2].tolist() == [0.0, 0.0]
+    assert full[2] > 0.0
+    assert ring[0] > 2.0
+    assert ring[1] == 0.0
