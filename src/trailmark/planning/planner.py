@@ -121,7 +121,7 @@ class LandmarkPlanner:
         samples = free_samples(self.checker, SAMPLES_PER_LANDMARK * k, method="halton", random_state=self._rng)
         if len(samples) == 0:
             raise ConfigurationError(f"world {self.world.name!r}: no free place for the robot was found")
-        self._place(samples, k, None if k <= CONVERGED_LANDMARKS else LLOYD_STEPS)
+        self.roadmap.add(self._cluster(samples, k, None if k <= CONVERGED_LANDMARKS else LLOYD_STEPS))
         self._build_time += perf_counter() - begin
         return self.roadmap
 
@@ -169,11 +169,10 @@ class LandmarkPlanner:
             self._relaxation = Relaxation(self.checker)
         return self._relaxation
 
-    def _place(self, samples: se2.FloatArray, k: int, steps: int | None = LLOYD_STEPS) -> NDArray[np.int64]:
-        """Cluster samples into k landmarks and join them to the roadmap; return the new nodes."""
-        # Heading differences count as far as they move the robot.
+    def _cluster(self, samples: se2.FloatArray, k: int, steps: int | None) -> se2.FloatArray:
+        """Cluster samples into k landmarks; heading differences count as far as they move the robot."""
         radius = self.checker.footprint.sweep_radius
-        return self.roadmap.add(k_means_landmarks(samples, k, radius=radius, steps=steps, random_state=self._rng))
+        return k_means_landmarks(samples, k, radius=radius, steps=steps, random_state=self._rng)
 
     def _result(self, attempt: _Attempt, status: Status, states: se2.FloatArray | None, build: float) -> PlanResult:
         path = None if states is None else Path(states)
@@ -240,14 +239,14 @@ class _Attempt:
         if not np.isfinite(band.shortest):
             return "infeasible", None
         nodes = self.roadmap.add(ends)
-        self._search(band, nodes)
+        self._search(self.roadmap, band, nodes)
         widening = 0
         landmarks = float(FIRST_LANDMARKS)
         while self.best is None and self._go_on("placing landmarks"):
             ε = WIDENINGS[widening] if widening < len(WIDENINGS) else np.inf
             self.roadmap.add(band.guides(self.rng))
-            self._grow(band, ε, int(landmarks))
-            self._search(band, nodes)
+            self._grow(self.roadmap, band, ε, int(landmarks))
+            self._search(self.roadmap, band, nodes)
             if self.best is None:
                 self._bridge(band, nodes)
             widening += 1
@@ -259,13 +258,16 @@ class _Attempt:
                 if not np.isfinite(band.shortest):
                     return "infeasible", None
             landmarks *= GROWTH
-        self._improve(band, nodes, landmarks)
+        self._improve(band, ends, landmarks)
+        if self.best is not None:
+            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
         return self._answer()
 
-    def _grow(self, band: Band, widening: float, landmarks: int) -> None:
+    def _grow(self, roadmap: Roadmap, band: Band, widening: float, landmarks: int) -> None:
+        """Cluster samples of the band into landmarks and join them to a roadmap."""
         samples = band.samples(SAMPLES_PER_LANDMARK * landmarks, widening, self.rng)
         if len(samples):
-            self.planner._place(samples, landmarks)
+            roadmap.add(self.planner._cluster(samples, landmarks, LLOYD_STEPS))
 
     def _bridge(self, band: Band, nodes: NDArray[np.int64]) -> None:
         """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
@@ -285,7 +287,7 @@ class _Attempt:
             reach = band.relaxation.size * 2.0 ** self.rng.uniform(0.0, 4.0)
             found = [band.samples_near(place, reach, BRIDGE_TRIES, self.rng) for place in places]
             self.roadmap.add(np.concatenate(found))
-            self._search(band, nodes)
+            self._search(self.roadmap, band, nodes)
 
     def _closest(self, ahead: se2.FloatArray, behind: se2.FloatArray) -> tuple[int, int, float]:
         """Return the indices of the closest pair of two sets of configurations, and their distance (metres)."""
@@ -297,15 +299,16 @@ class _Attempt:
         near = int(np.argmin(gaps))
         return near, int(pairs[near]), float(gaps[near])
 
-    def _search(self, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None) -> None:
-        """Offer the roadmap's shortest path, shortened."""
-        to_go = band.costs_to_goal(self.roadmap.configurations)
+    def _search(
+        self, roadmap: Roadmap, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Offer a roadmap's shortest path, shortened."""
+        to_go = band.costs_to_goal(roadmap.configurations)
         limit = np.inf if banned is not None else self.best_cost
-        search = self.roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit)
-        found = search.nodes
+        found = roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit).nodes
         if len(found) == 0:
             return
-        states = self.roadmap.configurations[found]
+        states = roadmap.configurations[found]
         if self.best is None:
             self._offer(states)
             self._report("shortening")
@@ -313,22 +316,28 @@ class _Attempt:
         if Path(states).cost < PROMISING * self.best_cost:
             self._offer(shorten(self.checker, states, self.rng, deadline=self.deadline))
 
-    def _improve(self, band: Band, nodes: NDArray[np.int64], landmarks: float) -> None:
-        """Place landmarks where better paths might run and search again, until nothing is gained any more."""
+    def _improve(self, band: Band, ends: se2.FloatArray, landmarks: float) -> None:
+        """Place landmarks where better paths might run and search again, until nothing is gained any more.
+
+        This goes on in a roadmap of its own, so that the planner's stays small enough for many queries; what
+        comes of it, the path, is added to the planner's.
+        """
         settled = 0
+        roadmap = Roadmap(self.checker)
+        nodes = roadmap.add(ends)
         marked = np.zeros(0, dtype=np.int64)
         while self.best is not None and settled < PATIENCE and self._go_on("improving"):
             before = self.best_cost
             widening = max(0.02, self.best_cost / max(band.shortest, 1e-9) - 1.0)
-            self._grow(band, widening, int(landmarks))
+            self._grow(roadmap, band, widening, int(landmarks))
             # Once without the best path's own vertices, for the other ways around the obstacles ...
-            banned = np.zeros(len(self.roadmap), dtype=np.bool_)
+            banned = np.zeros(len(roadmap), dtype=np.bool_)
             banned[marked] = True
-            self._search(band, nodes, banned)
+            self._search(roadmap, band, nodes, banned)
             # ... and once with them, for what can be put together from both.
             if self._time_left() > 0.0:
-                marked = np.concatenate([marked, self.roadmap.add(self.best[1:-1])])
-                self._search(band, nodes)
+                marked = np.concatenate([marked, roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))])
+                self._search(roadmap, band, nodes)
             if self._time_left() > 0.0:
                 self._offer(shorten(self.checker, self.best, self.rng, deadline=self.deadline))
             settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0

@@ -139,13 +139,32 @@ class Roadmap:
         if self.turning:
             # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
             pairs = pairs[np.abs(nodes[pairs[:, 0], 2] - nodes[pairs[:, 1], 2]) != np.pi]
-        joined = np.asarray(pairs, dtype=np.int32)
-        status = self.checker.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]])
+        self._join(pairs, self.checker.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]]))
+        return added
+
+    def add_path(self, states: se2.FloatArray, first: int, last: int) -> NDArray[np.int64]:
+        """Add a path of certified motions between two nodes, with its motions as edges; return the new nodes.
+
+        Args:
+            states: shape (p, 3), the first and the last one those of the nodes ``first`` and ``last``.
+            first: node that the path begins at.
+            last: node that it ends at.
+        """
+        added = self.add(states[1:-1])
+        along = np.concatenate([[first], added, [last]])
+        pairs = np.sort(np.column_stack([along[:-1], along[1:]]), axis=1)
+        if self.turning:
+            pairs = pairs[np.abs(states[:-1, 2] - states[1:, 2]) != np.pi]
+        self._join(pairs, np.full(len(pairs), FREE, np.uint8))
+        return added
+
+    def _join(self, pairs: NDArray[np.int64], status: NDArray[np.uint8]) -> None:
+        """Add edges between nodes, shape (m, 2)."""
+        joined = np.ascontiguousarray(pairs, dtype=np.int32)
         self.edges = np.vstack([self.edges, joined])
-        self.lengths = np.concatenate([self.lengths, edge_costs(nodes, joined, self.turning)])
+        self.lengths = np.concatenate([self.lengths, edge_costs(self.configurations, joined, self.turning)])
         self.status = np.concatenate([self.status, status])
         self._index()
-        return added
 
     def shortest_path(
         self,
