@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +10,7 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks.sampling import RandomState, generator
+from trailmark.landmarks.threads import one_thread
 
 __all__ = ["k_means_landmarks", "lloyd"]
 
@@ -85,17 +84,8 @@ def _converged(points: FloatArray, first: FloatArray) -> FloatArray:
     from sklearn.cluster import KMeans
     from sklearn.exceptions import ConvergenceWarning
 
-    # One thread: with more, sums are rounded in an order that changes from run to run.
-    with _threadpools().limit(limits=1), warnings.catch_warnings():
+    with one_thread(), warnings.catch_warnings():
         # A cluster too many for the data is no fault here: it only means one landmark less.
         warnings.simplefilter("ignore", ConvergenceWarning)
         k_means = KMeans(len(first), init=first, n_init=1, max_iter=300, tol=0.0, algorithm="lloyd").fit(points)
     return np.asarray(k_means.cluster_centers_)
-
-
-@lru_cache(maxsize=1)
-def _threadpools() -> Any:
-    import sklearn.cluster  # noqa: F401  # loads the thread pools that the controller then finds
-    from threadpoolctl import ThreadpoolController
-
-    return ThreadpoolController()
