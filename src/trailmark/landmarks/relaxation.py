@@ -29,7 +29,7 @@ MAX_CELLS = 1 << 20
 """Upper limit on the number of cells."""
 
 UNSURE_FACTOR = 3.0
-"""How much dearer a step into a cell is whose centre is too close to an obstacle for the disc."""
+"""How much dearer a step to or from a cell is whose centre is too close to an obstacle for the disc."""
 
 CORNER_FACTOR = 2.0
 """How much dearer a diagonal step past such a cell is: it would likely cut an obstacle's corner."""
@@ -40,7 +40,7 @@ class CostMap:
     """Costs from one configuration's disc centre to all cells within a limit.
 
     Attributes:
-        cost: (rows, columns), metres, dearer in unsure cells; infinite where the disc cannot get, or not within
+        cost: (rows, columns), metres, dearer through unsure cells; infinite where the disc cannot get, or not within
             ``limit``.
         parent: (rows, columns) int8, the direction (index into the eight neighbours, counter-clockwise from +x)
             that leads back towards the source; -1 at the source and where ``cost`` is infinite.
@@ -270,6 +270,7 @@ def _dijkstra(
     capacity = 4096
     queued, following = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     free, used, waiting = -1, 1, 1
+    _fill(grid, field, clearance, np.array([source]), x0, y0, size, radius)
     cost[source // columns, source % columns] = 0.0
     goal_row, goal_column = target // columns, target % columns
     level = int(_straight(target, goal_row, goal_column, source // columns, source % columns))
@@ -303,7 +304,8 @@ def _dijkstra(
                 if room < least:
                     continue
                 step = size * (sqrt(2.0) if k % 2 else 1.0)
-                if room < radius:
+                # Alike in both directions, so that costs from the start and from the goal add up.
+                if room < radius or clearance[r, c] < radius:
                     step *= UNSURE_FACTOR
                 if k % 2 and min(clearance[r, nc], clearance[nr, c]) < radius:
                     step *= CORNER_FACTOR
