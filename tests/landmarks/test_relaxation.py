@@ -1,0 +1,288 @@
+"""The relaxed problem: what it closes is proven closed, and its costs are those of Dijkstra's algorithm.
+
+Distances come from shapely, shortest ways from scipy; only the rules of the grid's graph are written down again.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from benchmarks.random_worlds import ROBOTS, random_world
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse import csgraph
+
+from trailmark.collision import StateChecker
+from trailmark.landmarks import Relaxation, free_samples
+from trailmark.landmarks.relaxation import CORNER_FACTOR, UNSURE_FACTOR
+from trailmark.shapes import Disc, Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+
+BOX = World("box", (-60, -60, 60, 60))
+RELAXATIONS = {name: Relaxation(StateChecker(BOX, robot)) for name, robot in ROBOTS.items()}
+CASES = [(name, seed) for seed, name in enumerate(ROBOTS)]
+
+
+def cluttered(seed: int) -> World:
+    return random_world(seed, 50, size=40.0, discs=0.3, holes=0.2, boundary=seed % 2 == 0)
+
+
+def distances(world: World, geometries: NDArray[np.object_]) -> FloatArray:
+    """Distance (metres) from points or lines to the nearest obstacle, or to the outside; 0 inside an obstacle."""
+    inside = shapely.box(*world.bounds)
+    if world.boundary is not None:
+        inside = shapely.intersection(inside, shapely.Polygon(world.boundary.vertices))
+    best = np.where(shapely.covers(inside, geometries), shapely.distance(geometries, inside.exterior), 0.0)
+    for shape in world.obstacles:
+        if isinstance(shape, Disc):
+            gap = shapely.distance(geometries, shapely.Point(shape.center)) - shape.radius
+        else:
+            gap = shapely.distance(geometries, shape.polygon().shapely())
+        best = np.minimum(best, np.maximum(0.0, gap))
+    return np.asarray(best)
+
+
+def centres(relaxation: Relaxation) -> FloatArray:
+    """Centres of all cells, row by row."""
+    x = relaxation.x0 + (np.arange(relaxation.columns) + 0.5) * relaxation.size
+    y = relaxation.y0 + (np.arange(relaxation.rows) + 0.5) * relaxation.size
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def scipy_graph(relaxation: Relaxation) -> sparse.csr_matrix:
+    """The rules again: steps to eight neighbours, dearer into what is too tight for the disc or past it."""
+    rows, columns, size, r = relaxation.rows, relaxation.columns, relaxation.size, relaxation.radius
+    index = np.arange(rows * columns).reshape(rows, columns)
+    room = relaxation.clearance(index.ravel()).reshape(rows, columns)
+    starts, ends, costs = [], [], []
+    for dy in (-1, 0, 1):
+        for dx in (-1, 0, 1):
+            if dx == dy == 0:
+                continue
+            here = (slice(max(0, -dy), rows - max(0, dy)), slice(max(0, -dx), columns - max(0, dx)))
+            there = (slice(max(0, dy), rows - max(0, -dy)), slice(max(0, dx), columns - max(0, -dx)))
+            side, other = (here[0], there[1]), (there[0], here[1])
+            cost = size * math.hypot(dx, dy) * np.where((room[here] < r) | (room[there] < r), UNSURE_FACTOR, 1.0)
+            if dx and dy:
+                cost *= np.where((room[side] < r) | (room[other] < r), CORNER_FACTOR, 1.0)
+            may = relaxation.open[there]
+            starts.append(index[here][may])
+            ends.append(index[there][may])
+            costs.append(cost[may])
+    triple = np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends))
+    return sparse.csr_matrix(triple, shape=(rows * columns, rows * columns))
+
+
+@pytest.mark.parametrize(("name", "seed"), CASES)
+def test_clearance_is_right_where_it_matters(name: str, seed: int) -> None:
+    world = cluttered(seed)
+    checker = StateChecker(world, ROBOTS[name])
+    relaxation = Relaxation(checker)
+    where = centres(relaxation)
+    cells = np.arange(len(where))
+    if len(cells) > 20_000:
+        cells = np.random.default_rng(0).choice(cells, 20_000, replace=False)
+    assert np.array_equal(relaxation.cells(where), np.arange(len(where)))
+    assert relaxation.cell_centers(cells) == pytest.approx(where[cells], abs=1e-9)
+    exact = distances(world, shapely.points(where[cells]))
+    found = relaxation.clearance(cells)
+    assert np.abs(found - exact).max() <= checker.field.slack
+    # Does the disc fit with its centre at the cell's, or anywhere in the cell?
+    for least in (relaxation.radius, relaxation.radius - relaxation.size * math.sqrt(0.5)):
+        clear_cut = np.abs(exact - least) > 1e-5
+        assert np.array_equal((found >= least)[clear_cut], (exact >= least)[clear_cut])
+    # Where a cell is closed, no point of it has room for the disc.
+    rng = np.random.default_rng(1)
+    closed = where[cells][~relaxation.open.ravel()[cells]]
+    inside = closed + rng.uniform(-0.5, 0.5, closed.shape) * relaxation.size
+    assert (distances(world, shapely.points(inside)) < relaxation.radius).all()
+
+
+def test_the_disc_is_the_robots_largest() -> None:
+    for name, robot in ROBOTS.items():
+        relaxation = Relaxation(StateChecker(cluttered(1), robot))
+        disc = shapely.Point(relaxation.center).buffer(relaxation.radius * (1.0 - 1e-9), quad_segs=64)
+        outline = shapely.Point(0, 0).buffer(0.6, quad_segs=500) if name == "disc" else robot.outline.shapely()
+        assert outline.buffer(1e-6).contains(disc)
+        # No point of a fine lattice lies deeper inside.
+        x1, y1, x2, y2 = outline.bounds
+        lattice = shapely.points(np.stack(np.meshgrid(np.linspace(x1, x2, 70), np.linspace(y1, y2, 70)), axis=-1))
+        depth = np.where(shapely.contains(outline, lattice), shapely.distance(lattice, outline.exterior), 0.0)
+        assert depth.max() <= relaxation.radius + 1e-5
+
+
+@given(x=st.floats(-50, 50), y=st.floats(-50, 50), theta=st.floats(-3.14, 3.14), name=st.sampled_from(sorted(ROBOTS)))
+def test_a_configuration_and_its_disc_determine_each_other(x: float, y: float, theta: float, name: str) -> None:
+    relaxation = RELAXATIONS[name]
+    q = np.array([[x, y, theta]])
+    centre = relaxation.disc_centers(q)
+    arm = complex(*relaxation.center) * complex(math.cos(theta), math.sin(theta))
+    assert centre[0] == pytest.approx((x + arm.real, y + arm.imag), abs=1e-9)
+    assert relaxation.references(centre, q[:, 2]) == pytest.approx(q, abs=1e-9)
+
+
+@pytest.mark.parametrize(("name", "seed"), CASES)
+def test_costs_are_dijkstras(name: str, seed: int) -> None:
+    checker = StateChecker(cluttered(seed), ROBOTS[name], cell=0.2)
+    relaxation = Relaxation(checker)
+    if relaxation.rows * relaxation.columns > 40_000:
+        # The thin robot's grid has a million cells; a stouter one does for the algorithm.
+        relaxation = Relaxation(StateChecker(cluttered(seed), Robot.rectangle(4.0, 0.6), cell=0.2))
+    checker = relaxation.checker
+    source, target = free_samples(checker, 2, random_state=seed)
+    start, end = (int(relaxation.cells(relaxation.disc_centers(q))) for q in (source, target))
+    graph = scipy_graph(relaxation)
+    forth = csgraph.dijkstra(graph, indices=np.array([start]))[0]
+    back = csgraph.dijkstra(graph, indices=np.array([end]))[0]
+
+    whole = relaxation.costs_from(source)
+    assert whole.limit == np.inf
+    assert whole.cost.ravel() == pytest.approx(forth, rel=1e-12)
+    assert np.array_equal(np.isfinite(whole.cost).ravel(), relaxation.component(source))
+    # Parents: one step back along a shortest way each.
+    columns = relaxation.columns
+    cells = np.flatnonzero(whole.parent.ravel() >= 0)
+    angle = whole.parent.ravel()[cells] * (np.pi / 4.0)
+    before = cells + np.rint(np.sin(angle)).astype(int) * columns + np.rint(np.cos(angle)).astype(int)
+    assert np.asarray(graph[before, cells]).ravel() + forth[before] == pytest.approx(forth[cells], rel=1e-12)
+    assert len(cells) == np.isfinite(forth).sum() - 1
+    if not np.isfinite(forth[end]):
+        return
+    way = relaxation.way(whole, target)
+    assert (way[0], way[-1]) == (end, start)
+    assert np.asarray(graph[way[1:], way[:-1]]).sum() == pytest.approx(forth[end], rel=1e-12)
+
+    near = relaxation.costs_from(source, until=target, widening=0.2)
+    assert forth[end] * 1.2 <= near.limit < forth[end] * 1.2 + 10.0 * relaxation.size
+    # What is left out lies so far off that no way by it to the target keeps within the limit.
+    places = centres(relaxation)
+    known = forth + np.hypot(*(places - places[end]).T) <= near.limit - 1e-9
+    assert known.any()
+    assert near.cost.ravel()[known] == pytest.approx(forth[known], rel=1e-12)
+    # Cells by which no way to the target keeps within the limit may be left out, and none far within it. (A step
+    # costs what the cell it enters makes it cost, so that a way and its reverse differ by a few cells.)
+    ahead = relaxation.costs_from(target)
+    assert ahead.cost.ravel() == pytest.approx(back, rel=1e-12)
+    onward = relaxation.costs_from(source, limit=near.limit, onward=ahead)
+    needed = forth + back <= near.limit - 8.0 * relaxation.size
+    assert needed.any()
+    assert onward.cost.ravel()[needed] == pytest.approx(forth[needed], rel=1e-12)
+    left = np.isfinite(onward.cost.ravel())
+    assert (onward.cost.ravel()[left] >= forth[left] * (1.0 - 1e-12)).all()
+
+
+def flood(world: World, start: FloatArray, radius: float, step: float) -> FloatArray:
+    """Points of a lattice that a disc's centre reaches from start by straight steps that shapely finds free."""
+    xmin, ymin, xmax, ymax = world.bounds
+    x, y = np.arange(xmin, xmax, step) + 0.37 * step, np.arange(ymin, ymax, step) + 0.37 * step
+    lattice = np.stack(np.meshgrid(x, y), axis=-1)
+    free = distances(world, shapely.points(lattice)) >= radius
+    index = np.arange(free.size).reshape(free.shape)
+    pairs = []
+    for one, two in (
+        ((slice(None), slice(None, -1)), (slice(None), slice(1, None))),
+        ((slice(None, -1), slice(None)), (slice(1, None), slice(None))),
+    ):
+        both = free[one] & free[two]
+        lines = shapely.linestrings(np.stack([lattice[one][both], lattice[two][both]], axis=1))
+        clear = distances(world, lines) >= radius
+        pairs.append(np.column_stack([index[one][both][clear], index[two][both][clear]]))
+    joined = np.concatenate(pairs)
+    graph = sparse.coo_matrix((np.ones(len(joined)), joined.T), shape=(free.size, free.size))
+    labels = csgraph.connected_components(graph, directed=False)[1]
+    around = np.flatnonzero(free.ravel() & (np.hypot(*(lattice.reshape(-1, 2) - start).T) < 2.0 * step))
+    straight = shapely.linestrings([[start, lattice.reshape(-1, 2)[i]] for i in around])
+    entry = around[distances(world, straight) >= radius]
+    return np.asarray(lattice.reshape(-1, 2)[np.isin(labels, labels[entry])])
+
+
+@pytest.mark.parametrize("fineness", [0, 1])
+@pytest.mark.parametrize("seed", range(4))
+def test_component_holds_all_that_a_disc_reaches(seed: int, fineness: int) -> None:
+    world = random_world(seed, 25, size=20.0, radii=(0.5, 3.0), discs=0.3, boundary=seed % 2 == 0)
+    checker = StateChecker(world, Robot.disc(0.7))
+    start = free_samples(checker, 1, random_state=seed)[0]
+    reached = flood(world, start[:2], 0.7, 0.2)
+    assert len(reached) > 10
+    relaxation = Relaxation(checker, fineness)
+    component = relaxation.component(start)
+    assert component[relaxation.cells(reached)].all()
+
+
+@settings(max_examples=25)
+@given(seed=st.integers(0, 10_000), name=st.sampled_from(sorted(set(ROBOTS) - {"thin"})), fineness=st.integers(0, 2))
+def test_no_certified_path_crosses_from_one_component_to_another(seed: int, name: str, fineness: int) -> None:
+    world = random_world(seed, 60, size=25.0, radii=(0.3, 2.0), discs=0.2)
+    checker = StateChecker(world, ROBOTS[name], cell=0.1)
+    q = free_samples(checker, 150, random_state=seed)
+    if len(q) < 2:
+        return
+    pairs = np.array(np.triu_indices(len(q), 1)).T
+    pairs = pairs[np.hypot(*(q[pairs[:, 0], :2] - q[pairs[:, 1], :2]).T) < 6.0]
+    joined = pairs[checker.motions_valid(q[pairs[:, 0]], q[pairs[:, 1]])]
+    graph = sparse.coo_matrix((np.ones(len(joined)), joined.T), shape=(len(q), len(q)))
+    labels = csgraph.connected_components(graph, directed=False)[1]
+    relaxation = Relaxation(checker, fineness)
+    cells = relaxation.cells(relaxation.disc_centers(q))
+    for label in np.unique(labels):
+        members = np.flatnonzero(labels == label)
+        assert relaxation.component(q[members[0]])[cells[members]].all()
+
+
+@settings(max_examples=40)
+@given(
+    slack=st.sampled_from([0.0, 1e-6, 1e-3]),
+    heading=st.floats(-math.pi, math.pi),
+    x=st.floats(0.0, 1.0),
+    y=st.floats(0.0, 1.0),
+    fineness=st.integers(0, 2),
+)
+def test_the_tightest_corridor_stays_open(slack: float, heading: float, x: float, y: float, fineness: int) -> None:
+    # Two walls at any angle, no or hardly farther apart than the robot is wide: touching is allowed.
+    across = np.array([-math.sin(heading), math.cos(heading)])
+    middle = np.array([10.0 + x, 10.0 + y])
+    offset = 0.3 + slack + 0.5
+    walls = tuple(
+        Rectangle((float(c[0]), float(c[1])), 6.0, 1.0, heading)
+        for c in (middle + offset * across, middle - offset * across)
+    )
+    checker = StateChecker(World("corridor", (0, 0, 21, 21), walls), Robot.rectangle(1.0, 0.6))
+    along = np.array([math.cos(heading), math.sin(heading)])
+    way = np.linspace(-3.5, 3.5, 200)
+    q = np.column_stack([middle + way[:, None] * along, np.full(200, heading)])
+    assert checker.valid(q).all()
+    relaxation = Relaxation(checker, fineness)
+    cells = relaxation.cells(relaxation.disc_centers(q))
+    assert relaxation.open.ravel()[cells].all()
+    assert relaxation.component(q[0])[cells].all()
+
+
+def test_finer_grids_separate_more_until_they_are_too_large() -> None:
+    # A gap of 1.1 m for a disc of 0.6 m: two coarse cells fit between the walls, no fine ones.
+    walls = (Rectangle((10.0, 4.7), 1.0, 9.4), Rectangle((10.0, 15.25), 1.0, 9.5))
+    relaxation: Relaxation | None = Relaxation(StateChecker(World("gap", (0, 0, 20, 20), walls), Robot.disc(0.6)))
+    answers, sizes = [], []
+    while relaxation is not None:
+        component = relaxation.component(np.array([3.0, 10.0, 0.0]))
+        answers.append(bool(component[relaxation.cells(np.array([17.0, 10.0]))]))
+        sizes.append(relaxation.size)
+        relaxation = relaxation.finer()
+    assert np.diff(np.log2(sizes)) == pytest.approx(-1.0)
+    assert answers == sorted(answers, reverse=True)
+    assert not answers[-1]
+
+
+def test_a_start_at_the_bounds_has_a_cell() -> None:
+    checker = StateChecker(World("box", (-1.0, -1.0, 1.0, 1.0)), Robot.disc(0.2))
+    relaxation = Relaxation(checker)
+    corners = np.array([[0.8, 0.8], [1.0, 1.0], [-1.0, -1.0], [5.0, -5.0]])
+    cells = relaxation.cells(corners)
+    assert ((cells >= 0) & (cells < relaxation.rows * relaxation.columns)).all()
+    assert relaxation.component(np.array([0.8, 0.8, 0.0]))[relaxation.cells(np.array([-0.8, -0.8]))]
