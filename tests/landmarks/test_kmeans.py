@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import k_means_landmarks
+from trailmark.landmarks.kmeans import lloyd
 
 FloatArray = NDArray[np.float64]
 
@@ -36,6 +37,7 @@ def rows(q: FloatArray) -> set[tuple[float, ...]]:
     return {tuple(row) for row in q.tolist()}
 
 
+@settings(max_examples=50)
 @given(n=st.integers(1, 60), k=st.integers(1, 80), radius=st.sampled_from([0.0, 0.5, 3.0]), seed=st.integers(0, 999))
 def test_landmarks_are_samples_and_no_two_the_same(n: int, k: int, radius: float, seed: int) -> None:
     q = samples(n, seed)
@@ -121,3 +123,26 @@ def test_samples_that_are_all_one_place() -> None:
     found = k_means_landmarks(q, 5, radius=1.0, random_state=1)
     assert 1 <= len(found) <= 5
     assert (found == 1.0).all()
+
+
+@pytest.mark.parametrize("steps", [0, 1, 3, 100])
+def test_lloyds_steps(steps: int) -> None:
+    data = points(samples(400, 8), 1.0)
+    # The last centre lies so far off that no point is nearest to it.
+    first = np.vstack([data[:20], np.full(4, 1e3)])
+    expected = first.copy()
+    for _ in range(steps):
+        owner = cdist(data, expected).argmin(axis=1)
+        expected = np.array([data[owner == i].mean(axis=0) if (owner == i).any() else expected[i] for i in range(21)])
+    found = lloyd(data, first, steps)
+    assert found == pytest.approx(expected, abs=1e-9)
+    assert (first[-1] == found[-1]).all()
+
+
+def test_without_a_number_of_steps_no_sample_changes_its_cluster_any_more() -> None:
+    # Two tight clusters and a bad start: one step is not enough, convergence finds the middles.
+    q = np.zeros((100, 3))
+    q[:, 0] = np.concatenate([np.linspace(0.0, 1.0, 90), np.linspace(9.0, 10.0, 10)])
+    for seed in range(10):
+        found = k_means_landmarks(q, 2, radius=0.0, random_state=seed)
+        assert np.sort(found[:, 0]) == pytest.approx([0.5, 9.5], abs=0.06)
