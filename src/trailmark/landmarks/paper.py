@@ -1,0 +1,284 @@
+"""The source method as published: Algorithm 1 (K-means) and Algorithm 2 (landmarks from refined readings).
+
+It is kept to the letter, weaknesses included: obstacles count as boxes, a centre may lie in one, headings and the
+robot's shape count for nothing. :func:`trailmark.landmarks.k_means_landmarks` is what the planner uses instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark.errors import ConfigurationError, did_you_mean
+from trailmark.landmarks.enclosed import Rectangle, enclosed_points
+from trailmark.landmarks.sampling import RandomState, generator
+from trailmark.landmarks.threads import one_thread
+
+__all__ = [
+    "INITIALISATIONS",
+    "Clusters",
+    "Initialisation",
+    "PaperLandmarks",
+    "algorithm_1",
+    "algorithm_2",
+    "boxes_of",
+    "initial_centres",
+    "points_in_boxes",
+]
+
+FloatArray = NDArray[np.float64]
+
+Initialisation = Literal["forgy", "random-partition", "k-means++"]
+INITIALISATIONS: tuple[Initialisation, ...] = get_args(Initialisation)
+
+MOST_ITERATIONS = 100_000
+"""More than Lloyd's algorithm takes on any data but constructed ones; a bound only so that it ends."""
+
+MINI_BATCHES_FROM = 20_000_000
+"""Algorithm 2 takes mini-batches where points times clusters are more than this: Lloyd would take minutes."""
+
+
+class Clusters(NamedTuple):
+    """What K-means comes to.
+
+    Attributes:
+        centres: shape (k, d).
+        labels: shape (n,), each sample's cluster, 0 to k − 1: the one whose centre is nearest.
+        inertia: sum of the squared distances of the samples to their centres.
+        iterations: steps of Lloyd's algorithm, or batches.
+    """
+
+    centres: FloatArray
+    labels: NDArray[np.int32]
+    inertia: float
+    iterations: int
+
+
+class PaperLandmarks(NamedTuple):
+    """What Algorithm 2 comes to; metres.
+
+    Attributes:
+        samples: shape (n, 2), all points drawn, forbidden ones too.
+        forbidden: shape (n,), which of them K-means does not get: those in boxes and the enclosed ones.
+        enclosed: shape (n,), those in no box, but in a region that boxes enclose.
+        boxes: shape (m, 4), rows xmin, ymin, xmax, ymax; obstacles without a reading have none.
+        centres: shape (k, 2), the landmarks.
+        labels: shape (v,), the cluster of each of the v valid samples.
+        inertia: sum of their squared distances to their centres, square metres.
+        iterations: steps of Lloyd's algorithm, or batches.
+        mini_batches: whether Lloyd's algorithm gave way to mini-batches.
+    """
+
+    samples: FloatArray
+    forbidden: NDArray[np.bool_]
+    enclosed: NDArray[np.bool_]
+    boxes: FloatArray
+    centres: FloatArray
+    labels: NDArray[np.int32]
+    inertia: float
+    iterations: int
+    mini_batches: bool
+
+
+def algorithm_1(
+    samples: ArrayLike, k: int, init: Initialisation = "forgy", random_state: RandomState = None
+) -> Clusters:
+    """Return k clusters by Lloyd's algorithm, run until no sample changes its cluster (Lloyd 1982).
+
+    scikit-learn does the iterations; a cluster that loses all its samples restarts at the sample that is farthest
+    from its centre.
+
+    Args:
+        samples: shape (n, d).
+        k: how many clusters, 1 to the number of different samples.
+        init: the first centres, see :func:`initial_centres`.
+        random_state: seed or generator; the same one gives the same clusters.
+
+    Raises:
+        ConfigurationError: another shape, values that are not finite, an unknown ``init``, k out of range.
+    """
+    from sklearn.cluster import KMeans
+
+    points = _points(samples, "samples")
+    first = initial_centres(points, k, init, random_state)
+    with one_thread():
+        lloyd = KMeans(k, init=first, n_init=1, max_iter=MOST_ITERATIONS, tol=0.0, algorithm="lloyd").fit(points)
+    return Clusters(lloyd.cluster_centers_, lloyd.labels_, float(lloyd.inertia_), int(lloyd.n_iter_))
+
+
+def initial_centres(
+    samples: ArrayLike, k: int, init: Initialisation = "forgy", random_state: RandomState = None
+) -> FloatArray:
+    """Return the centres to start from, shape (k, d).
+
+    Args:
+        samples: shape (n, d).
+        k: 1 to the number of different samples.
+        init: ``forgy`` takes k different samples (Forgy 1965); ``random-partition`` puts each sample into a random
+            cluster and takes the centroids (a cluster that gets none is given one from a cluster of several);
+            ``k-means++`` takes samples far from one another (Arthur & Vassilvitskii 2007, scikit-learn).
+        random_state: seed or generator.
+
+    Raises:
+        ConfigurationError: another shape, values that are not finite, an unknown ``init``, k out of range.
+    """
+    points = _points(samples, "samples")
+    if init not in INITIALISATIONS:
+        raise ConfigurationError(f"init: {init!r} given; {did_you_mean(str(init), INITIALISATIONS)}")
+    if not 1 <= k <= len(points):
+        raise ConfigurationError(f"k: {k} given, allowed: 1 to {len(points)}, the number of samples")
+    rng = generator(random_state)
+    # Equal samples cannot be told apart by any centres. A few samples show mostly that there is enough to tell apart.
+    different = _different(points[: 4 * k])
+    if len(different) < k:
+        different = _different(points)
+    if len(different) < k:
+        raise ConfigurationError(f"k: {k} given, allowed: 1 to {len(different)}, the number of different samples")
+    if init == "random-partition":
+        return _centroids(points, _partition(len(points), k, rng), k)
+    if init == "k-means++":
+        from sklearn.cluster import kmeans_plusplus
+
+        # About their mean, since its distances lose digits far from the origin.
+        middle = points.mean(axis=0)
+        with one_thread():
+            chosen = kmeans_plusplus(points - middle, k, random_state=int(rng.integers(2**31)))[1]
+    else:
+        chosen = rng.choice(len(points), k, replace=False)
+    if len(_different(points[chosen])) == k:
+        return np.array(points[chosen])
+    different = _different(points)
+    return np.array(different[rng.choice(len(different), k, replace=False)])
+
+
+def algorithm_2(
+    readings: Sequence[ArrayLike],
+    rectangle: Rectangle,
+    n: int = 1000,
+    k: int = 12,
+    init: Initialisation = "forgy",
+    random_state: RandomState = None,
+    *,
+    robot: ArrayLike | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> PaperLandmarks:
+    """Return k landmarks: the centres of the points of a rectangle that lie in no obstacle's box.
+
+    The readings are refined already, as by :func:`trailmark.estimation.refine_points`. Where points times clusters are
+    more than MINI_BATCHES_FROM, mini-batches do what Algorithm 1 does otherwise.
+
+    Args:
+        readings: the refined readings of each obstacle, shape (r, 2), r >= 0; metres.
+        rectangle: Xmin, Ymin, Xmax, Ymax in metres.
+        n: how many points to draw, >= 1.
+        k: how many landmarks, 1 to the number of valid points.
+        init: see :func:`initial_centres`.
+        random_state: seed or generator; the same one gives the same landmarks.
+        robot: where the robot stands, shape (2,). What boxes cut off from there is enclosed; without it, only what
+            boxes cut off from the rectangle's edge.
+        on_progress: called with the number of points that mini-batches have taken, and that they will have taken.
+
+    Raises:
+        ConfigurationError: an argument out of range, or fewer valid points than k.
+    """
+    low, high = _corners(rectangle)
+    if n < 1:
+        raise ConfigurationError(f"n: {n} given, allowed: 1 or more")
+    if k < 1:
+        raise ConfigurationError(f"k: {k} given, allowed: 1 or more")
+    position = None if robot is None else _points(np.atleast_2d(np.asarray(robot, dtype=np.float64)), "robot")[0, :2]
+    rng = generator(random_state)
+
+    samples = rng.uniform(low, high, (n, 2))
+    boxes = boxes_of(readings)
+    inside = points_in_boxes(samples, boxes)
+    enclosed = ~inside & enclosed_points(samples, boxes, rectangle, position)
+    forbidden = inside | enclosed
+    valid = samples[~forbidden]
+    if k > len(valid):
+        room = "empty free space" if len(valid) == 0 else f"allowed: 1 to {len(valid)}"
+        raise ConfigurationError(f"k: {k} given, {room}: {len(valid)} of {n} points drawn are valid")
+    mini_batches = len(valid) * k > MINI_BATCHES_FROM
+    if mini_batches:
+        from trailmark.landmarks.mini_batches import mini_batch_clusters
+
+        clusters = mini_batch_clusters(valid, k, init, rng, on_progress=on_progress)
+    else:
+        clusters = algorithm_1(valid, k, init, rng)
+    return PaperLandmarks(samples, forbidden, enclosed, boxes, *clusters, mini_batches)
+
+
+def boxes_of(readings: Sequence[ArrayLike]) -> FloatArray:
+    """Return the smallest and largest x and y of each obstacle's readings.
+
+    Args:
+        readings: shape (r, 2) each, metres; obstacles without readings are passed over.
+
+    Returns:
+        Shape (m, 4), rows xmin, ymin, xmax, ymax.
+
+    Raises:
+        ConfigurationError: another shape, or values that are not finite.
+    """
+    boxes = []
+    for i, obstacle in enumerate(readings):
+        points = np.asarray(obstacle, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
+            raise ConfigurationError(f"readings[{i}]: shape {points.shape} given, allowed: (r, 2), finite numbers")
+        if len(points):
+            boxes.append([*points.min(axis=0), *points.max(axis=0)])
+    return np.array(boxes, dtype=np.float64).reshape(-1, 4)
+
+
+def points_in_boxes(points: FloatArray, boxes: FloatArray) -> NDArray[np.bool_]:
+    """Return which points (n, 2) lie in any of the boxes (m, 4), edges included; shape (n,)."""
+    order = np.argsort(points[:, 0])
+    x, y = points[order].T
+    hit = np.zeros(len(points), dtype=np.bool_)
+    for xmin, ymin, xmax, ymax in boxes:
+        between = slice(np.searchsorted(x, xmin), np.searchsorted(x, xmax, side="right"))
+        hit[between] |= (y[between] >= ymin) & (y[between] <= ymax)
+    found = np.empty_like(hit)
+    found[order] = hit
+    return found
+
+
+def _partition(n: int, k: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return a random cluster for each of n samples, none of the k clusters empty; shape (n,)."""
+    labels = rng.integers(k, size=n)
+    count = np.bincount(labels, minlength=k)
+    for empty in np.flatnonzero(count == 0):
+        moved = rng.choice(np.flatnonzero(count[labels] > 1))
+        count[labels[moved]] -= 1
+        labels[moved] = empty
+        count[empty] = 1
+    return labels
+
+
+def _centroids(points: FloatArray, labels: NDArray[np.int64], k: int) -> FloatArray:
+    sums = [np.bincount(labels, weights=column, minlength=k) for column in points.T]
+    return np.column_stack(sums) / np.bincount(labels, minlength=k)[:, None]
+
+
+def _different(points: FloatArray) -> FloatArray:
+    return np.unique(points, axis=0)
+
+
+def _points(values: ArrayLike, name: str) -> FloatArray:
+    points = np.asarray(values, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] < 1:
+        raise ConfigurationError(f"{name}: shape {points.shape} given, allowed: (n, d)")
+    if not np.isfinite(points).all():
+        raise ConfigurationError(f"{name}: hold a value that is not a finite number")
+    return np.ascontiguousarray(points)
+
+
+def _corners(rectangle: Rectangle) -> tuple[FloatArray, FloatArray]:
+    values = np.asarray(rectangle, dtype=np.float64)
+    if values.shape != (4,) or not (np.isfinite(values).all() and (values[:2] < values[2:]).all()):
+        given = ", ".join(f"{v:g}" for v in values.ravel()[:8])
+        raise ConfigurationError(f"rectangle: {given} given, allowed: xmin, ymin, xmax, ymax with min < max")
+    return values[:2], values[2:]
