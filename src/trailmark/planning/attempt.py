@@ -1,0 +1,255 @@
+"""Attempt: how one query is answered, round by round."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.landmarks import Relaxation, k_means_landmarks
+from trailmark.landmarks.informed import Band
+from trailmark.path import Path
+from trailmark.planning.result import PlanProgress, Status
+from trailmark.planning.shortening import shorten
+from trailmark.roadmap import Roadmap
+
+__all__ = ["LLOYD_STEPS", "SAMPLES_PER_LANDMARK", "Attempt", "OnProgress"]
+
+OnProgress = Callable[[PlanProgress], None]
+
+WIDENINGS = (0.02, 0.05, 0.12, 0.3, 0.7, 1.5)
+"""How much longer than the relaxed shortest way a band's ways may be, round by round; then without limit."""
+
+LLOYD_STEPS = 3
+"""Steps of K-means in a round."""
+
+SAMPLES_PER_LANDMARK = 5
+FIRST_LANDMARKS = 120
+GROWTH = 1.4
+"""Each round places this many times the landmarks of the one before."""
+
+ROUNDS_PER_GRID = 2
+"""Rounds without a path after which the relaxed problem is looked at on a grid twice as fine."""
+
+BRIDGE_MISSES, BRIDGE_TRIES = 6, 40
+"""Attempts that bring the parts no closer before the next round of landmarks; configurations tried at each place."""
+
+FIRST_SWEEPS, PROMISING = 5, 1.03
+"""Another path is shortened to the end only if this many sweeps bring it within this factor of the best cost."""
+
+PATIENCE = 4
+"""Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
+IMPROVEMENT = 1e-3
+
+
+class Attempt:
+    """One query under way: its ends, its best path so far, its clock.
+
+    Args:
+        roadmap: where to search first, and to leave what joins the ends.
+        relaxation: the relaxed problem's grid.
+        rng: source of randomness.
+        ends: valid start and goal, shape (2, 3).
+        begin: reading of ``time.perf_counter`` that times are counted from, seconds.
+        time_limit: seconds.
+        max_iterations: rounds of landmarks at most.
+        on_progress: called after every step.
+
+    Attributes:
+        start: shape (3,).
+        goal: shape (3,).
+        begin: as given.
+        first_cost: the first path's cost, metres.
+        history: (seconds, cost in metres) of each better path.
+    """
+
+    def __init__(
+        self,
+        roadmap: Roadmap,
+        relaxation: Relaxation,
+        rng: np.random.Generator,
+        ends: se2.FloatArray,
+        *,
+        begin: float,
+        time_limit: float,
+        max_iterations: int | None,
+        on_progress: OnProgress | None,
+    ) -> None:
+        self.checker, self.roadmap, self.relaxation, self.rng = roadmap.checker, roadmap, relaxation, rng
+        self.start, self.goal = ends
+        self.begin, self.deadline = begin, begin + time_limit
+        self.rounds_left = max_iterations
+        self.on_progress = on_progress
+        self.turning = self.roadmap.turning
+        self.best: se2.FloatArray | None = None
+        self.best_cost = np.inf
+        self.first_cost: float | None = None
+        self.history: list[tuple[float, float]] = []
+
+    def run(self) -> tuple[Status, se2.FloatArray | None]:
+        """Return the status and the best path's states, shape (n, 3), or None."""
+        # The relaxed problem and the roadmap know a disc robot at heading 0 only.
+        ends = np.array([self.start, self.goal])
+        if not self.turning:
+            ends[:, 2] = 0.0
+        if self.checker.motions_between_valid(ends[:1], ends[1:])[0]:
+            # Nothing is shorter than the straight motion.
+            self._offer(ends)
+            return self._answer()
+        grid = self.relaxation
+        band = Band(self.checker, grid, ends[0], ends[1])
+        if not np.isfinite(band.shortest):
+            return "infeasible", None
+        nodes = self.roadmap.add(ends)
+        self._search(self.roadmap, band, nodes)
+        widening = 0
+        landmarks = float(FIRST_LANDMARKS)
+        while self.best is None and self._go_on("placing landmarks"):
+            ε = WIDENINGS[widening] if widening < len(WIDENINGS) else np.inf
+            self.roadmap.add(band.guides(self.rng))
+            self._grow(self.roadmap, band, ε, int(landmarks))
+            self._search(self.roadmap, band, nodes)
+            if self.best is None:
+                self._bridge(band, nodes)
+            widening += 1
+            finer = grid.finer() if self.best is None and widening % ROUNDS_PER_GRID == 0 else None
+            if finer is not None:
+                # What keeps failing may need a closer look, or be impossible.
+                grid = finer
+                band = Band(self.checker, grid, ends[0], ends[1])
+                if not np.isfinite(band.shortest):
+                    return "infeasible", None
+            landmarks *= GROWTH
+        self._improve(band, ends, landmarks)
+        if self.best is not None:
+            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
+        return self._answer()
+
+    def _grow(self, roadmap: Roadmap, band: Band, widening: float, landmarks: int) -> None:
+        """Cluster samples of the band into landmarks and join them to a roadmap."""
+        samples = band.samples(SAMPLES_PER_LANDMARK * landmarks, widening, self.rng)
+        if len(samples):
+            # Heading differences count as far as they move the robot.
+            radius = self.checker.footprint.sweep_radius
+            roadmap.add(k_means_landmarks(samples, landmarks, radius=radius, steps=LLOYD_STEPS, random_state=self.rng))
+
+    def _bridge(self, band: Band, nodes: NDArray[np.int64]) -> None:
+        """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
+        misses, nearest = 0, np.full(3, np.inf)
+        while self.best is None and misses < BRIDGE_MISSES and self._time_left() > 0.0:
+            q = self.roadmap.configurations
+            ahead = q[self.roadmap.shortest_path(int(nodes[0]), int(nodes[1])).reached]
+            behind = q[self.roadmap.shortest_path(int(nodes[1]), int(nodes[0])).reached]
+            near, far, gap = self._closest(ahead, behind)
+            first, last = band.nearest_to_goal(ahead), band.nearest_to_start(behind)
+            apart = np.array([gap, band.costs_to_goal(ahead[[first]])[0], band.costs_to_start(behind[[last]])[0]])
+            misses = 0 if (apart < 0.95 * nearest).any() else misses + 1
+            nearest = np.minimum(nearest, apart)
+            # Where the two parts come closest, and where each comes closest to its end on the relaxed way: the first
+            # tells of gaps in the headings, the others of gaps in the way.
+            places = (ahead[near], behind[far], ahead[first], behind[last])
+            reach = band.relaxation.size * 2.0 ** self.rng.uniform(0.0, 4.0)
+            found = [band.samples_near(place, reach, BRIDGE_TRIES, self.rng) for place in places]
+            self.roadmap.add(np.concatenate(found))
+            self._search(self.roadmap, band, nodes)
+
+    def _closest(self, ahead: se2.FloatArray, behind: se2.FloatArray) -> tuple[int, int, float]:
+        """Return the indices of the closest pair of two sets of configurations, and their distance (metres)."""
+        from scipy.spatial import cKDTree
+
+        radius = self.checker.footprint.sweep_radius
+        found = cKDTree(se2.embed(behind, radius)).query(se2.embed(ahead, radius))
+        gaps, pairs = np.asarray(found[0]), np.asarray(found[1])
+        near = int(np.argmin(gaps))
+        return near, int(pairs[near]), float(gaps[near])
+
+    def _search(
+        self, roadmap: Roadmap, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Offer a roadmap's shortest path, shortened."""
+        to_go = band.costs_to_goal(roadmap.configurations)
+        limit = np.inf if banned is not None else self.best_cost
+        found = roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit).nodes
+        if len(found) == 0:
+            return
+        states = roadmap.configurations[found]
+        if self.best is None:
+            self._offer(states)
+            self._report("shortening")
+        states = shorten(self.checker, states, self.rng, sweeps=FIRST_SWEEPS, deadline=self.deadline)
+        if Path(states).cost < PROMISING * self.best_cost:
+            self._offer(shorten(self.checker, states, self.rng, deadline=self.deadline))
+
+    def _improve(self, band: Band, ends: se2.FloatArray, landmarks: float) -> None:
+        """Place landmarks where better paths might run and search again, until nothing is gained any more.
+
+        This goes on in a roadmap of its own, so that the planner's stays small enough for many queries; what
+        comes of it, the path, is added to the planner's.
+        """
+        settled = 0
+        roadmap = Roadmap(self.checker)
+        nodes = roadmap.add(ends)
+        marked = np.zeros(0, dtype=np.int64)
+        while self.best is not None and settled < PATIENCE and self._go_on("improving"):
+            before = self.best_cost
+            widening = max(0.02, self.best_cost / max(band.shortest, 1e-9) - 1.0)
+            self._grow(roadmap, band, widening, int(landmarks))
+            # Once without the best path's own vertices, for the other ways around the obstacles ...
+            banned = np.zeros(len(roadmap), dtype=np.bool_)
+            banned[marked] = True
+            self._search(roadmap, band, nodes, banned)
+            # ... and once with them, for what can be put together from both.
+            if self._time_left() > 0.0:
+                marked = np.concatenate([marked, roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))])
+                self._search(roadmap, band, nodes)
+            if self._time_left() > 0.0:
+                self._offer(shorten(self.checker, self.best, self.rng, deadline=self.deadline))
+            settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0
+
+    def _offer(self, states: se2.FloatArray) -> None:
+        """Keep a path if it is the best so far."""
+        steps = se2.difference(states[:-1], states[1:])
+        cost = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+        if self.turning:
+            cost += se2.ROTATION_WEIGHT * float(np.abs(steps[:, 2]).sum())
+        if cost >= self.best_cost:
+            return
+        self.best, self.best_cost = states, cost
+        whole = Path(self._with_headings(states)).cost
+        if self.first_cost is None:
+            self.first_cost = whole
+        self.history.append((perf_counter() - self.begin, whole))
+
+    def _with_headings(self, states: se2.FloatArray) -> se2.FloatArray:
+        """Return the path with the ends' headings; a disc robot turns evenly along it, which costs the least."""
+        if self.turning:
+            return states
+        states = states.copy()
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(states[:, :2], axis=0).T))])
+        share = along / along[-1] if along[-1] > 0.0 else np.linspace(0.0, 1.0, len(states))
+        states[:, 2] = se2.interpolate(self.start, self.goal, share)[:, 2]
+        states[0], states[-1] = self.start, self.goal
+        return states
+
+    def _answer(self) -> tuple[Status, se2.FloatArray | None]:
+        return ("timeout", None) if self.best is None else ("solved", self._with_headings(self.best))
+
+    def _go_on(self, phase: str) -> bool:
+        """Report, and say whether another round may begin."""
+        self._report(phase)
+        if self.rounds_left is not None:
+            self.rounds_left -= 1
+            if self.rounds_left < 0:
+                return False
+        return self._time_left() > 0.0
+
+    def _time_left(self) -> float:
+        return self.deadline - perf_counter()
+
+    def _report(self, phase: str) -> None:
+        if self.on_progress is not None:
+            cost = None if self.best is None else Path(self._with_headings(self.best)).cost
+            self.on_progress(PlanProgress(perf_counter() - self.begin, phase, len(self.roadmap), cost))
