@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from trailmark.estimation.errors import EstimationError as EstimationError
     from trailmark.estimation.errors import RecordError as RecordError
+    from trailmark.estimation.motion import MotionModel as MotionModel
+    from trailmark.estimation.motion import PoseIncrement as PoseIncrement
+    from trailmark.estimation.motion import Unicycle as Unicycle
     from trailmark.estimation.readings import RefinedPoint as RefinedPoint
     from trailmark.estimation.readings import refine_point as refine_point
     from trailmark.estimation.readings import refine_points as refine_points
@@ -23,6 +26,9 @@ if TYPE_CHECKING:
 _HOME = {
     "EstimationError": "errors",
     "RecordError": "errors",
+    "MotionModel": "motion",
+    "PoseIncrement": "motion",
+    "Unicycle": "motion",
     "RefinedPoint": "readings",
     "refine_point": "readings",
     "refine_points": "readings",
