@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from environments import environment1, environment2
 from grounds import bugtrap, lake, maze, parking, warehouse
 from rooms import corridor, enclosed, gate, lshape, narrow, office
 from scattered import clutter, discs, field2000, long
@@ -20,8 +21,8 @@ from trailmark import World
 FOLDER = Path(__file__).resolve().parent
 
 MAKERS: tuple[Callable[[], World], ...] = (
-    *(bugtrap, clutter, corridor, discs, enclosed, field2000, gate, lake),
-    *(long, lshape, maze, narrow, office, parking, warehouse),
+    *(bugtrap, clutter, corridor, discs, enclosed, environment1, environment2),
+    *(field2000, gate, lake, long, lshape, maze, narrow, office, parking, warehouse),
 )
 
 
