@@ -1,0 +1,256 @@
+"""Numbers of landmarks: the closed form against geometry by shapely, the promise against scikit-learn's centres."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from benchmarks.oracle import Oracle
+from benchmarks.random_worlds import ROBOTS, random_states, random_world
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+from sklearn.cluster import KMeans
+
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.landmarks.sensor_range import (
+    MAX_LANDMARKS,
+    distances_to_landmarks,
+    landmarks_for_area,
+    landmarks_for_range,
+)
+from trailmark.library import shipped_worlds
+from trailmark.shapes import Polygon, Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+
+
+def open_world(width: float = 40.0, height: float = 40.0, radius: float = 0.5) -> StateChecker:
+    """A world without obstacles whose free area is width x height for the disc's centre."""
+    bounds = (-radius, -radius, width + radius, height + radius)
+    return StateChecker(World("open", bounds), Robot.disc(radius))
+
+
+OPEN = open_world()
+
+
+def hexagon(area: float) -> shapely.Polygon:
+    side = math.sqrt(area / (1.5 * math.sqrt(3.0)))
+    angles = np.arange(6) * (math.pi / 3.0)
+    return shapely.Polygon(side * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+
+# --- the closed form
+
+
+@pytest.mark.parametrize("probability", [0.01, 0.3, 0.85, 0.9, 0.95, 0.99, 0.9999])
+def test_a_hexagon_has_that_share_within_range(probability: float) -> None:
+    area, reach = 1e6, 3.0
+    k = landmarks_for_area(area, reach, probability)
+    cell = hexagon(area / k)
+    covered = cell.intersection(shapely.Point(0, 0).buffer(reach, quad_segs=2000)).area / cell.area
+    # One landmark less would not do, and k is large: the share is met to a rounding.
+    assert covered == pytest.approx(probability, abs=1e-4)
+
+
+def test_a_triangular_lattice_meets_the_probability() -> None:
+    side, reach, probability = 100.0, 5.0, 0.95
+    spacing = math.sqrt(2.0 / math.sqrt(3.0) * side**2 / landmarks_for_area(side**2, reach, probability))
+    rows = np.arange(-2, 18)
+    x = spacing * (np.arange(-2, 15)[None, :] + 0.5 * (rows[:, None] % 2))
+    y = np.broadcast_to(spacing * math.sqrt(0.75) * rows[:, None], x.shape)
+    places = np.random.default_rng(1).uniform(0, side, (3000, 2))
+    share = (cdist(places, np.column_stack([x.ravel(), y.ravel()])).min(axis=1) <= reach).mean()
+    assert share == pytest.approx(probability, abs=4 * math.sqrt(0.95 * 0.05 / 3000))
+
+
+areas, ranges, shares = st.floats(1e-3, 1e6), st.floats(1e-2, 1e4), st.floats(1e-6, 1.0 - 1e-6)
+
+
+@given(areas, ranges, shares, st.floats(1.0, 10.0))
+def test_more_area_more_certainty_or_less_range_never_take_fewer(
+    area: float, reach: float, probability: float, factor: float
+) -> None:
+    k = landmarks_for_area(area, reach, probability)
+    assert landmarks_for_area(factor * area, reach, probability) >= k >= 1
+    assert landmarks_for_area(area, factor * reach, probability) <= k
+    assert landmarks_for_area(area, reach, probability / factor) <= k
+    # Not even discs that nowhere overlap would do with less.
+    assert k * math.pi * reach**2 >= probability * area * (1.0 - 1e-9)
+    # Lengths have no scale of their own.
+    assert abs(landmarks_for_area(area * factor**2, reach * factor, probability) - k) <= 1 + 1e-9 * k
+
+
+# --- the promise, with centres and places that share nothing with the function
+
+
+def shares_in_range(places: FloatArray, k: int, reach: float) -> FloatArray:
+    """The shares of half of the places within range of scikit-learn's centres of the other half, five times."""
+    shares = []
+    for seed in range(5):
+        mixed = np.random.default_rng(seed).permutation(places)
+        some, others = mixed[: len(places) // 2], mixed[len(places) // 2 :]
+        centres = KMeans(k, init="random", n_init=1, random_state=seed).fit(some).cluster_centers_
+        shares.append((cdist(others, centres).min(axis=1) <= reach).mean())
+    return np.array(shares)
+
+
+CASES = {
+    "open": (OPEN, 6.0, 0.95),
+    "open, small share": (OPEN, 2.5, 0.5),
+    "office": (StateChecker(World.load(shipped_worlds()["office"])), 2.0, 0.95),
+    "maze": (StateChecker(World.load(shipped_worlds()["maze"])), 3.0, 0.9),
+    "corridor": (StateChecker(World.load(shipped_worlds()["corridor"])), 1.5, 0.95),
+    "random, disc": (StateChecker(random_world(1, 200), ROBOTS["disc"]), 10.0, 0.95),
+    "random, rectangle": (
+        StateChecker(random_world(2, 250, discs=0.4, boundary=True), ROBOTS["rectangle"]),
+        14.0,
+        0.99,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_share_in_range_is_as_promised(name: str) -> None:
+    checker, reach, probability = CASES[name]
+    k = landmarks_for_range(checker, reach, probability, random_state=1)
+    q = random_states(checker.world, 5000, np.random.default_rng(2))
+    places = q[~Oracle(checker.world, checker.robot).collides(q)][:, :2]
+    shares = shares_in_range(places, k, reach)
+    error = max(shares.std(ddof=1) / math.sqrt(5), math.sqrt(probability * (1.0 - probability) / len(places)))
+    assert shares.mean() >= probability - 3.0 * error
+    # Nor is it far too many, although these centres may lie in obstacles: two thirds would not do.
+    assert shares_in_range(places, 2 * k // 3, reach).mean() < probability
+
+
+def test_along_a_corridor_landmarks_stand_in_a_row() -> None:
+    checker = open_world(100.0, 0.05, radius=0.25)
+    reach, probability = 4.0, 0.9
+    k = landmarks_for_range(checker, reach, probability, random_state=2)
+    # Each landmark has 2 r of the length at best; areas know nothing of that.
+    assert probability * 100.0 / (2.0 * reach) <= k <= 1.35 * 100.0 / (2.0 * reach)
+    assert landmarks_for_area(5.0, reach, probability) == 1
+
+
+def test_a_sensor_that_sees_everything_needs_one_landmark() -> None:
+    assert landmarks_for_range(OPEN, 57.0, 0.99, random_state=3) == 1
+
+
+def test_few_samples_take_more_landmarks() -> None:
+    checker = OPEN
+    with_many = landmarks_for_range(checker, 6.0, random_state=4)
+    with_few = landmarks_for_range(checker, 6.0, samples=80, random_state=4)
+    assert with_many < with_few <= 80
+    with pytest.raises(ConfigurationError, match="too small for world 'open': 20 samples do not bring a place within"):
+        landmarks_for_range(checker, 3.0, samples=20, random_state=4)
+
+
+def test_headings_cost_landmarks() -> None:
+    checker = StateChecker(World("open", (0, 0, 40, 40)), Robot.rectangle(4.0, 1.0))
+    positions = landmarks_for_range(checker, 8.0, random_state=5)
+    assert landmarks_for_range(checker, 8.0, radius=8.0, random_state=5) > positions
+
+
+def test_what_is_enclosed_needs_no_landmarks() -> None:
+    outer = np.array([[10.0, 10.0], [39.0, 10.0], [39.0, 39.0], [10.0, 39.0]])
+    ring = Polygon(outer, (np.array([[11.0, 11.0], [38.0, 11.0], [38.0, 38.0], [11.0, 38.0]]),))
+    checker = StateChecker(World("ring", (0, 0, 40, 40), (ring,)), Robot.disc(0.5))
+    everywhere = landmarks_for_range(checker, 4.0, random_state=6)
+    assert landmarks_for_range(checker, 4.0, reachable_from=np.array([5.0, 5.0, 0.0]), random_state=6) < everywhere
+
+
+def test_a_seed_decides() -> None:
+    checker = CASES["office"][0]
+    counts = [landmarks_for_range(checker, 1.5, random_state=seed) for seed in (7, 7)]
+    assert counts[0] == counts[1]
+    again = landmarks_for_range(checker, 1.5, random_state=np.random.default_rng(7))
+    assert again == counts[0]
+
+
+# --- line of sight
+
+
+def test_distances_along_lines_of_sight() -> None:
+    world = random_world(5, 60, size=60.0, discs=0.4, holes=0.3, boundary=True)
+    checker = StateChecker(world, Robot.disc(0.3))
+    q = random_states(world, 900, np.random.default_rng(6))
+    q = q[checker.valid(q)]
+    landmarks, places = q[:30], q[30:]
+    blocked = shapely.union_all([shape.polygon(1e-6).shapely() for shape in world.obstacles])
+    assert world.boundary is not None
+    outside = shapely.box(*world.bounds).difference(world.boundary.shapely())
+    gaps = cdist(places[:, :2], landmarks[:, :2])
+    assert distances_to_landmarks(checker, places, landmarks) == pytest.approx(gaps.min(axis=1))
+
+    nearest = np.argsort(gaps, axis=1)[:, :8]
+    ends = np.stack([np.repeat(places[:, None, :2], 8, axis=1), landmarks[nearest, :2]], axis=2)
+    lines = shapely.linestrings(ends)
+    shapely.prepare([blocked, outside])
+    seen = ~(shapely.intersects(blocked, lines) | shapely.intersects(outside, lines))
+    expected = np.where(seen, np.take_along_axis(gaps, nearest, axis=1), np.inf).min(axis=1)
+    found = distances_to_landmarks(checker, places[:, :2], landmarks[:, :2], line_of_sight=True)
+    assert np.isinf(expected).any()
+    assert (expected > gaps.min(axis=1) + 1e-9).mean() > 0.1
+    assert found == pytest.approx(expected)
+
+
+def test_walls_cost_landmarks_only_where_they_hide_something() -> None:
+    walls = tuple(Rectangle((x, 20.0), 0.1, 38.0) for x in (8.0, 16.0, 24.0, 32.0))
+    checker = StateChecker(World("walls", (0, 0, 40, 40), walls), Robot.disc(0.2))
+    through = landmarks_for_range(checker, 15.0, random_state=8)
+    around = landmarks_for_range(checker, 15.0, line_of_sight=True, random_state=8)
+    assert around > 1.5 * through
+    assert landmarks_for_range(OPEN, 9.0, line_of_sight=True, random_state=8) == pytest.approx(
+        landmarks_for_range(OPEN, 9.0, random_state=8), abs=1
+    )
+
+
+# --- bad input
+
+
+@pytest.mark.parametrize("reach", [0.0, -1.0, math.nan, math.inf])
+def test_bad_ranges(reach: float) -> None:
+    message = r"^sensor range: \S+ m given, allowed: a finite number above 0$"
+    with pytest.raises(ConfigurationError, match=message):
+        landmarks_for_area(1.0, reach)
+    with pytest.raises(ConfigurationError, match=message):
+        landmarks_for_range(OPEN, reach)
+
+
+@pytest.mark.parametrize("probability", [0.0, 1.0, -0.1, 1.1, math.nan])
+def test_bad_probabilities(probability: float) -> None:
+    message = r"^probability: \S+ given, allowed: above 0 and below 1$"
+    with pytest.raises(ConfigurationError, match=message):
+        landmarks_for_area(1.0, 1.0, probability)
+    with pytest.raises(ConfigurationError, match=message):
+        landmarks_for_range(OPEN, 1.0, probability)
+
+
+def test_other_bad_arguments() -> None:
+    checker = OPEN
+    with pytest.raises(ConfigurationError, match="area: 0 m² given, allowed: a finite number above 0"):
+        landmarks_for_area(0, 1.0)
+    with pytest.raises(ConfigurationError, match="sensor range: 1e-200 m given, too small for 1 m²"):
+        landmarks_for_area(1.0, 1e-200)
+    with pytest.raises(ConfigurationError, match=r"probability: 0.99999 given, allowed: above 0 and at most 0.9999"):
+        landmarks_for_range(checker, 1.0, 0.99999)
+    with pytest.raises(ConfigurationError, match="samples: 0 given, allowed: 1 or more"):
+        landmarks_for_range(checker, 1.0, samples=0)
+    with pytest.raises(ConfigurationError, match=f"0.01 m given, too small .*: {MAX_LANDMARKS} landmarks, the limit"):
+        landmarks_for_range(checker, 0.01)
+    with pytest.raises(ConfigurationError, match="landmarks: none given, allowed: 1 or more"):
+        distances_to_landmarks(checker, np.zeros((3, 2)), np.empty((0, 3)))
+
+
+def test_no_free_space() -> None:
+    full = StateChecker(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4, 4),)), Robot.disc(0.5))
+    with pytest.raises(ConfigurationError, match=r"^world 'full': no free place for the robot was found$"):
+        landmarks_for_range(full, 1.0, random_state=1)
+    tight = StateChecker(World("tight", (0, 0, 10, 10), (Rectangle((5.505, 5), 8.99, 10),)), Robot.disc(0.5))
+    with pytest.raises(ConfigurationError, match=r"'tight': \d+ free places were found, too few to tell .* 0.999$"):
+        landmarks_for_range(tight, 1.0, 0.999, random_state=1)
