@@ -63,13 +63,13 @@ def landmarks_for_area(area: float, sensor_range: float, probability: float = 0.
 
         c_p·√(A/k) <= r   ⇔   k >= A·(c_p/r)².
 
-    c_p is 0.565 at p = 0.95 and 0.620 at p = 1. Independent uniform places, by comparison, take
+    c_p is 0.556 at p = 0.95 and 0.620 at p = 1. Independent uniform places, by comparison, take
     k = −ln(1 − p)·A/(π·r²), three times as many at p = 0.95.
 
     Source: hexagons are best, by the moment theorem of L. Fejes Tóth, "Lagerungen in der Ebene, auf der Kugel und im
     Raum" (1953), which holds for every falling function of the distance; K-means tends to them, Newman, "The hexagon
     theorem", IEEE Trans. Inf. Theory 28 (1982), and Gersho, "Asymptotically optimal block quantization", same 25
-    (1979). Measured, K-means in an open square takes 1.5 to 1.8 times as many at p = 0.95: it ends in a local optimum.
+    (1979). Measured in open squares, K-means takes 1.5 to 1.8 times as many at p = 0.95: it ends in a local optimum.
 
     Args:
         area: free area, square metres, > 0.
