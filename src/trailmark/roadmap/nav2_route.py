@@ -140,8 +140,11 @@ def _add_edge(graph: nx.DiGraph, properties: dict[str, Any], where: str, path: F
     if "metadata" in properties:
         attributes["metadata"] = properties["metadata"]
     before = graph.get_edge_data(start, end)
-    if before is None or attributes.get("cost", length) < before.get("cost", length):
-        graph.add_edge(start, end, **attributes)
+    if before is not None:
+        if attributes.get("cost", length) >= before.get("cost", length):
+            return
+        graph.remove_edge(start, end)
+    graph.add_edge(start, end, **attributes)
 
 
 def _id(properties: dict[str, Any], key: str, where: str, path: FilePath) -> int:
