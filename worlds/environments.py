@@ -102,12 +102,12 @@ def environment1() -> World:
 def environment2() -> World:
     """The second environment: many obstacles, which take half of the region once they are grown by the robot, k = 14.
 
-    Among them stands a yard, whose four walls leave no way in: its inside is free, but out of reach.
+    Among them stands a yard whose four walls leave no way in: its inside is free, but out of reach.
     """
     dice = Dice(1)
     yard = [
         *(box(57.0, 33.0, 69.0, 34.0), box(57.0, 42.0, 69.0, 43.0)),
-        *(box(57.0, 34.0, 58.0, 42.0), box(68.0, 34.0, 69.0, 42.0)),
+        *(box(57.0, 33.0, 58.0, 43.0), box(68.0, 33.0, 69.0, 43.0)),
     ]
     empty = World(
         name="environment2",
