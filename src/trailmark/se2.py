@@ -46,7 +46,8 @@ def configurations(q: ArrayLike, *, name: str = "configuration") -> FloatArray:
         ConfigurationError: other shapes, or values that are not finite numbers.
     """
     try:
-        array = np.array(q, dtype=np.float64)
+        # In C order: to the compiled kernels, another memory layout is another type and another compilation.
+        array = np.array(q, dtype=np.float64, order="C")
     except (TypeError, ValueError, OverflowError):
         given = " ".join(reprlib.repr(q).split())
         raise ConfigurationError(f"{name}: {given} is not an array of numbers x, y, theta") from None

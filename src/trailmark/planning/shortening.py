@@ -49,7 +49,8 @@ def shorten(
     """
     turning = checker.footprint.disc_radius < 0.0
     seed = np.array([rng.integers(1, 2**63)], dtype=np.uint64)
-    path = np.ascontiguousarray(states)
+    # A copy: a Path's states are read-only, which to numba is another type and another compilation.
+    path = np.array(states, dtype=np.float64, order="C")
     scale = 0.1 * _total(path, turning) / max(1, len(path))
     history = [_total(path, turning)]
     for _ in range(sweeps):

@@ -205,11 +205,11 @@ class Roadmap:
             self.edges,
             self.lengths,
             self.status,
-            start,
-            goal,
+            int(start),
+            int(goal),
             to_go,
             np.zeros(n, np.bool_) if banned is None else banned,
-            limit,
+            float(limit),
         )
         return Search(nodes, reached)
 
