@@ -1,4 +1,8 @@
-"""World, Robot and Query: what there is to plan in, with what, and from where to where."""
+"""World, Robot and Query: what there is to plan in, with what, and from where to where.
+
+A world made from noisy readings also says how well each obstacle is known (:class:`ObstacleEstimate`) and for which
+risk it was grown (:class:`RiskBound`); :mod:`trailmark.estimation.risk` makes such worlds.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +13,13 @@ from functools import cached_property
 from pathlib import Path as FilePath
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.errors import ShapeError, WorldError, did_you_mean
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
-__all__ = ["BOUNDS_LIMIT", "Query", "Robot", "World"]
+__all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
 
 BOUNDS_LIMIT = 1e7
 """Metres: farther from the origin, rounding would eat up the touching tolerance of 1e-7 m."""
@@ -152,6 +157,89 @@ class Query:
             object.__setattr__(self, end, tuple(float(v) for v in q))
 
 
+@dataclass(frozen=True, eq=False)
+class ObstacleEstimate:
+    """An obstacle that is known from noisy readings: its mean shape, and the covariance of the numbers that place it.
+
+    Those numbers are, in this order, a disc's x, y and radius; a rectangle's x, y, heading, length and width; a
+    polygon's shift in x and y and its turn about the mean of its outline's vertices. The covariance is that of the
+    first k of them; the others count as known exactly.
+
+    Attributes:
+        mean: the most likely shape.
+        covariance: shape (k, k), 2 <= k <= 5 (rectangle) or 3; metres and radians.
+        share: the part of the world's risk that this obstacle may take, above 0 and at most 1; None if not shared
+            out.
+
+    Raises:
+        WorldError: a covariance of another shape, not finite, not symmetric or with a negative variance; a share
+            out of range.
+    """
+
+    mean: Shape
+    covariance: se2.FloatArray
+    share: float | None = None
+
+    def __post_init__(self) -> None:
+        most = 5 if isinstance(self.mean, Rectangle) else 3
+        kind = type(self.mean).__name__.lower()
+        name = f"estimate of a {kind}: covariance"
+        object.__setattr__(self, "covariance", _covariance(self.covariance, name, range(2, most + 1)))
+        if self.share is not None:
+            object.__setattr__(self, "share", _between(self.share, "estimate: share", 0.0, 1.0))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ObstacleEstimate):
+            return NotImplemented
+        alike = self.mean == other.mean and self.share == other.share
+        return alike and np.array_equal(self.covariance, other.covariance)
+
+    def __hash__(self) -> int:
+        return hash((self.mean, self.share, (self.covariance + 0.0).tobytes()))
+
+
+@dataclass(frozen=True, eq=False)
+class RiskBound:
+    """What a world's obstacles are grown for.
+
+    Attributes:
+        confidence: least probability, above 0 and below 1, with which a valid path meets none of the true obstacles.
+        pose_covariance: shape (3, 3), of the robot's x, y and theta in the world's frame about where it takes itself
+            to be; None if that counts as exact.
+        reach: metres that a radian of heading moves the robot's outline at most (``Robot.sweep_radius``), >= 0.
+
+    Raises:
+        WorldError: a value out of these ranges.
+    """
+
+    confidence: float
+    pose_covariance: se2.FloatArray | None = None
+    reach: float = 0.0
+
+    def __post_init__(self) -> None:
+        confidence = _between(self.confidence, "risk: confidence", 0.0, 1.0)
+        if confidence == 1.0:
+            raise WorldError("risk: confidence 1 given, allowed: a number above 0 and below 1")
+        object.__setattr__(self, "confidence", confidence)
+        reach = self.reach
+        if not (isinstance(reach, int | float) and 0.0 <= reach < math.inf):
+            raise WorldError(f"risk: reach {reach!r} given, allowed: metres, 0 or more")
+        object.__setattr__(self, "reach", float(reach))
+        if self.pose_covariance is not None:
+            covariance = _covariance(self.pose_covariance, "risk: pose_covariance", (3,))
+            object.__setattr__(self, "pose_covariance", covariance)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, RiskBound):
+            return NotImplemented
+        mine, theirs = self.pose_covariance, other.pose_covariance
+        same = mine is theirs if mine is None or theirs is None else np.array_equal(mine, theirs)
+        return same and self.confidence == other.confidence and self.reach == other.reach
+
+    def __hash__(self) -> int:
+        return hash((self.confidence, self.reach))
+
+
 @dataclass(frozen=True)
 class World:
     """A planar world: free space lies inside ``bounds`` and ``boundary`` and outside all obstacles.
@@ -163,9 +251,12 @@ class World:
         robot: the robot to plan for, if the file names one.
         boundary: optional simple polygon, also not left by any part of the robot.
         queries: named planning problems.
+        estimates: one for each obstacle, None where the obstacle is known exactly; empty if all are.
+        risk: what the obstacles with estimates are grown for; None if they stand as they were measured.
 
     Raises:
-        WorldError: empty or infinite bounds, two queries of the same name, a boundary with holes.
+        WorldError: empty or infinite bounds, two queries of the same name, a boundary with holes, another number of
+            estimates than of obstacles, shares of the risk that add up to more than 1.
     """
 
     name: str
@@ -174,6 +265,8 @@ class World:
     robot: Robot | None = None
     boundary: Polygon | None = None
     queries: tuple[Query, ...] = field(default=())
+    estimates: tuple[ObstacleEstimate | None, ...] = field(default=())
+    risk: RiskBound | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -196,6 +289,7 @@ class World:
         twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
         if twice:
             raise WorldError(f"queries: the name {twice[0]!r} is given more than once, allowed: once")
+        self._check_estimates()
 
     @classmethod
     def load(cls, path: str | FilePath) -> World:
@@ -245,3 +339,44 @@ class World:
     def extent(self) -> float:
         """The diagonal of the bounds, in metres."""
         return math.hypot(self.bounds[2] - self.bounds[0], self.bounds[3] - self.bounds[1])
+
+    def _check_estimates(self) -> None:
+        estimates = tuple(self.estimates)
+        known = [estimate for estimate in estimates if estimate is not None]
+        if estimates and len(estimates) != len(self.obstacles):
+            raise WorldError(
+                f"estimates: {len(estimates)} given for {len(self.obstacles)} obstacles, allowed: one each, or none"
+            )
+        # Rounding of many shares may carry their sum a little over 1.
+        total = math.fsum(estimate.share or 0.0 for estimate in known)
+        if total > 1.0 + 1e-9:
+            raise WorldError(f"estimates: shares that add up to {total:g} given, allowed: at most 1")
+        object.__setattr__(self, "estimates", estimates if known else ())
+
+
+def _covariance(value: ArrayLike, name: str, sizes: Sequence[int]) -> se2.FloatArray:
+    """Return a symmetric matrix without negative eigenvalues, read-only, or say what is wrong."""
+    try:
+        matrix = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise WorldError(f"{name}: no matrix of numbers given") from None
+    if matrix.shape not in {(k, k) for k in sizes}:
+        allowed = ", ".join(f"({k}, {k})" for k in sizes)
+        raise WorldError(f"{name}: shape {matrix.shape} given, allowed: {allowed}")
+    if not np.isfinite(matrix).all():
+        raise WorldError(f"{name}: holds a value that is not a finite number")
+    slack = 1e-9 * float(np.abs(matrix).max())
+    if np.abs(matrix - matrix.T).max() > slack:
+        raise WorldError(f"{name}: {matrix.tolist()} given, allowed: a symmetric matrix")
+    matrix = 0.5 * (matrix + matrix.T)
+    if float(np.linalg.eigvalsh(matrix)[0]) < -slack:
+        raise WorldError(f"{name}: {matrix.tolist()} given, allowed: a matrix without negative eigenvalues")
+    matrix.flags.writeable = False
+    return matrix
+
+
+def _between(value: object, name: str, low: float, high: float) -> float:
+    """Return a number above ``low`` and at most ``high``, or say what is wrong."""
+    if isinstance(value, bool) or not isinstance(value, int | float | np.floating) or not low < value <= high:
+        raise WorldError(f"{name} {value!r} given, allowed: a number above {low:g} and at most {high:g}")
+    return float(value)

@@ -197,7 +197,7 @@ def polygon(points: str) -> str:
         (HEAD + disc("[1]"), f"obstacles[3].radius: [1] given, {LENGTH}"),
         (
             HEAD + "obstacles: [{shape: disc, center: [1, 2], radus: 1}]",
-            "obstacles[0].radus: unknown key, did you mean 'radius'? allowed: center, radius, shape (and 1 more)",
+            "obstacles[0].radus: unknown key, did you mean 'radius'? allowed: center, estimate, radius, shape (and",
         ),
         (HEAD + "obstacles: [{shape: disk}]", "obstacles[0].shape: 'disk' given, did you mean 'disc'? allowed: disc, "),
         (HEAD + "obstacles: [{radius: 1}]", "obstacles[0].shape: missing, allowed: disc, polygon, rectangle"),
@@ -298,7 +298,8 @@ def test_json_schema_describes_the_contract() -> None:
     json.dumps(schema)
     assert schema["title"] == "trailmark world"
     assert schema["additionalProperties"] is False
-    assert set(schema["properties"]) == {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"}
+    contract = {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"}
+    assert set(schema["properties"]) == {*contract, "risk"}
     assert schema["required"] == ["trailmark", "bounds"]
     disc_schema = schema["$defs"]["DiscObstacle"]
     assert disc_schema["properties"]["radius"]["exclusiveMinimum"] == 0.0

@@ -25,12 +25,18 @@ Text = Annotated[str, Field(strict=True)]
 Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Pose = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Ring = Annotated[list[Point], Field(min_length=3)]
+Matrix = Annotated[list[Annotated[list[Number], Field(min_length=2, max_length=5)]], Field(min_length=2, max_length=5)]
+Share = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1.0)]
+Confidence = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, lt=1.0)]
+NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
 
 _NAME = "a text (quote it if it looks like a number)"
 _LENGTH = "a finite number above 0 (metres)"
 _POINT = "a point [x, y] of finite numbers (metres)"
 _RING = "three or more points [x, y] of finite numbers (metres)"
 _POSE = "a configuration [x, y, theta] of finite numbers (metres, radians)"
+_KIND = "a mapping with the key shape: disc, rectangle or polygon"
+_ESTIMATE = "a mapping {mean, covariance, share}"
 
 
 class _Strict(BaseModel):
@@ -59,7 +65,7 @@ class PolygonRobot(_Strict):
     vertices: Ring = Field(description=_RING)
 
 
-class DiscObstacle(_Strict):
+class DiscShape(_Strict):
     """A disc."""
 
     shape: Literal["disc"]
@@ -67,7 +73,7 @@ class DiscObstacle(_Strict):
     radius: Positive = Field(description=_LENGTH)
 
 
-class RectangleObstacle(_Strict):
+class RectangleShape(_Strict):
     """A rectangle, its length along its heading."""
 
     shape: Literal["rectangle"]
@@ -77,12 +83,51 @@ class RectangleObstacle(_Strict):
     heading: Number = Field(default=0.0, description="a finite number (radians, counter-clockwise)")
 
 
-class PolygonObstacle(_Strict):
+class PolygonShape(_Strict):
     """A simple polygon, convex or not."""
 
     shape: Literal["polygon"]
     vertices: Ring = Field(description=_RING)
     holes: list[Ring] = Field(default=[], description="a list of rings, each of " + _RING)
+
+
+class EstimateEntry(_Strict):
+    """What readings say of an obstacle; the obstacle itself is this, grown for the world's risk."""
+
+    mean: Annotated[DiscShape | RectangleShape | PolygonShape, Field(discriminator="shape")] = Field(description=_KIND)
+    covariance: Matrix = Field(
+        description="2 to 5 rows of a symmetric matrix (of x, y and radius, of x, y, heading, length and width, or of "
+        "x, y and heading; metres and radians)"
+    )
+    share: Share | None = Field(default=None, description="a number above 0 and at most 1 (of the risk)")
+
+
+class DiscObstacle(DiscShape):
+    """A disc."""
+
+    estimate: EstimateEntry | None = Field(default=None, description=_ESTIMATE)
+
+
+class RectangleObstacle(RectangleShape):
+    """A rectangle, its length along its heading."""
+
+    estimate: EstimateEntry | None = Field(default=None, description=_ESTIMATE)
+
+
+class PolygonObstacle(PolygonShape):
+    """A simple polygon, convex or not."""
+
+    estimate: EstimateEntry | None = Field(default=None, description=_ESTIMATE)
+
+
+class RiskEntry(_Strict):
+    """What the obstacles that carry estimates are grown for."""
+
+    confidence: Confidence = Field(description="a number above 0 and below 1")
+    pose_covariance: Matrix | None = Field(
+        default=None, description="three rows of a symmetric matrix (of the robot's x, y and theta; metres and radians)"
+    )
+    reach: NotNegative = Field(default=0.0, description="a finite number, 0 or more (metres per radian of heading)")
 
 
 class QueryEntry(_Strict):
@@ -104,13 +149,14 @@ class WorldFile(_Strict):
         description="four finite numbers [xmin, ymin, xmax, ymax] (metres)"
     )
     robot: Annotated[DiscRobot | RectangleRobot | PolygonRobot, Field(discriminator="shape")] | None = Field(
-        default=None, description="a mapping with the key shape: disc, rectangle or polygon"
+        default=None, description=_KIND
     )
     boundary: Ring | None = Field(default=None, description=_RING)
     obstacles: (
         list[Annotated[DiscObstacle | RectangleObstacle | PolygonObstacle, Field(discriminator="shape")]] | None
     ) = Field(default=None, description="a list of mappings with the key shape: disc, rectangle or polygon")
     queries: list[QueryEntry] | None = Field(default=None, description="a list of mappings {name, start, goal}")
+    risk: RiskEntry | None = Field(default=None, description="a mapping {confidence, pose_covariance, reach}")
 
 
 class MapFile(BaseModel):
@@ -127,11 +173,13 @@ class MapFile(BaseModel):
     mode: Literal["trinary", "scale", "raw"] = Field(default="trinary", description="trinary, scale, raw")
 
 
-_MODELS = (DiscRobot, RectangleRobot, PolygonRobot, DiscObstacle, RectangleObstacle, PolygonObstacle, QueryEntry)
 _KINDS: dict[str, dict[str, type[BaseModel]]] = {
     "robot": {"disc": DiscRobot, "rectangle": RectangleRobot, "polygon": PolygonRobot},
     "obstacles": {"disc": DiscObstacle, "rectangle": RectangleObstacle, "polygon": PolygonObstacle},
+    "mean": {"disc": DiscShape, "rectangle": RectangleShape, "polygon": PolygonShape},
 }
+_PARTS: dict[str, type[BaseModel]] = {"queries": QueryEntry, "estimate": EstimateEntry, "risk": RiskEntry}
+_MODELS = (*_KINDS["robot"].values(), *_KINDS["obstacles"].values(), *_PARTS.values())
 _POINT_DEPTH = {"vertices": 1, "boundary": 1, "holes": 2}  # indices from the field down to one point
 _SHAPES = ("disc", "polygon", "rectangle")
 
@@ -194,10 +242,11 @@ def _allowed(model: type[BaseModel], location: Sequence[str | int], kind: str) -
 
 
 def _model_at(model: type[BaseModel], location: Sequence[str | int]) -> type[BaseModel]:
-    names = [part for part in location if isinstance(part, str)]
-    if len(names) == 1:
+    """Return the model that the last key of a location was given to."""
+    names = [part for part in location if isinstance(part, str)][:-1]
+    if not names:
         return model
-    return QueryEntry if names[0] == "queries" else _KINDS[names[0]][names[1]]
+    return _PARTS[names[-1]] if names[-1] in _PARTS else _KINDS[names[-2]][names[-1]]
 
 
 def _where(location: Sequence[str | int]) -> str:

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trailmark.errors import ConfigurationError, FormatError, OutputError, ShapeError
+from trailmark.errors import ConfigurationError, FormatError, OutputError, ShapeError, WorldError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.world import Query, Robot, World
+from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
 if TYPE_CHECKING:
     from trailmark.formats import schema
@@ -41,7 +41,12 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
     file = validate(WorldFile, data, path)
     robot = None if file.robot is None else _build(path, "robot", _robot, file.robot)
     boundary = None if file.boundary is None else _build(path, "boundary", Polygon, file.boundary)
-    obstacles = [_build(path, f"obstacles[{i}]", _obstacle, entry) for i, entry in enumerate(file.obstacles or ())]
+    entries = file.obstacles or ()
+    obstacles = [_build(path, f"obstacles[{i}]", _obstacle, entry) for i, entry in enumerate(entries)]
+    estimates = [
+        None if entry.estimate is None else _build(path, f"obstacles[{i}].estimate", _estimate, entry.estimate)
+        for i, entry in enumerate(entries)
+    ]
     queries = [_build(path, f"queries[{i}]", _query, entry) for i, entry in enumerate(file.queries or ())]
     xmin, ymin, xmax, ymax = file.bounds
     return World(
@@ -51,6 +56,8 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         robot=robot,
         boundary=boundary,
         queries=tuple(queries),
+        estimates=tuple(estimates),
+        risk=None if file.risk is None else _build(path, "risk", _risk, file.risk),
     )
 
 
@@ -69,9 +76,12 @@ def world_text(world: World) -> str:
         lines.append(f"robot: {_shape(world.robot.footprint, placed=False)}")
     if world.boundary is not None:
         lines.append(f"boundary: {_points(world.boundary.vertices.tolist())}")
+    if world.risk is not None:
+        lines.append(f"risk: {_risk_text(world.risk)}")
     if world.obstacles:
+        estimates = world.estimates or (None,) * len(world.obstacles)
         lines.append("obstacles:")
-        lines += [f"  - {_shape(shape, placed=True)}" for shape in world.obstacles]
+        lines += [f"  - {_obstacle_text(*pair)}" for pair in zip(world.obstacles, estimates, strict=True)]
     if world.queries:
         lines.append("queries:")
         lines += [
@@ -84,7 +94,7 @@ def world_text(world: World) -> str:
 def _build(path: Path, where: str, make: Any, entry: Any) -> Any:
     try:
         return make(entry)
-    except (ShapeError, ConfigurationError) as error:
+    except (ShapeError, ConfigurationError, WorldError) as error:
         raise FormatError(path, f"{where}: {error}") from None
 
 
@@ -96,12 +106,20 @@ def _robot(entry: schema.DiscRobot | schema.RectangleRobot | schema.PolygonRobot
     return Robot.polygon(entry.vertices)
 
 
-def _obstacle(entry: schema.DiscObstacle | schema.RectangleObstacle | schema.PolygonObstacle) -> Shape:
+def _obstacle(entry: schema.DiscShape | schema.RectangleShape | schema.PolygonShape) -> Shape:
     if entry.shape == "disc":
         return Disc((entry.center[0], entry.center[1]), entry.radius)
     if entry.shape == "rectangle":
         return Rectangle((entry.center[0], entry.center[1]), entry.length, entry.width, entry.heading)
     return Polygon(entry.vertices, entry.holes)  # type: ignore[arg-type]  # it turns lists into arrays itself
+
+
+def _estimate(entry: schema.EstimateEntry) -> ObstacleEstimate:
+    return ObstacleEstimate(_obstacle(entry.mean), entry.covariance, entry.share)  # type: ignore[arg-type]  # it makes arrays
+
+
+def _risk(entry: schema.RiskEntry) -> RiskBound:
+    return RiskBound(entry.confidence, entry.pose_covariance, entry.reach)  # type: ignore[arg-type]  # it makes arrays
 
 
 def _query(entry: schema.QueryEntry) -> Query:
@@ -121,6 +139,22 @@ def _shape(shape: Shape, placed: bool) -> str:
     size = f"length: {_number(shape.length)}, width: {_number(shape.width)}"
     heading = f", heading: {_number(shape.heading)}" if shape.heading else ""
     return f"{{shape: rectangle, {center}{size}{heading}}}"
+
+
+def _obstacle_text(shape: Shape, estimate: ObstacleEstimate | None) -> str:
+    text = _shape(shape, placed=True)
+    if estimate is None:
+        return text
+    share = "" if estimate.share is None else f", share: {_number(estimate.share)}"
+    fields = f"mean: {_shape(estimate.mean, placed=True)}, covariance: {_points(estimate.covariance.tolist())}{share}"
+    return f"{text[:-1]}, estimate: {{{fields}}}}}"
+
+
+def _risk_text(risk: RiskBound) -> str:
+    fields = f"confidence: {_number(risk.confidence)}"
+    if risk.pose_covariance is not None:
+        fields += f", pose_covariance: {_points(risk.pose_covariance.tolist())}"
+    return f"{{{fields}, reach: {_number(risk.reach)}}}" if risk.reach else f"{{{fields}}}"
 
 
 def _points(points: Iterable[Iterable[float]]) -> str:
