@@ -41,7 +41,7 @@ class Oracle:
         if self.radius is None:
             ring = shapely.Polygon(robot.footprint.polygon().vertices)
             # What is left of the footprint after the band is taken off all round.
-            core = shapely.buffer(ring, -band, join_style="mitre", mitre_limit=100.0)
+            core = shapely.buffer(ring, -band)
             self.outline = _complex(ring)
             self.core = _complex(max(shapely.get_parts(core), key=shapely.area))
         self.reach = float(np.abs(self.outline).max()) + (self.radius or 0.0)
@@ -55,6 +55,10 @@ class Oracle:
         self.polygons = np.array(polygons, dtype=object)
         shapely.prepare(self.polygons)
         self.tree = shapely.STRtree(self.polygons)
+        # Overlap counts either way: of the robot less the band, or of an obstacle less the band. A corner of either
+        # may lie deep in the other although little of it does.
+        shrunk = shapely.buffer(self.polygons, -band) if polygons else self.polygons
+        self.shrunk_tree = shapely.STRtree(shrunk[~shapely.is_empty(shrunk)] if polygons else shrunk)
         discs = [(*shape.center, shape.radius) for shape in world.obstacles if isinstance(shape, Disc)]
         self.discs = np.array(discs, dtype=np.float64).reshape(-1, 3)
 
@@ -82,6 +86,9 @@ class Oracle:
                 found = self.tree.query(points, predicate="intersects")[0]
         else:
             found = self.tree.query(self._bodies(q[near], self.core), predicate="intersects")[0]
+            hit[near[found]] = True
+            near = near[~hit[near]]
+            found = self.shrunk_tree.query(self._bodies(q[near], self.outline), predicate="intersects")[0]
         hit[near[found]] = True
         return hit | self._hits_disc(q)
 

@@ -9,9 +9,10 @@ from benchmarks.random_worlds import ROBOTS, star_polygon
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark.collision.footprint import MAX_TILES, build_footprint, eroded
+from trailmark.collision import StateChecker
+from trailmark.collision.footprint import MAX_TILES, TOUCHING_TOLERANCE, build_footprint, eroded, touching_depth
 from trailmark.shapes import Disc, signed_area
-from trailmark.world import Robot
+from trailmark.world import Robot, World
 
 SHAPES = {
     **ROBOTS,
@@ -96,3 +97,38 @@ def test_the_core_stays_within_the_footprint() -> None:
     assert shapely.Polygon(footprint.outline).contains(core)
     # A footprint thinner than the erosion has none, and must not fail for it.
     assert len(build_footprint(Robot.rectangle(4.0, 1e-7)).core) == 0
+
+
+def test_no_corner_is_drawn_back_by_more_than_the_tolerance_of_touching() -> None:
+    for name in ("rectangle", "L", "star", "thin", "offset"):
+        outline = ROBOTS[name].outline
+        left = eroded(outline.shapely(), touching_depth(outline.rings()[0]))
+        drawn_back = shapely.distance(shapely.points(outline.vertices), left)
+        assert 0.0 < drawn_back.max() <= TOUCHING_TOLERANCE * (1 + 1e-6)
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    assert touching_depth(square) == pytest.approx(TOUCHING_TOLERANCE * np.sqrt(0.5))
+    needle = np.array([[0.0, 0.0], [100.0, 0.0], [0.0, 0.1]])
+    assert touching_depth(needle) == pytest.approx(0.1 * TOUCHING_TOLERANCE)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_gap_to_the_core_is_a_bound(name: str) -> None:
+    footprint = build_footprint(SHAPES[name])
+    if name == "disc":
+        assert footprint.core_gap == np.inf
+        return
+    rim = shapely.get_coordinates(shapely.segmentize(SHAPES[name].outline.shapely().exterior, 0.05))
+    assert shapely.distance(shapely.points(rim), shapely.Polygon(footprint.core)).max() <= footprint.core_gap
+    assert footprint.core_gap < 1e-4
+
+
+def test_a_core_that_lost_a_part_is_far_from_it() -> None:
+    dumbbell = [(0, 0), (1, 0), (1, 0.5), (2, 0.5), (2, 0), (3, 0), (3, 1), (2, 1)]
+    dumbbell += [(2, 0.5 + 1e-7), (1, 0.5 + 1e-7), (1, 1), (0, 1)]
+    robot = Robot.polygon(dumbbell)
+    assert build_footprint(robot).core_gap >= 2.0
+    world = World("w", (0, 0, 10, 10), (Disc((2.5, 2.5), 0.1), Disc((7.5, 7.5), 0.1)))
+    checker = StateChecker(world, robot)
+    # Each half on a disc in turn, and none; the neck on one, which is as thin as the overlap that is allowed.
+    q = [(2, 2, 0), (0, 2, 0), (5, 7, 0), (6, 3, 0), (1, 2, 0)]
+    assert checker.valid(q).tolist() == [False, False, False, True, True]

@@ -15,7 +15,7 @@ import fcl
 import numpy as np
 import shapely
 
-from trailmark.collision.footprint import TOUCHING_TOLERANCE, eroded
+from trailmark.collision.footprint import TOUCHING_TOLERANCE, eroded, touching_depth
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, triangulate
 from trailmark.world import Robot, World
@@ -28,15 +28,15 @@ class FclScene:
 
     Args:
         world: obstacles, boundary and bounds.
-        robot: its footprint; eroded by TOUCHING_TOLERANCE for :meth:`collides`, since touching is allowed.
+        robot: its footprint; eroded by at most TOUCHING_TOLERANCE for :meth:`collides`, since touching is allowed.
     """
 
     def __init__(self, world: World, robot: Robot) -> None:
         self._bounds = world.bounds
         self._outline = robot.outline.vertices if not isinstance(robot.footprint, Disc) else None
         self._radius = robot.footprint.radius if isinstance(robot.footprint, Disc) else 0.0
-        self._robot = fcl.CollisionObject(_robot_geometry(robot, 0.0))
-        self._robot_eroded = fcl.CollisionObject(_robot_geometry(robot, TOUCHING_TOLERANCE))
+        self._robot = fcl.CollisionObject(_robot_geometry(robot, eroding=False))
+        self._robot_eroded = fcl.CollisionObject(_robot_geometry(robot, eroding=True))
         self._obstacles = _obstacle_objects(world)
         self._manager = fcl.DynamicAABBTreeCollisionManager()
         self._manager.registerObjects(self._obstacles)
@@ -91,13 +91,13 @@ def _transform(q: FloatArray) -> Any:
     return fcl.Transform(np.array([math.cos(half), 0.0, 0.0, math.sin(half)]), np.array([q[0], q[1], 0.0]))
 
 
-def _robot_geometry(robot: Robot, erosion: float) -> Any:
+def _robot_geometry(robot: Robot, *, eroding: bool) -> Any:
     if isinstance(robot.footprint, Disc):
         radius = robot.footprint.radius
         # A sphere without a radius collides with nothing, not even around its centre.
-        return fcl.Sphere(max(radius - erosion, 0.5 * radius))
+        return fcl.Sphere(max(radius - TOUCHING_TOLERANCE, 0.5 * radius) if eroding else radius)
     region = robot.outline.shapely()
-    shrunk = eroded(region, erosion) if erosion else region
+    shrunk = eroded(region, touching_depth(robot.outline.rings()[0])) if eroding else region
     parts = [part for part in shapely.get_parts(shrunk) if not part.is_empty]
     return _mesh([_polygon(part) for part in parts] or [robot.outline])
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trailmark.shapes import Disc
 from trailmark.world import Robot
 
-__all__ = ["DEEP_TOLERANCE", "TOUCHING_TOLERANCE", "Footprint", "build_footprint", "eroded"]
+__all__ = ["DEEP_TOLERANCE", "TOUCHING_TOLERANCE", "Footprint", "build_footprint", "eroded", "touching_depth"]
 
 FloatArray = NDArray[np.float64]
 
@@ -32,6 +32,7 @@ class Footprint(NamedTuple):
     Attributes:
         outline: (v, 2) vertices, counter-clockwise; empty for a disc.
         core: (w, 2) the outline eroded by DEEP_TOLERANCE; a collision of the core is a collision in any case.
+        core_gap: no point of the footprint is farther from the core than this; infinite if there is no core.
         cover: (c, 3) discs x, y, radius that together contain the footprint.
         inner: (i, 3) discs that lie inside it.
         circumradius: largest distance of the footprint from the reference point.
@@ -41,6 +42,7 @@ class Footprint(NamedTuple):
 
     outline: FloatArray
     core: FloatArray
+    core_gap: float
     cover: FloatArray
     inner: FloatArray
     circumradius: float
@@ -54,13 +56,15 @@ def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
     if isinstance(shape, Disc):
         disc = np.array([[0.0, 0.0, shape.radius]])
         none = np.empty((0, 2))
-        return Footprint(none, none, disc, disc, shape.radius, 0.0, shape.radius)
+        return Footprint(none, none, np.inf, disc, disc, shape.radius, 0.0, shape.radius)
     region = robot.outline.shapely()
     cover, inner = _cover(region, discs)
+    core = _largest_ring(eroded(region, DEEP_TOLERANCE))
     return Footprint(
         # A copy: shapes are read-only, which to numba is another type and another compilation.
         np.array(robot.outline.rings()[0], order="C"),
-        _largest_ring(eroded(region, DEEP_TOLERANCE)),
+        core,
+        _gap(region, core),
         cover,
         inner,
         robot.circumradius,
@@ -78,6 +82,21 @@ def eroded(region: shapely.Polygon, depth: float) -> shapely.Geometry:
     return shapely.buffer(region, -depth, join_style="round", quad_segs=2)
 
 
+def touching_depth(outline: FloatArray) -> float:
+    """Return the depth (metres) of erosion that draws no corner back by more than TOUCHING_TOLERANCE.
+
+    An erosion by d draws a corner of angle 2a back by d / sin(a). Corners sharper than 11 degrees may be drawn back
+    farther: a tenth of the tolerance is always left for rounding.
+
+    Args:
+        outline: shape (v, 2), counter-clockwise.
+    """
+    back, ahead = np.roll(outline, 1, axis=0) - outline, np.roll(outline, -1, axis=0) - outline
+    angle = np.arctan2(ahead[:, 0] * back[:, 1] - ahead[:, 1] * back[:, 0], (ahead * back).sum(axis=1))
+    convex = angle[angle > 0.0]
+    return TOUCHING_TOLERANCE * max(0.1, float(np.sin(0.5 * convex).min(initial=1.0)))
+
+
 def _largest_ring(geometry: shapely.Geometry) -> FloatArray:
     """Return the outline of the largest part, shape (w, 2); empty if nothing is left."""
     parts = shapely.get_parts(geometry)
@@ -85,6 +104,16 @@ def _largest_ring(geometry: shapely.Geometry) -> FloatArray:
         return np.empty((0, 2))
     largest = max(parts, key=lambda part: float(part.area))
     return np.ascontiguousarray(shapely.get_coordinates(shapely.orient_polygons(largest).exterior)[:-1])
+
+
+def _gap(region: shapely.Polygon, core: FloatArray) -> float:
+    """Return a proven bound on how far (metres) points of the region are from its core."""
+    if len(core) == 0:
+        return np.inf
+    inside = shapely.Polygon(core)
+    gap = 1.1 * float(shapely.distance(shapely.points(region.exterior.coords), inside).max())
+    # The corners are the farthest, unless the erosion cut a part off. Buffers are polygons within the true ones.
+    return gap if shapely.covers(shapely.buffer(inside, gap, quad_segs=16), region) else np.inf
 
 
 def _cover(region: shapely.Polygon, wanted: int) -> tuple[FloatArray, FloatArray]:

@@ -17,7 +17,7 @@ import numpy as np
 from numba import njit
 
 from trailmark.collision.field import ClearanceField
-from trailmark.collision.footprint import Footprint
+from trailmark.collision.footprint import DEEP_TOLERANCE, Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.se2 import FloatArray
 
@@ -134,10 +134,14 @@ def _in_ring(ring: FloatArray, n: int, px: float, py: float) -> bool:
 @njit(cache=True)
 def _segment_ring(ring: FloatArray, n: int, ax: float, ay: float, bx: float, by: float, limit: float) -> float:
     """Return the squared distance of a segment to a ring's edges, 0 where they cross, ``limit`` if not below."""
-    best = limit
+    best, reach = limit, sqrt(limit)
+    x1, x2, y1, y2 = min(ax, bx) - reach, max(ax, bx) + reach, min(ay, by) - reach, max(ay, by) + reach
     j = n - 1
     for i in range(n):
         px, py, qx, qy = ring[j, 0], ring[j, 1], ring[i, 0], ring[i, 1]
+        j = i
+        if max(px, qx) < x1 or min(px, qx) > x2 or max(py, qy) < y1 or min(py, qy) > y2:
+            continue
         # Crossing: the ends of each lie on different sides of the other.
         ex, ey, dx, dy = qx - px, qy - py, bx - ax, by - ay
         sa = ex * (ay - py) - ey * (ax - px)
@@ -150,7 +154,6 @@ def _segment_ring(ring: FloatArray, n: int, ax: float, ay: float, bx: float, by:
         best = min(best, _point_segment(qx, qy, ax, ay, bx, by))
         best = min(best, _point_segment(ax, ay, px, py, qx, qy))
         best = min(best, _point_segment(bx, by, px, py, qx, qy))
-        j = i
     return best
 
 
@@ -207,10 +210,15 @@ def _ring_clearance(grid: ObstacleGrid, ring: FloatArray, n: int, x: float, y: f
         return 0.0
     m = len(grid.segments)
     best, best2 = cap, cap * cap
+    last = before = -1
     for row in range(low, high + 1):
         base = row * grid.columns
         for k in range(grid.cell_start[base + left], grid.cell_start[base + right + 1]):
             item = grid.items[k]
+            # A segment runs through many cells in a row, where at most another one is its neighbour.
+            if item in (last, before):
+                continue
+            last, before = item, last
             if item < m:
                 # Relative to the robot, where coordinates are small and rounding with them.
                 ax, ay = grid.segments[item, 0] - x, grid.segments[item, 1] - y
@@ -319,17 +327,22 @@ def _state(
         return FREE
     if _field_hit(field, robot, x, y, c, s):
         return BLOCKED
+    if robot.disc_radius > 0.0:
+        d = point_clearance(grid, x, y, robot.disc_radius + 2.0 * ROUNDING) - robot.disc_radius
+        if d > ROUNDING:
+            return FREE
+        return BLOCKED if d < -DEEP_TOLERANCE else UNDECIDED
+    # The core first: it tells most of the free from most of the blocked at once.
+    if len(robot.core) > 0:
+        n = _place(robot.core, c, s, placed)
+        # A gap wider than END_ZONE would cost more to search than it saves: then nothing is called free here.
+        d = _ring_clearance(grid, placed, n, x, y, min(robot.core_gap, END_ZONE) + 2.0 * ROUNDING)
+        if d == 0.0:
+            return BLOCKED
+        if d > robot.core_gap + ROUNDING:
+            return FREE
     if _exact_clearance(grid, robot, placed, x, y, c, s, 2.0 * ROUNDING) > ROUNDING:
         return FREE
-    if robot.disc_radius > 0.0:
-        if point_clearance(grid, x, y, robot.disc_radius) < robot.disc_radius - 3e-7:
-            return BLOCKED
-        return UNDECIDED
-    if len(robot.core) == 0:
-        return UNDECIDED
-    n = _place(robot.core, c, s, placed)
-    if _ring_clearance(grid, placed, n, x, y, ROUNDING) == 0.0:
-        return BLOCKED
     return UNDECIDED
 
 
