@@ -71,7 +71,7 @@ class Scan(NamedTuple):
 
     Attributes:
         t: seconds.
-        ranges: (n,), metres; not finite or beyond ``range_max`` where nothing came back.
+        ranges: (n,), metres; infinite or from ``range_max`` on where nothing was met, NaN where the reading was lost.
         angle_min: bearing of the first beam in the scanner's frame, radians.
         angle_increment: from one beam to the next, radians.
         range_max: metres; readings from there on say only that nothing was met before.
@@ -117,9 +117,11 @@ class Log(NamedTuple):
         records: in the order of the file.
         landmarks: (m, 3) rows identity, x, y of surveyed features for evaluation; empty if the log has none.
         dropped: how many bad records were left out (with ``skip_bad``).
+        notes: one sentence each on good records that the reader left out or changed, with their count.
     """
 
     name: str
     records: tuple[Record, ...]
     landmarks: FloatArray
     dropped: int = 0
+    notes: tuple[str, ...] = ()
