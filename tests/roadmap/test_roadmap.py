@@ -112,6 +112,30 @@ def test_one_place_many_times() -> None:
     assert roadmap.shortest_path(0, 0).nodes.tolist() == [0]
 
 
+@pytest.mark.parametrize("name", ["disc", "rectangle"])
+def test_a_path_is_joined_edge_by_edge(name: str) -> None:
+    roadmap = roadmap_for(name, n=200)
+    way = roadmap.shortest_path(0, max(range(200), key=lambda i: len(roadmap.shortest_path(0, i).nodes))).nodes
+    states = roadmap.configurations[way]
+    # New vertices near and far apart: halfway along every motion, then only some of them.
+    middles = 0.5 * (states[:-1, :2] + states[1:, :2])
+    for path in (
+        np.insert(states[:, :2], np.arange(1, len(states)), middles, axis=0),
+        states[[0, *range(2, len(states) - 1, 3), -1], :2],
+    ):
+        q = np.column_stack([path, np.full(len(path), 0.5)])
+        q[[0, -1]] = states[[0, -1]]
+        n = len(roadmap)
+        added = roadmap.add_path(q, int(way[0]), int(way[-1]))
+        assert added.tolist() == list(range(n, n + len(path) - 2))
+        assert np.array_equal(roadmap.configurations[added], q[1:-1])
+        pairs = [tuple(sorted(pair)) for pair in roadmap.edges.tolist()]
+        assert len(set(pairs)) == len(pairs) == len(roadmap.lengths) == len(roadmap.status)
+        status = dict(zip(pairs, roadmap.status.tolist(), strict=True))
+        along = [int(way[0]), *added.tolist(), int(way[-1])]
+        assert {status[min(u, v), max(u, v)] for u, v in pairwise(along)} == {FREE}
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_certified_edges_do_not_collide(name: str) -> None:
     roadmap = roadmap_for(name)

@@ -155,6 +155,10 @@ class Roadmap:
         pairs = np.sort(np.column_stack([along[:-1], along[1:]]), axis=1)
         if self.turning:
             pairs = pairs[np.abs(states[:-1, 2] - states[1:, 2]) != np.pi]
+        # Neighbours on the path may be joined already: no edge is there twice.
+        there, wanted = (np.sort(edges, axis=1) @ np.array([len(self), 1]) for edges in (self.edges, pairs))
+        self.status[np.isin(there, wanted)] = FREE
+        pairs = pairs[~np.isin(wanted, there)]
         self._join(pairs, np.full(len(pairs), FREE, np.uint8))
         return added
 
