@@ -85,6 +85,9 @@ def _field_hit(field: ClearanceField, robot: Footprint, x: float, y: float, c: f
     """Return whether an inner disc proves a collision deeper than any tolerance."""
     for k in range(len(robot.inner)):
         bx, by, r = robot.inner[k, 0], robot.inner[k, 1], robot.inner[k, 2]
+        # From the largest to the smallest; no cell can prove a collision of one smaller than the slack.
+        if r - 1e-6 <= field.slack:
+            return False
         if field_value(field, x + c * bx - s * by, y + s * bx + c * by) + field.slack < r - 1e-6:
             return True
     return False
