@@ -34,12 +34,12 @@ seeds = st.integers(0, 99999)
 
 
 def feature(sensor: SensorModel, x: FloatArray, offset: FloatArray, line: FloatArray) -> FloatArray:
-    return line if sensor.kind == "line" else x[:2] + offset
+    return line if sensor.feature_kind == "line" else x[:2] + offset
 
 
 def distance(sensor: SensorModel, x: FloatArray, l: FloatArray) -> float:
     """Of the robot from the feature; 0 is where a reading jumps or loses its derivative."""
-    if sensor.kind == "line":
+    if sensor.feature_kind == "line":
         return abs(float(l[0] - x[0] * np.cos(l[1]) - x[1] * np.sin(l[1])))
     return float(np.hypot(*(l - x[:2])))
 
@@ -72,11 +72,11 @@ def test_inverse(sensor: SensorModel, x: FloatArray, offset: FloatArray, line: F
     l = feature(sensor, x, offset, line)
     assume(distance(sensor, x, l) > 5e-3)
     # A line's foot point must not lie where its name changes either, for the numerical Jacobians' sake.
-    assume(sensor.kind != "line" or abs(l[0]) > 5e-3)
+    assume(sensor.feature_kind != "line" or abs(l[0]) > 5e-3)
     z = sensor.h(x, l)
     found, G_pose, G_z = sensor.inverse(x, z)
-    difference = turned(1) if sensor.kind == "line" else np.subtract
-    expected = LinePolar.canonical(l) if sensor.kind == "line" else l
+    difference = turned(1) if sensor.feature_kind == "line" else np.subtract
+    expected = LinePolar.canonical(l) if sensor.feature_kind == "line" else l
     assert np.allclose(difference(found, expected), 0.0, atol=1e-9)
     assert np.allclose(sensor.residual(sensor.h(x, found), z), 0.0, atol=1e-6)
     atol = 1e-7

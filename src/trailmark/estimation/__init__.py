@@ -9,8 +9,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trailmark.estimation.ekf import SlamFilter as SlamFilter
     from trailmark.estimation.errors import EstimationError as EstimationError
     from trailmark.estimation.errors import RecordError as RecordError
+    from trailmark.estimation.innovation import Innovation as Innovation
+    from trailmark.estimation.innovation import Prediction as Prediction
     from trailmark.estimation.motion import MotionModel as MotionModel
     from trailmark.estimation.motion import PoseIncrement as PoseIncrement
     from trailmark.estimation.motion import Unicycle as Unicycle
@@ -24,8 +27,11 @@ if TYPE_CHECKING:
     from trailmark.estimation.sensors import RangeBearing as RangeBearing
 
 _HOME = {
+    "SlamFilter": "ekf",
     "EstimationError": "errors",
     "RecordError": "errors",
+    "Innovation": "innovation",
+    "Prediction": "innovation",
     "MotionModel": "motion",
     "PoseIncrement": "motion",
     "Unicycle": "motion",

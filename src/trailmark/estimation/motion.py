@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.estimation.covariance import draw_noise
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray, compose, wrap
 
@@ -41,8 +42,7 @@ class MotionModel(Protocol):
 
     def sample(self, x: ArrayLike, u: ArrayLike, rng: np.random.Generator) -> FloatArray:
         """Return simulated next poses, shape (..., 3), of the step u (p,) from x (..., 3): f with w from N(0, Q)."""
-        Q = self.Q(u)
-        return self.f(x, u, rng.multivariate_normal(np.zeros(len(Q)), Q, np.shape(x)[:-1]))
+        return self.f(x, u, draw_noise(self.Q(u), np.shape(x)[:-1], rng))
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.estimation.covariance import draw_noise
 from trailmark.se2 import FloatArray
 
 __all__ = ["Inverse", "SensorModel"]
@@ -34,8 +35,8 @@ class SensorModel(Protocol):
     Subclass it to get :meth:`noise` and :meth:`sample`.
     """
 
-    kind: ClassVar[str]
-    """What it sees ("point", "line"): only features of the same kind can be what it reads."""
+    feature_kind: ClassVar[str]
+    """What its features are ("point", "line"): it reads no others."""
     feature_dim: ClassVar[int]
     """d."""
     reading_dim: ClassVar[int]
@@ -83,4 +84,4 @@ class SensorModel(Protocol):
     ) -> FloatArray:
         """Return simulated readings, shape (..., m): h with v drawn anew from N(0, R) for each."""
         shape = np.broadcast_shapes(np.shape(x)[:-1], np.shape(l)[:-1])
-        return self.h(x, l, rng.multivariate_normal(np.zeros(len(self.R)), self.R, shape))
+        return self.h(x, l, draw_noise(self.R, shape, rng))

@@ -41,7 +41,7 @@ class RangeBearing(SensorModel):
         EstimationError: a deviation that is not positive, or growth below 0.
     """
 
-    kind: ClassVar[str] = "point"
+    feature_kind: ClassVar[str] = "point"
     feature_dim: ClassVar[int] = 2
     reading_dim: ClassVar[int] = 2
 
@@ -119,7 +119,7 @@ class Cartesian(SensorModel):
         EstimationError: a deviation that is not positive.
     """
 
-    kind: ClassVar[str] = "point"
+    feature_kind: ClassVar[str] = "point"
     feature_dim: ClassVar[int] = 2
     reading_dim: ClassVar[int] = 2
 
@@ -191,7 +191,7 @@ class LinePolar(SensorModel):
         EstimationError: a deviation that is not positive.
     """
 
-    kind: ClassVar[str] = "line"
+    feature_kind: ClassVar[str] = "line"
     feature_dim: ClassVar[int] = 2
     reading_dim: ClassVar[int] = 2
 

@@ -1,0 +1,45 @@
+# ruff: noqa: N803, N806 # the names are the filter's own symbols: P, W
+"""Covariance matrices: what is taken for one, and how one shrinks without losing its symmetry."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.estimation.errors import EstimationError
+from trailmark.se2 import FloatArray
+
+__all__ = ["checked_covariance", "draw_noise", "subtract_square"]
+
+
+def checked_covariance(value: ArrayLike, size: int, name: str) -> FloatArray:
+    """Return a copy of a covariance, shape (size, size), or say what is wrong with it."""
+    P = np.array(value, dtype=np.float64)
+    if P.shape != (size, size) or not np.isfinite(P).all():
+        raise EstimationError(f"{name}: covariance of shape {P.shape} given, allowed: ({size}, {size}), finite")
+    scale = max(float(np.abs(P).max()), 1e-300)
+    if not np.allclose(P, P.T, rtol=0.0, atol=1e-9 * scale) or np.linalg.eigvalsh(P).min() < -1e-9 * scale:
+        raise EstimationError(f"{name}: covariance {P.tolist()} given, allowed: symmetric, positive semidefinite")
+    return 0.5 * (P + P.T)
+
+
+def draw_noise(covariance: FloatArray, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Return draws from N(0, covariance), shape (*shape, q); the covariance may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    scaled = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(rng.standard_normal((*shape, len(values))) @ scaled.T)
+
+
+def subtract_square(P: FloatArray, W: FloatArray, first: int) -> None:
+    """Subtract W Wᵀ from P in place, in the rows and columns from ``first`` on.
+
+    numpy forms A Aᵀ as one symmetric product, so that P stays symmetric to the bit. Where most rows of W are 0, as in
+    mapping from certain poses, only the others are touched.
+    """
+    rows = np.flatnonzero(W[first:].any(axis=1)) + first
+    if 2 * len(rows) < len(P):
+        A = W[rows]
+        P[np.ix_(rows, rows)] -= A @ A.T
+    else:
+        A = W[first:]
+        P[first:, first:] -= A @ A.T

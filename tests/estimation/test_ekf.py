@@ -1,0 +1,412 @@
+# ruff: noqa: E741, N802, N803, N806 # the filter's own symbols
+"""The SLAM filter against a dense textbook EKF, filterpy's own update, and what each mode promises."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from filterpy.kalman import ExtendedKalmanFilter
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from trailmark.estimation import (
+    Cartesian,
+    EstimationError,
+    LinePolar,
+    PoseIncrement,
+    RangeBearing,
+    SlamFilter,
+    Unicycle,
+)
+
+FloatArray = NDArray[np.float64]
+
+SENSOR = RangeBearing(0.1, 0.03)
+MOTION = Unicycle(0.1, 0.05)
+Q = np.diag([0.1**2, 0.05**2])
+R = np.diag([0.1**2, 0.03**2])
+
+
+def wrapped(angle: float) -> float:
+    return float(np.angle(np.exp(1j * angle)))
+
+
+class Dense:
+    """EKF-SLAM as the books have it: every matrix in full, range and bearing of points, turns that are not 0."""
+
+    def __init__(self, pose: FloatArray, P: FloatArray) -> None:
+        self.x, self.P = pose.copy(), P.copy()
+
+    def predict(self, v: float, omega: float, dt: float) -> None:
+        n, (x, y, theta) = len(self.x), self.x[:3]
+        end, r = theta + omega * dt, v / omega
+        F, W = np.eye(n), np.zeros((n, 2))
+        F[0, 2], F[1, 2] = r * (np.cos(end) - np.cos(theta)), r * (np.sin(end) - np.sin(theta))
+        W[0, 0], W[1, 0] = (np.sin(end) - np.sin(theta)) / omega, (np.cos(theta) - np.cos(end)) / omega
+        W[0, 1] = -r * W[0, 0] + r * dt * np.cos(end)
+        W[1, 1] = -r * W[1, 0] + r * dt * np.sin(end)
+        W[2, 1] = dt
+        self.x[:3] = x + v * W[0, 0], y + v * W[1, 0], wrapped(end)
+        self.P = F @ self.P @ F.T + W @ Q @ W.T
+
+    def h(self, i: int) -> tuple[FloatArray, FloatArray]:
+        at, n = 3 + 2 * i, len(self.x)
+        dx, dy = self.x[at] - self.x[0], self.x[at + 1] - self.x[1]
+        q = dx * dx + dy * dy
+        r = np.sqrt(q)
+        H = np.zeros((2, n))
+        H[:, [0, 1, 2, at, at + 1]] = [
+            [-dx / r, -dy / r, 0.0, dx / r, dy / r],
+            [dy / q, -dx / q, -1.0, -dy / q, dx / q],
+        ]
+        return np.array([r, wrapped(np.arctan2(dy, dx) - self.x[2])]), H
+
+    def update(self, z: FloatArray, features: list[int]) -> float:
+        z_hat, H = zip(*(self.h(i) for i in features), strict=True)
+        H_all, y = np.concatenate(H), (z - np.array(z_hat)).reshape(-1)
+        y[1::2] = [wrapped(a) for a in y[1::2]]
+        S = H_all @ self.P @ H_all.T + np.kron(np.eye(len(features)), R)
+        K = self.P @ H_all.T @ np.linalg.inv(S)
+        self.x = self.x + K @ y
+        self.x[2] = wrapped(self.x[2])
+        self.P = (np.eye(len(self.x)) - K @ H_all) @ self.P
+        return float(y @ np.linalg.inv(S) @ y)
+
+    def add(self, z: FloatArray) -> None:
+        n, a = len(self.x), self.x[2] + z[1]
+        J, G = np.zeros((n + 2, n)), np.zeros((n + 2, 2))
+        J[:n] = np.eye(n)
+        J[n:, :3] = [[1.0, 0.0, -z[0] * np.sin(a)], [0.0, 1.0, z[0] * np.cos(a)]]
+        G[n:] = [[np.cos(a), -z[0] * np.sin(a)], [np.sin(a), z[0] * np.cos(a)]]
+        self.x = np.concatenate([self.x, self.x[:2] + z[0] * np.array([np.cos(a), np.sin(a)])])
+        self.P = J @ self.P @ J.T + G @ R @ G.T
+
+    def remove(self, i: int) -> None:
+        keep = [j for j in range(len(self.x)) if j not in (3 + 2 * i, 4 + 2 * i)]
+        self.x, self.P = self.x[keep], self.P[np.ix_(keep, keep)]
+
+
+def reading(ekf: SlamFilter, feature: int, rng: np.random.Generator) -> FloatArray:
+    return np.asarray(SENSOR.sample(ekf.pose, ekf.feature(feature), rng))
+
+
+@settings(max_examples=40)
+@given(seed=st.integers(0, 99999), steps=st.integers(1, 60))
+def test_equal_to_the_dense_filter(seed: int, steps: int) -> None:
+    rng = np.random.default_rng(seed)
+    start, P = rng.uniform(-2.0, 2.0, 3), np.diag(rng.uniform(0.001, 0.1, 3))
+    ekf, dense = SlamFilter(start, P), Dense(start, P)
+    for _ in range(steps):
+        ids = list(ekf.features)
+        what = rng.choice(["predict", "update", "batch", "add", "remove"], p=[0.3, 0.25, 0.15, 0.25, 0.05])
+        if what == "predict":
+            u = np.array([rng.uniform(-1, 1), rng.choice([-1, 1]) * rng.uniform(0.1, 1), rng.uniform(0.1, 1)])
+            ekf.predict(MOTION, u)
+            dense.predict(*u)
+        elif what == "add" or not ids:
+            z = np.array([rng.uniform(1.0, 10.0), rng.uniform(-np.pi, np.pi)])
+            ekf.add_feature(z, SENSOR)
+            dense.add(z)
+        elif what == "remove":
+            i = int(rng.integers(len(ids)))
+            ekf.remove_feature(ids[i])
+            dense.remove(i)
+        else:
+            some = rng.permutation(len(ids))[: 1 if what == "update" else 4].tolist()
+            z_all = np.array([reading(ekf, ids[i], rng) for i in some])
+            if what == "update":
+                innovation = ekf.update(z_all[0], SENSOR, ids[some[0]])
+            else:
+                innovation = ekf.update_batch(z_all, SENSOR, [ids[i] for i in some])
+            assert innovation.nis == pytest.approx(dense.update(z_all, some), abs=1e-9)
+            assert innovation.dof == 2 * len(some)
+        assert np.abs(ekf.x - dense.x).max() < 1e-9
+        assert np.abs(ekf.P - dense.P).max() < 1e-9
+        assert np.array_equal(ekf.P, ekf.P.T)
+
+
+def wander(ekf: SlamFilter, updates: int, rng: np.random.Generator) -> None:
+    """Features all around, then readings of them, a step between any two."""
+    for _ in range(20):
+        ekf.add_feature([rng.uniform(1.0, 20.0), rng.uniform(-np.pi, np.pi)], SENSOR)
+    ids = list(ekf.features)
+    for _ in range(updates):
+        ekf.predict(MOTION, [0.5, rng.uniform(-0.5, 0.5), 0.1])
+        i = ids[rng.integers(len(ids))]
+        ekf.update(reading(ekf, i, rng), SENSOR, i)
+
+
+def test_covariance_stays_symmetric_and_positive_definite_over_thousands_of_updates() -> None:
+    # A start that is certain: the hardest, since what the features then share is the motion's noise alone.
+    ekf = SlamFilter()
+    wander(ekf, 3000, np.random.default_rng(1))
+    assert np.array_equal(ekf.P, ekf.P.T)
+    np.linalg.cholesky(ekf.P)
+    assert -np.pi < ekf.pose[2] <= np.pi
+
+
+def test_covariance_stays_positive_with_a_prior_much_wider_than_the_readings() -> None:
+    rng = np.random.default_rng(2)
+    sharp = RangeBearing(1e-4, 1e-4)
+    ekf = SlamFilter((0.0, 0.0, 0.0), np.diag([1e-12, 1e-12, 1e-12]))
+    i = ekf.add_known_feature([5.0, 0.0], 1e4 * np.eye(2))
+    for _ in range(2000):
+        ekf.update(sharp.sample(ekf.pose, [5.0, 0.0], rng), sharp, i)
+        assert np.linalg.eigvalsh(ekf.P).min() > 0.0
+    assert np.array_equal(ekf.P, ekf.P.T)
+
+
+def test_equal_to_filterpy_s_own_update() -> None:
+    rng = np.random.default_rng(3)
+    ekf = SlamFilter()
+    wander(ekf, 50, rng)
+    i = list(ekf.features)[7]
+    place = ekf.features[i]
+    z = reading(ekf, i, rng)
+    dense = ExtendedKalmanFilter(dim_x=len(ekf.x), dim_z=2)
+    dense.x, dense.P = ekf.x.copy(), ekf.P.copy()
+
+    def H(x: FloatArray) -> FloatArray:
+        full = np.zeros((2, len(x)))
+        full[:, :3], full[:, place] = SENSOR.H_pose(x[:3], x[place]), SENSOR.H_feature(x[:3], x[place])
+        return full
+
+    dense.update(z, H, lambda x: SENSOR.h(x[:3], x[place]), R=R, residual=SENSOR.residual)
+    ekf.update(z, SENSOR, i)
+    assert np.abs(ekf.x - dense.x).max() < 1e-12
+    assert np.abs(ekf.P - dense.P).max() < 1e-12
+    assert np.allclose(ekf.K, dense.K, atol=1e-12)
+    assert np.allclose(ekf.S, dense.S, atol=1e-12)
+    assert ekf.mahalanobis == pytest.approx(dense.mahalanobis)
+    assert ekf.log_likelihood == pytest.approx(dense.log_likelihood)
+
+
+def test_predictions_of_readings() -> None:
+    rng = np.random.default_rng(4)
+    ekf = SlamFilter()
+    wander(ekf, 100, rng)
+    prediction = ekf.predict_readings(SENSOR)
+    assert prediction.ids == tuple(ekf.features)
+    joint = ekf.joint_covariance(prediction)
+    for k, i in enumerate(prediction.ids):
+        z = reading(ekf, i, rng)
+        innovation = ekf.innovation(z, SENSOR, i)
+        assert np.allclose(innovation.S, prediction.S[k], atol=1e-12)
+        assert np.allclose(innovation.S - prediction.R[k], joint[k, :, k, :], atol=1e-12)
+        assert np.allclose(innovation.y, SENSOR.residual(z, prediction.z_hat[k]))
+    # Two at once: what is off the diagonal of their S is what they share.
+    pair = [prediction.ids[3], prediction.ids[11]]
+    both = ekf.update_batch([reading(ekf, i, rng) for i in pair], SENSOR, pair)
+    assert np.allclose(both.S[:2, 2:], joint[3, :, 11, :], atol=1e-12)
+    assert np.array_equal(joint.reshape(40, 40).round(12), joint.reshape(40, 40).T.round(12))
+
+
+def test_no_features_no_predictions() -> None:
+    prediction = SlamFilter().predict_readings(SENSOR)
+    assert prediction.z_hat.shape == (0, 2)
+    assert prediction.S.shape == (0, 2, 2)
+    assert SlamFilter().joint_covariance(prediction).shape == (0, 2, 0, 2)
+    assert SlamFilter().update_batch(np.zeros((0, 2)), SENSOR, []).dof == 0
+
+
+def test_a_stated_covariance_counts_instead_of_the_sensor_s() -> None:
+    stated = np.array([[0.04, 0.001], [0.001, 0.002]])
+    for P in (np.zeros((3, 3)), np.diag([0.1, 0.1, 0.01])):
+        ekf, other = SlamFilter((0, 0, 0), P), SlamFilter((0, 0, 0), P)
+        i = ekf.add_feature([2.0, 0.3], SENSOR, stated)
+        G_z = SENSOR.inverse(np.zeros(3), [2.0, 0.3]).G_z
+        G_pose = SENSOR.inverse(np.zeros(3), [2.0, 0.3]).G_pose
+        assert np.allclose(ekf.feature_covariance(i), G_z @ stated @ G_z.T + G_pose @ P @ G_pose.T)
+        other.add_feature([2.0, 0.3], SENSOR)
+        assert np.allclose(
+            ekf.innovation([2.1, 0.2], SENSOR, i, stated).S - stated, ekf.innovation([2.1, 0.2], SENSOR, i).S - R
+        )
+        assert not np.allclose(ekf.feature_covariance(i), other.feature_covariance(0))
+        ekf.predict(PoseIncrement(1.0, 1.0, 1.0), [1.0, 0.0, 0.0], np.diag([0.01, 0.02, 0.03]))
+        F = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+        assert np.allclose(ekf.pose_covariance, F @ P @ F.T + np.diag([0.01, 0.02, 0.03]))
+
+
+def test_localisation_leaves_the_map_alone_and_counts_its_errors() -> None:
+    rng = np.random.default_rng(5)
+    truth = rng.uniform(-5.0, 5.0, (12, 2))
+    maps = {"certain": np.zeros((2, 2)), "loose": 0.3**2 * np.eye(2)}
+    spread = {}
+    for name, P in maps.items():
+        ekf = SlamFilter((0, 0, 0), 0.1 * np.eye(3), mode="localisation")
+        ids = [ekf.add_known_feature(l, P) for l in truth]
+        before = ekf.x[3:].copy(), ekf.P[3:, 3:].copy()
+        for _ in range(300):
+            i = int(rng.integers(12))
+            ekf.predict(MOTION, [0.1, 0.3, 0.1])
+            ekf.update(SENSOR.sample(ekf.pose, truth[i], rng), SENSOR, ids[i])
+            assert np.array_equal(ekf.P, ekf.P.T)
+        assert np.array_equal(ekf.x[3:], before[0])
+        assert np.array_equal(ekf.P[3:, 3:], before[1])
+        assert np.linalg.eigvalsh(ekf.P).min() > -1e-12
+        spread[name] = np.sqrt(np.trace(ekf.pose_covariance[:2, :2]))
+    # No number of readings makes the pose better known than the map, which is off by one error for all of them.
+    assert spread["certain"] < 0.04
+    assert spread["loose"] > 0.3 / np.sqrt(12) * 0.7
+
+
+@pytest.mark.parametrize("seed", [0])
+def test_considered_errors_are_the_true_ones(seed: int) -> None:
+    # Localisation with a loose map over many worlds: the stated covariance is that of the errors.
+    rng = np.random.default_rng(seed)
+    errors = []
+    for _ in range(150):
+        truth = np.array([[4.0, 0.0], [0.0, 4.0], [-4.0, -1.0], [3.0, -3.0]])
+        ekf = SlamFilter((0, 0, 0), 0.01 * np.eye(3), mode="localisation")
+        ids = [ekf.add_known_feature(l + rng.normal(0, 0.1, 2), 0.01 * np.eye(2)) for l in truth]
+        pose = np.array([0.0, 0.0, 0.0]) + rng.normal(0, 0.1, 3)
+        for k in range(40):
+            ekf.update(SENSOR.sample(pose, truth[k % 4], rng), SENSOR, ids[k % 4])
+        e = ekf.pose - pose
+        errors.append(e @ np.linalg.solve(ekf.pose_covariance, e))
+    # Mean 3, standard deviation of the mean of 150: 0.2; some more for the linearisation.
+    assert 2.2 < np.mean(errors) < 4.0
+
+
+def test_mapping_from_certain_poses_keeps_features_apart() -> None:
+    rng = np.random.default_rng(6)
+    truth = rng.uniform(-5.0, 5.0, (8, 2))
+    ekf = SlamFilter(mode="mapping")
+    alone = [SlamFilter(mode="mapping") for _ in truth]
+    ids = [ekf.add_feature(SENSOR.h(np.zeros(3), l), SENSOR) for l in truth]
+    for one, l in zip(alone, truth, strict=True):
+        one.add_feature(SENSOR.h(np.zeros(3), l), SENSOR)
+    for _ in range(200):
+        pose, k = rng.uniform(-8.0, 8.0, 3), int(rng.integers(8))
+        z = SENSOR.sample(pose, truth[k], rng)
+        for f, i in ((ekf, ids[k]), (alone[k], 0)):
+            f.set_pose(pose)
+            f.update(z, SENSOR, i)
+            assert np.allclose(f.pose - pose, [0.0, 0.0, wrapped(pose[2]) - pose[2]])
+            assert not f.pose_covariance.any()
+    for k, i in enumerate(ids):
+        assert np.allclose(ekf.feature(i), alone[k].feature(0), atol=1e-12)
+        assert np.allclose(ekf.feature_covariance(i), alone[k].feature_covariance(0), atol=1e-12)
+        e = ekf.feature(i) - truth[k]
+        assert e @ np.linalg.solve(ekf.feature_covariance(i), e) < 20.0
+    off = ekf.P[3:, 3:] * (1.0 - np.kron(np.eye(8), np.ones((2, 2))))
+    assert not off.any()
+
+
+def test_mapping_from_uncertain_poses_counts_their_errors() -> None:
+    rng = np.random.default_rng(7)
+    nees = []
+    P = np.diag([0.1, 0.1, 0.02]) ** 2
+    truth = np.array([[4.0, 1.0], [4.0, -1.0]])
+    for _ in range(200):
+        ekf = SlamFilter(mode="mapping")
+        for k in range(15):
+            given_pose = np.array([0.2 * k, 0.0, 0.0])
+            pose = given_pose + rng.normal(0, 1, 3) * np.sqrt(np.diag(P))
+            ekf.set_pose(given_pose, P)
+            z = SENSOR.sample(pose, truth, rng)
+            if k == 0:
+                ids = [ekf.add_feature(row, SENSOR) for row in z]
+            else:
+                ekf.update_batch(z, SENSOR, ids)
+                assert np.array_equal(ekf.pose, given_pose)
+                assert np.array_equal(ekf.pose_covariance, P)
+            assert np.array_equal(ekf.P, ekf.P.T)
+        assert np.linalg.eigvalsh(ekf.P).min() > 0.0
+        e = ekf.x[3:] - truth.reshape(-1)
+        nees.append(e @ np.linalg.solve(ekf.P[3:, 3:], e))
+    assert 3.3 < np.mean(nees) < 4.9
+
+
+def test_walls_and_points_in_one_state() -> None:
+    # A robot drives along a wall that it reads from both sides of the line's foot point, and sees a point as well.
+    rng = np.random.default_rng(8)
+    walls, points = LinePolar(0.02, 0.01), Cartesian(0.05, 0.05)
+    wall, point = np.array([0.05, np.pi / 2]), np.array([3.0, 2.0])
+    pose, ekf = np.array([0.0, -1.0, 0.0]), SlamFilter((0.0, -1.0, 0.0))
+    w, p = (
+        ekf.add_feature(walls.sample(pose, wall, rng), walls),
+        ekf.add_feature(points.sample(pose, point, rng), points),
+    )
+    assert (ekf.kind(w), ekf.kind(p)) == ("line", "point")
+    for _ in range(300):
+        u = np.array([0.1, 0.0 if abs(pose[1]) > 1.5 else 0.4, 0.2])
+        pose = MOTION.sample(pose, u, rng)
+        ekf.predict(MOTION, u)
+        ekf.update(walls.sample(pose, wall, rng), walls, w)
+        ekf.update(points.sample(pose, point, rng), points, p)
+    assert ekf.predict_readings(walls).ids == (w,)
+    assert ekf.predict_readings(points).ids == (p,)
+    e = np.concatenate([ekf.pose - pose, ekf.feature(w) - wall, ekf.feature(p) - point])
+    e[[2, 4]] = [wrapped(e[2]), wrapped(e[4])]
+    assert np.abs(e).max() < 0.15
+    assert e @ np.linalg.solve(ekf.P, e) < 24.0  # 99.9 % of chi-square with 7 degrees of freedom
+
+
+def test_ids_stay_when_others_go() -> None:
+    ekf = SlamFilter()
+    ids = [ekf.add_known_feature([float(k), 0.0], k * np.eye(2)) for k in range(4)]
+    ekf.remove_feature(ids[1])
+    assert list(ekf.features) == [ids[0], ids[2], ids[3]]
+    assert [ekf.feature(i)[0] for i in ekf.features] == [0.0, 2.0, 3.0]
+    assert ekf.feature_covariance(ids[3])[1, 1] == 3.0
+    assert ekf.dim_x == len(ekf.x) == 9
+    assert ekf.add_known_feature([9.0, 9.0]) not in ids
+
+
+def test_what_is_handed_out_is_a_copy() -> None:
+    ekf = SlamFilter((0, 0, 0), np.eye(3))
+    i = ekf.add_known_feature([1.0, 2.0], np.eye(2))
+    for array in (ekf.pose, ekf.pose_covariance, ekf.feature(i), ekf.feature_covariance(i)):
+        array[...] = 99.0
+    assert 99.0 not in ekf.x
+    assert 99.0 not in ekf.P
+    with pytest.raises(TypeError):
+        ekf.features[5] = slice(0, 2)  # type: ignore[index]  # the mapping is read-only
+
+
+def slam() -> SlamFilter:
+    ekf = SlamFilter()
+    ekf.add_known_feature([1.0, 2.0], np.eye(2))
+    return ekf
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: SlamFilter(mode="slamm"), "did you mean 'slam'"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: SlamFilter((0, 0, 0), np.eye(2)), r"pose: covariance of shape \(2, 2\) given"),
+        (lambda: SlamFilter((0, 0, 0), -np.eye(3)), "positive semidefinite"),
+        (lambda: SlamFilter(np.zeros((2, 3))), r"pose: shape \(2, 3\) given"),
+        (lambda: slam().update([1.0, 0.0], SENSOR, 7), "feature 7 given"),
+        (lambda: slam().remove_feature(7), "feature 7 given"),
+        (lambda: slam().update([np.nan, 0.0], SENSOR, 0), "finite"),
+        (lambda: slam().update([1.0, 0.0, 0.0], SENSOR, 0), "1 times 2 finite numbers"),
+        (lambda: slam().update([1.0, 0.0], LinePolar(0.1, 0.1), 0), "another kind"),
+        (lambda: slam().update([1.0, 0.0], SENSOR, 0, -9 * np.eye(2)), "not positive definite"),
+        (lambda: slam().update_batch(np.ones((2, 2)), SENSOR, [0, 0]), "two readings of one feature"),
+        (lambda: slam().add_feature([np.inf, 0.0], SENSOR), "2 finite numbers"),
+        (lambda: slam().add_known_feature([np.inf, 0.0]), "finite numbers"),
+        (lambda: slam().predict(MOTION, [np.nan, 0.0, 1.0]), "odometry"),
+        (lambda: slam().set_pose([0, 0, 0]), "allowed: mode 'mapping'"),
+        (lambda: slam().predict_update(None, None, None), "not for a state that grows"),
+        (lambda: SlamFilter(mode="mapping").predict(MOTION, [1, 0, 1]), "allowed: set_pose"),
+        (lambda: SlamFilter(mode="localisation").add_feature([1, 0], SENSOR), "allowed: add_known_feature"),
+    ],
+)
+def test_misuse(call: Callable[[], object], message: str) -> None:
+    with pytest.raises(EstimationError, match=message):
+        call()
+
+
+def test_a_refused_reading_changes_nothing() -> None:
+    ekf = slam()
+    x, P = ekf.x.copy(), ekf.P.copy()
+    with pytest.raises(EstimationError):
+        ekf.update([np.nan, 0.0], SENSOR, 0)
+    assert np.array_equal(ekf.x, x)
+    assert np.array_equal(ekf.P, P)
+    assert "features=1" in repr(ekf)
