@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import typer
 
 import trailmark
-from trailmark.cli import console, plan, worlds
+from trailmark.cli import console, landmarks, plan, worlds
 from trailmark.cli.options import UsageError
 from trailmark.errors import TrailmarkError
 
@@ -31,6 +31,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("plan")(plan.plan)
+app.command("landmarks")(landmarks.landmarks)
 app.add_typer(worlds.app, name="worlds")
 
 

@@ -15,6 +15,7 @@ from trailmark.plotting.canvas import (
     PICTURE_SUFFIXES,
     START,
 )
+from trailmark.plotting.landmarks import save_landmarks_figure
 from trailmark.plotting.plan import draw_plan, save_plan_figure
 from trailmark.plotting.world import draw_world, save_world_figure
 
@@ -29,6 +30,7 @@ __all__ = [
     "START",
     "draw_plan",
     "draw_world",
+    "save_landmarks_figure",
     "save_plan_figure",
     "save_world_figure",
 ]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
+from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.plotting.canvas import (
@@ -36,7 +37,10 @@ if TYPE_CHECKING:
 
     from trailmark.world import Robot, World
 
-__all__ = ["draw_end", "draw_world", "save_world_figure"]
+__all__ = ["draw_end", "draw_world", "regions_of", "save_world_figure"]
+
+Regions = NDArray[Any]
+"""Polygons, shape (n,)."""
 
 _MANY_VERTICES = 20_000
 _SHOWN_QUERIES, _NAMED_QUERIES = 12, 6
@@ -53,19 +57,9 @@ def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
         world: the world; curves in it are drawn to half a pixel.
         robot: whose margin to draw; none without it.
     """
-    window, pixel = view(world), world.extent / (LONG_SIDE * DPI)
-    inside = shapely.box(*world.bounds)
-    if world.boundary is not None:
-        inside = inside.intersection(world.boundary.shapely())
-    solid = np.array([shape.polygon(pixel / 8).shapely() for shape in world.obstacles], dtype=object)
-    if shapely.get_num_coordinates(solid).sum() > _MANY_VERTICES:
-        solid = shapely.simplify(solid, pixel / 2)
-    if robot is not None and robot.reference_radius > pixel / 2:
-        radius = robot.reference_radius
-        arc = min(16, math.ceil(math.sqrt(radius / pixel)))  # then a chord lies within half a pixel of its arc
-        grown = shapely.buffer(solid, radius, quad_segs=arc)
-        shrunk = shapely.simplify(inside, pixel / 2).buffer(-radius, quad_segs=arc)
-        fill(axes, [inside.difference(shrunk), *grown], MARGIN, 1.0, label="C-obstacle at every heading")
+    window = view(world)
+    solid, margin, inside = regions_of(world, robot)
+    fill(axes, margin, MARGIN, 1.0, label="C-obstacle at every heading")
     fill(axes, solid, OBSTACLE, 1.5, label="obstacle")
     fill(axes, [shapely.box(*window).difference(inside)], OUTSIDE, 2.0, edgecolor=HATCH, hatch="////", label="outside")
     fill(axes, [inside], "none", 2.5, edgecolor=OBSTACLE, linewidth=1.0)
@@ -74,6 +68,27 @@ def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
+
+
+def regions_of(world: World, robot: Robot | None) -> tuple[Regions, Regions, shapely.Geometry]:
+    """Return what a picture of the world consists of: obstacles, margin, and what lies inside bounds and boundary.
+
+    Curves are right to half a pixel. The margin is empty without a robot.
+    """
+    pixel = world.extent / (LONG_SIDE * DPI)
+    inside = shapely.box(*world.bounds)
+    if world.boundary is not None:
+        inside = inside.intersection(world.boundary.shapely())
+    solid = np.array([shape.polygon(pixel / 8).shapely() for shape in world.obstacles], dtype=object)
+    if shapely.get_num_coordinates(solid).sum() > _MANY_VERTICES:
+        solid = shapely.simplify(solid, pixel / 2)
+    if robot is None or robot.reference_radius <= pixel / 2:
+        return solid, np.empty(0, dtype=object), inside
+    radius = robot.reference_radius
+    arc = min(16, math.ceil(math.sqrt(radius / pixel)))  # then a chord lies within half a pixel of its arc
+    grown = shapely.buffer(solid, radius, quad_segs=arc)
+    shrunk = shapely.simplify(inside, pixel / 2).buffer(-radius, quad_segs=arc)
+    return solid, np.array([inside.difference(shrunk), *grown], dtype=object), inside
 
 
 def save_world_figure(file: str | FilePath, world: World) -> None:

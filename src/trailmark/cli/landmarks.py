@@ -1,0 +1,250 @@
+"""``trailmark landmarks``: the source method's landmarks, or trailmark's own, and how much they vary over runs."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trailmark.cli import console
+from trailmark.cli.options import (
+    PICTURE_SUFFIXES,
+    JsonOption,
+    PlotOption,
+    RobotOption,
+    SeedOption,
+    UsageError,
+    WorldArgument,
+    load_world,
+    output_file,
+    read_count,
+    read_robot,
+    robot_of,
+)
+
+if TYPE_CHECKING:
+    from trailmark.collision import StateChecker
+    from trailmark.landmarks.executions import Execution
+    from trailmark.landmarks.stability import Spread
+    from trailmark.planning import PlanResult
+    from trailmark.se2 import FloatArray
+    from trailmark.world import Query, Robot, World
+
+__all__ = ["landmarks"]
+
+METHODS = ("paper", "se2")
+INITIALISATIONS = ("forgy", "random-partition", "k-means++")  # those of trailmark.landmarks.paper, heavy to import
+MAX_SAMPLES = 10_000_000  # 160 MB of points
+MAX_LANDMARKS = 20_000
+MAX_RUNS = 10_000
+SENSOR_RANGE = 12.0  # metres, as in trailmark.landmarks.executions
+
+PUBLISHED = {("environment1", 1000, 12): ((169, 831), (165, 835), (171, 829))}
+"""Forbidden and valid points of the published runs, for the world made after them."""
+
+PATHS = 4  # queries drawn with their paths, at most
+TIME_LIMIT = 1.0  # seconds for each of them
+
+
+def landmarks(
+    world: WorldArgument,
+    method: Annotated[
+        str, typer.Option("--method", metavar="NAME", help="paper: Algorithm 2 as published; se2: trailmark's own.")
+    ] = "paper",
+    count: Annotated[
+        str | None,
+        typer.Option(
+            "-k", metavar="K", show_default=False, help="Number of landmarks; default: by the sensor's range."
+        ),
+    ] = None,
+    samples: Annotated[str, typer.Option("-n", metavar="N", help="Number of points drawn.")] = "1000",
+    init: Annotated[
+        str, typer.Option("--init", metavar="NAME", help="First centres: forgy, random-partition or k-means++.")
+    ] = "forgy",
+    runs: Annotated[str, typer.Option("--runs", metavar="N", help="Executions, each with its own readings.")] = "3",
+    seed: SeedOption = "0",
+    sensor_range: Annotated[
+        str, typer.Option("--sensor-range", metavar="METRES", help="How far the robot senses.")
+    ] = f"{SENSOR_RANGE:g}",
+    robot: RobotOption = None,
+    plot: PlotOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Place landmarks, several times over, and print what each execution comes to and how much they differ.
+
+    --plot draws the workspace, the C-space, the executions, and paths for the world's first queries.
+    """
+    if method not in METHODS:
+        raise UsageError(f"--method {method!r} given, allowed: {', '.join(METHODS)}")
+    if init not in INITIALISATIONS:
+        raise UsageError(f"--init {init!r} given, allowed: {', '.join(INITIALISATIONS)}")
+    if method == "se2" and init != "forgy":
+        raise UsageError(f"--init {init!r} given with --method se2, allowed: forgy")
+    n = read_count(samples, "-n", 1, MAX_SAMPLES)
+    k = None if count is None else read_count(count, "-k", 1, MAX_LANDMARKS)
+    number, repeats = read_count(seed, "--seed", 0), read_count(runs, "--runs", 1, MAX_RUNS)
+    reach = _read_range(sensor_range)
+    given = read_robot(robot)
+    picture = output_file(plot, PICTURE_SUFFIXES)
+
+    with console.progress("loading") as progress:
+        begun = perf_counter()
+        loaded = load_world(world)
+        body = robot_of(loaded, given)
+
+        import numpy as np
+
+        from trailmark.collision import StateChecker
+        from trailmark.landmarks.executions import execute_paper, execute_se2
+        from trailmark.landmarks.stability import spread_of_runs
+
+        progress.stage("preparing (compiles on first use)")
+        checker = StateChecker(loaded, body)
+        start = np.array(loaded.queries[0].start) if loaded.queries else None
+        if k is None:
+            progress.stage("choosing the number of landmarks")
+            k = _count_for(checker, reach, start, headings=method == "se2", seed=number)
+
+        def follow(done: int, total: int) -> None:
+            progress.details = (f"{done:,} of {total:,} points",)
+
+        executions: list[Execution] = []
+        for run in range(repeats):
+            progress.stage(f"execution {run + 1} of {repeats}")
+            rng = np.random.default_rng([number, run])
+            if method == "paper":
+                executions.append(
+                    execute_paper(checker, n, k, init, rng, start=start, sensor_range=reach, on_progress=follow)  # type: ignore[arg-type]  # init is one of INITIALISATIONS
+                )
+            else:
+                executions.append(execute_se2(checker, n, k, rng, start=start))
+        spread = spread_of_runs([execution.centres[:, :2] for execution in executions])
+        record = _record(loaded, body, executions, spread)
+        record |= {"method": method, "init": init, "n": n, "k": k, "seed": number, "sensor_range": reach}
+        record["published"] = [
+            {"forbidden": forbidden, "valid": valid}
+            for forbidden, valid in PUBLISHED.get((loaded.name, n, k), ())
+            if method == "paper"
+        ]
+        record["time"] = perf_counter() - begun
+        if picture is not None:
+            progress.stage("drawing")
+            _draw(picture, loaded, body, executions, number, progress)
+
+    if as_json:
+        console.say(console.json_text(record))
+    else:
+        _print_table(record, picture)
+
+
+def _read_range(text: str) -> float:
+    try:
+        metres = float(text)
+    except ValueError:
+        metres = math.nan
+    if not (math.isfinite(metres) and metres > 0.0):
+        raise UsageError(f"--sensor-range {text!r} given, allowed: a finite number of metres above 0")
+    return metres
+
+
+def _count_for(
+    checker: StateChecker, sensor_range: float, start: FloatArray | None, *, headings: bool, seed: int
+) -> int:
+    """Return how many landmarks the sensor's range asks for."""
+    from trailmark.landmarks.sensor_range import landmarks_for_range
+
+    home = start if start is not None and checker.valid(start) else None
+    radius = checker.footprint.sweep_radius if headings else 0.0
+    return landmarks_for_range(checker, sensor_range, radius=radius, reachable_from=home, random_state=seed)
+
+
+def _record(world: World, robot: Robot, executions: list[Execution], spread: Spread) -> dict[str, Any]:
+    xmin, ymin, xmax, ymax = world.bounds
+    rows = []
+    for run, execution in enumerate(executions):
+        forbidden = int(execution.forbidden.sum())
+        rows.append(
+            {
+                "run": run,
+                "forbidden": forbidden,
+                "enclosed": int(execution.enclosed.sum()),
+                "valid": len(execution.samples) - forbidden,
+                "inertia": execution.inertia,
+                "iterations": execution.iterations,
+                "mini_batches": execution.mini_batches,
+                "in_obstacle": int(execution.in_obstacle.sum()),
+                "invalid": int(execution.invalid.sum()),
+                "repaired_valid": len(execution.repaired),
+                "centres": execution.centres.tolist(),
+                "centre_in_obstacle": execution.in_obstacle.tolist(),
+                "centre_invalid": execution.invalid.tolist(),
+                "repaired": execution.repaired.tolist(),
+                "time": execution.seconds,
+            }
+        )
+    share = 1.0 - sum(row["forbidden"] for row in rows) / sum(len(e.samples) for e in executions)
+    counts = [len(execution.centres) for execution in executions]
+    pairs = [{"runs": pair, "rms": rms} for pair, rms in zip(spread.pairs.tolist(), spread.rms.tolist(), strict=True)]
+    return {
+        "world": world.name,
+        "robot": robot.describe(),
+        "rectangle": list(world.bounds),
+        "runs": rows,
+        "spread": {
+            "pairs": pairs,
+            "mean": spread.mean,
+            "worst": spread.worst,
+            "spacing": math.sqrt(share * (xmax - xmin) * (ymax - ymin) / max(counts)),
+        },
+    }
+
+
+def _draw(
+    file: Path, world: World, robot: Robot, executions: list[Execution], seed: int, progress: console.Progress
+) -> None:
+    from trailmark import LandmarkPlanner
+    from trailmark.plotting import save_landmarks_figure
+
+    planned: list[tuple[Query, PlanResult]] = []
+    if world.queries:
+        planner = LandmarkPlanner(world, robot, seed=seed)
+        for query in world.queries[:PATHS]:
+            progress.stage(f"planning {query.name}", TIME_LIMIT)
+            planned.append((query, planner.plan(query.start, query.goal, time_limit=TIME_LIMIT)))
+        progress.stage("drawing")
+    save_landmarks_figure(file, world, robot, executions[:3], planned)
+
+
+def _print_table(record: dict[str, Any], picture: Path | None) -> None:
+    console.say(
+        f"{record['world']} · {record['method']}: {record['k']:,} landmarks from {record['n']:,} points", bold=True
+    )
+    published = record["published"]
+    head = ["RUN", "FORBIDDEN", "VALID", "INERTIA", "ITERATIONS", "IN OBSTACLE", "INVALID", "REPAIRED", "TIME"]
+    rows = [[*head, "PUBLISHED"] if published else head]
+    for run in record["runs"]:
+        iterations = "-" if run["iterations"] is None else f"{run['iterations']:,}"
+        row = [f"{run['run'] + 1}", f"{run['forbidden']:,}", f"{run['valid']:,}", f"{run['inertia']:.6g} m²"]
+        row += [f"{iterations} batches" if run["mini_batches"] else iterations]
+        row += [f"{run['in_obstacle']}", f"{run['invalid']}", f"{run['repaired_valid']} valid"]
+        row.append(f"{1e3 * run['time']:.1f} ms")
+        if published:
+            there = published[run["run"]] if run["run"] < len(published) else None
+            row.append(f"{there['forbidden']} / {there['valid']}" if there else "")
+        rows.append(row)
+    console.print_table(rows, indent="  ")
+    spread = record["spread"]
+    facts = [
+        ("spread", f"{spread['mean']:.2f} m RMS between runs, at most {spread['worst']:.2f} m (centres matched)"),
+        ("spacing", f"{spread['spacing']:.2f} m, the side of a square as large as a landmark's share of free space"),
+        ("robot", record["robot"]),
+        ("seed", str(record["seed"])),
+    ]
+    if len(record["runs"]) < 2:
+        facts = facts[1:]
+    if picture is not None:
+        facts.append(("written", str(picture)))
+    console.print_table(facts, indent="  ")

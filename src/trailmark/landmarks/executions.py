@@ -1,0 +1,190 @@
+"""Executions of the source method, and of trailmark's own, in a world: from sensing to landmarks the robot can use."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.estimation import RangeBearing, sense_obstacles
+from trailmark.landmarks.kmeans import k_means_landmarks
+from trailmark.landmarks.paper import Initialisation, algorithm_2
+from trailmark.landmarks.relaxation import Relaxation
+from trailmark.landmarks.repair import repair_centres
+from trailmark.landmarks.sampling import RandomState, draw, free_samples, generator
+from trailmark.shapes import Disc
+
+__all__ = ["Execution", "execute_paper", "execute_se2"]
+
+SENSOR_RANGE = 12.0
+"""Metres that the sensor reaches by default: a common small laser scanner's."""
+
+SIGMA_RANGE, SIGMA_BEARING = 0.05, 0.01
+"""Standard deviations (metres, radians) of a reading by default."""
+
+POSES = (100, 2000)
+"""Fewest and most places that the robot senses from."""
+
+AREA_PER_POSE = 20.0
+"""Square metres of the bounds per such place: in reach of every obstacle there are several."""
+
+
+class Execution(NamedTuple):
+    """One execution: what was drawn, what was clustered, what it came to. Metres and radians.
+
+    Attributes:
+        samples: all that was drawn: points (n, 2), or configurations (n, 3) of trailmark's own method.
+        forbidden: shape (n,), which of them were not clustered.
+        enclosed: shape (n,), those of them that are free, but out of the robot's reach.
+        boxes: shape (m, 4), the obstacles as the source method has them; none in trailmark's own.
+        centres: the landmarks, shape (k, 2) or (k, 3).
+        labels: shape (v,), the landmark of each of the v valid samples.
+        inertia: sum of the squared distances of the valid samples to their landmarks, square metres; trailmark's own
+            in its embedding (:func:`trailmark.se2.embed`).
+        iterations: steps of Lloyd's algorithm, or mini-batches; None where that is not known.
+        mini_batches: whether it were mini-batches.
+        in_obstacle: shape (k,), see :class:`~trailmark.landmarks.repair.Repair`.
+        invalid: shape (k,), see there.
+        repaired: valid configurations in the centres' place, shape (k, 3).
+        seconds: from readings to landmarks, once scikit-learn is loaded.
+    """
+
+    samples: se2.FloatArray
+    forbidden: NDArray[np.bool_]
+    enclosed: NDArray[np.bool_]
+    boxes: se2.FloatArray
+    centres: se2.FloatArray
+    labels: NDArray[np.int32]
+    inertia: float
+    iterations: int | None
+    mini_batches: bool
+    in_obstacle: NDArray[np.bool_]
+    invalid: NDArray[np.bool_]
+    repaired: se2.FloatArray
+    seconds: float
+
+
+def execute_paper(
+    checker: StateChecker,
+    n: int = 1000,
+    k: int = 12,
+    init: Initialisation = "forgy",
+    random_state: RandomState = None,
+    *,
+    start: se2.FloatArray | None = None,
+    sensor: RangeBearing | None = None,
+    sensor_range: float = SENSOR_RANGE,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> Execution:
+    """Return one execution of Algorithm 2 in the checker's world; the rectangle is the world's bounds.
+
+    The robot reads the obstacles' outlines from random valid configurations that it can reach
+    (:func:`trailmark.estimation.sense_obstacles` refines the readings by the EKF), Algorithm 2 makes landmarks of
+    them, and the checker says what they are worth.
+
+    Args:
+        checker: world and robot; Algorithm 2 itself knows nothing of the robot but where it starts.
+        n: how many points to draw, >= 1.
+        k: how many landmarks.
+        init: the first centres, see :func:`~trailmark.landmarks.paper.initial_centres`.
+        random_state: seed or generator; the same one gives the same execution.
+        start: where the robot starts, shape (3,); what it cannot reach from there is occupied. Without it, or where
+            it is not valid, only what obstacles cut off from the bounds is.
+        sensor: its noise; by default SIGMA_RANGE and SIGMA_BEARING.
+        sensor_range: metres that it reaches.
+        on_progress: see :func:`~trailmark.landmarks.paper.algorithm_2`.
+
+    Raises:
+        ConfigurationError: an argument out of range, fewer valid points than k, no place for the robot.
+    """
+    rng, world = generator(random_state), checker.world
+    home = start if start is not None and checker.valid(start) else None
+    xmin, ymin, xmax, ymax = world.bounds
+    count = int(np.clip((xmax - xmin) * (ymax - ymin) / AREA_PER_POSE, *POSES))
+    poses = free_samples(checker, count, reachable_from=home, random_state=rng)
+    if len(poses) == 0:
+        raise ConfigurationError(f"world {world.name!r}: empty free space: no place for the robot was found")
+    sensor = RangeBearing(SIGMA_RANGE, SIGMA_BEARING) if sensor is None else sensor
+    readings = sense_obstacles(world, poses, sensor, max_range=sensor_range, random_state=rng)
+    _load()
+    begin = perf_counter()
+    found = algorithm_2(
+        readings, world.bounds, n, k, init, rng, robot=None if home is None else home[:2], on_progress=on_progress
+    )
+    seconds = perf_counter() - begin
+    repair = repair_centres(checker, found.centres, found.samples[~found.forbidden])
+    return Execution(*found, repair.in_obstacle, repair.invalid, repair.configurations, seconds)
+
+
+def execute_se2(
+    checker: StateChecker,
+    n: int = 1000,
+    k: int = 12,
+    random_state: RandomState = None,
+    *,
+    start: se2.FloatArray | None = None,
+) -> Execution:
+    """Return one execution of trailmark's own method over a whole world: valid samples in SE(2), repaired centres.
+
+    Args:
+        checker: decides what is valid.
+        n: how many configurations to draw, >= 1.
+        k: how many landmarks; fewer come back where two centres have the same nearest sample.
+        random_state: seed or generator.
+        start: configuration, shape (3,); what the robot cannot reach from there is left out. Not if it is not valid.
+
+    Raises:
+        ConfigurationError: an argument out of range, or fewer valid samples than k.
+    """
+    from scipy.spatial import cKDTree
+
+    if n < 1:
+        raise ConfigurationError(f"n: {n} given, allowed: 1 or more")
+    _load()
+    begin, rng = perf_counter(), generator(random_state)
+    samples = draw(checker.world.bounds, n, random_state=rng)
+    if isinstance(checker.robot.footprint, Disc):
+        samples[:, 2] = 0.0
+    valid = np.asarray(checker.valid(samples))
+    enclosed = np.zeros(n, dtype=np.bool_)
+    if start is not None and checker.valid(start):
+        relaxation = Relaxation(checker)
+        enclosed = valid & ~relaxation.component(start)[relaxation.cells(relaxation.disc_centers(samples))]
+    kept = samples[valid & ~enclosed]
+    if not 1 <= k <= len(kept):
+        room = "empty free space" if len(kept) == 0 else f"allowed: 1 to {len(kept)}"
+        raise ConfigurationError(f"k: {k} given, {room}: {len(kept)} of {n} samples drawn are valid")
+    radius = checker.footprint.sweep_radius
+    landmarks = k_means_landmarks(kept, k, radius=radius, random_state=rng)
+    found = cKDTree(se2.embed(landmarks, radius)).query(se2.embed(kept, radius))
+    distance, labels = np.asarray(found[0]), np.asarray(found[1], dtype=np.int32)
+    seconds = perf_counter() - begin
+    invalid = ~np.asarray(checker.valid(landmarks))
+    return Execution(
+        samples,
+        ~valid | enclosed,
+        enclosed,
+        np.empty((0, 4)),
+        landmarks,
+        labels,
+        float(distance @ distance),
+        None,
+        False,
+        invalid,
+        invalid,
+        landmarks,
+        seconds,
+    )
+
+
+@cache
+def _load() -> None:
+    """Load scikit-learn and scipy, which takes a second or two: a first execution's time is not to count them."""
+    algorithm_2([[[0.4, 0.4], [0.6, 0.6]]], (0.0, 0.0, 1.0, 1.0), 50, 2, random_state=0)

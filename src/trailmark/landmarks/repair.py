@@ -1,0 +1,104 @@
+"""Centres that the robot cannot use, and what stands in for them: K-means knows no obstacles."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.collision.footprint import build_footprint
+from trailmark.collision.kernels import FREE, states_free
+from trailmark.errors import ConfigurationError
+from trailmark.shapes import Disc
+from trailmark.world import Robot
+
+__all__ = ["Repair", "repair_centres", "widest_headings"]
+
+HEADINGS = 72
+"""Headings tried at a place: one every five degrees."""
+
+SPECK = 1e-6
+"""Radius (metres) of the disc that stands for a point."""
+
+BATCH = 1000
+"""Places whose headings are tried at a time."""
+
+
+class Repair(NamedTuple):
+    """What K-means centres are worth to a robot, and valid configurations in their place.
+
+    Attributes:
+        in_obstacle: shape (k,), whether the centre itself lies in an obstacle or out of bounds or boundary.
+        invalid: shape (k,), whether the robot can stand there at none of the headings that were tried.
+        configurations: shape (k, 3), all valid: the centre at its widest heading, or where that is invalid, the
+            sample nearest to it at which the robot can stand.
+    """
+
+    in_obstacle: NDArray[np.bool_]
+    invalid: NDArray[np.bool_]
+    configurations: se2.FloatArray
+
+
+def repair_centres(checker: StateChecker, centres: ArrayLike, samples: ArrayLike) -> Repair:
+    """Return which centres the robot cannot use, and valid configurations in the place of all.
+
+    Args:
+        checker: decides what is valid.
+        centres: shape (k, 2), metres.
+        samples: places that may stand in for them, shape (n, 2), metres.
+
+    Raises:
+        ConfigurationError: other shapes, or no sample at which the robot can stand though a centre needs one.
+    """
+    from scipy.spatial import cKDTree
+
+    places, stand_ins = _places(centres, "centres"), _places(samples, "samples")
+    at_zero = np.ascontiguousarray(np.column_stack([places, np.zeros(len(places))]))
+    speck = build_footprint(Robot.disc(SPECK))
+    in_obstacle = np.asarray(states_free(checker.grid, checker.field, speck, at_zero) != FREE)
+    q, valid = widest_headings(checker, places)
+    tree = cKDTree(stand_ins)
+    for i in np.flatnonzero(~valid):
+        # The nearest few will mostly do.
+        for count in (16, 256, len(stand_ins)):
+            nearest = np.asarray(tree.query(places[i], np.arange(1, min(count, len(stand_ins)) + 1))[1])
+            found, standing = widest_headings(checker, stand_ins[nearest])
+            if standing.any():
+                q[i] = found[np.argmax(standing)]
+                break
+        else:
+            raise ConfigurationError(
+                f"samples: at none of {len(stand_ins)} can the robot ({checker.robot.describe()}) stand"
+            )
+    return Repair(in_obstacle, ~valid, q)
+
+
+def widest_headings(checker: StateChecker, places: se2.FloatArray) -> tuple[se2.FloatArray, NDArray[np.bool_]]:
+    """Return for each place (n, 2) the configuration with most clearance, shape (n, 3), and whether it is valid, (n,).
+
+    HEADINGS headings are tried, for a disc only 0.
+    """
+    count = 1 if isinstance(checker.robot.footprint, Disc) else HEADINGS
+    headings = np.asarray(se2.wrap(2.0 * np.pi * np.arange(count) / count))
+    best, valid = np.zeros((len(places), 3)), np.zeros(len(places), dtype=np.bool_)
+    cap = 2.0 * checker.robot.circumradius
+    for begin in range(0, len(places), BATCH):
+        part = slice(begin, begin + BATCH)
+        at = np.repeat(places[part], count, axis=0)
+        q = np.column_stack([at, np.tile(headings, len(places[part]))])
+        room = np.where(checker.valid(q), checker.clearance(q, cap=cap), -1.0).reshape(-1, count)
+        widest = np.argmax(room, axis=1)
+        rows = np.arange(len(widest))
+        best[part] = q.reshape(-1, count, 3)[rows, widest]
+        valid[part] = room[rows, widest] >= 0.0
+    return best, valid
+
+
+def _places(values: ArrayLike, name: str) -> se2.FloatArray:
+    places = np.asarray(values, dtype=np.float64)
+    if places.ndim != 2 or places.shape[1] != 2 or not len(places) or not np.isfinite(places).all():
+        raise ConfigurationError(f"{name}: shape {places.shape} given, allowed: (n, 2), n >= 1, finite numbers")
+    return np.ascontiguousarray(places)
