@@ -81,6 +81,19 @@ def _field_clearance(
 
 
 @njit(cache=True)
+def _field_free(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float) -> bool:
+    """Return whether the field proves a clearance of at least ROUNDING."""
+    spare = field.slack + ROUNDING
+    if field_value(field, x, y) >= robot.circumradius + spare:
+        return True
+    for k in range(len(robot.cover)):
+        bx, by, r = robot.cover[k, 0], robot.cover[k, 1], robot.cover[k, 2]
+        if field_value(field, x + c * bx - s * by, y + s * bx + c * by) < r + spare:
+            return False
+    return True
+
+
+@njit(cache=True)
 def _field_hit(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float) -> bool:
     """Return whether an inner disc proves a collision deeper than any tolerance."""
     for k in range(len(robot.inner)):
@@ -326,7 +339,7 @@ def _state(
 ) -> int:
     """Return FREE, BLOCKED, or UNDECIDED within DEEP_TOLERANCE of touching."""
     c, s = cos(theta), sin(theta)
-    if _field_clearance(field, robot, x, y, c, s, ROUNDING) >= ROUNDING:
+    if _field_free(field, robot, x, y, c, s):
         return FREE
     if _field_hit(field, robot, x, y, c, s):
         return BLOCKED
@@ -371,7 +384,7 @@ def field_states(field: ClearanceField, robot: Footprint, q: FloatArray) -> np.n
     result = np.empty(len(q), np.uint8)
     for i in range(len(q)):
         x, y, c, s = q[i, 0], q[i, 1], cos(q[i, 2]), sin(q[i, 2])
-        if _field_clearance(field, robot, x, y, c, s, ROUNDING) >= ROUNDING:
+        if _field_free(field, robot, x, y, c, s):
             result[i] = FREE
         elif _field_hit(field, robot, x, y, c, s):
             result[i] = BLOCKED
