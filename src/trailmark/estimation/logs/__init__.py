@@ -1,0 +1,146 @@
+"""Sensor logs: readers that turn the files of others into records, and a format of trailmark's own to write too.
+
+A log's format is told by its content. Only what a file needs is imported for it.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path as FilePath
+
+from trailmark.errors import FormatError, did_you_mean
+from trailmark.estimation.records import Log
+
+__all__ = ["FORMATS", "load_log", "save_log"]
+
+FORMATS = ("jsonl", "mrclam", "carmen", "victoria", "rosbag")
+"""trailmark's own JSON Lines; an MRCLAM folder; a CARMEN log; GTSAM's Victoria Park file; a ROS 1 or ROS 2 bag."""
+
+_ALLOWED = (
+    'allowed: trailmark JSON Lines (first line {"trailmark_log": 1}), an MRCLAM folder (RobotN_Odometry.dat) as '
+    "FOLDER:N or one of robot N's files, a CARMEN log (ODOM, FLASER), victoria_park.txt (ODOMETRY, LANDMARK), a ROS bag"
+)
+
+_BAG_STARTS = (b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP0\r\n")
+
+_HEAD = 2**16
+"""Bytes from a file's beginning in which a line must tell its format."""
+
+
+def load_log(
+    path: str | FilePath,
+    format: str | None = None,  # noqa: A002 # the option's name in the shell
+    skip_bad: bool = False,
+    *,
+    robot: int | None = None,
+    scan_topic: str | None = None,
+    odometry_topic: str | None = None,
+) -> Log:
+    """Read a sensor log.
+
+    Text logs may be gzipped. The readers' modules say what each makes of its files.
+
+    Args:
+        path: the file, or the folder of an MRCLAM log or a ROS 2 bag. Which robot of an MRCLAM folder is told by
+            ``robot``, by ``FOLDER:N``, or by naming one of its files, such as ``FOLDER/Robot3_Odometry.dat``.
+        format: one of FORMATS; told by the content if left out.
+        skip_bad: leave out bad records and count them in ``Log.dropped``, in place of raising for the first.
+        robot: the number of an MRCLAM robot.
+        scan_topic: the topic of a bag's laser scans; may be left out where the bag has one.
+        odometry_topic: the topic of a bag's odometry; may be left out where the bag has one.
+
+    Raises:
+        FormatError: the file is missing, of no known format, breaks its format's rules, or holds no records; the
+            message has file and line.
+    """
+    from trailmark.estimation.logs.source import BadRecords
+
+    bad = BadRecords(skip_bad)
+    file = FilePath(path)
+    if format is not None and format not in FORMATS:
+        raise FormatError(file, f"format {format!r} given, {did_you_mean(format, FORMATS)}")
+    if format in (None, "mrclam"):
+        file, robot = _robot(file, robot)
+    kind = _told_by_content(file) if format is None else format
+    if kind == "jsonl":
+        from trailmark.estimation.logs.jsonl import read_jsonl
+
+        log = read_jsonl(file, bad)
+    elif kind == "mrclam":
+        from trailmark.estimation.logs.mrclam import read_mrclam
+
+        log = read_mrclam(file, bad, robot)
+    elif kind == "carmen":
+        from trailmark.estimation.logs.carmen import read_carmen
+
+        log = read_carmen(file, bad)
+    elif kind == "victoria":
+        from trailmark.estimation.logs.victoria import read_victoria
+
+        log = read_victoria(file, bad)
+    else:
+        from trailmark.estimation.logs.rosbag import read_rosbag
+
+        log = read_rosbag(file, bad, scan_topic, odometry_topic)
+    if not log.records:
+        left_out = f" ({bad.dropped} bad ones left out)" if bad.dropped else ""
+        raise FormatError(file, f"no records given{left_out}, allowed: a log of one record or more")
+    return log._replace(dropped=bad.dropped)
+
+
+def save_log(log: Log, path: str | FilePath) -> None:
+    """Write a log as trailmark JSON Lines (:mod:`trailmark.estimation.logs.jsonl`), whole or not at all.
+
+    Loading the file gives the same records: every number is written with all its digits.
+
+    Raises:
+        OutputError: the path cannot be written, or a record is none that could be read back.
+    """
+    from trailmark.estimation.logs.jsonl import write_jsonl
+
+    write_jsonl(FilePath(path), log)
+
+
+def _robot(path: FilePath, robot: int | None) -> tuple[FilePath, int | None]:
+    """Return the folder and the number where the path means an MRCLAM robot, else what was given."""
+    from trailmark.estimation.logs.mrclam import robot_of
+
+    named = re.fullmatch(r"(.+):(\d+)", path.name)
+    if named and not path.exists() and path.with_name(named[1]).is_dir():
+        return path.with_name(named[1]), int(named[2])
+    own = robot_of(path)
+    if own is not None and path.is_file():
+        return path.parent, own if robot is None else robot
+    return path, robot
+
+
+def _told_by_content(path: FilePath) -> str:
+    """Return the format of a file or folder.
+
+    Raises:
+        FormatError: it is missing, or of no known format.
+    """
+    from trailmark.estimation.logs import carmen, mrclam, victoria
+    from trailmark.estimation.logs.source import read_head
+
+    if path.is_dir():
+        if (path / "metadata.yaml").exists():
+            return "rosbag"
+        if mrclam.robots(path):
+            return "mrclam"
+        raise FormatError(path, f"a folder that holds no log; {_ALLOWED}")
+    head = read_head(path, _HEAD)
+    if head.startswith(_BAG_STARTS):
+        return "rosbag"
+    text = head.decode("utf-8-sig", errors="replace")
+    if not text.strip():
+        raise FormatError(path, f"an empty log; {_ALLOWED}")
+    for line in text.split("\n"):
+        word = line.split(maxsplit=1)[0] if line.strip() else ""
+        if word.startswith("{"):
+            return "jsonl"
+        if word in victoria.KEYWORDS:
+            return "victoria"
+        if word in carmen.KEYWORDS or line.startswith("# message formats defined:"):
+            return "carmen"
+    raise FormatError(path, f"no log of a known format; {_ALLOWED}")

@@ -1,0 +1,143 @@
+"""trailmark's own log: JSON Lines, one object a line, gzipped if the file's name ends in ``.gz``.
+
+The first line is the header, records follow in the order of time, landmarks stand anywhere among them:
+
+- ``{"trailmark_log": 1, "name": "yard"}``: the schema version, and what reports call the log (optional);
+- ``{"type": "odometry", "t": 0.0, "v": 0.5, "omega": 0.1}``: velocities that hold until the next odometry record;
+- ``{"type": "increment", "t", "dx", "dy", "dtheta", "covariance"}``: covariance 3 x 3 (optional);
+- ``{"type": "detection", "t", "z", "kind", "identity", "covariance"}``: z two numbers, range and bearing, or x and y
+  where kind is ``"cartesian"`` (kind left out is ``"range-bearing"``); identity a whole number (optional); covariance
+  2 x 2 (optional);
+- ``{"type": "scan", "t", "ranges", "angle_min", "angle_increment", "range_max", "mount", "pose"}``: each range is a
+  number of 0 or more, ``"inf"`` where nothing was met, null where the reading was lost; range_max above 0 or
+  ``"inf"``; mount and pose [x, y, theta] (optional);
+- ``{"type": "pose", "t", "x", "y", "theta", "truth"}``: truth is true or false (left out: false);
+- ``{"type": "landmark", "identity", "x", "y"}``: a surveyed feature, for evaluation.
+
+Metres, radians, seconds; the meaning of the fields is that of :mod:`trailmark.estimation.records`. What is optional
+may be left out or null. Times may repeat but not go back. Numbers are written with all their digits, so that reading
+gives back what was written. :func:`trailmark.estimation.logs.schema.log_json_schema` gives the JSON Schema of a line.
+"""
+
+from __future__ import annotations
+
+import gzip
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trailmark.errors import FormatError, OutputError
+from trailmark.estimation.logs.source import BadRecords, name_of, read_lines
+from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
+from trailmark.formats.files import write_atomically
+from trailmark.se2 import FloatArray
+
+__all__ = ["read_jsonl", "write_jsonl"]
+
+
+def read_jsonl(path: Path, bad: BadRecords) -> Log:
+    """Return the log in a JSON Lines file.
+
+    Args:
+        path: the file, gzipped or not.
+        bad: what becomes of bad lines: not JSON, missing or unknown fields, values out of range or not finite, times
+            that go back, covariances that are none.
+
+    Raises:
+        FormatError: the file cannot be read, its first line is not the header, or a bad line.
+    """
+    from trailmark.estimation.logs.schema import Landmark, header, parse
+
+    lines = read_lines(path, bad)
+    try:
+        name = header(lines[0] if lines else "").name
+    except ValueError as error:
+        raise FormatError(path, str(error), 1) from None
+    records: list[Record] = []
+    landmarks: list[tuple[float, float, float]] = []
+    latest = -math.inf
+    for number, line in enumerate(lines[1:], start=2):
+        if not line.strip():
+            continue
+        try:
+            found = parse(line)
+        except ValueError as error:
+            bad.report(path, str(error), number)
+            continue
+        if isinstance(found, Landmark):
+            landmarks.append((found.identity, found.x, found.y))
+        elif found.t < latest:
+            back = f"time {found.t!r} given after {latest!r}, allowed: times that do not go back"
+            bad.report(path, back, number)
+        else:
+            latest = found.t
+            records.append(found)
+    rows = np.array(landmarks, dtype=np.float64).reshape(-1, 3)
+    return Log(name_of(path) if name is None else name, tuple(records), rows)
+
+
+def write_jsonl(path: Path, log: Log) -> None:
+    """Write a log as JSON Lines, whole or not at all; gzipped if the path ends in ``.gz``.
+
+    ``dropped`` and ``notes``, which tell of another file, are not written.
+
+    Raises:
+        OutputError: the path cannot be written, or a record is none that could be read back: values that are not
+            finite, times that go back.
+    """
+    from trailmark.estimation.logs.schema import parse
+
+    lines = [json.dumps({"trailmark_log": 1, "name": log.name}, ensure_ascii=False)]
+    lines += (
+        json.dumps({"type": "landmark", "identity": int(identity), "x": x, "y": y})
+        for identity, x, y in log.landmarks.tolist()
+    )
+    encode = json.JSONEncoder(default=_plain).encode
+    latest = -math.inf
+    for i, record in enumerate(log.records):
+        line = encode(_data(record))
+        try:
+            parse(line)  # what cannot be read back is not written
+        except ValueError as error:
+            raise OutputError(f"{path}: cannot be written: records[{i}]: {error}") from None
+        if record.t < latest:
+            raise OutputError(f"{path}: cannot be written: records[{i}]: time {record.t!r} given after {latest!r}")
+        latest = record.t
+        lines.append(line)
+    data = ("\n".join(lines) + "\n").encode()
+    # Without a time of writing in it, the same log gives the same file.
+    write_atomically(path, gzip.compress(data, 6, mtime=0) if path.suffix == ".gz" else data)
+
+
+def _data(record: Record) -> dict[str, Any]:
+    """Return a record as the line's object, without what is optional and not there."""
+    match record:
+        case Odometry():
+            data = {"type": "odometry", **record._asdict()}
+        case Increment():
+            data = {"type": "increment", **record._asdict()}
+        case Detection():
+            data = {"type": "detection", **record._asdict()}
+        case Scan():
+            data = {"type": "scan", **record._asdict(), "ranges": _words(record.ranges)}
+            data["range_max"] = "inf" if record.range_max == math.inf else record.range_max
+        case Pose():
+            data = {"type": "pose", **record._asdict()}
+    return {key: value for key, value in data.items() if value is not None}
+
+
+def _words(ranges: FloatArray) -> list[float | str | None]:
+    """Return ranges for JSON, which has no word for infinite and NaN."""
+    return [
+        None if math.isnan(value) else "inf" if value == math.inf else value
+        for value in np.asarray(ranges, dtype=np.float64).tolist()
+    ]
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} given, allowed: numbers, lists and arrays")

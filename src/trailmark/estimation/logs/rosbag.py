@@ -1,0 +1,200 @@
+"""ROS 1 and ROS 2 bags, read by the package rosbags (the extra ``trailmark[ros]``); no ROS is needed.
+
+From a bag come one topic of ``sensor_msgs/LaserScan`` and one of ``nav_msgs/Odometry``:
+
+- An odometry message's pose gives the increment since the message before; its covariance, which is that of the whole
+  drive, says nothing about one increment and is not used. The first message gives the pose where the odometry begins.
+- A scan's readings below its ``range_min``, among them the zeros and −inf of some drivers, are lost readings (NaN).
+- The scanner's place on the robot comes from the bag's transforms (``tf_static``, else the first ones of ``tf``)
+  between the scan's frame and the odometry's child frame. A scanner that hangs upside down turns clockwise, so its
+  angles change their sign. Without such transforms it is taken to sit at the robot's origin, with a note.
+
+A record's time is the message's stamp, or when the bag received it if the stamp is 0. Stamps of one topic must not go
+back; the two topics are merged by time, the odometry first at equal times.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from trailmark.errors import FormatError, TrailmarkError, did_you_mean
+from trailmark.estimation.logs.source import BadRecords, name_of
+from trailmark.estimation.logs.transforms import Transforms, matrix
+from trailmark.estimation.records import Increment, Log, Pose, Record, Scan
+
+if TYPE_CHECKING:
+    from rosbags.highlevel import AnyReader
+    from rosbags.interfaces import Connection
+
+__all__ = ["read_rosbag"]
+
+_SCAN, _ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
+_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+_ENOUGH_TRANSFORMS = 2000
+"""Messages of ``tf`` that are looked through for the scanner's place."""
+
+
+class _Message(NamedTuple):
+    name: str
+    t: float
+    data: Any
+
+
+def read_rosbag(path: Path, bad: BadRecords, scan_topic: str | None = None, odometry_topic: str | None = None) -> Log:
+    """Return a bag's laser scans and odometry.
+
+    Args:
+        path: a ROS 1 file ``.bag``, a ROS 2 folder, or one of its files ``.db3`` or ``.mcap``.
+        bad: what becomes of bad messages: not to be decoded, values that are not finite, stamps that go back.
+        scan_topic: may be left out where the bag has one such topic.
+        odometry_topic: may be left out where the bag has one such topic.
+
+    Raises:
+        FormatError: rosbags is not installed, the bag cannot be read, has no such topics or several, or a bad
+            message, which the message names by its number on its topic.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise FormatError(path, "a ROS bag needs the package rosbags: pip install 'trailmark[ros]'") from None
+    try:
+        # Bags of ROS 2 before Iron do not hold their messages' definitions.
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            return _log(path, reader, bad, scan_topic, odometry_topic)
+    except TrailmarkError:
+        raise
+    except Exception as error:  # what a broken bag makes the decoders raise is not documented
+        what = " ".join(str(error).split()) or type(error).__name__
+        raise FormatError(path, f"cannot be read as a ROS bag: {what}") from None
+
+
+def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None, odometry_topic: str | None) -> Log:
+    scans = _topic(path, reader, _SCAN, "scan", scan_topic)
+    odometry = _topic(path, reader, _ODOMETRY, "odometry", odometry_topic)
+    records: list[Record] = []
+    frame = "base_link"
+    before: tuple[float, float, float] | None = None
+    for name, t, message in _messages(path, reader, odometry, bad):
+        pose = _pose(message.pose.pose)
+        if pose is None:
+            bad.report(path, f"{name}: pose given that is not finite or has no heading, allowed: finite numbers")
+            continue
+        frame = message.child_frame_id or frame
+        records.append(Pose(t, *pose) if before is None else _increment(t, before, pose))
+        before = pose
+    mounts: dict[str, tuple[tuple[float, float, float], bool]] = {}
+    notes: list[str] = []
+    for name, t, message in _messages(path, reader, scans, bad):
+        problem = _bad_geometry(message)
+        if problem:
+            bad.report(path, f"{name}: {problem}")
+            continue
+        own = message.header.frame_id
+        if own not in mounts:
+            mounts[own], note = _mount(reader, frame, own)
+            notes += [note] if note else []
+        records.append(_scan(t, message, *mounts[own]))
+    order = np.argsort([record.t for record in records], kind="stable")
+    return Log(name_of(path), tuple(records[i] for i in order), np.empty((0, 3)), notes=tuple(notes))
+
+
+def _topic(path: Path, reader: AnyReader, msgtype: str, what: str, name: str | None) -> list[Connection]:
+    """Return the connections of the topic of a type: the named one, or the only one."""
+    topics = sorted({c.topic for c in reader.connections if c.msgtype == msgtype})
+    if name is None and len(topics) == 1:
+        name = topics[0]
+    if name in topics:
+        return [c for c in reader.connections if c.topic == name and c.msgtype == msgtype]
+    kind = msgtype.replace("/msg/", "/")
+    if name is not None:
+        raise FormatError(path, f"{what} topic {name!r} given, {did_you_mean(name, topics)} (those of type {kind})")
+    if topics:
+        raise FormatError(path, f"{len(topics)} topics of type {kind}: say which {what} topic: {', '.join(topics)}")
+    there = ", ".join(sorted({f"{c.topic} ({c.msgtype.replace('/msg/', '/')})" for c in reader.connections}))
+    raise FormatError(path, f"no topic of type {kind} in the bag; it has: {there or 'none'}")
+
+
+def _messages(path: Path, reader: AnyReader, connections: list[Connection], bad: BadRecords) -> Iterator[_Message]:
+    """Yield the messages of a topic with their names for messages, in the order of their stamps."""
+    latest = -math.inf
+    for number, (connection, received, raw) in enumerate(reader.messages(connections), start=1):
+        name = f"message {number} of {connection.topic}"
+        try:
+            data: Any = reader.deserialize(raw, connection.msgtype)
+        except Exception as error:  # what a broken message makes the decoders raise is not documented
+            bad.report(path, f"{name}: cannot be decoded: {' '.join(str(error).split())}")
+            continue
+        stamp = data.header.stamp
+        t = stamp.sec + 1e-9 * stamp.nanosec if stamp.sec or stamp.nanosec else 1e-9 * received
+        if t < latest:
+            bad.report(path, f"{name}: time {t!r} given after {latest!r}, allowed: times that do not go back")
+            continue
+        latest = t
+        yield _Message(name, t, data)
+
+
+def _pose(pose: Any) -> tuple[float, float, float] | None:
+    """Return x, y, theta, or None if they are not finite."""
+    q = pose.orientation
+    sin, cos = 2.0 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2
+    values = (pose.position.x, pose.position.y, sin, cos)
+    if not all(map(math.isfinite, values)) or sin == cos == 0.0:
+        return None
+    return pose.position.x, pose.position.y, math.atan2(sin, cos)
+
+
+def _increment(t: float, a: tuple[float, float, float], b: tuple[float, float, float]) -> Increment:
+    """Return the motion from pose a to pose b, in a's frame."""
+    cos, sin, dx, dy = math.cos(a[2]), math.sin(a[2]), b[0] - a[0], b[1] - a[1]
+    return Increment(t, cos * dx + sin * dy, cos * dy - sin * dx, math.remainder(b[2] - a[2], 2.0 * math.pi))
+
+
+def _bad_geometry(message: Any) -> str:
+    """Return what is wrong with a scan's fields, or nothing."""
+    if len(message.ranges) == 0:
+        return "no ranges given, allowed: one or more"
+    if not all(map(math.isfinite, (message.angle_min, message.angle_increment))):
+        return f"angles {message.angle_min}, {message.angle_increment} given, allowed: finite numbers"
+    if not message.range_max > 0.0:
+        return f"range_max {message.range_max} given, allowed: above 0"
+    return ""
+
+
+def _scan(t: float, message: Any, mount: tuple[float, float, float], upside_down: bool) -> Scan:
+    ranges = np.array(message.ranges, dtype=np.float64)
+    ranges[ranges < max(message.range_min, 0.0)] = np.nan
+    sign = -1.0 if upside_down else 1.0
+    geometry = (sign * float(message.angle_min), sign * float(message.angle_increment), float(message.range_max))
+    return Scan(t, ranges, *geometry, mount)
+
+
+def _mount(reader: AnyReader, base: str, scanner: str) -> tuple[tuple[tuple[float, float, float], bool], str]:
+    """Return the scanner's place on the robot, whether it hangs upside down, and a note where it is not known."""
+    connections = [c for c in reader.connections if c.msgtype in _TRANSFORMS]
+    transforms = Transforms()
+    found = transforms.between(base, scanner)
+    for static in (True, False):
+        wanted = [c for c in connections if c.topic.endswith("tf_static") == static]
+        for number, (connection, _, raw) in enumerate(reader.messages(wanted) if wanted else ()):
+            if found is not None or (not static and number >= _ENOUGH_TRANSFORMS):
+                break
+            message: Any = reader.deserialize(raw, connection.msgtype)
+            for entry in message.transforms:
+                shift, q = entry.transform.translation, entry.transform.rotation
+                place = matrix((shift.x, shift.y, shift.z), (q.x, q.y, q.z, q.w))
+                transforms.add(entry.header.frame_id, entry.child_frame_id, place)
+            found = transforms.between(base, scanner)
+    if found is None:
+        note = f"no transform from {base!r} to {scanner!r}: the scanner is taken to sit at the robot's origin"
+        return ((0.0, 0.0, 0.0), False), note
+    mount = (float(found[0, 3]), float(found[1, 3]), math.atan2(found[1, 0], found[0, 0]))
+    tilt = math.degrees(math.acos(min(1.0, abs(found[2, 2]))))
+    note = f"the scanner {scanner!r} is tilted by {tilt:.0f} degrees and taken to be level" if tilt > 5.0 else ""
+    return (mount, bool(found[2, 2] < 0.0)), note
