@@ -53,7 +53,9 @@ def mini_batch_clusters(
     points, rng = np.asarray(samples, dtype=np.float64), generator(random_state)
     order = rng.permutation(len(points))
     first = initial_centres(points[order[: max(FIRST, 10 * k)]], k, init, rng)
-    steps = MiniBatchKMeans(k, init=first, n_init=1, random_state=int(rng.integers(2**31)))
+    seed = int(rng.integers(2**31))
+    # Labels are found once, at the end; with compute_labels every batch would be searched twice.
+    steps = MiniBatchKMeans(k, init=first, n_init=1, random_state=seed, compute_labels=False)
     batches = 0
     for begin in range(0, len(points), BATCH):
         with one_thread():
