@@ -47,7 +47,7 @@ def test_version(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        ([], "Missing command, allowed: plan, worlds"),
+        ([], "Missing command, allowed: plan, landmarks, worlds"),
         (["paln"], "No such command 'paln'"),
         (["--verison"], "No such option: --verison"),
         (["plan"], "Missing argument 'WORLD' (see 'trailmark plan --help')"),
