@@ -1,0 +1,402 @@
+"""LandmarkPlanner: its paths judged by shapely, its promises about seeds, time, progress and bad input."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError, WorldError
+from trailmark.landmarks import free_samples
+from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
+from trailmark.roadmap import Roadmap
+from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.world import Robot, World
+
+Judge = Callable[..., float]
+LONG = 60.0
+"""Seconds: a limit that no test should reach, where rounds are limited instead."""
+
+CAR = Robot.rectangle(1.0, 0.6)
+
+
+def wall(gap: float, robot: Robot = CAR) -> World:
+    """A 20 x 10 m world, a wall across it at x = 10 with one gap around y = 8."""
+    low, high = 8.0 - gap / 2, 8.0 + gap / 2
+    parts = (Rectangle((10.0, low / 2), 1.0, low), Rectangle((10.0, (10.0 + high) / 2), 1.0, 10.0 - high))
+    return World("wall", (0, 0, 20, 10), parts, robot)
+
+
+def bend(width: float, robot: Robot) -> World:
+    """A corridor with one right-angled bend, from (1, 1) east and then north."""
+    inner = np.array([[0, width], [10 - width, width], [10 - width, 10], [0, 10]], dtype=float)
+    return World("bend", (0, 0, 10, 10), (Polygon(inner),), robot)
+
+
+def accepted(judge: Judge, world: World, start: Any, goal: Any, result: PlanResult, robot: Robot | None = None) -> None:
+    """Assert that a result is solved, and true in all that it says about its path."""
+    assert result.status == "solved"
+    assert result.path is not None
+    assert result.lower_bound is not None
+    cost = judge(world, robot or world.robot, start, goal, result.path.states)
+    assert result.cost == pytest.approx(cost, abs=1e-9)
+    turn = abs(math.atan2(math.sin(goal[2] - start[2]), math.cos(goal[2] - start[2])))
+    assert math.dist(start[:2], goal[:2]) + 0.5 * turn == pytest.approx(result.lower_bound, abs=1e-9)
+    assert cost >= result.lower_bound - 1e-9
+    costs = [entry[1] for entry in result.history]
+    assert all(before > after for before, after in pairwise(costs))
+    assert costs[0] == result.first_cost
+    assert costs[-1] == pytest.approx(cost, abs=1e-9)
+    seconds = [entry[0] for entry in result.history]
+    assert seconds == sorted(seconds)
+    assert result.time["first_solution"] == seconds[0]
+    assert 0.0 <= seconds[-1] <= (result.time["total"] or 0.0)
+
+
+# --- paths ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("seed", "name"), list(enumerate(ROBOTS)))
+def test_paths_in_random_worlds(seed: int, name: str, judge: Judge) -> None:
+    robot = ROBOTS[name]
+    world = random_world(seed, 40, size=40.0, discs=0.3, holes=0.2, boundary=seed % 2 == 1)
+    planner = LandmarkPlanner(world, robot, seed=seed)
+    q = free_samples(planner.checker, 5, random_state=seed)
+    q[:, 2] = np.random.default_rng(seed).uniform(-3.0, 3.0, 5) if name == "disc" else q[:, 2]
+    solved = 0
+    for start, goal in pairwise(q):
+        result = planner.plan(start, goal, LONG, max_iterations=3)
+        if result.status == "solved":
+            accepted(judge, world, start, goal, result, robot)
+            solved += 1
+        else:
+            assert result.path is None
+    assert solved >= 2
+
+
+def test_a_straight_motion_is_the_answer_where_it_is_free(judge: Judge) -> None:
+    start, goal = (2.0, 2.0, 3.0), (8.0, 5.0, -3.0)
+    world = World("open", (0, 0, 10, 10), (Disc((9.0, 1.0), 0.5),), CAR)
+    result = LandmarkPlanner(world, seed=0).plan(start, goal)
+    accepted(judge, world, start, goal, result)
+    assert result.path is not None
+    assert len(result.path) == 2
+    assert result.cost == result.lower_bound
+    assert len(result.history) == 1
+
+
+def test_start_is_goal(judge: Judge) -> None:
+    at = (5.0, 8.0, 0.3)
+    world = wall(2.0)
+    for robot in (CAR, Robot.disc(0.3)):
+        result = LandmarkPlanner(world, robot, seed=0).plan(at, at)
+        accepted(judge, world, at, at, result, robot)
+        assert result.cost == 0.0
+
+
+def test_a_round_robot_turns_evenly_along_its_way(judge: Judge) -> None:
+    robot = Robot.disc(0.4)
+    start, goal = (5.0, 2.0, 2.5), (15.0, 2.0, -2.5)
+    result = LandmarkPlanner(wall(1.0), robot, seed=1).plan(start, goal, LONG, max_iterations=3)
+    accepted(judge, wall(1.0), start, goal, result, robot)
+    assert result.path is not None
+    states = result.path.states
+    assert len(states) > 2
+    # The shorter way round, through pi.
+    assert result.path.rotation == pytest.approx(2.0 * math.pi - 5.0)
+    along = np.cumsum(np.hypot(*np.diff(states[:, :2], axis=0).T))
+    turned = np.cumsum(np.mod(np.diff(states[:, 2]), 2.0 * math.pi))
+    assert turned / turned[-1] == pytest.approx(along / along[-1], abs=1e-9)
+
+
+@pytest.mark.parametrize("heading", [0.0, math.pi / 2, 0.7])
+def test_start_and_goal_in_contact(heading: float, judge: Judge) -> None:
+    # A block at any angle, the robot's side flush with it, on one side at the start and on the other at the goal.
+    across = np.array([-math.sin(heading), math.cos(heading)])
+    block = Rectangle((10.0, 10.0), 3.0, 2.0, heading)
+    world = World("block", (0, 0, 20, 20), (block,), CAR)
+    start, goal = ((*(np.array([10.0, 10.0]) + side * 1.3 * across), heading) for side in (-1.0, 1.0))
+    checker = StateChecker(world, CAR)
+    assert checker.clearance(start) < 1e-9
+    assert checker.clearance(goal) < 1e-9
+    result = LandmarkPlanner(world, seed=0).plan(start, goal, LONG, max_iterations=3)
+    accepted(judge, world, start, goal, result)
+    assert result.min_clearance == pytest.approx(0.0, abs=1e-6)
+
+
+def test_start_in_the_corner_of_the_bounds(judge: Judge) -> None:
+    start, goal = (0.5, 0.3, 0.0), (19.7, 9.5, math.pi / 2)
+    result = LandmarkPlanner(wall(2.0), seed=0).plan(start, goal, LONG, max_iterations=3)
+    accepted(judge, wall(2.0), start, goal, result)
+
+
+def test_half_a_turn_both_ways(judge: Judge) -> None:
+    # An arm above a wall: the straight motion swings it over the top one way, through the wall the other way.
+    robot = Robot.polygon([(-0.1, -0.1), (2.0, -0.1), (2.0, 0.1), (-0.1, 0.1)])
+    world = World("wall", (0, 0, 10, 10), (Rectangle((5, 2), 10, 0.5),), robot)
+    right, left = (5.0, 3.0, 0.0), (5.0, 3.0, math.pi)
+    planner = LandmarkPlanner(world, seed=0)
+    for start, goal in ((right, left), (left, right), (right, left), (left, right)):
+        accepted(judge, world, start, goal, planner.plan(start, goal, LONG, max_iterations=4))
+
+
+# --- hard and impossible -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gap", [0.63, 0.8])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gap_hardly_wider_than_the_robot(gap: float, seed: int, judge: Judge) -> None:
+    start, goal = (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
+    world = wall(gap)
+    result = LandmarkPlanner(world, seed=seed).plan(start, goal, LONG, max_iterations=12)
+    accepted(judge, world, start, goal, result)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_bend_that_asks_for_turning_on_the_way(seed: int, judge: Judge) -> None:
+    # A rod of length l and width w gets round a bend of width c if l + 2 w <= 2 sqrt(2) c; here with 6 % to spare.
+    robot = Robot.rectangle(2.4, 0.3)
+    world = bend(1.13, robot)
+    start, goal = (1.5, 0.565, 0.0), (9.435, 8.5, math.pi / 2)
+    result = LandmarkPlanner(world, seed=seed).plan(start, goal, LONG, max_iterations=12)
+    accepted(judge, world, start, goal, result)
+
+
+def test_what_is_closed_is_proven_infeasible() -> None:
+    ring = np.array([[6.0, 2.0], [14.0, 2.0], [14.0, 8.0], [6.0, 8.0]])
+    inside = np.array([[7.0, 3.0], [13.0, 3.0], [13.0, 7.0], [7.0, 7.0]])
+    world = World("ring", (0, 0, 20, 10), (Polygon(ring, (inside,)),), CAR)
+    planner = LandmarkPlanner(world, seed=0)
+    for start, goal in (((2.0, 5.0, 0.0), (10.0, 5.0, 0.0)), ((10.0, 5.0, 0.0), (2.0, 5.0, 0.0))):
+        result = planner.plan(start, goal, LONG)
+        assert result.status == "infeasible"
+        assert (result.path, result.cost, result.first_cost, result.lower_bound) == (None, None, None, None)
+        assert result.min_clearance is None
+        assert result.history == ()
+        assert result.time["first_solution"] is None
+    # A gap a little too narrow, which coarse cells cannot tell from one that is wide enough.
+    narrow = LandmarkPlanner(wall(0.55), seed=0).plan((4.0, 2.0, 0.0), (16.0, 2.0, 0.0), LONG, max_iterations=12)
+    assert narrow.status == "infeasible"
+
+
+@pytest.mark.parametrize("limit", [0.05, 0.5])
+def test_the_time_limit_is_kept(limit: float) -> None:
+    # The inscribed disc gets round the bend, the robot does not: no proof, no path.
+    planner = LandmarkPlanner(bend(1.0, Robot.rectangle(4.0, 0.4)), seed=0)
+    # Measured as processor time, which other programs on the machine do not add to.
+    begin = time.process_time()
+    result = planner.plan((3.0, 0.5, 0.0), (9.5, 7.0, math.pi / 2), limit)
+    assert time.process_time() - begin < limit + 0.3
+    assert result.status == "timeout"
+    assert result.path is None
+    assert (result.time["total"] or 0.0) >= limit
+    assert result.lower_bound == pytest.approx(math.dist((3.0, 0.5), (9.5, 7.0)) + math.pi / 4)
+
+
+def test_improving_ends_with_the_time_limit_too() -> None:
+    world = random_world(1, 100, size=50.0)
+    planner = LandmarkPlanner(world, Robot.rectangle(1.0, 0.5), seed=0)
+    q = free_samples(planner.checker, 40, random_state=1)
+    start, goal = q[np.argmin(q[:, 0])], q[np.argmax(q[:, 0])]
+    begin = time.process_time()
+    result = planner.plan(start, goal, 0.4)
+    assert time.process_time() - begin < 0.7
+    assert result.status == "solved"
+
+
+# --- seeds, progress, reuse ----------------------------------------------------------------------------------------
+
+
+def test_the_seed_decides() -> None:
+    world = random_world(3, 40, size=40.0, discs=0.3)
+
+    def paths(seed: int) -> list[Any]:
+        planner = LandmarkPlanner(world, ROBOTS["L"], seed=seed)
+        q = free_samples(planner.checker, 4, random_state=1)
+        found = [planner.plan(a, b, LONG, max_iterations=2) for a, b in pairwise(q)]
+        assert [result.seed for result in found] == [seed] * 3
+        return [None if result.path is None else result.path.states.tolist() for result in found]
+
+    assert paths(5) == paths(5)
+    assert paths(5) != paths(6)
+    assert LandmarkPlanner(world, ROBOTS["L"]).seed != LandmarkPlanner(world, ROBOTS["L"]).seed
+
+
+def test_progress_is_reported() -> None:
+    seen: list[PlanProgress] = []
+    result = LandmarkPlanner(wall(0.8), seed=0).plan(
+        (4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=4, on_progress=seen.append
+    )
+    assert len(seen) >= 3
+    for before, after in pairwise(seen):
+        assert before.elapsed <= after.elapsed
+        assert before.landmarks <= after.landmarks
+        if before.cost is not None:
+            assert after.cost is not None
+            assert after.cost <= before.cost + 1e-12
+    assert seen[0].cost is None
+    assert seen[0].phase
+    assert seen[-1].cost is not None
+    assert result.cost is not None
+    assert result.cost <= seen[-1].cost + 1e-12
+    assert seen[-1].elapsed <= (result.time["total"] or 0.0)
+
+
+def test_an_exception_in_the_callback_comes_through() -> None:
+    def stop(_: PlanProgress) -> None:
+        raise KeyboardInterrupt
+
+    planner = LandmarkPlanner(wall(0.8), seed=0)
+    with pytest.raises(KeyboardInterrupt):
+        planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, on_progress=stop)
+    # And leaves a planner that still works.
+    assert planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=4).status == "solved"
+
+
+def test_the_roadmap_serves_later_queries(judge: Judge) -> None:
+    world = wall(0.8)
+    planner = LandmarkPlanner(world, seed=0)
+    start, goal = (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
+    first = planner.plan(start, goal, LONG, max_iterations=4)
+    assert first.landmarks == len(planner.roadmap) > 50
+    assert first.edges > 0
+    before = planner.roadmap.configurations.copy()
+    # Nearly the same again, with no round of landmarks to help: the roadmap holds a path already.
+    near, far = (4.1, 2.1, 1.1), (15.9, 2.1, -2.1)
+    phases: list[str] = []
+    second = planner.plan(near, far, LONG, max_iterations=1, on_progress=lambda progress: phases.append(progress.phase))
+    accepted(judge, world, near, far, second)
+    assert phases[0] == "shortening"
+    assert np.array_equal(planner.roadmap.configurations[: len(before)], before)
+    assert len(planner.roadmap) - len(before) < 0.5 * len(before)
+    assert first.cost is not None
+    assert second.cost is not None
+    assert second.cost < 1.1 * first.cost
+
+
+def test_a_roadmap_outlives_its_planner(tmp_path: Any) -> None:
+    planner = LandmarkPlanner(wall(0.8), seed=0)
+    planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=3)
+    for suffix in (".npz", ".graphml"):
+        planner.roadmap.save(tmp_path / f"roadmap{suffix}")
+        again = Roadmap.load(tmp_path / f"roadmap{suffix}", planner.checker)
+        assert np.array_equal(again.configurations, planner.roadmap.configurations)
+        assert np.count_nonzero(again.certified) == np.count_nonzero(planner.roadmap.certified)
+        assert len(again.shortest_path(0, 1).nodes) > 0
+
+
+@pytest.mark.parametrize("landmarks", [1, 30, 300])
+def test_as_many_landmarks_as_asked_for(landmarks: int, judge: Judge) -> None:
+    world = wall(2.0)
+    planner = LandmarkPlanner(world, seed=0, landmarks=landmarks)
+    assert len(planner.roadmap) == 0
+    roadmap = planner.build()
+    assert roadmap is planner.roadmap
+    assert 0.9 * landmarks <= len(roadmap) <= landmarks
+    assert len(roadmap.graph) == len(roadmap)
+    start, goal = (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
+    accepted(judge, world, start, goal, planner.plan(start, goal, LONG, max_iterations=3))
+    # Without build() the first query builds.
+    lazy = LandmarkPlanner(world, seed=0, landmarks=landmarks)
+    result = lazy.plan(start, goal, LONG, max_iterations=3)
+    assert np.array_equal(lazy.roadmap.configurations[: len(roadmap)], roadmap.configurations[: len(roadmap)])
+    assert (result.time["build"] or 0.0) > 0.0
+
+
+def test_build_spreads_over_all_free_space() -> None:
+    planner = LandmarkPlanner(wall(2.0), seed=0)
+    assert len(planner.build()) == pytest.approx(200, abs=10)
+    assert len(planner.build(50)) == pytest.approx(250, abs=15)
+    q = planner.roadmap.configurations
+    for x in np.arange(1.5, 19.0, 2.0):
+        for y in np.arange(1.5, 9.0, 2.0):
+            if abs(x - 10.0) > 1.5:
+                assert np.hypot(q[:, 0] - x, q[:, 1] - y).min() < 1.5
+    assert planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=3).status == "solved"
+
+
+# --- what it is made of --------------------------------------------------------------------------------------------
+
+
+def test_robot_and_checker_may_be_given(judge: Judge) -> None:
+    world = wall(2.0)
+    start, goal = (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
+    small = Robot.disc(0.1)
+    planner = LandmarkPlanner(world, small, seed=0)
+    assert planner.robot == small
+    accepted(judge, world, start, goal, planner.plan(start, goal, LONG, max_iterations=2), small)
+    checker = StateChecker(world, Robot.rectangle(0.4, 0.2))
+    planner = LandmarkPlanner(world, checker=checker, seed=0)
+    assert planner.checker is checker
+    assert planner.robot == checker.robot
+    accepted(judge, world, start, goal, planner.plan(start, goal, LONG, max_iterations=2), checker.robot)
+
+
+def test_the_record_of_a_result() -> None:
+    planner = LandmarkPlanner(wall(2.0), seed=3)
+    found = planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=2).to_dict("wall", "through")
+    again = json.loads(json.dumps(found, allow_nan=False))
+    assert again == found
+    # DESIGN.md, section 2.
+    contract = {
+        "world", "query", "planner", "status", "seed", "states", "cost", "length", "rotation", "min_clearance",
+        "lower_bound", "first_cost", "landmarks", "edges", "time",
+    }  # fmt: skip
+    assert contract <= set(found)
+    assert set(found["time"]) == {"load", "build", "first_solution", "total"}
+    assert (found["world"], found["query"], found["planner"]) == ("wall", "through", "landmark")
+    assert (found["status"], found["seed"]) == ("solved", 3)
+
+
+# --- bad input -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "said"),
+    [
+        ((10.0, 2.0, 0.0), (2, 2, 0), r"start \(10, 2, 0\) is not valid: .* overlaps obstacle 0 \(rectangle\) by 0\."),
+        ((2, 2, 0), (10.0, 9.5, 0.0), r"goal \(10, 9.5, 0\) is not valid: .* overlaps obstacle 1 \(rectangle\) by 0\."),
+        ((0.3, 2.0, 0.0), (2, 2, 0), r"start .* \(rectangle 1 x 0.6 m\) reaches 0.2 m over the left bound"),
+        ((2, 2, 0), (30.0, 2.0, 0.0), r"goal .* reaches 10.5 m over the right bound"),
+        ((2, 2), (2, 2, 0), r"start: shape \(2,\) given, allowed: \(3,\) or \(n, 3\) for x, y, theta"),
+        ((2, 2, 0), [(2, 2, 0)], r"goal: shape \(1, 3\) given, allowed: \(3,\)"),
+        ((2, 2, math.nan), (2, 2, 0), r"start: \[2.0, 2.0, nan\] holds a value that is not a finite number"),
+        ((2, 2, 0), "here", r"goal: 'here' is not an array of numbers x, y, theta"),
+    ],
+)
+def test_ends_that_cannot_be(start: Any, goal: Any, said: str) -> None:
+    planner = LandmarkPlanner(wall(2.0), seed=0)
+    with pytest.raises(ConfigurationError, match=f"^{said}") as caught:
+        planner.plan(start, goal)
+    assert "\n" not in str(caught.value)
+    assert len(planner.roadmap) == 0
+
+
+def test_limits_that_cannot_be() -> None:
+    world = wall(2.0)
+    planner = LandmarkPlanner(world, seed=0)
+    for limit in (0.0, -1.0, math.nan):
+        with pytest.raises(ConfigurationError, match=f"time limit: {limit} s given, allowed: more than 0"):
+            planner.plan((2, 2, 0), (3, 2, 0), limit)
+    with pytest.raises(ConfigurationError, match="max iterations: 0 given, allowed: 1 or more"):
+        planner.plan((2, 2, 0), (3, 2, 0), max_iterations=0)
+    with pytest.raises(ConfigurationError, match="seed: -1 given, allowed: 0 or more"):
+        LandmarkPlanner(world, seed=-1)
+    for k in (0, -5, 10**9):
+        with pytest.raises(ConfigurationError, match=f"landmarks: {k} given, allowed: 1 to "):
+            LandmarkPlanner(world, landmarks=k)
+        with pytest.raises(ConfigurationError, match=f"landmarks: {k} given, allowed: 1 to "):
+            planner.build(k)
+    with pytest.raises(WorldError, match="names no robot"):
+        LandmarkPlanner(World("bare", (0, 0, 1, 1)))
+    full = World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4, 4),), CAR)
+    with pytest.raises(ConfigurationError, match="world 'full': no free place for the robot was found"):
+        LandmarkPlanner(full, seed=0).build()

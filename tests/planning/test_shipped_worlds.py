@@ -1,0 +1,50 @@
+"""Every query of every shipped world: solved, or infeasible where its name says so; shapely judges the paths."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from trailmark.library import shipped_worlds
+from trailmark.planning import LandmarkPlanner, PlanResult
+from trailmark.world import Query, World
+
+LIMIT = 3.0
+"""Seconds."""
+
+
+def solve(planner: LandmarkPlanner, query: Query) -> PlanResult:
+    """Plan with one round of landmarks, and only where that does not do, with all the time that is left."""
+    result = planner.plan(query.start, query.goal, LIMIT, max_iterations=1)
+    left = LIMIT - (result.time["total"] or 0.0)
+    return planner.plan(query.start, query.goal, left) if result.status == "timeout" and left > 0.0 else result
+
+
+@pytest.mark.parametrize("name", shipped_worlds())
+def test_queries_are_answered(name: str, judge: Callable[..., float]) -> None:
+    world = World.load(shipped_worlds()[name])
+    assert world.robot is not None
+    planner = LandmarkPlanner(world, seed=1)
+    for query in world.queries:
+        result = solve(planner, query)
+        if query.name.startswith("infeasible"):
+            assert result.status in ("infeasible", "timeout"), query.name
+            assert result.path is None
+            continue
+        assert result.status == "solved", query.name
+        assert result.path is not None
+        assert result.lower_bound is not None
+        cost = judge(world, world.robot, query.start, query.goal, result.path.states, fine=0.05)
+        assert result.cost == pytest.approx(cost, abs=1e-9)
+        assert result.lower_bound <= cost + 1e-9
+        assert result.min_clearance is not None
+        # Measured between the states too, so that it is the least of those at the states or smaller.
+        assert result.min_clearance <= np.min(planner.checker.clearance(result.path.states)) + 1e-9
+
+
+def test_the_enclosed_goal_is_proven_infeasible() -> None:
+    world = World.load(shipped_worlds()["enclosed"])
+    query = world.query("infeasible")
+    assert LandmarkPlanner(world, seed=0).plan(query.start, query.goal).status == "infeasible"

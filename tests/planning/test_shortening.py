@@ -1,0 +1,156 @@
+"""Shortening: never longer, the same ends, no collision. Costs and collisions are measured without trailmark."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from itertools import pairwise
+from time import perf_counter
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from trailmark.collision import StateChecker
+from trailmark.landmarks import free_samples
+from trailmark.path import Path
+from trailmark.planning import shorten
+from trailmark.roadmap import Roadmap
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+Judge = Callable[..., float]
+
+CAR = Robot.rectangle(1.0, 0.6)
+OPEN = StateChecker(World("open", (0, 0, 20, 20)), CAR)
+
+
+def cost(states: FloatArray, turning: bool = True) -> float:
+    total = 0.0
+    for a, b in pairwise(states):
+        angle = abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
+        total += math.dist(a[:2], b[:2]) + (0.5 * angle if turning else 0.0)
+    return total
+
+
+@lru_cache(maxsize=64)
+def roadmap(name: str, seed: int) -> Roadmap:
+    world = random_world(seed, 40, size=30.0, radii=(0.5, 3.0), discs=0.3, holes=0.2)
+    found = Roadmap(StateChecker(world, ROBOTS[name], cell=0.2))
+    found.add(free_samples(found.checker, 120, random_state=seed))
+    return found
+
+
+def longest_way(roadmap: Roadmap) -> FloatArray:
+    """The roadmap's path with most vertices among those from its first node."""
+    ways = (roadmap.shortest_path(0, i).nodes for i in range(1, len(roadmap), 3))
+    return np.asarray(roadmap.configurations[max(ways, key=len, default=np.zeros(1, np.int64))])
+
+
+@settings(max_examples=40)
+@given(name=st.sampled_from(sorted(ROBOTS)), world=st.integers(0, 5), seed=st.integers(0, 10_000))
+def test_paths_get_no_longer_and_stay_free(judge: Judge, name: str, world: int, seed: int) -> None:
+    chart = roadmap(name, world)
+    states = longest_way(chart)
+    if len(states) < 3:
+        return
+    before = states.copy()
+    rng = np.random.default_rng(seed)
+    short = shorten(chart.checker, states, rng, sweeps=int(rng.integers(0, 12)))
+    assert np.array_equal(states, before)
+    turning = name != "disc"
+    assert cost(short, turning) <= cost(states, turning) + 1e-9
+    judge(chart.checker.world, ROBOTS[name], states[0], states[-1], short)
+    assert chart.checker.motions_valid(short[:-1], short[1:]).all()
+
+
+def test_much_is_gained() -> None:
+    gains = []
+    for name in ROBOTS:
+        for seed in range(3):
+            states = longest_way(roadmap(name, seed))
+            if len(states) > 4:
+                short = shorten(roadmap(name, seed).checker, states, np.random.default_rng(0))
+                gains.append(1.0 - cost(short, name != "disc") / cost(states, name != "disc"))
+    assert len(gains) > 10
+    assert np.mean(gains) > 0.15
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_in_the_open_the_straight_motion_is_found(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    states = rng.uniform((2, 2, -3.1), (18, 18, 3.1), (30, 3))
+    short = shorten(OPEN, states, rng)
+    assert np.array_equal(short, states[[0, -1]])
+
+
+def test_around_a_corner_the_shortest_way_is_found() -> None:
+    # A robot like a point around one corner of a block: the shortest way is known. Shortening stops when little
+    # is gained any more.
+    world = World("corner", (0, 0, 20, 20), (Rectangle((15.0, 5.0), 10.0, 10.0),))
+    checker = StateChecker(world, Robot.disc(1e-3))
+    states = np.array([[9.0, 1.0, 0.0], [2.0, 9.0, 0.0], [4.0, 18.0, 0.0], [19.0, 19.0, 0.0], [19.0, 11.0, 0.0]])
+    best = math.dist((9.0, 1.0), (10.0, 10.0)) + math.dist((10.0, 10.0), (19.0, 11.0))
+    for seed in range(3):
+        assert best - 1e-2 < cost(shorten(checker, states, np.random.default_rng(seed)), False) < 1.03 * best
+
+
+def test_turning_to_and_fro_is_left_out() -> None:
+    # In a corridor too narrow to turn in: only headings can be gained, since the way is straight.
+    walls = (Rectangle((10.0, 8.9), 20.0, 1.0), Rectangle((10.0, 11.1), 20.0, 1.0))
+    checker = StateChecker(World("corridor", (0, 0, 20, 20), walls), Robot.rectangle(2.0, 1.0))
+    x = np.linspace(2.0, 18.0, 17)
+    states = np.column_stack([x, np.full(17, 10.0), 0.08 * (-1.0) ** np.arange(17)])
+    assert checker.motions_valid(states[:-1], states[1:]).all()
+    short = shorten(checker, states, np.random.default_rng(0))
+    turned = np.abs(np.diff(short[:, 2])).sum()
+    assert turned == pytest.approx(0.0, abs=1e-3)
+    assert cost(short) == pytest.approx(16.0, abs=1e-3)
+
+
+def test_a_round_robots_headings_do_not_count() -> None:
+    checker = StateChecker(World("open", (0, 0, 20, 20)), Robot.disc(0.5))
+    states = np.array([[2.0, 2.0, 0.0], [10.0, 3.0, 3.0], [18.0, 2.0, 0.0]])
+    assert np.array_equal(shorten(checker, states, np.random.default_rng(0)), states[[0, 2]])
+
+
+def test_what_cannot_be_shortened_comes_back() -> None:
+    rng = np.random.default_rng(0)
+    for states in (np.array([[2.0, 2.0, 0.0]]), np.array([[2.0, 2.0, 0.0], [9.0, 3.0, 1.0]])):
+        assert np.array_equal(shorten(OPEN, states, rng), states)
+    same = np.full((5, 3), 4.0)
+    assert cost(shorten(OPEN, same, rng)) == 0.0
+
+
+def test_seed_sweeps_and_deadline() -> None:
+    chart = roadmap("L", 1)
+    states = longest_way(chart)
+    assert len(states) > 4
+    first, again, other = (shorten(chart.checker, states, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+    # One generator does not repeat itself.
+    rng = np.random.default_rng(1)
+    assert np.array_equal(shorten(chart.checker, states, rng), first)
+    assert not np.array_equal(shorten(chart.checker, states, rng), first)
+    for untouched in (
+        shorten(chart.checker, states, rng, sweeps=0),
+        shorten(chart.checker, states, rng, deadline=perf_counter()),
+    ):
+        assert np.array_equal(untouched, states)
+        assert not np.shares_memory(untouched, states)
+    few, many = (cost(shorten(chart.checker, states, np.random.default_rng(3), sweeps=n)) for n in (1, 40))
+    assert many < few < cost(states)
+
+
+def test_any_array_will_do() -> None:
+    chart = roadmap("L", 1)
+    path = Path(longest_way(chart))
+    expected = shorten(chart.checker, np.array(path.states), np.random.default_rng(1))
+    for states in (path.states, np.asfortranarray(path.states), np.repeat(path.states, 2, axis=0)[::2]):
+        assert np.array_equal(shorten(chart.checker, states, np.random.default_rng(1)), expected)

@@ -1,0 +1,96 @@
+"""Compiled kernels: compiled for one set of types, by warm_up, and never again."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+# In a process of its own: other tests call kernels with arrays of their own kinds.
+PROGRAM = """
+import json, sys
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from trailmark import LandmarkPlanner, Roadmap, Robot, StateChecker, World
+from trailmark.landmarks import free_samples
+from trailmark.planning import shorten
+from trailmark.planning.warmup import warm_up
+from trailmark.shapes import Disc, Polygon, Rectangle
+
+def signatures():
+    found = {}
+    for name, module in list(sys.modules.items()):
+        if name.startswith("trailmark"):
+            for key, value in list(vars(module).items()):
+                if isinstance(value, Dispatcher) and value.py_func.__module__ == name:
+                    found[f"{name}.{key}"] = len(value.signatures)
+    return found
+
+warm_up()
+report = {"warm": signatures()}
+ring = [(8, 8), (12, 8), (12, 12), (8, 12)]
+hole = [(9, 9), (11, 9), (11, 11), (9, 11)]
+shapes = (Disc((3, 12), 1.5), Rectangle((10, 3), 1, 5, 0.3), Polygon(np.array(ring, float), (np.array(hole, float),)))
+boundary = Polygon(np.array([(0.2, 0.2), (19, 0.5), (19.5, 19.5), (0.5, 19)], float))
+worlds = [World("empty", (0, 0, 20, 20)), World("full", (0, 0, 20, 20), shapes, boundary=boundary)]
+worlds.append(World("discs", (0, 0, 20, 20), (Disc((10, 10), 2), Disc((10, 6), 2), Disc((10, 14), 2))))
+L = Robot.polygon([(-0.5, -0.5), (1.0, -0.5), (1.0, 0.0), (0.0, 0.0), (0.0, 1.0), (-0.5, 1.0)])
+for world in worlds:
+    for robot in (Robot.disc(0.4), Robot.rectangle(1.2, 0.5), L):
+        planner = LandmarkPlanner(world, robot, seed=1, landmarks=20)
+        result = planner.plan([2, 2, 0], (17.0, 17.0, 1), 60, max_iterations=1)
+        assert result.status == "solved"
+        checker, states = planner.checker, result.path.states
+        for q in (states, states[::-1], np.asfortranarray(states), states.tolist(), states.astype(np.float32) * 0.99):
+            checker.valid(q), checker.clearance(q), checker.clearance(q, cap=1)
+        checker.valid(states[0]), checker.motion_valid(states[0], states[1])
+        shorten(checker, states, np.random.default_rng(1), sweeps=2)
+        free_samples(checker, 20, reachable_from=states[0], random_state=1)
+        planner.roadmap.certify_all()
+        planner.roadmap.save(sys.argv[1])
+        roadmap = Roadmap.load(sys.argv[1], checker)
+        roadmap.add(states)
+        roadmap.add_path(states, 0, 1)
+        roadmap.shortest_path(0, np.int64(5), limit=100)
+        roadmap.shortest_path(0, 5, banned=np.zeros(len(roadmap), bool), to_go=np.zeros(len(roadmap)))
+        len(roadmap.graph)
+report["used"] = signatures()
+print(json.dumps(report))
+"""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, int]]:
+    words = [sys.executable, "-c", PROGRAM, str(tmp_path_factory.mktemp("warm") / "roadmap.npz")]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def test_warm_up_compiles_each_entrance_once(report: dict[str, dict[str, int]]) -> None:
+    # What only other kernels call is compiled as part of these.
+    entrances = {
+        "trailmark.collision.kernels.states_free",
+        "trailmark.collision.kernels.clearances",
+        "trailmark.collision.kernels.motions_certified",
+        "trailmark.landmarks.relaxation._dijkstra",
+        "trailmark.roadmap.search.lazy_shortest_path",
+        "trailmark.planning.shortening._sweep",
+    }
+    assert {name: report["warm"][name] for name in entrances} == dict.fromkeys(entrances, 1)
+
+
+def test_nothing_is_compiled_later(report: dict[str, dict[str, int]]) -> None:
+    assert report["used"] == report["warm"]
+
+
+def test_the_process_needs_no_working_directory_of_its_own(tmp_path: Path) -> None:
+    program = "from trailmark.planning.warmup import warm_up; warm_up(); warm_up()"
+    done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=600)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert list(tmp_path.iterdir()) == []
