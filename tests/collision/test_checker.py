@@ -57,10 +57,10 @@ def test_validity_and_clearance_agree_with_shapely(world: str, name: str) -> Non
     assert checker.clearance(some, cap=0.3) == pytest.approx(np.minimum(expected, 0.3), abs=1e-9)
     # FCL on fewer, the same verdicts outside of the band.
     reference = StateChecker(WORLDS[world], ROBOTS[name], exact="fcl")
-    few = some[::6]
+    few = some[::10]
     assert not oracle.disagrees(few, reference.valid(few)).any()
     assert (reference.valid(few) == checker.valid(few)).all()
-    assert reference.clearance(few[:20]) == pytest.approx(oracle.clearance(few[:20]), abs=1e-9)
+    assert reference.clearance(few[:10]) == pytest.approx(oracle.clearance(few[:10]), abs=1e-9)
 
 
 @given(

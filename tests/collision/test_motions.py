@@ -97,7 +97,7 @@ poses = st.tuples(st.floats(6.0, 14.0), st.floats(6.0, 14.0), st.floats(-math.pi
     st.tuples(st.floats(0.01, 0.99), st.floats(0.01, 0.99)),
     st.sampled_from([1e-5, 1e-3]),
 )
-@settings(max_examples=200)
+@settings(max_examples=150)
 def test_no_needle_is_small_enough_to_be_missed(
     name: str,
     a: tuple[float, float, float],
@@ -115,9 +115,9 @@ def test_no_needle_is_small_enough_to_be_missed(
     q = motion_states(np.array([a]), np.array([b]), 2)[0]
     x, y = se2.transform(q[0] + t * (q[1] - q[0]), point[None])[0]
     speck: Shape = Disc((x, y), size) if where[0] < 0.5 else box(x - size, y - size, x + size, y + size)
-    assert not checker_for(robot, speck).motion_valid(a, b)
-    assert not checker_for(robot, speck).motion_valid(b, a) or abs(se2.difference(a, b)[2]) == math.pi
-    assert checker_for(robot).motion_valid(a, b)
+    checker = checker_for(robot, speck)
+    assert not checker.motion_valid(a, b)
+    assert not checker.motion_valid(b, a) or abs(se2.difference(a, b)[2]) == math.pi
 
 
 # --- long motions
@@ -217,7 +217,7 @@ def test_leaving_contact_in_random_directions() -> None:
     rng = np.random.default_rng(6)
     robot, wall = Robot.rectangle(2, 2), box(6, 0, 8, 20)
     checker, oracle = checker_for(robot, wall), Oracle(World("w", BOUNDS, (wall,)), robot)
-    n = 400
+    n = 250
     a = np.column_stack([np.full(n, 5.0), rng.uniform(5, 15, n), np.zeros(n)])
     bearing = rng.uniform(0.5 * math.pi, 1.5 * math.pi, n)
     b = a + np.column_stack([3 * np.cos(bearing), 3 * np.sin(bearing), np.zeros(n)])
@@ -234,7 +234,7 @@ def test_leaving_contact_in_random_directions() -> None:
 
 
 @pytest.mark.parametrize("exact", EXACT)
-@pytest.mark.parametrize("gap", [1e-3, 1e-4, 1e-5, 2e-6])
+@pytest.mark.parametrize("gap", [1e-3, 1e-5])
 def test_passing_close_by_a_corner_is_certified(gap: float, exact: Literal["kernel", "fcl"]) -> None:
     spike = Polygon(np.array([[10, 8], [12, 4], [8, 4]], dtype=float))
     for robot, depth in ((DIAMOND, 1.0), (Robot.disc(1), 1.0), (ROBOTS["star"], 0.25)):
