@@ -386,7 +386,7 @@ def slam() -> SlamFilter:
         (lambda: slam().update([np.nan, 0.0], SENSOR, 0), "finite"),
         (lambda: slam().update([1.0, 0.0, 0.0], SENSOR, 0), "1 times 2 finite numbers"),
         (lambda: slam().update([1.0, 0.0], LinePolar(0.1, 0.1), 0), "another kind"),
-        (lambda: slam().update([1.0, 0.0], SENSOR, 0, -9 * np.eye(2)), "not positive definite"),
+        (lambda: slam().update([1.0, 0.0], SENSOR, 0, -9 * np.eye(2)), "positive semidefinite"),
         (lambda: slam().update_batch(np.ones((2, 2)), SENSOR, [0, 0]), "two readings of one feature"),
         (lambda: slam().add_feature([np.inf, 0.0], SENSOR), "2 finite numbers"),
         (lambda: slam().add_known_feature([np.inf, 0.0]), "finite numbers"),

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from trailmark.estimation.sensors import Cartesian as Cartesian
     from trailmark.estimation.sensors import LinePolar as LinePolar
     from trailmark.estimation.sensors import RangeBearing as RangeBearing
+    from trailmark.estimation.slam import EkfSlam as EkfSlam
+    from trailmark.estimation.slam_result import SlamResult as SlamResult
+    from trailmark.estimation.slam_settings import SlamSettings as SlamSettings
 
 _HOME = {
     "SlamFilter": "ekf",
@@ -43,6 +46,9 @@ _HOME = {
     "Cartesian": "sensors",
     "LinePolar": "sensors",
     "RangeBearing": "sensors",
+    "SlamResult": "slam_result",
+    "SlamSettings": "slam_settings",
+    "EkfSlam": "slam",
 }
 
 __all__ = [*_HOME]

@@ -9,6 +9,7 @@ either, and is ignored: a wrong feature, or one feature as two, harms a filter m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -40,6 +41,10 @@ class Compatibility(NamedTuple):
     d2: FloatArray
     """yᵀ S⁻¹ y, shape (r, k)."""
 
+    def select(self, which: IntArray) -> Compatibility:
+        """Return the fit to some of the features only, by their numbers in this one, shape (j,)."""
+        return Compatibility(self.y[:, which], self.R[:, which], self.d2[:, which])
+
 
 class JointAssociation(NamedTuple):
     """The readings and features that fit together best, as a whole."""
@@ -53,7 +58,7 @@ class JointAssociation(NamedTuple):
 
 
 def compatibility(
-    z: ArrayLike, prediction: Prediction, sensor: SensorModel, stated: list[FloatArray | None] | None = None
+    z: ArrayLike, prediction: Prediction, sensor: SensorModel, stated: Sequence[FloatArray | None] | None = None
 ) -> Compatibility:
     """Return how well each reading fits each feature by itself; O(r k).
 

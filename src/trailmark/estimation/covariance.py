@@ -17,10 +17,16 @@ def checked_covariance(value: ArrayLike, size: int, name: str) -> FloatArray:
     P = np.array(value, dtype=np.float64)
     if P.shape != (size, size) or not np.isfinite(P).all():
         raise EstimationError(f"{name}: covariance of shape {P.shape} given, allowed: ({size}, {size}), finite")
-    scale = max(float(np.abs(P).max()), 1e-300)
-    if not np.allclose(P, P.T, rtol=0.0, atol=1e-9 * scale) or np.linalg.eigvalsh(P).min() < -1e-9 * scale:
+    scale, symmetric = float(np.abs(P).max()), 0.5 * (P + P.T)
+    wrong = np.abs(P - symmetric).max() > 1e-9 * scale
+    try:
+        # A little more on the diagonal: a singular covariance is one too, and rounding may take it below 0.
+        np.linalg.cholesky(symmetric + (1e-9 * scale + 1e-300) * np.eye(size))
+    except np.linalg.LinAlgError:
+        wrong = True
+    if wrong:
         raise EstimationError(f"{name}: covariance {P.tolist()} given, allowed: symmetric, positive semidefinite")
-    return 0.5 * (P + P.T)
+    return symmetric
 
 
 def draw_noise(covariance: FloatArray, shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:

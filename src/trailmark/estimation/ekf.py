@@ -169,7 +169,7 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
 
     def innovation(self, z: ArrayLike, sensor: SensorModel, feature_id: int, R: ArrayLike | None = None) -> Innovation:
         """Return what :meth:`update` would make of a reading, and leave the filter as it is."""
-        return self._innovation(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], R)[0]
+        return self._innovation(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], [R])[0]
 
     def update(self, z: ArrayLike, sensor: SensorModel, feature_id: int, R: ArrayLike | None = None) -> Innovation:
         """Correct the state by one reading of a feature; O(n²).
@@ -183,10 +183,14 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         Raises:
             EstimationError: no such feature, a reading that is not finite, a covariance that is not positive definite.
         """
-        return self.update_batch(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], R)
+        return self.update_batch(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], [R])
 
     def update_batch(
-        self, z: ArrayLike, sensor: SensorModel, ids: Sequence[int], R: ArrayLike | None = None
+        self,
+        z: ArrayLike,
+        sensor: SensorModel,
+        ids: Sequence[int],
+        R: Sequence[ArrayLike | None] | None = None,
     ) -> Innovation:
         """Correct the state by k readings of k different features at once; O(k n²).
 
@@ -194,7 +198,7 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
             z: the readings, shape (k, m).
             sensor: what read them.
             ids: of which features.
-            R: covariances of the readings, shape (k, m, m) or (m, m); None for the sensor's V R Vᵀ.
+            R: covariance of each reading, shape (m, m), or None for the sensor's V R Vᵀ; None for all of them.
         """
         if len(ids) == 0:
             return Innovation(np.zeros(0), np.zeros((0, 0)), 0.0)
@@ -215,7 +219,7 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         else:
             subtract_square(self.P, W, 0)
         self.x = self.x + K @ innovation.y
-        self.x[2] = wrap(self.x[2])
+        self.x[2] = wrap(float(self.x[2]))
         self.z, self.y, self.S, self.K = np.asarray(z), innovation.y, innovation.S, K
         self._log_likelihood = self._likelihood = None
         self._mahalanobis = float(np.sqrt(innovation.nis))
@@ -293,7 +297,7 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         return self._places[feature_id]
 
     def _innovation(
-        self, z: ArrayLike, sensor: SensorModel, ids: Sequence[int], R: ArrayLike | None
+        self, z: ArrayLike, sensor: SensorModel, ids: Sequence[int], R: Sequence[ArrayLike | None] | None
     ) -> tuple[Innovation, FloatArray, FloatArray]:
         """Return the innovation of k readings, P Hᵀ, shape (n, k·m), and L⁻¹ of S = L Lᵀ."""
         readings, k, m = np.asarray(z, dtype=np.float64), len(ids), sensor.reading_dim
@@ -304,7 +308,14 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         prediction = self.predict_readings(sensor, ids)
         if any(self._kinds[i] != sensor.feature_kind for i in ids):
             raise EstimationError(f"update: a sensor of {sensor.feature_kind}s reads another kind of feature")
-        noise = prediction.R if R is None else np.broadcast_to(np.asarray(R, dtype=np.float64), (k, m, m))
+        noise = (
+            prediction.R
+            if R is None
+            else [
+                own if stated is None else checked_covariance(stated, m, "reading")
+                for own, stated in zip(prediction.R, R, strict=True)
+            ]
+        )
         PHT = self._P_HT(prediction)
         S = self._H_times(prediction, PHT)
         for i in range(k):
@@ -314,7 +325,7 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
             # scipy's triangular solvers start threads even for two rows, which costs a hundred times the work.
             L_inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.float64)
         except np.linalg.LinAlgError:
-            raise EstimationError("update: S is not positive definite, allowed: noise R that is") from None
+            raise EstimationError("update: S is singular, allowed: noise R that is positive definite") from None
         y = sensor.residual(readings, prediction.z_hat).reshape(-1)
         scaled = L_inverse @ y
         return Innovation(y, S, float(scaled @ scaled)), PHT, L_inverse

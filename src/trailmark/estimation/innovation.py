@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from trailmark.se2 import FloatArray
 
 __all__ = ["Innovation", "Prediction"]
@@ -40,3 +43,8 @@ class Prediction(NamedTuple):
     """V R Vᵀ, the sensor's noise, shape (k, m, m)."""
     S: FloatArray
     """H P Hᵀ + V R Vᵀ of each feature by itself, shape (k, m, m)."""
+
+    def select(self, which: NDArray[np.intp]) -> Prediction:
+        """Return the prediction of some of the features only, by their numbers in this one, shape (j,)."""
+        rest = (array[which] for array in self[1:])
+        return Prediction(tuple(self.ids[j] for j in which), *rest)
