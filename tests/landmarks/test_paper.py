@@ -1,0 +1,281 @@
+"""Algorithms 1 and 2 as published. The oracles are numpy's sums, scipy's distances and shapely's regions."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from unittest import mock
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from trailmark.errors import ConfigurationError
+from trailmark.estimation import RangeBearing, sense_obstacles
+from trailmark.landmarks import algorithm_1, algorithm_2, free_samples, paper
+from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, boxes_of, initial_centres, points_in_boxes
+from trailmark.library import shipped_worlds
+from trailmark.world import World
+
+FloatArray = NDArray[np.float64]
+
+initialisations = st.sampled_from(INITIALISATIONS)
+
+
+@st.composite
+def data(draw: st.DrawFn) -> tuple[FloatArray, int]:
+    """Samples in clumps, on a coarse grid (equal ones, ties) or uniform, near the origin or far; and a k for them."""
+    n, d, seed = draw(st.integers(1, 80)), draw(st.integers(1, 4)), draw(st.integers(0, 10_000))
+    rng = np.random.default_rng(seed)
+    kind = draw(st.sampled_from(["uniform", "clumps", "grid"]))
+    x = rng.uniform(-5.0, 5.0, (n, d))
+    if kind == "clumps":
+        x = 0.05 * x + rng.integers(-2, 3, (n, 1)) * np.ones(d)
+    elif kind == "grid":
+        x = np.round(x / 2.5) * 2.5
+    x = x + draw(st.sampled_from([0.0, 1e5]))
+    return x, draw(st.integers(1, len(np.unique(x, axis=0))))
+
+
+def inertia_of(x: FloatArray, centres: FloatArray) -> float:
+    return float((cdist(x, centres).min(axis=1) ** 2).sum())
+
+
+# --- Algorithm 1 -------------------------------------------------------------------------------------------------
+
+
+@given(data(), initialisations, st.integers(0, 99))
+def test_the_end_is_a_fixed_point(given_data: tuple[FloatArray, int], init: Initialisation, seed: int) -> None:
+    x, k = given_data
+    found = algorithm_1(x, k, init, seed)
+    scale = 1.0 + np.abs(x).max()
+    assert found.centres.shape == (k, x.shape[1])
+    assert found.labels.shape == (len(x),)
+    # No cluster is empty, each centre is its members' mean, each member's nearest centre is its own.
+    assert set(found.labels) == set(range(k))
+    means = np.array([x[found.labels == j].mean(axis=0) for j in range(k)])
+    assert np.abs(found.centres - means).max() <= 1e-9 * scale
+    gaps = cdist(x, found.centres)
+    assert (gaps[np.arange(len(x)), found.labels] <= gaps.min(axis=1) + 1e-6 * math.sqrt(scale)).all()
+    assert found.inertia == pytest.approx(inertia_of(x, found.centres), rel=1e-6, abs=1e-6)
+    assert found.iterations >= 1
+
+
+@settings(max_examples=40)
+@given(data(), initialisations, st.integers(0, 99))
+def test_inertia_never_increases(given_data: tuple[FloatArray, int], init: Initialisation, seed: int) -> None:
+    x, k = given_data
+    last = inertia_of(x, initial_centres(x, k, init, seed))
+    total = algorithm_1(x, k, init, seed)
+    for steps in range(1, total.iterations + 1):
+        with mock.patch.object(paper, "MOST_ITERATIONS", steps), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # on the way, though never at the end, a cluster may be empty
+            now = algorithm_1(x, k, init, seed)
+        assert now.iterations <= steps
+        assert now.inertia <= last * (1.0 + 1e-9) + 1e-6
+        last = now.inertia
+    assert last == pytest.approx(total.inertia, rel=1e-9, abs=1e-9)
+
+
+def lloyd(x: FloatArray, centres: FloatArray) -> NDArray[np.int64]:
+    """Algorithm 1 as the paper has it: until no point changes cluster (here none may lose all its points)."""
+    labels = np.full(len(x), -1)
+    while True:
+        nearest: NDArray[np.int64] = np.argmin(cdist(x, centres), axis=1)
+        if (nearest == labels).all():
+            return nearest
+        labels = nearest
+        centres = np.array([x[labels == j].mean(axis=0) for j in range(len(centres))])
+
+
+@pytest.mark.parametrize("init", INITIALISATIONS)
+@pytest.mark.parametrize("seed", range(5))
+def test_the_same_clusters_as_a_plain_loop_finds(init: Initialisation, seed: int) -> None:
+    x = np.random.default_rng(seed).uniform(0.0, 10.0, (500, 2))
+    k = 3 if init == "random-partition" else 8  # of more centroids, close together, some get no point at first
+    found = algorithm_1(x, k, init, seed)
+    assert np.array_equal(found.labels, lloyd(x, initial_centres(x, k, init, seed)))
+
+
+@pytest.mark.parametrize("init", INITIALISATIONS)
+def test_the_seed_decides(init: Initialisation) -> None:
+    x = np.random.default_rng(0).uniform(0.0, 10.0, (300, 2))
+    first = algorithm_1(x, 9, init, 4)
+    again = algorithm_1(x, 9, init, np.random.default_rng(4))
+    assert np.array_equal(first.centres, again.centres)
+    assert not np.array_equal(first.centres, algorithm_1(x, 9, init, 5).centres)
+
+
+@given(data(), st.integers(0, 99))
+def test_forgy_starts_from_k_different_samples(given_data: tuple[FloatArray, int], seed: int) -> None:
+    x, k = given_data
+    first = initial_centres(x, k, "forgy", seed)
+    assert len(np.unique(first, axis=0)) == k
+    assert cdist(first, x).min(axis=1).max() == 0.0
+
+
+def test_random_partition_starts_from_the_centroids_of_a_partition() -> None:
+    x = np.random.default_rng(0).uniform(0.0, 10.0, (6, 2))
+    groups = [[i for i in range(6) if mask >> i & 1] for mask in range(1, 64)]
+    means = {tuple(x[group].mean(axis=0).round(9)): group for group in groups}
+    for seed in range(50):
+        parts = [means[tuple(centre.round(9))] for centre in initial_centres(x, 3, "random-partition", seed)]
+        assert sorted(i for part in parts for i in part) == list(range(6))
+
+
+def test_random_partition_starts_near_the_middle_and_forgy_does_not() -> None:
+    x = np.random.default_rng(0).uniform(0.0, 10.0, (5000, 2))
+    assert np.hypot(*(initial_centres(x, 10, "random-partition", 0) - x.mean(axis=0)).T).max() < 1.0
+    assert np.hypot(*(initial_centres(x, 10, "forgy", 0) - x.mean(axis=0)).T).max() > 2.0
+
+
+@pytest.mark.parametrize("n", [12, 13, 20])
+def test_random_partition_leaves_no_cluster_empty(n: int) -> None:
+    x = np.random.default_rng(n).uniform(0.0, 10.0, (n, 2))
+    for seed in range(30):
+        assert np.isfinite(initial_centres(x, 12, "random-partition", seed)).all()
+
+
+def test_k_means_plus_plus_starts_better_than_chance() -> None:
+    rng = np.random.default_rng(1)
+    x = np.repeat(rng.uniform(0.0, 100.0, (20, 2)), 50, axis=0) + rng.normal(0.0, 0.5, (1000, 2))
+    plus = [inertia_of(x, initial_centres(x, 20, "k-means++", seed)) for seed in range(10)]
+    chance = [inertia_of(x, initial_centres(x, 20, "forgy", seed)) for seed in range(10)]
+    assert np.mean(plus) < 0.5 * np.mean(chance)
+
+
+@pytest.mark.parametrize(
+    ("samples", "k", "init", "problem"),
+    [
+        (np.zeros((5, 2)), 2, "forgy", "k: 2 given, allowed: 1 to 1, the number of different samples"),
+        (np.eye(3), 4, "forgy", "k: 4 given, allowed: 1 to 3, the number of samples"),
+        (np.eye(3), 0, "forgy", "k: 0 given, allowed: 1 to 3"),
+        (np.empty((0, 2)), 1, "forgy", "k: 1 given, allowed: 1 to 0"),
+        (np.eye(3), 2, "frogy", "init: 'frogy' given; did you mean 'forgy'"),
+        (np.array([1.0, 2.0]), 1, "forgy", r"samples: shape \(2,\) given"),
+        (np.array([[1.0, np.nan]]), 1, "forgy", "samples: hold a value that is not a finite number"),
+    ],
+)
+def test_bad_input_to_algorithm_1(samples: FloatArray, k: int, init: Initialisation, problem: str) -> None:
+    with pytest.raises(ConfigurationError, match=problem):
+        algorithm_1(samples, k, init, 0)
+
+
+# --- Algorithm 2 -------------------------------------------------------------------------------------------------
+
+RECTANGLE = (0.0, 0.0, 10.0, 6.0)
+
+
+def readings(m: int, seed: int) -> list[FloatArray]:
+    """Refined readings of m obstacles, some of them reaching out of the rectangle; one was never seen."""
+    rng = np.random.default_rng(seed)
+    obstacles = [rng.uniform(0.0, 10.0, 2) + rng.normal(0.0, 0.4, (rng.integers(1, 20), 2)) for _ in range(m)]
+    return [*obstacles, np.empty((0, 2))]
+
+
+@given(st.integers(0, 12), st.integers(0, 999))
+def test_boxes_are_smallest_and_largest_coordinates(m: int, seed: int) -> None:
+    obstacles = readings(m, seed)
+    boxes = boxes_of(obstacles)
+    assert boxes.shape == (m, 4)
+    for box, points in zip(boxes, obstacles, strict=False):
+        assert tuple(box) == (min(points[:, 0]), min(points[:, 1]), max(points[:, 0]), max(points[:, 1]))
+
+
+@given(st.integers(0, 12), st.integers(0, 999))
+def test_forbidden_points_are_those_in_boxes_or_cut_off_by_them(m: int, seed: int) -> None:
+    obstacles, robot = readings(m, seed), np.array([9.9, 5.9])
+    found = algorithm_2(obstacles, RECTANGLE, 400, 1, random_state=seed, robot=robot)
+    region = shapely.box(*RECTANGLE)
+    solid = shapely.union_all([shapely.box(*box) for box in found.boxes])
+    points = shapely.points(found.samples)
+    assert found.samples.shape == (400, 2)
+    assert shapely.intersects(region, points).all()
+    inside = shapely.intersects(solid, points)
+    assert np.array_equal(found.forbidden & ~found.enclosed, inside)
+    rooms = shapely.get_parts(region.difference(solid))
+    home = shapely.intersects(rooms, shapely.Point(robot))
+    if home.any():
+        assert np.array_equal(found.enclosed, ~inside & ~shapely.intersects(rooms[home][0], points))
+    assert len(found.labels) == (~found.forbidden).sum()
+
+
+def test_points_on_the_edge_of_a_box_lie_in_it() -> None:
+    at = np.array([[1.0, 1.0], [2.0, 3.0], [1.5, 3.0], [2.0, 0.999], [2.001, 2.0], [0.999, 2.0]])
+    assert points_in_boxes(at, np.array([[1.0, 1.0, 2.0, 3.0]])).tolist() == [True, True, True, False, False, False]
+
+
+def test_landmarks_are_algorithm_1_on_the_rest() -> None:
+    found = algorithm_2(readings(5, 1), RECTANGLE, 500, 7, "random-partition", 3)
+    kept = found.samples[~found.forbidden]
+    again = algorithm_1(kept, 7, "random-partition", np.random.default_rng(0))
+    assert not found.mini_batches
+    assert found.centres.shape == again.centres.shape
+    assert found.inertia == pytest.approx(inertia_of(kept, found.centres))
+    assert np.array_equal(found.labels, np.argmin(cdist(kept, found.centres), axis=1))
+    assert np.array_equal(found.labels, lloyd(kept, found.centres))
+
+
+def test_what_obstacles_enclose_is_occupied() -> None:
+    walls: list[list[tuple[float, float]]]
+    walls = [[(2, 2), (6, 2.2)], [(2, 4), (6, 4.2)], [(2, 2), (2.2, 4.2)], [(5.8, 2), (6, 4.2)]]
+    outside = algorithm_2(walls, RECTANGLE, 2000, 3, random_state=0, robot=(8.0, 1.0))
+    yard = shapely.intersects(shapely.box(2.2, 2.2, 5.8, 4.0), shapely.points(outside.samples))
+    assert np.array_equal(outside.enclosed, yard)
+    assert outside.enclosed.sum() > 100
+    # A robot in the yard cannot reach the rest; no robot, or one in a wall: the region at the edge is not enclosed.
+    inside = algorithm_2(walls, RECTANGLE, 2000, 3, random_state=0, robot=(4.0, 3.0))
+    assert np.array_equal(~inside.forbidden, yard)
+    for robot in (None, (4.0, 2.1)):
+        found = algorithm_2(walls, RECTANGLE, 2000, 3, random_state=0, robot=robot)
+        assert np.array_equal(found.enclosed, yard)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ({"n": 0}, "n: 0 given, allowed: 1 or more"),
+        ({"k": 0}, "k: 0 given, allowed: 1 or more"),
+        ({"k": 101}, "k: 101 given, allowed: 1 to 100: 100 of 100 points drawn are valid"),
+        ({"readings": [[(-1, -1), (11, 7)]]}, "k: 3 given, empty free space: 0 of 100 points drawn are valid"),
+        ({"rectangle": (0.0, 0.0, 0.0, 6.0)}, "rectangle: 0, 0, 0, 6 given, allowed: xmin, ymin, xmax, ymax"),
+        ({"rectangle": (0.0, 6.0, 10.0, 0.0)}, "rectangle: 0, 6, 10, 0 given"),
+        ({"rectangle": (0.0, 0.0, math.inf, 6.0)}, "rectangle: 0, 0, inf, 6 given"),
+        ({"readings": [[(1, 1, 1)]]}, r"readings\[0\]: shape \(1, 3\) given"),
+        ({"readings": [[(1, math.nan)]]}, r"readings\[0\]: shape \(1, 2\) given, allowed: \(r, 2\), finite"),
+        ({"init": "partition"}, "init: 'partition' given; did you mean 'random-partition'"),
+        ({"robot": (math.nan, 0.0)}, "robot: hold a value"),
+    ],
+)
+def test_bad_input_to_algorithm_2(arguments: dict[str, object], problem: str) -> None:
+    usual: dict[str, object] = {"readings": [], "rectangle": RECTANGLE, "n": 100, "k": 3, "random_state": 0}
+    with pytest.raises(ConfigurationError, match=problem):
+        algorithm_2(**(usual | arguments))  # type: ignore[arg-type]  # that is what is tested
+
+
+# --- Environment 1 -----------------------------------------------------------------------------------------------
+
+
+def test_environment_1_has_the_published_share_of_forbidden_points() -> None:
+    from trailmark.collision import StateChecker
+
+    world = World.load(shipped_worlds()["environment1"])
+    assert world.bounds == (5.5001, 10.5481, 46.6007, 117.5)
+    assert world.boundary is not None
+    home = np.array(world.queries[0].start)
+    poses = free_samples(StateChecker(world), 220, reachable_from=home, random_state=0)
+    counts = []
+    for sensed in range(10):
+        refined = sense_obstacles(world, poses, RangeBearing(0.05, 0.01), max_range=12.0, random_state=sensed)
+        for drawn in range(20):
+            found = algorithm_2(refined, world.bounds, 1000, 12, random_state=1000 * sensed + drawn, robot=home[:2])
+            counts.append(int(found.forbidden.sum()))
+            assert len(found.centres) == 12
+    assert 165.0 <= np.mean(counts) <= 171.0
+    # 200 deviations of a binomial: within four standard errors of its own.
+    binomial = math.sqrt(1000 * 0.168 * 0.832)
+    assert np.std(counts, ddof=1) == pytest.approx(binomial, rel=4.0 / math.sqrt(2 * 199))
