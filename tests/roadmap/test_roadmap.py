@@ -138,7 +138,7 @@ def test_a_path_is_joined_edge_by_edge(name: str) -> None:
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_certified_edges_do_not_collide(name: str) -> None:
-    roadmap = roadmap_for(name)
+    roadmap = roadmap_for(name, n=100)
     undecided = np.count_nonzero(roadmap.status == UNDECIDED)
     before = roadmap.status.copy()
     roadmap.certify_all()
@@ -150,7 +150,7 @@ def test_certified_edges_do_not_collide(name: str) -> None:
     a, b = (roadmap.configurations[roadmap.edges[:, i]] for i in (0, 1))
     hit = np.zeros(len(a), np.bool_)
     for start, end in ((a, b), (b, a)):
-        hit |= oracle.collides(motion_states(start, end, 60).reshape(-1, 3)).reshape(-1, 60).any(axis=1)
+        hit |= oracle.collides(motion_states(start, end, 40).reshape(-1, 3)).reshape(-1, 40).any(axis=1)
     assert roadmap.certified.sum() > 100
     assert not hit[roadmap.certified].any()
     # And nearly all that are refused do collide.
