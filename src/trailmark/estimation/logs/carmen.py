@@ -160,37 +160,42 @@ def _parsed(path: Path, bad: BadRecords) -> Iterator[_Line]:
 
 def _line(number: int, fields: list[str]) -> _Line | str:
     """Return a line's values, or what is wrong with it."""
-    word = fields[0]
+    word, count = fields[0], len(fields) - 1
+    n = m = 0
+    if word == "FLASER":
+        n = _count(fields, 1)
+        columns, rule = n + 10, f"n + 10 with n = {fields[1] if count else 'none'} ranges"
+    elif word == "ROBOTLASER1":
+        n = _count(fields, 8)
+        m = _count(fields, 9 + n, least=0)
+        columns, rule = n + m + 23, "n + m + 23 with n ranges and m remissions"
+    else:
+        columns, rule = 9, "9"
+    if count != columns or n < 0 or m < 0:
+        return f"{word} with {count} columns after it given, allowed: {rule}"
+    # A time, the host and the logger's time end each line; the host is no number.
     row = numbers([*fields[1:-2], fields[-1]])
     if row is None:
         return f"{' '.join(fields)[:60]!r} given, allowed: {word}, finite numbers, host, time"
-    # A time, the host and the logger's time end each line; the host is not in the row.
-    count, t = len(fields) - 1, row[-2]
-    if word == "ODOM":
-        return _Line(number, word, t, _triple(row[:3])) if count == 9 else _wrong(word, count, 9)
-    if word == "TRUEPOS":
-        return _Line(number, word, t, _triple(row[:3])) if count == 9 else _wrong(word, count, 9)
+    t = row[-2]
+    if word in ("ODOM", "TRUEPOS"):
+        return _Line(number, word, t, _triple(row[:3]))
     if word == "FLASER":
-        n = int(row[0])
-        if row[0] != n or n < 1 or count != n + 10:
-            return _wrong(word, count, f"n + 10, with n = {row[0]:g} ranges")
-        step, first = _angles(n)
-        tail = row[n + 1 :]
-        beams = _Beams(np.array(row[1 : n + 1]), first, step, None, _triple(tail[:3]))
+        start, (step, first), range_max = 1, _angles(n), None
     else:
-        n = int(row[7]) if len(row) > 8 else 0
-        extra = int(row[8 + n]) if n > 0 and len(row) > 8 + n else -1
-        if extra < 0 or count != n + extra + 23:
-            return _wrong(word, count, "n + m + 23, with n ranges and m remissions")
-        tail = row[9 + n + extra :]
-        beams = _Beams(np.array(row[8 : 8 + n]), row[1], row[3], row[4], _triple(tail[:3]))
-    if beams.ranges.min() < 0.0:
-        return f"{word} with range {beams.ranges.min():g} given, allowed: 0 or more"
-    return _Line(number, word, t, _triple(tail[3:6]), beams)
+        start, first, step, range_max = 8, row[1], row[3], row[4]
+    ranges = np.array(row[start : start + n])
+    if ranges.min() < 0.0:
+        return f"{word} with range {ranges.min():g} given, allowed: 0 or more"
+    poses = row[start + n + (0 if word == "FLASER" else m + 1) :]
+    return _Line(number, word, t, _triple(poses[3:6]), _Beams(ranges, first, step, range_max, _triple(poses[:3])))
 
 
-def _wrong(word: str, count: int, allowed: object) -> str:
-    return f"{word} with {count} columns after it given, allowed: {allowed}"
+def _count(fields: list[str], place: int, least: int = 1) -> int:
+    """Return the whole number at that place, or -1 if there is none of at least ``least``."""
+    field = fields[place] if 0 < place < len(fields) else ""
+    number = int(field) if field.isascii() and field.isdigit() and len(field) < 9 else -1
+    return number if number >= least else -1
 
 
 def _triple(values: list[float]) -> _Triple:

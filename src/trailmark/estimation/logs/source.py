@@ -114,11 +114,9 @@ def read_lines(path: Path, bad: BadRecords) -> list[str]:
     Bytes that are no UTF-8 spoil their line only: with ``skip_bad`` they are replaced, so that the line is bad.
 
     Raises:
-        FormatError: as :func:`read_data`, or the file is no text.
+        FormatError: as :func:`read_data`, or a byte that is no UTF-8.
     """
     data = read_data(path)
-    if b"\0" in data[:4096]:
-        raise FormatError(path, "not a text file, allowed: UTF-8 text, gzipped or not")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -1,0 +1,230 @@
+"""trailmark's own log: exact round trips, and what is wrong with a line."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trailmark.errors import FormatError, OutputError
+from trailmark.estimation.logs import load_log, save_log
+from trailmark.estimation.logs.schema import log_json_schema
+from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
+
+numbers = st.floats(allow_nan=False, allow_infinity=False)
+lengths = st.floats(0.0, allow_nan=False, allow_infinity=False)
+triples = st.tuples(numbers, numbers, numbers)
+
+
+@st.composite
+def covariances(draw: st.DrawFn, size: int) -> np.ndarray[Any, Any]:
+    root = np.array(draw(st.lists(st.floats(-10, 10), min_size=size * size, max_size=size * size))).reshape(size, size)
+    product = root @ root.T
+    return np.asarray(0.5 * (product + product.T) + 1e-6 * np.eye(size))
+
+
+def detections(t: float) -> st.SearchStrategy[Detection]:
+    covariance = st.none() | covariances(2)
+    identity = st.none() | st.integers(-5, 10**12)
+    near = st.builds(np.array, st.tuples(lengths, numbers))
+    return st.builds(Detection, st.just(t), near, st.sampled_from(["range-bearing", "cartesian"]), identity, covariance)
+
+
+def scans(t: float) -> st.SearchStrategy[Scan]:
+    ranges = st.lists(lengths | st.sampled_from([math.nan, math.inf]), max_size=8)
+    far = st.floats(1e-3, 1e6) | st.just(math.inf)
+    values = ranges.map(lambda r: np.array(r, dtype=np.float64))
+    return st.builds(Scan, st.just(t), values, numbers, numbers, far, triples, st.none() | triples)
+
+
+def records(t: float) -> st.SearchStrategy[Record]:
+    return st.one_of(
+        st.builds(Odometry, st.just(t), numbers, numbers),
+        st.builds(Increment, st.just(t), numbers, numbers, numbers, st.none() | covariances(3)),
+        detections(t),
+        scans(t),
+        st.builds(Pose, st.just(t), numbers, numbers, numbers, st.booleans()),
+    )
+
+
+@st.composite
+def logs(draw: st.DrawFn) -> Log:
+    times = sorted(draw(st.lists(numbers, min_size=1, max_size=6)))
+    marks = draw(st.lists(st.tuples(st.integers(-9, 9).map(float), numbers, numbers), max_size=3))
+    name = draw(st.text(st.characters(codec="utf-8"), max_size=5))
+    return Log(name, tuple(draw(records(t)) for t in times), np.array(marks, dtype=np.float64).reshape(-1, 3))
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two values are equal to the bit, NaN to NaN, and arrays of the same kind."""
+    if isinstance(a, np.ndarray):
+        return isinstance(b, np.ndarray) and a.dtype == b.dtype and np.array_equal(a, b, equal_nan=True)
+    if isinstance(a, tuple):
+        return type(a) is type(b) and len(a) == len(b) and all(map(same, a, b))
+    return type(a) is type(b) and bool(a == b)
+
+
+@settings(max_examples=60)  # each writes a file
+@given(log=logs(), suffix=st.sampled_from(["jsonl", "jsonl.gz"]))
+def test_a_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, log: Log, suffix: str) -> None:
+    path = tmp_path_factory.getbasetemp() / f"round.{suffix}"
+    save_log(log, path)
+    assert same(load_log(path), log)
+
+
+@pytest.mark.parametrize("name", ["mrclam6:1", "carmen/aces-corrected.log.gz", "victoria/victoria_park.txt"])
+def test_real_logs_survive(shared_data: Path, tmp_path: Path, name: str) -> None:
+    log = load_log(shared_data / name, skip_bad=True)
+    # The first thousands are as good as all, and quicker.
+    log = log._replace(records=log.records[-3000:], dropped=0, notes=())
+    save_log(log, tmp_path / "log.jsonl")
+    assert same(load_log(tmp_path / "log.jsonl"), log)
+
+
+def write(path: Path, *lines: str) -> Path:
+    path.write_text("\n".join(['{"trailmark_log": 1, "name": "a"}', *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+GOOD = '{"type": "pose", "t": 1, "x": 0, "y": 0, "theta": 0}'
+SCAN = '"angle_min": 0, "angle_increment": 1, "range_max": 9'
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("{", "not valid JSON: EOF while parsing an object at line 1 column 1"),
+        (GOOD[:-9], "not valid JSON"),
+        ("[1]", "[1] given, allowed: a JSON object"),
+        ("{}", "type None given, allowed: detection, increment, landmark, odometry, pose, scan"),
+        ('{"type": "odometri"}', "type 'odometri' given, did you mean 'odometry'? allowed"),
+        ('{"type": "odometry", "t": NaN, "v": 1, "omega": 2}', "odometry: t nan given, allowed: a finite number"),
+        ('{"type": "odometry", "t": true, "v": 1, "omega": 2}', "odometry: t True given, allowed: a finite number"),
+        ('{"type": "odometry", "t": "1", "v": 1, "omega": 2}', "odometry: t '1' given, allowed: a finite number"),
+        ('{"type": "odometry", "t": 1, "v": 1e999, "omega": 2}', "odometry: v inf given, allowed: a finite number"),
+        ('{"type": "odometry", "t": 1, "v": 1}', "odometry: no field 'omega' given, allowed: a finite number"),
+        ('{"type": "odometry", "t": 1, "v": 1, "omga": 2}', "unknown field 'omga' given, did you mean 'omega'?"),
+        (
+            '{"type": "odometry", "t": 0.5, "v": 1, "omega": 2}',
+            "time 0.5 given after 1.0, allowed: times that do not go",
+        ),
+        (
+            '{"type": "scan", "t": 1, "ranges": [1, -1], ' + SCAN + "}",
+            "scan: ranges[1] -1 given, allowed: a list of numb",
+        ),
+        (
+            '{"type": "scan", "t": 1, "ranges": [1, "nan"], ' + SCAN + "}",
+            "scan: ranges[1] 'nan' given, allowed: a list",
+        ),
+        (
+            '{"type": "scan", "t": 1, "ranges": 3, ' + SCAN + "}",
+            "scan: ranges 3 given, allowed: a list of numbers of 0",
+        ),
+        ('{"type": "scan", "t": 1, "ranges": [], ' + SCAN.replace("9", "0") + "}", "scan: range_max 0 given, allowed"),
+        ('{"type": "detection", "t": 1, "z": [1]}', "detection: z [1] given, allowed: two finite numbers"),
+        ('{"type": "detection", "t": 1, "z": [-1, 2]}', "detection: range -1 given, allowed: 0 or more"),
+        (
+            '{"type": "detection", "t": 1, "z": [1, 2], "kind": "polar"}',
+            "kind 'polar' given, allowed: range-bearing, car",
+        ),
+        ('{"type": "detection", "t": 1, "z": [1, 2], "identity": 1.5}', "identity 1.5 given, allowed: a whole number"),
+        (
+            '{"type": "detection", "t": 1, "z": [1, 2], "covariance": [[1, 0]]}',
+            "covariance [[1, 0]] given, allowed: two",
+        ),
+        (
+            '{"type": "detection", "t": 1, "z": [1, 2], "covariance": [[1, 2], [3, 4]]}',
+            "allowed: symmetric, not negativ",
+        ),
+        (
+            '{"type": "detection", "t": 1, "z": [1, 2], "covariance": [[1, 2], [2, 1]]}',
+            "allowed: symmetric, not negativ",
+        ),
+        ('{"type": "pose", "t": 1, "x": 1, "y": 2, "theta": null}', "pose: theta None given, allowed: a finite number"),
+        ('{"type": "pose", "t": 1, "x": 1, "y": 2, "theta": 0, "truth": 1}', "truth 1 given, allowed: true or false"),
+        (
+            '{"type": "landmark", "identity": 1.5, "x": 0, "y": 0}',
+            "landmark: identity 1.5 given, allowed: a whole number",
+        ),
+    ],
+)
+def test_bad_lines(tmp_path: Path, line: str, problem: str) -> None:
+    path = write(tmp_path / "a.jsonl", GOOD, "", line, GOOD)
+    with pytest.raises(FormatError) as caught:
+        load_log(path)
+    assert str(caught.value).startswith(f"{path}:4: ")
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+    log = load_log(path, skip_bad=True)
+    assert (len(log.records), log.dropped) == (2, 1)
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ('{"trailmark_log": 2}', "header: trailmark_log 2 given, allowed: 1 (the schema version)"),
+        ('{"trailmark_log": true}', "header: trailmark_log True given, allowed: 1 (the schema version)"),
+        ('{"trailmark_log": 1, "nam": "a"}', "header: unknown field 'nam' given, did you mean 'name'?"),
+        ('{"name": "a"}', "header: no field 'trailmark_log' given, allowed: 1 (the schema version)"),
+        (GOOD, "header: unknown field"),
+        ("{", "not valid JSON"),
+    ],
+)
+def test_bad_headers(tmp_path: Path, line: str, problem: str) -> None:
+    path = tmp_path / "a.jsonl"
+    path.write_text(line + "\n" + GOOD + "\n")
+    for skip_bad in (False, True):  # without its header the file is no such log
+        with pytest.raises(FormatError) as caught:
+            load_log(path, skip_bad=skip_bad)
+        assert str(caught.value).startswith(f"{path}:1: ")
+        assert problem in str(caught.value)
+
+
+def test_optional_fields_may_be_null(tmp_path: Path) -> None:
+    nulls = '{"type": "detection", "t": 1, "z": [1, 2], "identity": null, "covariance": null}'
+    scan = '{"type": "scan", "t": 1, "ranges": [null, "inf"], "mount": null, "pose": null, ' + SCAN + "}"
+    log = load_log(write(tmp_path / "a.jsonl", nulls, scan))
+    assert isinstance(log.records[0], Detection)
+    assert log.records[0][2:] == ("range-bearing", None, None)
+    assert isinstance(log.records[1], Scan)
+    assert log.records[1][5:] == ((0.0, 0.0, 0.0), None)
+    assert str(log.records[1].ranges.tolist()) == "[nan, inf]"
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        Odometry(math.nan, 0.0, 0.0),
+        Odometry(9.0, math.inf, 0.0),
+        Odometry(-1.0, 0.0, 0.0),
+        Scan(9.0, np.array([-1.0]), 0.0, 0.1, 9.0),
+        Scan(9.0, np.array([-math.inf]), 0.0, 0.1, 9.0),
+        Detection(9.0, np.array([1.0, 2.0, 3.0])),
+        Detection(9.0, np.array([1.0, math.nan])),
+        Increment(9.0, 0.0, 0.0, 0.0, -np.eye(3)),
+    ],
+)
+def test_what_could_not_be_read_is_not_written(tmp_path: Path, record: Record) -> None:
+    path = tmp_path / "a.jsonl"
+    path.write_text("as it was")
+    with pytest.raises(OutputError, match=r"a.jsonl: cannot be written: records\[1\]: "):
+        save_log(Log("a", (Odometry(0.0, 0.0, 0.0), record), np.empty((0, 3))), path)
+    assert path.read_text() == "as it was"
+    assert [file.name for file in tmp_path.iterdir()] == ["a.jsonl"]
+
+
+def test_nowhere_to_write(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot be written"):
+        save_log(Log("a", (Odometry(0.0, 0.0, 0.0),), np.empty((0, 3))), tmp_path / "no" / "a.jsonl")
+
+
+def test_the_schema_names_all_records() -> None:
+    schema = json.loads(json.dumps(log_json_schema()))
+    kinds = {part["properties"]["type"]["const"] for part in schema["$defs"].values() if "type" in part["properties"]}
+    assert kinds == {"odometry", "increment", "detection", "scan", "pose", "landmark"}
