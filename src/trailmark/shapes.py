@@ -214,7 +214,7 @@ def _ring(points: ArrayLike, name: str) -> FloatArray:
 
 def _point(value: object, name: str) -> tuple[float, float]:
     try:
-        x, y = tuple(value)  # type: ignore[arg-type]  # the except below is the check
+        x, y = list(value)  # type: ignore[call-overload]  # the except below is the check
     except (TypeError, ValueError):
         raise ShapeError(f"{name} {_brief(value)} given, allowed: two numbers x, y") from None
     point = _number(x, name), _number(y, name)
