@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from trailmark.collision import StateChecker
     from trailmark.landmarks.executions import Execution
     from trailmark.landmarks.stability import Spread
-    from trailmark.planning import PlanResult
+    from trailmark.planning import PlanProgress, PlanResult
     from trailmark.se2 import FloatArray
     from trailmark.world import Query, Robot, World
 
@@ -131,7 +131,6 @@ def landmarks(
         ]
         record["time"] = perf_counter() - begun
         if picture is not None:
-            progress.stage("drawing")
             _draw(picture, loaded, body, executions, number, progress)
 
     if as_json:
@@ -205,17 +204,32 @@ def _record(world: World, robot: Robot, executions: list[Execution], spread: Spr
 def _draw(
     file: Path, world: World, robot: Robot, executions: list[Execution], seed: int, progress: console.Progress
 ) -> None:
-    from trailmark import LandmarkPlanner
     from trailmark.plotting import save_landmarks_figure
 
-    planned: list[tuple[Query, PlanResult]] = []
-    if world.queries:
-        planner = LandmarkPlanner(world, robot, seed=seed)
-        for query in world.queries[:PATHS]:
-            progress.stage(f"planning {query.name}", TIME_LIMIT)
-            planned.append((query, planner.plan(query.start, query.goal, time_limit=TIME_LIMIT)))
-        progress.stage("drawing")
+    planned = _plan(world, robot, seed, progress) if world.queries else []
+    progress.stage("drawing")
     save_landmarks_figure(file, world, robot, executions[:3], planned)
+
+
+def _plan(world: World, robot: Robot, seed: int, progress: console.Progress) -> list[tuple[Query, PlanResult]]:
+    """Return paths for the world's first queries, as far as the robot fits their ends."""
+    from trailmark import LandmarkPlanner
+    from trailmark.errors import ConfigurationError
+
+    def follow(state: PlanProgress) -> None:
+        progress.details = (f"{state.landmarks:,} landmarks",)
+
+    planner = LandmarkPlanner(world, robot, seed=seed)
+    planned: list[tuple[Query, PlanResult]] = []
+    for query in world.queries[:PATHS]:
+        progress.stage(f"planning {query.name}", TIME_LIMIT)
+        try:
+            result = planner.plan(query.start, query.goal, time_limit=TIME_LIMIT, on_progress=follow)
+        except ConfigurationError as error:
+            console.note(f"{query.name}: not drawn: {error}")
+        else:
+            planned.append((query, result))
+    return planned
 
 
 def _print_table(record: dict[str, Any], picture: Path | None) -> None:

@@ -1,0 +1,118 @@
+"""Executions in a world: what is forbidden, enclosed, repaired, and that the seed decides it all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from scipy.spatial.distance import cdist
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.landmarks.executions import execute_paper, execute_se2
+from trailmark.library import shipped_worlds
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+YARD = (58.0, 34.0, 68.0, 42.0)  # inside the walls of environment 2
+FULL = World("full", (0.0, 0.0, 5.0, 5.0), (Rectangle((2.5, 2.5), 6.0, 6.0),), Robot.disc(0.2))
+
+
+@pytest.fixture(scope="module")
+def checker() -> StateChecker:
+    return StateChecker(World.load(shipped_worlds()["environment2"]))
+
+
+def start(checker: StateChecker) -> se2.FloatArray:
+    return np.array(checker.world.queries[0].start)
+
+
+def test_environment_2_is_half_c_obstacle(checker: StateChecker) -> None:
+    rng = np.random.default_rng(0)
+    q = rng.uniform((0.0, 0.0, -np.pi), (100.0, 80.0, np.pi), (20_000, 3))
+    assert checker.world.bounds == (0.0, 0.0, 100.0, 80.0)
+    assert 0.48 < 1.0 - checker.valid(q).mean() < 0.52
+
+
+def test_the_source_method_in_environment_2(checker: StateChecker) -> None:
+    found = execute_paper(checker, 1000, 14, random_state=0, start=start(checker))
+    points = shapely.points(found.samples)
+    solid = shapely.union_all([shape.polygon(1e-3).shapely() for shape in checker.world.obstacles])
+    # The boxes hold the obstacles, but for the noise of the readings and what no pose saw of their outlines.
+    deep = shapely.contains(shapely.buffer(solid, -0.3), points)
+    assert found.forbidden[deep].all()
+    assert np.array_equal(found.enclosed, found.enclosed & shapely.contains(shapely.box(*YARD), points))
+    deep_inside = shapely.contains(shapely.box(*YARD).buffer(-0.2), points)
+    assert np.array_equal(found.forbidden[deep_inside], np.ones(deep_inside.sum(), dtype=bool))
+    assert found.enclosed.sum() >= deep_inside.sum() > 0
+    assert len(found.boxes) == len(checker.world.obstacles)
+    for shape, box in zip(checker.world.obstacles, found.boxes, strict=True):
+        assert np.abs(np.array(box) - shape.bounding_box()).max() < 1.3
+    # K-means knows no obstacles: some centres lie in them; what stands in for the centres does not.
+    assert found.in_obstacle.any()
+    assert (found.in_obstacle <= found.invalid).all()
+    assert found.repaired.shape == (14, 3)
+    assert checker.valid(found.repaired).all()
+    same = np.hypot(*(found.repaired[:, :2] - found.centres).T) == 0.0
+    assert np.array_equal(same, ~found.invalid)
+    assert found.seconds < 2.0
+
+
+def test_trailmarks_own_in_environment_2(checker: StateChecker) -> None:
+    found = execute_se2(checker, 1000, 14, random_state=0, start=start(checker))
+    assert np.array_equal(found.forbidden & ~found.enclosed, ~checker.valid(found.samples))
+    inside = shapely.contains(shapely.box(*YARD), shapely.points(found.samples[:, :2]))
+    assert np.array_equal(found.enclosed, inside & checker.valid(found.samples))
+    assert found.enclosed.any()
+    kept = found.samples[~found.forbidden]
+    assert checker.valid(found.centres).all()
+    assert not found.invalid.any()
+    gaps = cdist(kept[:, :2], found.centres[:, :2])  # a disc: headings count for nothing
+    assert np.array_equal(found.labels, np.argmin(gaps, axis=1))
+    assert found.inertia == pytest.approx(float((gaps.min(axis=1) ** 2).sum()))
+
+
+def test_headings_count_for_a_robot_that_has_one() -> None:
+    world = World("room", (0.0, 0.0, 8.0, 6.0), (), Robot.rectangle(2.0, 0.6))
+    found = execute_se2(StateChecker(world), 500, 10, random_state=0)
+    assert len(np.unique(found.centres[:, 2])) == len(found.centres)
+    # As the paper has it, they do not, and without obstacles nothing is forbidden.
+    plain = execute_paper(StateChecker(world), 500, 10, random_state=0)
+    assert plain.centres.shape == (10, 2)
+    assert not plain.forbidden.any()
+    assert plain.boxes.shape == (0, 4)
+
+
+@pytest.mark.parametrize("method", [execute_paper, execute_se2])
+def test_the_seed_decides(checker: StateChecker, method: object) -> None:
+    assert callable(method)
+    first = method(checker, 200, 5, random_state=3)
+    again = method(checker, 200, 5, random_state=np.random.default_rng(3))
+    other = method(checker, 200, 5, random_state=4)
+    assert np.array_equal(first.centres, again.centres)
+    assert not np.array_equal(first.centres, other.centres)
+
+
+def test_a_start_in_an_obstacle_tells_nothing(checker: StateChecker) -> None:
+    blocked = np.array([42.0, 43.0, 0.0])
+    assert not checker.valid(blocked)
+    # The yard does not reach the edge of the region, so it is enclosed even so; for trailmark's own it is a place.
+    assert execute_paper(checker, 1000, 14, random_state=0, start=blocked).enclosed.any()
+    assert not execute_se2(checker, 1000, 14, random_state=0, start=blocked).enclosed.any()
+
+
+def test_no_room() -> None:
+    full = StateChecker(FULL)
+    with pytest.raises(ConfigurationError, match="world 'full': empty free space: no place for the robot was found"):
+        execute_paper(full, 100, 3, random_state=0)
+    with pytest.raises(ConfigurationError, match="k: 3 given, empty free space: 0 of 100 samples drawn are valid"):
+        execute_se2(full, 100, 3, random_state=0)
+
+
+def test_counts_out_of_range(checker: StateChecker) -> None:
+    for method in (execute_paper, execute_se2):
+        with pytest.raises(ConfigurationError, match="n: 0 given, allowed: 1 or more"):
+            method(checker, 0, 3, random_state=0)
+        with pytest.raises(ConfigurationError, match=r"k: 101 given, allowed: 1 to \d+: \d+ of 100"):
+            method(checker, 100, 101, random_state=0)
