@@ -29,8 +29,9 @@ SAMPLES, SAMPLES_PER_LANDMARK = 1000, 10
 STEPS = 20
 """Steps of K-means in a trial. Iterating on would spread the landmarks a little better: the count errs upwards."""
 
-TRIALS = 8
-"""Clusterings, each with its own samples and places, that a count must convince in."""
+TRIALS, FEW_TRIALS, MANY = 8, 3, 500
+"""Clusterings, each with its own samples and places, that a count must convince in: few ones where landmarks are MANY,
+whose share varies from clustering to clustering by less than by the choice of places."""
 
 PLACES = 8_000
 """Places at which the range is tested in all trials together; more where the probability is close to 1."""
@@ -110,7 +111,7 @@ def landmarks_for_range(
     space is narrow against the range (along a corridor of length L they grow as L/r, not as A/r²), where obstacles
     cut cells apart, where K-means settles in a local optimum or has few samples for each centre, and where
     headings count. So each count is tried as it will be used: samples are clustered, and the share of other random
-    places within range is measured, in TRIALS independent clusterings. It is accepted if the mean exceeds
+    places within range is measured, in several independent clusterings. It is accepted if the mean exceeds
     ``probability`` by SIGMA standard errors, taken over the clusterings or from the binomial distribution, whichever
     is larger. Else it grows by the factor by which the distance that a share ``probability`` of the places keeps
     exceeds the range: that distance falls as k^(−1/2) in the open and as 1/k along corridors, so the count closes in
@@ -244,22 +245,23 @@ class _Trials:
         """Return whether k landmarks are enough, and by which factor the distances that count exceed the range."""
         each = max(SAMPLES, SAMPLES_PER_LANDMARK * k) if self.samples is None else self.samples
         shares, distances = [], []
-        samples = self._draw(TRIALS * each)
-        for i in range(TRIALS):
-            landmarks = k_means_landmarks(samples[i::TRIALS], k, radius=self.radius, steps=STEPS, random_state=self.rng)
+        trials = TRIALS if k < MANY else FEW_TRIALS
+        samples = self._draw(trials * each)
+        for i in range(trials):
+            landmarks = k_means_landmarks(samples[i::trials], k, radius=self.radius, steps=STEPS, random_state=self.rng)
             found = distances_to_landmarks(
-                self.checker, self.places[i::TRIALS], landmarks, line_of_sight=self.line_of_sight
+                self.checker, self.places[i::trials], landmarks, line_of_sight=self.line_of_sight
             )
             distances.append(found)
             shares.append(float((found <= sensor_range).mean()))
             if len(shares) == 1 and shares[0] < self.probability - 10.0 * self.least_error:
                 break  # far off: the other trials would only say the same
         error = self.least_error
-        if len(shares) == TRIALS:
-            error = max(error, float(np.std(shares, ddof=1)) / sqrt(TRIALS))
+        if len(shares) == trials:
+            error = max(error, float(np.std(shares, ddof=1)) / sqrt(trials))
         wanted = self.probability + SIGMA * error
         needed = float(np.quantile(np.concatenate(distances), min(wanted, 1.0), method="higher"))
-        return len(shares) == TRIALS and float(np.mean(shares)) >= wanted, needed / sensor_range
+        return len(shares) == trials and float(np.mean(shares)) >= wanted, needed / sensor_range
 
     def _draw(self, n: int, max_draws: int | None = None) -> se2.FloatArray:
         # Even few samples may take many draws where free space is tight.
