@@ -81,11 +81,14 @@ class Band:
             self._compute(LATER_REACH if widening <= LATER_REACH else np.inf)
 
     def costs_to_goal(self, q: se2.FloatArray) -> se2.FloatArray:
-        """Return a lower estimate (metres) of the cost from configurations (n, 3) to the goal, shape (n,)."""
+        """Return an estimate (metres) of the cost from configurations (n, 3) to the goal, shape (n,).
+
+        It guides and proves nothing: ways through cells that are tight for the disc are dearer than they are long.
+        """
         return self._estimate(self.to_goal, q, self.goal)
 
     def costs_to_start(self, q: se2.FloatArray) -> se2.FloatArray:
-        """Return a lower estimate (metres) of the cost from the start to configurations (n, 3), shape (n,)."""
+        """Return an estimate (metres) of the cost from the start to configurations (n, 3), shape (n,)."""
         return self._estimate(self.from_start, q, self.start)
 
     def _estimate(self, costs: CostMap, q: se2.FloatArray, end: se2.FloatArray) -> se2.FloatArray:

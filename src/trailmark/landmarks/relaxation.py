@@ -44,7 +44,8 @@ class CostMap:
             ``limit``.
         parent: (rows, columns) int8, the direction (index into the eight neighbours, counter-clockwise from +x)
             that leads back towards the source; -1 at the source and where ``cost`` is infinite.
-        limit: metres; every cell at most this far has its cost.
+        limit: metres; every cell through which a way of at most this cost leads has its cost: to the target, if
+            the costs were sought until one, else to the cell itself.
     """
 
     cost: FloatArray

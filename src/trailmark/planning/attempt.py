@@ -170,7 +170,8 @@ class Attempt:
         self, roadmap: Roadmap, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
     ) -> None:
         """Offer a roadmap's shortest path, shortened."""
-        to_go = band.costs_to_goal(roadmap.configurations)
+        # The relaxed way guides to a first path soon; it may overestimate, so what betters a path is sought without.
+        to_go = band.costs_to_goal(roadmap.configurations) if self.best is None else None
         limit = np.inf if banned is not None else self.best_cost
         found = roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit).nodes
         if len(found) == 0:
