@@ -21,7 +21,7 @@ from trailmark.landmarks.repair import repair_centres
 from trailmark.landmarks.sampling import RandomState, draw, free_samples, generator
 from trailmark.shapes import Disc
 
-__all__ = ["Execution", "execute_paper", "execute_se2"]
+__all__ = ["Execution", "execute_paper", "execute_se2", "readings_in"]
 
 SENSOR_RANGE = 12.0
 """Metres that the sensor reaches by default: a common small laser scanner's."""
@@ -85,9 +85,8 @@ def execute_paper(
 ) -> Execution:
     """Return one execution of Algorithm 2 in the checker's world; the rectangle is the world's bounds.
 
-    The robot reads the obstacles' outlines from random valid configurations that it can reach
-    (:func:`trailmark.estimation.sense_obstacles` refines the readings by the EKF), Algorithm 2 makes landmarks of
-    them, and the checker says what they are worth.
+    The obstacles are sensed (:func:`readings_in`), Algorithm 2 makes landmarks of the readings, and the checker says
+    what they are worth.
 
     Args:
         checker: world and robot; Algorithm 2 itself knows nothing of the robot but where it starts.
@@ -104,23 +103,48 @@ def execute_paper(
     Raises:
         ConfigurationError: an argument out of range, fewer valid points than k, no place for the robot.
     """
-    rng, world = generator(random_state), checker.world
-    home = start if start is not None and checker.valid(start) else None
-    xmin, ymin, xmax, ymax = world.bounds
-    count = int(np.clip((xmax - xmin) * (ymax - ymin) / AREA_PER_POSE, *POSES))
-    poses = free_samples(checker, count, reachable_from=home, random_state=rng)
-    if len(poses) == 0:
-        raise ConfigurationError(f"world {world.name!r}: empty free space: no place for the robot was found")
-    sensor = RangeBearing(SIGMA_RANGE, SIGMA_BEARING) if sensor is None else sensor
-    readings = sense_obstacles(world, poses, sensor, max_range=sensor_range, random_state=rng)
+    rng, home = generator(random_state), start if start is not None and checker.valid(start) else None
+    readings = readings_in(checker, rng, start=home, sensor=sensor, sensor_range=sensor_range)
+    robot = None if home is None else home[:2]
     _load()
     begin = perf_counter()
-    found = algorithm_2(
-        readings, world.bounds, n, k, init, rng, robot=None if home is None else home[:2], on_progress=on_progress
-    )
+    found = algorithm_2(readings, checker.world.bounds, n, k, init, rng, robot=robot, on_progress=on_progress)
     seconds = perf_counter() - begin
     repair = repair_centres(checker, found.centres, found.samples[~found.forbidden])
     return Execution(*found, repair.in_obstacle, repair.invalid, repair.configurations, seconds)
+
+
+def readings_in(
+    checker: StateChecker,
+    random_state: RandomState = None,
+    *,
+    start: se2.FloatArray | None = None,
+    sensor: RangeBearing | None = None,
+    sensor_range: float = SENSOR_RANGE,
+) -> list[se2.FloatArray]:
+    """Return the refined readings of each obstacle, shape (r, 2): Algorithm 2's first step, in a known world.
+
+    The robot reads the obstacles' outlines from random valid configurations that it can reach, and the EKF refines
+    the readings (:func:`trailmark.estimation.sense_obstacles`).
+
+    Args:
+        checker: world and robot.
+        random_state: seed or generator.
+        start: valid configuration, shape (3,), from where the robot reaches the others; None lets it be anywhere.
+        sensor: its noise; by default SIGMA_RANGE and SIGMA_BEARING.
+        sensor_range: metres that it reaches.
+
+    Raises:
+        ConfigurationError: no place for the robot.
+    """
+    world, rng = checker.world, generator(random_state)
+    xmin, ymin, xmax, ymax = world.bounds
+    count = int(np.clip((xmax - xmin) * (ymax - ymin) / AREA_PER_POSE, *POSES))
+    poses = free_samples(checker, count, reachable_from=start, random_state=rng)
+    if len(poses) == 0:
+        raise ConfigurationError(f"world {world.name!r}: empty free space: no place for the robot was found")
+    sensor = RangeBearing(SIGMA_RANGE, SIGMA_BEARING) if sensor is None else sensor
+    return sense_obstacles(world, poses, sensor, max_range=sensor_range, random_state=rng)
 
 
 def execute_se2(
