@@ -23,8 +23,8 @@ AHEAD = 4
 FIRST_REACH, LATER_REACH = 0.15, 0.8
 """Widths of the bands whose cells are found at first, and when those are used up; after that, all cells."""
 
-GUIDE_TRIES = 12
-"""Configurations tried in each cell of the relaxed shortest way."""
+GUIDE_TRIES, GAP_TRIES = 12, 48
+"""Configurations tried in each cell of the relaxed shortest way, and again where they leave a gap."""
 
 
 class Band:
@@ -104,16 +104,8 @@ class Band:
         cell; and where two of them are not joined by a certified motion, every valid try between them.
         """
         cells = self.relaxation.way(self.to_goal, self.start)
-        where = self._headings_along(cells)
-        tries = np.repeat(np.arange(len(cells)), GUIDE_TRIES)
-        share = tries / max(1, len(cells) - 1)
-        q = self._place(cells[tries], where[tries], share, rng)
-        # Half of the tries stay: the field's idea of the middle may be off by its slack.
-        tight = self.relaxation.clearance(cells)[tries] < 1.5 * self.checker.footprint.circumradius
-        tight[::2] = False
-        q[tight] = retracted(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
-        room = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
-        room[~self.checker.valid(q)] = -1.0
+        every = np.arange(len(cells))
+        tries, q, room = self._tries(cells, every, GUIDE_TRIES, rng)
         best = np.lexsort((room, tries)).reshape(len(cells), GUIDE_TRIES)[:, -1]
         chain: list[int] = []
         for i in best[room[best] >= 0.0]:
@@ -121,12 +113,35 @@ class Band:
                 chain.append(int(i))
         if not chain:
             return np.empty((0, 3))
-        kept = np.zeros(len(q), dtype=np.bool_)
-        kept[chain] = True
         joined = self.checker.motions_between_valid(q[chain[:-1]], q[chain[1:]])
-        for a, b in zip(np.array(chain[:-1])[~joined], np.array(chain[1:])[~joined], strict=True):
-            kept[max(0, a - GUIDE_TRIES) : b + GUIDE_TRIES] = True
-        return np.asarray(q[kept & (room >= 0.0)])
+        gap = np.zeros(len(cells), dtype=np.bool_)
+        for a, b in zip(tries[chain[:-1]][~joined], tries[chain[1:]][~joined], strict=True):
+            gap[max(0, a - 1) : b + 2] = True
+        # Between them: what was tried already, and a second, closer look.
+        there = q[gap[tries] & (room >= 0.0)]
+        where, again, space = self._tries(cells, every[gap], GAP_TRIES, rng)
+        again, where = again[space >= 0.0], where[space >= 0.0]
+        few = np.arange(len(where)) - np.searchsorted(where, where) < GAP_TRIES // 8
+        return np.vstack([q[chain], there, again[few]])
+
+    def _tries(
+        self, cells: NDArray[np.int64], chosen: NDArray[np.int64], count: int, rng: np.random.Generator
+    ) -> tuple[NDArray[np.int64], se2.FloatArray, se2.FloatArray]:
+        """Try ``count`` configurations in each of the chosen cells of a way.
+
+        Returns:
+            Which cell each lies in (n,), the configurations (n, 3), and their clearance (n,), -1 if invalid.
+        """
+        tries = np.repeat(chosen, count)
+        share = tries / max(1, len(cells) - 1)
+        q = self._place(cells[tries], self._headings_along(cells)[tries], share, rng)
+        # Half of the tries stay: the field's idea of the middle may be off by its slack.
+        tight = self.relaxation.clearance(cells)[tries] < 1.5 * self.checker.footprint.circumradius
+        tight[::2] = False
+        q[tight] = retracted(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
+        room = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
+        room[~self.checker.valid(q)] = -1.0
+        return tries, q, room
 
     def samples(self, n: int, widening: float, rng: np.random.Generator) -> se2.FloatArray:
         """Return up to n valid configurations from the band, shape (m, 3).
