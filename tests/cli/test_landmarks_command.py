@@ -42,6 +42,7 @@ def test_environment_1_as_published(shell: Shell) -> None:
         assert run["in_obstacle"] == sum(run["centre_in_obstacle"])
         assert run["invalid"] == sum(run["centre_invalid"])
         assert run["inertia"] > 0.0
+        assert run["boxes"] == 23  # every obstacle was seen
         assert run["iterations"] > 1
         assert not run["mini_batches"]
     world = World.load(shipped_worlds()["environment1"])

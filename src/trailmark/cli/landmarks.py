@@ -171,6 +171,7 @@ def _record(world: World, robot: Robot, executions: list[Execution], spread: Spr
                 "forbidden": forbidden,
                 "enclosed": int(execution.enclosed.sum()),
                 "valid": len(execution.samples) - forbidden,
+                "boxes": len(execution.boxes),
                 "inertia": execution.inertia,
                 "iterations": execution.iterations,
                 "mini_batches": execution.mini_batches,

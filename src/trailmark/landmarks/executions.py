@@ -20,6 +20,7 @@ from trailmark.landmarks.relaxation import Relaxation
 from trailmark.landmarks.repair import repair_centres
 from trailmark.landmarks.sampling import RandomState, draw, free_samples, generator
 from trailmark.shapes import Disc
+from trailmark.world import World
 
 __all__ = ["Execution", "execute_paper", "execute_se2", "readings_in"]
 
@@ -31,6 +32,9 @@ SIGMA_RANGE, SIGMA_BEARING = 0.05, 0.01
 
 POSES = (100, 2000)
 """Fewest and most places that the robot senses from."""
+
+POINTS, POINT_SPACING = (24, 240), 3.0
+"""Fewest and most points read of an outline; between them, one every so many metres of the world's longest."""
 
 AREA_PER_POSE = 20.0
 """Square metres of the bounds per such place: in reach of every obstacle there are several."""
@@ -144,7 +148,14 @@ def readings_in(
     if len(poses) == 0:
         raise ConfigurationError(f"world {world.name!r}: empty free space: no place for the robot was found")
     sensor = RangeBearing(SIGMA_RANGE, SIGMA_BEARING) if sensor is None else sensor
-    return sense_obstacles(world, poses, sensor, max_range=sensor_range, random_state=rng)
+    return sense_obstacles(
+        world,
+        poses,
+        sensor,
+        points_per_obstacle=_outline_points(world),
+        max_range=sensor_range,
+        random_state=rng,
+    )
 
 
 def execute_se2(
@@ -206,6 +217,12 @@ def execute_se2(
         landmarks,
         seconds,
     )
+
+
+def _outline_points(world: World) -> int:
+    """Return how many points of each outline are read: a large obstacle takes more to be seen from everywhere."""
+    longest = max((shape.polygon(1e-2).shapely().length for shape in world.obstacles), default=0.0)
+    return int(np.clip(longest / POINT_SPACING, *POINTS))
 
 
 @cache

@@ -117,14 +117,17 @@ def draw_initial_execution(axes: Axes, execution: Execution) -> None:
 
 
 def draw_execution(axes: Axes, execution: Execution, bounds: tuple[float, float, float, float]) -> None:
-    """Draw the valid points in their clusters' colours, the borders between clusters within bounds, and the centres."""
+    """Draw the valid points in their clusters' colours, the centres, and the borders between clusters within bounds.
+
+    Clusters in SE(2) overlap in the plane and have no borders there.
+    """
     centres = execution.centres[:, :2]
     colours = _colours(centres)
     points = execution.samples[~execution.forbidden, :2]
     shown = _shown(len(points))
     x, y = points[shown].T
     axes.scatter(x, y, s=5.0, c=colours[execution.labels[shown]], lw=0, zorder=4.0)
-    if 1 < len(centres) <= 500:
+    if execution.centres.shape[1] == 2 and 1 < len(centres) <= 500:
         inside = shapely.box(*bounds)
         cells = shapely.get_parts(shapely.voronoi_polygons(shapely.MultiPoint(centres), extend_to=inside))
         rings = [shapely.get_coordinates(cell) for cell in shapely.intersection(cells, inside)]
