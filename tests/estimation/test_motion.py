@@ -41,6 +41,16 @@ def check(model: MotionModel, x: FloatArray, u: FloatArray, q: int) -> None:
 
 
 @given(poses, velocities)
+def test_one_step_is_f_and_its_jacobians(x: FloatArray, u: FloatArray) -> None:
+    for model in (UNICYCLE, INCREMENT):
+        step = model.step(x, u)
+        assert np.allclose(turned(2)(step.pose, model.f(x, u)), 0.0, rtol=0.0, atol=1e-13)
+        assert -np.pi < step.pose[2] <= np.pi
+        assert np.allclose(step.F, model.F(x, u), rtol=1e-13, atol=1e-13)
+        assert np.allclose(step.W, model.W(x, u), rtol=1e-13, atol=1e-15)
+
+
+@given(poses, velocities)
 def test_unicycle_jacobians(x: FloatArray, u: FloatArray) -> None:
     check(UNICYCLE, x, u, 2)
 

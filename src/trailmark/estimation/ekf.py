@@ -8,6 +8,7 @@ is that of Thrun, Burgard & Fox 2005, Probabilistic Robotics, section 10.2.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, Literal, get_args
@@ -112,12 +113,12 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         if self.mode == "mapping":
             raise EstimationError("predict: the poses of mode 'mapping' are given, allowed: set_pose")
         u = np.asarray(u, dtype=np.float64)
-        if not np.isfinite(u).all():
+        if not all(map(math.isfinite, u.tolist())):
             raise EstimationError(f"predict: odometry {u.tolist()} given, allowed: finite numbers")
-        F, W = motion.F(self.pose, u), motion.W(self.pose, u)
+        pose, F, W = motion.step(self.x[:3], u)
         noise = motion.Q(u) if Q is None else checked_covariance(Q, W.shape[1], "odometry")
         pose_block = F @ self.P[:3, :3] @ F.T + W @ noise @ W.T
-        self.x[:3] = motion.f(self.pose, u)
+        self.x[:3] = pose
         self.P[:3, 3:] = F @ self.P[:3, 3:]
         self.P[3:, :3] = self.P[:3, 3:].T
         self.P[:3, :3] = 0.5 * (pose_block + pose_block.T)
