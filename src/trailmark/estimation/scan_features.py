@@ -65,17 +65,28 @@ class ScanSettings:
     """End points that a line or a disc needs."""
     min_length: float = 0.3
     """Metres that a line needs."""
+    line_misfit: float = 4.0
+    """Sum of squared residuals over variances, per degree of freedom, that a line may have."""
     disc_radii: tuple[float, float] = (0.03, 0.6)
     """Metres: radii that a disc may have."""
     disc_arc: float = math.radians(100.0)
     """Radians of a disc's outline that must be seen."""
     disc_misfit: float = 2.0
-    """Sum of squared residuals over variances, per degree of freedom, that a disc may have; a line must have more."""
+    """The same of a disc; where a line has no more, it is a line."""
 
     def __post_init__(self) -> None:
         if self.groups not in get_args(Grouping):
             raise EstimationError(f"groups {self.groups!r} given, {did_you_mean(str(self.groups), get_args(Grouping))}")
-        for name in ("sigma_range", "sigma_bearing", "max_range", "incidence", "eps", "split", "min_length"):
+        for name in (
+            "sigma_range",
+            "sigma_bearing",
+            "max_range",
+            "incidence",
+            "eps",
+            "split",
+            "min_length",
+            "line_misfit",
+        ):
             if not getattr(self, name) > 0.0:
                 raise EstimationError(f"{name} {getattr(self, name)!r} given, allowed: above 0")
         if self.min_points < 4 or self.min_samples < 1:
@@ -215,8 +226,8 @@ def find_features(scan: Scan, settings: ScanSettings | None = None) -> tuple[Sca
     """Return the end points of a scan, and the lines, discs and other groups in them.
 
     A group is a disc if a circle of an allowed radius, of which enough is seen, bulges towards the scanner and fits
-    it as its noise would, which no line does. Else it is split into straight pieces; those with enough points and
-    length are lines. The rest is given as it is.
+    it as its noise would, which no line does. Else it is split into straight pieces; those that are long and straight
+    enough are lines. The rest is given as it is.
     """
     s = settings or ScanSettings()
     seen = scan_points(scan, s)
@@ -273,7 +284,11 @@ def _line_in(seen: ScanPoints, own: IntArray, s: ScanSettings) -> LineFit | None
     ends = seen.points[own[[0, -1]]]
     if np.hypot(*(ends[1] - ends[0])) < s.min_length:
         return None
-    return fit_line(seen.points[own], seen.covariances[own], seen.origin)._replace(indices=own)
+    fit = fit_line(seen.points[own], seen.covariances[own], seen.origin)
+    if fit.misfit > s.line_misfit:
+        return None
+    # A surface rougher than the sensor's noise: its scatter is what the line is known by.
+    return fit._replace(covariance=max(1.0, fit.misfit) * fit.covariance, indices=own)
 
 
 def _disc_in(seen: ScanPoints, group: IntArray, s: ScanSettings) -> DiscFit | None:
