@@ -109,6 +109,32 @@ def test_gmappings_corrected_log(tmp_path: Path) -> None:
     assert {s.mount for s in scans(log.records)} == {(0.0, 0.0, 0.0)}
 
 
+def test_gmappings_log_without_its_own_lines(tmp_path: Path) -> None:
+    lines = [odom(9.0, 0, 0, 0), flaser(9.0, [1.0], (1, 0, 0), (1, 0, 0)), odom(0, 1, 0, 0), odom(9.5, 1.5, 0, 0)]
+    path = tmp_path / "a.log"
+    path.write_text("\n".join(lines))
+    log = load_log(path, corrected=True)
+    assert [r[:4] for r in log.records if isinstance(r, Increment)] == [(9.5, 0.5, 0.0, 0.0)]
+    assert scans(log.records)[0].pose == (1.0, 0.0, 0.0)
+    # Not told, it is a robot that stands still, and a time that goes back.
+    with pytest.raises(FormatError, match=r"a.log:3: time 0.0 given after 9.0"):
+        load_log(path)
+
+
+def test_whether_the_poses_are_corrected_can_be_told(tmp_path: Path) -> None:
+    lines = [flaser(1.0, [1.0], (1.1, 0.0, 0.0), (1.0, 0.0, 0.0)), flaser(2.0, [1.0], (2.1, 0.0, 0.0), (2.0, 0.0, 0.0))]
+    path = tmp_path / "a.log"
+    path.write_text("\n".join(lines))
+    for corrected, expected in (
+        (None, [None, None]),
+        (False, [None, None]),
+        (True, [(1.0, 0.0, 0.0), (2.0, 0.0, 0.0)]),
+    ):
+        found = scans(load_log(path, corrected=corrected).records)
+        assert [s.pose for s in found] == expected
+        assert np.abs(np.array([s.mount for s in found]) - (0.1, 0.0, 0.0)).max() < 1e-9
+
+
 def test_corrected_poses_beside_raw_odometry(tmp_path: Path) -> None:
     log = load(
         tmp_path / "a.log",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -326,3 +327,13 @@ def test_a_bag_of_another_name(tmp_path: Path) -> None:
     other = bag.write(tmp_path, drive(bag)).rename(tmp_path / "drive.dat")
     with pytest.raises(FormatError, match=r"drive.dat: cannot be read as a ROS bag"):
         load_log(other)
+
+
+def test_without_rosbags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bag = Bag("ros1")
+    path = bag.write(tmp_path, drive(bag))
+    monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
+    with pytest.raises(
+        FormatError, match=r"drive.bag: a ROS bag needs the package rosbags: pip install 'trailmark\[ros\]'"
+    ):
+        load_log(path)

@@ -33,6 +33,7 @@ def load_log(
     skip_bad: bool = False,
     *,
     robot: int | None = None,
+    corrected: bool | None = None,
     scan_topic: str | None = None,
     odometry_topic: str | None = None,
 ) -> Log:
@@ -46,6 +47,8 @@ def load_log(
         format: one of FORMATS; told by the content if left out.
         skip_bad: leave out bad records and count them in ``Log.dropped``, in place of raising for the first.
         robot: the number of an MRCLAM robot.
+        corrected: whether a CARMEN log's scans have poses that a SLAM program corrected; told by the content if left
+            out (see :mod:`trailmark.estimation.logs.carmen`).
         scan_topic: the topic of a bag's laser scans; may be left out where the bag has one.
         odometry_topic: the topic of a bag's odometry; may be left out where the bag has one.
 
@@ -73,7 +76,7 @@ def load_log(
     elif kind == "carmen":
         from trailmark.estimation.logs.carmen import read_carmen
 
-        log = read_carmen(file, bad)
+        log = read_carmen(file, bad, corrected)
     elif kind == "victoria":
         from trailmark.estimation.logs.victoria import read_victoria
 

@@ -20,11 +20,12 @@ of 400 and 401 beams see 100 degrees.
 81.83 m or 50 m where nothing came back), or 81.83 m (8.183 m) where the log holds SICK's codes of faults above that, up
 to 81.91 m (8.191 m). Should that reading have been an echo after all, only it is lost.
 
-**Corrected poses.** A log is corrected if GMapping wrote it (there are lines ``NEFF``), or if laser and odometry do
-not keep their distance. Then the scans have poses. GMapping repeats each scan's pose in an ``ODOM`` right after it,
-whose time is not to be trusted (0, or what was in memory: in the Intel log from 1e-153 to 13 s), and goes on with the
-odometry from there. That jump is no motion: the increments leave it out, so that they are the raw odometry's.
-Elsewhere scans have no pose, and the laser's place in the robot's frame is their ``mount``.
+**Corrected poses.** A log is corrected if GMapping wrote it (it has lines ``NEFF``), or if laser and odometry do not
+keep their distance; other corrected logs look like raw ones, and the reader must be told (``corrected``). Then the scans
+have poses. GMapping repeats each scan's pose in an ``ODOM`` right after it, whose time is not to be trusted (0, or what
+was in memory: in the Intel log from 1e-153 to 13 s), and goes on with the odometry from there. That jump is no motion:
+the increments leave it out, so that they are the raw odometry's. In raw logs scans have no pose, and the laser's place
+in the robot's frame is their ``mount``.
 
 **Times** are those of the hosts' messages, which arrive a little out of order; the lines' order is the order of the
 motion. A time up to JITTER behind the latest one is raised to it, with a note; one farther behind is bad.
@@ -83,7 +84,7 @@ class _Line(NamedTuple):
     beams: _Beams | None = None
 
 
-def read_carmen(path: Path, bad: BadRecords) -> Log:
+def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> Log:
     """Return the log's increments of odometry, scans and (of a simulator) truth, in the order of the lines.
 
     The first record is the pose at which the odometry begins, as the log has it.
@@ -92,13 +93,15 @@ def read_carmen(path: Path, bad: BadRecords) -> Log:
         path: the file, gzipped or not.
         bad: what becomes of bad lines: unknown words, wrong columns, values that are not finite, negative ranges,
             times that go back.
+        corrected: whether the poses of the scans are those of a SLAM program; told by the content if left out.
 
     Raises:
         FormatError: the file cannot be read, or a bad line.
     """
-    lines, gmapping = _lines(path, bad)
+    lines, gmapping = _lines(path, bad, told=bool(corrected))
     mount = None if gmapping else _mount([(line.beams.laser, line.pose) for line in lines if line.beams])
-    corrected = gmapping or mount is None
+    if corrected is None:
+        corrected = gmapping or mount is None
     range_max = _range_max([line.beams.ranges for line in lines if line.beams and line.beams.range_max is None])
     records: list[Record] = []
     base: _Triple | None = None
@@ -120,23 +123,34 @@ def read_carmen(path: Path, bad: BadRecords) -> Log:
             records.append(_increment(t, base, pose))
         base = pose
         if beams:
-            where = None if not corrected else beams.laser
+            # Where laser and odometry keep their distance, their poses are corrected together.
+            where = None if not corrected else beams.laser if mount is None else pose
             geometry = (beams.angle_min, beams.angle_increment, beams.range_max or range_max)
             records.append(Scan(t, beams.ranges, *geometry, mount or (0.0, 0.0, 0.0), where))
     notes = (f"{raised} times up to {farthest:.3g} s behind the latest one raised to it",) if raised else ()
     return Log(name_of(path), tuple(records), np.empty((0, 3)), notes=notes)
 
 
-def _lines(path: Path, bad: BadRecords) -> tuple[list[_Line], bool]:
-    """Return the lines that hold records, without GMapping's repeated poses, and whether GMapping wrote the log."""
+def _lines(path: Path, bad: BadRecords, *, told: bool) -> tuple[list[_Line], bool]:
+    """Return the lines that hold records, without GMapping's repeated poses, and whether GMapping wrote the log.
+
+    Only of a log that is told to be corrected is a repeated pose of nonsense time taken for GMapping's: elsewhere it
+    is a robot that stands still, and a time that goes back.
+    """
     lines = list(_parsed(path, bad))
     gmapping = any(line.word == "NEFF" for line in lines)
-    kept = []
-    for before, line in zip([None, *lines], lines, strict=False):
-        repeated = gmapping and line.word == "ODOM" and before and before.beams and line.pose == before.beams.laser
-        if line.word != "NEFF" and not repeated:
-            kept.append(line)
+    repeats = [i > 0 and _repeats(lines[i - 1], line) for i, line in enumerate(lines)]
+    if told and not gmapping:
+        gmapping = any(repeat and lines[i].t < lines[i - 1].t - JITTER for i, repeat in enumerate(repeats))
+    kept = [
+        line for line, repeat in zip(lines, repeats, strict=True) if line.word != "NEFF" and not (gmapping and repeat)
+    ]
     return kept, gmapping
+
+
+def _repeats(before: _Line, line: _Line) -> bool:
+    """Return whether a line is an ODOM that repeats the pose of the scan before it."""
+    return line.word == "ODOM" and before.beams is not None and line.pose == before.beams.laser
 
 
 def _parsed(path: Path, bad: BadRecords) -> Iterator[_Line]:

@@ -16,6 +16,7 @@ back; the two topics are merged by time, the odometry first at equal times.
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -71,8 +72,12 @@ def read_rosbag(path: Path, bad: BadRecords, scan_topic: str | None = None, odom
     except TrailmarkError:
         raise
     except Exception as error:  # what a broken bag makes the decoders raise is not documented
-        what = " ".join(str(error).split()) or type(error).__name__
-        raise FormatError(path, f"cannot be read as a ROS bag: {what}") from None
+        raise FormatError(path, f"cannot be read as a ROS bag: {_brief(error)}") from None
+
+
+def _brief(error: Exception) -> str:
+    """Return another package's message on one line, and cut where it is long."""
+    return textwrap.shorten(str(error), 200, placeholder=" ...") or type(error).__name__
 
 
 def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None, odometry_topic: str | None) -> Log:
@@ -129,7 +134,7 @@ def _messages(path: Path, reader: AnyReader, connections: list[Connection], bad:
         try:
             data: Any = reader.deserialize(raw, connection.msgtype)
         except Exception as error:  # what a broken message makes the decoders raise is not documented
-            bad.report(path, f"{name}: cannot be decoded: {' '.join(str(error).split())}")
+            bad.report(path, f"{name}: cannot be decoded: {_brief(error)}")
             continue
         stamp = data.header.stamp
         t = stamp.sec + 1e-9 * stamp.nanosec if stamp.sec or stamp.nanosec else 1e-9 * received
