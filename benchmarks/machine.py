@@ -11,7 +11,7 @@ from pathlib import Path
 
 __all__ = ["describe_machine", "markdown_table"]
 
-PACKAGES = ("trailmark", "numpy", "scipy", "scikit-learn", "numba", "python-fcl", "shapely", "ompl")
+PACKAGES = ("trailmark", "numpy", "scipy", "scikit-learn", "numba", "python-fcl", "shapely", "filterpy", "ompl")
 
 
 def describe_machine() -> str:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import pickle
+
 import pytest
 
 from trailmark import errors
+from trailmark.errors import FormatError
 
 
 @pytest.mark.parametrize("name", [name for name in errors.__all__ if name.endswith("Error")])
@@ -29,3 +32,11 @@ def test_a_close_name_is_suggested_and_all_are_listed() -> None:
     assert errors.did_you_mean("dor", ["door", "desk"]) == "did you mean 'door'? allowed: desk, door"
     assert errors.did_you_mean("xyz", ["door", "desk"]) == "allowed: desk, door"
     assert errors.did_you_mean("xyz", []) == "allowed: none"
+
+
+@pytest.mark.parametrize("line", [None, 7])
+def test_a_format_error_comes_back_from_a_worker_process(line: int | None) -> None:
+    error = FormatError("a.yaml", "no world", line)
+    back = pickle.loads(pickle.dumps(error))  # noqa: S301  # what a process pool does, with our own bytes
+    assert type(back) is FormatError
+    assert (str(back), back.path, back.problem, back.line) == (str(error), "a.yaml", "no world", line)

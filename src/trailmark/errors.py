@@ -53,6 +53,11 @@ class FormatError(TrailmarkError, ValueError):
         where = self.path if line is None else f"{self.path}:{line}"
         super().__init__(f"{where}: {problem}")
 
+    def __reduce__(self) -> tuple[type[FormatError], tuple[str, str, int | None]]:
+        # An exception is made anew from its message alone, which is not how this one is made: it would not come
+        # back from a worker process.
+        return type(self), (self.path, self.problem, self.line)
+
 
 class OutputError(TrailmarkError, OSError):
     """An output path that cannot be written."""
