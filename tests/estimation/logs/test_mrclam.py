@@ -111,6 +111,8 @@ MEASUREMENT, ODOMETRY = FILES["Robot1_Measurement.dat"], FILES["Robot1_Odometry.
         ("Robot1_Measurement", MEASUREMENT + "10.9 63 1 0\n", ":5: time 10.9 given after 11.0"),
         ("Robot1_Groundtruth", FILES["Robot1_Groundtruth.dat"] + "8 1 1 0\n", ":3: time 8.0 given after 11.0"),
         ("Landmark_Groundtruth", FILES["Landmark_Groundtruth.dat"] + "8 1\n", ":4: 2 columns given, allowed: 5 finite"),
+        ("Barcodes", FILES["Barcodes.dat"] + "1e300 8\n", ":6: subject 1e+300 given, allowed: 1 to 999"),
+        ("Barcodes", FILES["Barcodes.dat"] + "8.5 8\n", ":6: subject 8.5 given, allowed: 1 to 999"),
         ("Barcodes", FILES["Barcodes.dat"] + "8\n", ":6: 1 columns given, allowed: 2 finite numbers subject, barcode"),
     ],
 )

@@ -21,11 +21,11 @@ of 400 and 401 beams see 100 degrees.
 to 81.91 m (8.191 m). Should that reading have been an echo after all, only it is lost.
 
 **Corrected poses.** A log is corrected if GMapping wrote it (it has lines ``NEFF``), or if laser and odometry do not
-keep their distance; other corrected logs look like raw ones, and the reader must be told (``corrected``). Then the scans
-have poses. GMapping repeats each scan's pose in an ``ODOM`` right after it, whose time is not to be trusted (0, or what
-was in memory: in the Intel log from 1e-153 to 13 s), and goes on with the odometry from there. That jump is no motion:
-the increments leave it out, so that they are the raw odometry's. In raw logs scans have no pose, and the laser's place
-in the robot's frame is their ``mount``.
+keep their distance; other corrected logs look like raw ones, and the reader must be told (``corrected``). Then the
+scans have poses. GMapping repeats each scan's pose in an ``ODOM`` right after it, whose time is not to be trusted (0,
+or what was in memory: in the Intel log from 1e-153 to 13 s), and goes on with the odometry from there. That jump is no
+motion: the increments leave it out, so that they are the raw odometry's. In raw logs scans have no pose, and the
+laser's place in the robot's frame is their ``mount``.
 
 **Times** are those of the hosts' messages, which arrive a little out of order; the lines' order is the order of the
 motion. A time up to JITTER behind the latest one is raised to it, with a note; one farther behind is bad.

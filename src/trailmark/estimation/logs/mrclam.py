@@ -28,6 +28,9 @@ __all__ = ["read_mrclam", "robot_of", "robots"]
 ROBOTS = range(1, 6)
 """Subjects that are robots: they move, so that sightings of them are no landmarks."""
 
+SUBJECTS = range(1, 1000)
+"""What may wear a barcode; the published sets use 1 to 20."""
+
 _FILE = re.compile(r"Robot(\d+)_(?:Odometry|Measurement|Groundtruth)\.dat")
 
 
@@ -96,15 +99,20 @@ def _chosen(folder: Path, robot: int | None) -> int:
 
 def _detections(folder: Path, robot: int, bad: BadRecords) -> tuple[list[Detection], tuple[str, ...]]:
     """Return the detections of landmarks, and a note on those of other robots."""
-    barcodes = read_table(folder / "Barcodes.dat", ("subject", "barcode"), bad).values.astype(np.int64).tolist()
-    subject_of = {barcode: subject for subject, barcode in barcodes}
+    barcodes = read_table(folder / "Barcodes.dat", ("subject", "barcode"), bad)
+    subject_of: dict[float, int] = {}
+    for line, (worn_by, barcode) in zip(barcodes.lines.tolist(), barcodes.values.tolist(), strict=True):
+        if worn_by in SUBJECTS:
+            subject_of[barcode] = int(worn_by)
+        else:
+            bad.report(folder / "Barcodes.dat", f"subject {worn_by:g} given, allowed: 1 to {SUBJECTS[-1]}", line)
     path = folder / f"Robot{robot}_Measurement.dat"
     table = in_order(path, read_table(path, ("t", "barcode", "range", "bearing"), bad), bad)
     detections, others = [], 0
     for line, (t, barcode, distance, bearing) in zip(table.lines.tolist(), table.values.tolist(), strict=True):
         subject = subject_of.get(barcode)
         if subject is None:
-            known = ", ".join(map(str, sorted(subject_of)))
+            known = ", ".join(f"{code:g}" for code in sorted(subject_of))
             bad.report(path, f"unknown barcode {barcode:g} given, allowed: those of Barcodes.dat: {known}", line)
         elif distance < 0.0:
             bad.report(path, f"range {distance:g} given, allowed: 0 or more", line)
