@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -118,18 +119,24 @@ def _circles(limit: int | None) -> Iterator[Problem]:
         yield Problem("circles", world, query)
 
 
-def _movingai(limit: int | None) -> Iterator[Problem]:
+def _movingai(name: str, limit: int | None) -> Iterator[Problem]:
     from trailmark.formats.movingai import read_scenarios
 
-    for name in ("Berlin_0_256", "8room_000"):
-        file = data_folder() / "movingai" / f"{name}.map"
-        world = World.load(file).with_robot(Robot.disc(0.4))
-        rows = read_scenarios(file.with_suffix(".map.scen"))
-        longest = int(np.argmax([row.optimal_length for row in rows]))
-        chosen = np.unique([*np.linspace(0, len(rows) - 1, limit or 200).astype(int), longest])
-        for i in chosen[-(limit or 200) :]:
-            yield Problem(name, world, world.queries[i], optimum=rows[i].optimal_length)
+    file = data_folder() / "movingai" / f"{name}.map"
+    world = World.load(file).with_robot(Robot.disc(0.4))
+    rows = read_scenarios(file.with_suffix(".map.scen"))
+    longest = int(np.argmax([row.optimal_length for row in rows]))
+    chosen = np.unique([*np.linspace(0, len(rows) - 1, limit or 200).astype(int), longest])
+    for i in chosen[-(limit or 200) :]:
+        yield Problem(name, world, world.queries[i], optimum=rows[i].optimal_length)
 
 
-GROUPS = {"worlds": _shipped, "omplapp": _omplapp, "nav2": _nav2, "circles": _circles, "movingai": _movingai}
+GROUPS = {
+    "worlds": _shipped,
+    "omplapp": _omplapp,
+    "nav2": _nav2,
+    "circles": _circles,
+    "Berlin_0_256": partial(_movingai, "Berlin_0_256"),
+    "8room_000": partial(_movingai, "8room_000"),
+}
 """Group names and where their problems come from."""
