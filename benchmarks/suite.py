@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -131,7 +131,7 @@ def _movingai(name: str, limit: int | None) -> Iterator[Problem]:
         yield Problem(name, world, world.queries[i], optimum=rows[i].optimal_length)
 
 
-GROUPS = {
+GROUPS: dict[str, Callable[[int | None], Iterator[Problem]]] = {
     "worlds": _shipped,
     "omplapp": _omplapp,
     "nav2": _nav2,
