@@ -17,11 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark.errors import did_you_mean
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.obstacles import disc_estimates, wall_estimate
+from trailmark.estimation.obstacles import wall_estimate
 from trailmark.estimation.records import Increment, Log, Odometry, Pose, Scan
 from trailmark.estimation.scan_features import ScanSettings, find_features
 from trailmark.se2 import FloatArray, compose, configurations, transform
-from trailmark.shapes import Shape
+from trailmark.shapes import Disc, Shape
 from trailmark.world import ObstacleEstimate, Robot, World
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ def map_scans(
     if s.unknown == "blocked":
         seen_free = _reached(seen_free | _crumbs((grid.passes == 0) & (grid.hits == 0), s.crumbs), grid, x)
     walls = _walls(lines, grid, occupied, s)
-    posts = _posts(discs)
+    posts = _posts(discs, grid, occupied)
     if s.unknown == "blocked":
         walls, posts = (_facing(found, seen_free, grid) for found in (walls, posts))
     found = walls + posts
@@ -311,13 +311,16 @@ def _stretches(standing: BoolArray, passed: BoolArray, gap: int) -> list[tuple[i
     return runs
 
 
-def _posts(tracks: DiscTracks) -> list[tuple[ObstacleEstimate, FloatArray]]:
-    found = []
+def _posts(tracks: DiscTracks, grid: EvidenceGrid, occupied: BoolArray) -> list[tuple[ObstacleEstimate, FloatArray]]:
+    """Return the discs that still stand, each with its end points."""
+    from scipy import ndimage
+
+    near, found = ndimage.binary_dilation(occupied), []
     for at in range(len(tracks)):
-        x, y, radius = tracks.states[at]
-        covariance = tracks.covariance(at)
-        (disc,) = disc_estimates([[x, y]], covariance[None, :2, :2], max(radius, 1e-3), 0.0)
-        found.append((ObstacleEstimate(disc.mean, covariance), np.concatenate(tracks.readings[at])))
+        x, y, radius = (float(v) for v in tracks.states[at])
+        points = np.concatenate(tracks.readings[at])
+        if radius > 0.0 and near[grid.cells(points)].mean() > 0.5:
+            found.append((ObstacleEstimate(Disc((x, y), radius), tracks.covariance(at)), points))
     return found
 
 
