@@ -19,7 +19,7 @@ CARMEN = "# message formats defined: PARAM ODOM FLASER\nODOM 0 0 0 0 0 0 1.0 hos
 def test_text_logs_are_told_by_their_content(tmp_path: Path, text: str) -> None:
     # The name says nothing, not even that a file is gzipped.
     (tmp_path / "drive.dat").write_bytes(text.encode())
-    (tmp_path / "packed").write_bytes(gzip.compress(text.encode()))
+    (tmp_path / "packed").write_bytes(gzip.compress(text.encode(), mtime=0))
     plain, packed = load_log(tmp_path / "drive.dat"), load_log(str(tmp_path / "packed"))
     assert plain.name == "drive"
     assert packed.name == "packed"
@@ -45,13 +45,13 @@ def test_a_format_that_is_given(tmp_path: Path) -> None:
     [
         (b"", "an empty log; allowed: trailmark JSON Lines"),
         (b" \n\n", "an empty log; allowed: trailmark JSON Lines"),
-        (gzip.compress(b""), "an empty log; allowed: trailmark JSON Lines"),
+        (gzip.compress(b"", mtime=0), "an empty log; allowed: trailmark JSON Lines"),
         (b"hello\nworld\n", "no log of a known format; allowed: trailmark JSON Lines"),
         (b"\0\1\2", "no log of a known format; allowed: trailmark JSON Lines"),
         (JSONL.encode()[:21] + b"\n\n", "no records given, allowed: a log of one record or more"),
         (b"# message formats defined: ODOM\nPARAM a b\n", "no records given, allowed: a log of one record or more"),
-        (gzip.compress(JSONL.encode())[:-9], "cannot be read: Compressed file ended before the end-of-stream"),
-        (gzip.compress(JSONL.encode())[:-8] + b"12345678", "cannot be read: CRC check failed"),
+        (gzip.compress(JSONL.encode(), mtime=0)[:-9], "cannot be read: Compressed file ended before the end-of-stream"),
+        (gzip.compress(JSONL.encode(), mtime=0)[:-8] + b"12345678", "cannot be read: CRC check failed"),
         (JSONL.encode() + b"\0", "log:3: not valid JSON"),
         (VICTORIA.encode() + b"\xff\n", "log:4: byte 0xff given, allowed: UTF-8 text"),
     ],
@@ -93,7 +93,7 @@ def test_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from trailmark.estimation.logs import source
 
     path = tmp_path / "log"
-    path.write_bytes(gzip.compress(JSONL.encode() * 100))
+    path.write_bytes(gzip.compress(JSONL.encode() * 100, mtime=0))
     with pytest.raises(FormatError, match="more than 1,000 bytes when unpacked, allowed: at most that"):
         source.read_data(path, limit=1000)
     path.write_bytes(JSONL.encode() * 100)
