@@ -95,6 +95,19 @@ def test_a_walls_covariance_is_that_of_its_line(rho: float, alpha: float, low: f
         assert float(row @ estimate.covariance @ row) == pytest.approx(4e-6, rel=1e-3)
 
 
+def test_a_place_along_the_line_moves_both_ends_together() -> None:
+    wall = wall_estimate((1.0, 0.6), np.zeros((2, 2)), (-1.0, 2.0), thickness=0.1, along_sigma=0.03)
+    t = np.array([-math.sin(0.6), math.cos(0.6)])
+    assert wall.covariance == pytest.approx(np.pad(9e-4 * np.outer(t, t), (0, 1)), abs=1e-15)
+    both = wall_estimate((1.0, 0.6), np.zeros((2, 2)), (-1.0, 2.0), thickness=0.1, along_sigma=0.03, end_sigma=0.04)
+    assert both.covariance[:2, :2] == pytest.approx((9e-4 + 8e-4) * np.outer(t, t))
+    for end, other in ((-0.5, 0.5), (0.5, -0.5)):
+        near, far = (np.array([*t, 0.0, sign]) for sign in (end, other))
+        # By itself each end errs by the shared and its own part; together only by the shared one.
+        assert float(near @ both.covariance @ near) == pytest.approx(25e-4)
+        assert float(near @ both.covariance @ far) == pytest.approx(9e-4)
+
+
 def test_a_wall_of_nothing_is_refused() -> None:
     with pytest.raises(ShapeError, match="rectangle: length"):
         wall_estimate((1.0, 0.0), np.eye(2), (2.0, 2.0), thickness=0.1)

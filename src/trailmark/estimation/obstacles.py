@@ -66,22 +66,26 @@ def wall_estimate(
     span: tuple[float, float],
     *,
     thickness: float,
+    along_sigma: float = 0.0,
     end_sigma: float = 0.0,
 ) -> ObstacleEstimate:
     """Return a wall: a rectangle whose front is a stretch of an estimated line and that lies behind it.
 
     With n = (cos α, sin α) and t = (−sin α, cos α), the front is {ρ n + s t : span[0] <= s <= span[1]} and the wall
     reaches from there along n: give the line by that of its two names whose normal points away from who saw it.
-    A change of ρ and α moves the front's middle, at s = m, along n by δρ − m·δα, and turns the wall by δα; where
-    the wall ends is measured by the readings themselves, not by the line. So the covariance is of x, y, heading
-    and length.
+    A change of ρ and α moves the front's middle, at s = m, along n by δρ − m·δα, and turns the wall by δα. Where
+    the wall ends is measured by the readings themselves, not by the line.
 
     Args:
         line: ρ (metres, of either sign) and α (radians), shape (2,).
         covariance: of ρ and α, shape (2, 2).
         span: where the front begins and ends along t, metres.
         thickness: of the wall, metres. The readings do not tell it.
-        end_sigma: standard deviation of each of the two ends along the line, metres.
+        along_sigma: standard deviation of the wall's place along the line, metres.
+        end_sigma: further standard deviation of each of the two ends by itself, metres.
+
+    Returns:
+        A rectangle with the covariance of x, y and heading; of length too, if the ends have errors of their own.
 
     Raises:
         ShapeError: a span or thickness that is not positive.
@@ -97,7 +101,7 @@ def wall_estimate(
     J[2, 1] = J[3, 3] = 1.0
     sources = np.zeros((4, 4))
     sources[:2, :2] = covariance
-    sources[2, 2], sources[3, 3] = 0.5 * end_sigma**2, 2.0 * end_sigma**2
+    sources[2, 2], sources[3, 3] = along_sigma**2 + 0.5 * end_sigma**2, 2.0 * end_sigma**2
     total = J @ sources @ J.T
     centre = (rho + half) * across + middle * along
     wall = Rectangle((float(centre[0]), float(centre[1])), high - low, thickness, alpha + 0.5 * math.pi)
