@@ -98,7 +98,7 @@ def reading(ekf: SlamFilter, feature: int, rng: np.random.Generator) -> FloatArr
 def test_equal_to_the_dense_filter(seed: int, steps: int) -> None:
     rng = np.random.default_rng(seed)
     start, P = rng.uniform(-2.0, 2.0, 3), np.diag(rng.uniform(0.001, 0.1, 3))
-    ekf, dense = SlamFilter(start, P), Dense(start, P)
+    ekf, dense = SlamFilter(start, P, error="additive"), Dense(start, P)
     for _ in range(steps):
         ids = list(ekf.features)
         what = rng.choice(["predict", "update", "batch", "add", "remove"], p=[0.3, 0.25, 0.15, 0.25, 0.05])
@@ -161,7 +161,7 @@ def test_covariance_stays_positive_with_a_prior_much_wider_than_the_readings() -
 
 def test_equal_to_filterpy_s_own_update() -> None:
     rng = np.random.default_rng(3)
-    ekf = SlamFilter()
+    ekf = SlamFilter(error="additive")
     wander(ekf, 50, rng)
     i = list(ekf.features)[7]
     place = ekf.features[i]

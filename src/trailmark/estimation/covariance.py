@@ -17,6 +17,8 @@ def checked_covariance(value: ArrayLike, size: int, name: str) -> FloatArray:
     P = np.array(value, dtype=np.float64)
     if P.shape != (size, size) or not np.isfinite(P).all():
         raise EstimationError(f"{name}: covariance of shape {P.shape} given, allowed: ({size}, {size}), finite")
+    if np.count_nonzero(P - np.diag(np.diagonal(P))) == 0 and (np.diagonal(P) >= 0.0).all():
+        return P
     scale, symmetric = float(np.abs(P).max()), 0.5 * (P + P.T)
     wrong = np.abs(P - symmetric).max() > 1e-9 * scale
     try:

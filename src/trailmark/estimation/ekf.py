@@ -1,37 +1,45 @@
-# ruff: noqa: N802, N803, N806 # the names are the filter's own symbols: x, P, F, W, Q, H, R, S, K
+# ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P, F, W, Q, H, R, S, K
 """The extended Kalman filter of a robot's pose and of the features that it sees.
 
 The state is x = [pose, feature, feature, …]. A motion changes the pose alone, and a reading depends on the pose and on
 one feature: a prediction costs O(n) and an update O(n²), where filterpy's own dense update costs O(n³). The method
-is that of Thrun, Burgard & Fox 2005, Probabilistic Robotics, section 10.2.
+is that of Thrun, Burgard & Fox 2005, Probabilistic Robotics, section 10.2, with the error of
+:mod:`trailmark.estimation.invariance` and with updates that are iterated where h is not straight enough
+(Bell & Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
+from collections.abc import Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
-from filterpy.kalman import ExtendedKalmanFilter
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from trailmark.errors import did_you_mean
+from trailmark.estimation import invariance
+from trailmark.estimation.correction import Gain, correct_part, gain_of
 from trailmark.estimation.covariance import checked_covariance, subtract_square
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.innovation import Innovation, Prediction
+from trailmark.estimation.jacobian import SparseJacobian
 from trailmark.estimation.motion import MotionModel
 from trailmark.estimation.sensor_model import SensorModel
-from trailmark.se2 import FloatArray, configurations, wrap
+from trailmark.estimation.slam_settings import ErrorForm
+from trailmark.estimation.slam_state import SlamState, checked_pose
+from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["Innovation", "Mode", "Prediction", "SlamFilter"]
+__all__ = ["ErrorForm", "Innovation", "Mode", "Prediction", "SlamFilter"]
 
 Mode = Literal["slam", "localisation", "mapping"]
 """What an update may change: pose and features, the pose alone, or the features alone."""
 
+STRAIGHT = 0.1
+"""Standard deviations of a reading: an update whose linearisation was off by less is not iterated."""
 
-class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships no type information
+
+class SlamFilter(SlamState):
     """filterpy's EKF with a state that grows, and with H and F as sparse as they are.
 
     The covariance stays symmetric to the bit and positive definite: an update takes W Wᵀ from it, where
@@ -50,54 +58,33 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         pose: x, y, theta to begin with; metres and radians.
         P: its covariance, shape (3, 3); None for a pose that is certain.
         mode: one of the above.
+        error: in mode "slam", "invariant" keeps what no reading tells unknown (points only: lines are corrected as
+            with "additive"), "additive" is the filter of the books.
+        iterations: in mode "slam", how often at most an update is linearised anew, at what it gave the last time.
 
     Raises:
-        EstimationError: an unknown mode, a covariance that is not symmetric positive semidefinite.
+        EstimationError: an unknown mode or error, no iteration, a covariance that is not symmetric positive
+            semidefinite.
     """
 
-    x: FloatArray
-    P: FloatArray
-
-    def __init__(self, pose: ArrayLike = (0.0, 0.0, 0.0), P: ArrayLike | None = None, mode: Mode = "slam") -> None:
-        if mode not in get_args(Mode):
-            raise EstimationError(f"SlamFilter: mode {mode!r} given, {did_you_mean(str(mode), get_args(Mode))}")
-        super().__init__(dim_x=3, dim_z=2)
+    def __init__(
+        self,
+        pose: ArrayLike = (0.0, 0.0, 0.0),
+        P: ArrayLike | None = None,
+        mode: Mode = "slam",
+        *,
+        error: ErrorForm = "invariant",
+        iterations: int = 1,
+    ) -> None:
+        for name, value, allowed in (("mode", mode, get_args(Mode)), ("error", error, get_args(ErrorForm))):
+            if value not in allowed:
+                raise EstimationError(f"SlamFilter: {name} {value!r} given, {did_you_mean(str(value), allowed)}")
+        if iterations < 1:
+            raise EstimationError(f"SlamFilter: iterations {iterations!r} given, allowed: 1 or more")
+        super().__init__(pose, P)
         self.mode: Mode = mode
-        self.x = _checked_pose(pose)
-        self.P = np.zeros((3, 3)) if P is None else checked_covariance(P, 3, "pose")
-        self.x_prior = self.P_prior = self.x_post = self.P_post = None
-        self._places: dict[int, slice] = {}
-        self._kinds: dict[int, str] = {}
-        self._next_id = 0
-
-    @property
-    def pose(self) -> FloatArray:
-        """x, y, theta, shape (3,); metres, radians in (−π, π]."""
-        return self.x[:3].copy()
-
-    @property
-    def pose_covariance(self) -> FloatArray:
-        """Shape (3, 3)."""
-        return self.P[:3, :3].copy()
-
-    @property
-    def features(self) -> Mapping[int, slice]:
-        """The features' ids, in the order of the state, and where in x and P each stands."""
-        return MappingProxyType(self._places)
-
-    def feature(self, feature_id: int) -> FloatArray:
-        """Return a feature's estimate, shape (d,)."""
-        return self.x[self._place(feature_id)].copy()
-
-    def feature_covariance(self, feature_id: int) -> FloatArray:
-        """Return a feature's covariance, shape (d, d)."""
-        place = self._place(feature_id)
-        return self.P[place, place].copy()
-
-    def kind(self, feature_id: int) -> str:
-        """Return what a feature is: the kind of the sensors that see it."""
-        self._place(feature_id)
-        return self._kinds[feature_id]
+        self.error: ErrorForm = error
+        self.iterations = iterations
 
     def predict(self, motion: MotionModel, u: ArrayLike, Q: ArrayLike | None = None) -> None:
         """Move the robot: pose = f(pose, u, 0), P = F P Fᵀ + W Q Wᵀ in the pose's rows and columns; O(n).
@@ -136,7 +123,7 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         """
         if self.mode != "mapping":
             raise EstimationError(f"set_pose: mode {self.mode!r} estimates the pose, allowed: mode 'mapping'")
-        self.x[:3] = _checked_pose(pose)
+        self.x[:3] = checked_pose(pose)
         self.P[:3], self.P[:, :3] = 0.0, 0.0
         if P is not None:
             self.P[:3, :3] = checked_covariance(P, 3, "pose")
@@ -150,27 +137,29 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         """
         if ids is None:
             ids = [i for i, kind in self._kinds.items() if kind == sensor.feature_kind]
-        d = sensor.feature_dim
-        start = np.array([self._place(i).start for i in ids], dtype=np.intp)
-        at = start[:, None] + np.arange(d)
+        at = self._at(sensor, ids)
         x, l = np.broadcast_to(self.pose, (len(at), 3)), self.x[at]  # noqa: E741 # features
-        H_pose, H_feature, R = sensor.H_pose(x, l), sensor.H_feature(x, l), sensor.noise(x, l)
+        (z_hat, H_pose, H_feature), R = sensor.linearised(x, l), sensor.noise(x, l)
         cross = H_pose @ np.moveaxis(self.P[:3, at], 1, 0) @ np.swapaxes(H_feature, 1, 2)
         S = H_pose @ self.P[:3, :3] @ np.swapaxes(H_pose, 1, 2) + cross + np.swapaxes(cross, 1, 2) + R
         S += H_feature @ self.P[at[:, :, None], at[:, None, :]] @ np.swapaxes(H_feature, 1, 2)
-        return Prediction(tuple(ids), sensor.h(x, l), H_pose, H_feature, R, S)
+        return Prediction(tuple(ids), z_hat, H_pose, H_feature, R, S)
 
     def joint_covariance(self, prediction: Prediction) -> FloatArray:
         """Return H P Hᵀ of all the predicted readings together, shape (k, m, k, m), without the sensor's noise."""
         k, m, _ = prediction.H_pose.shape
         if k == 0:
             return np.zeros((0, m, 0, m))
-        PHT = self._P_HT(prediction)
-        return self._H_times(prediction, PHT).reshape(k, m, k, m)
+        starts = np.array([self._place(i).start for i in prediction.ids], dtype=np.intp)
+        at = starts[:, None] + np.arange(prediction.H_feature.shape[2])
+        H = SparseJacobian(prediction.H_pose, prediction.H_feature, at)
+        return H.times(H.times(self.P).T).reshape(k, m, k, m)
 
     def innovation(self, z: ArrayLike, sensor: SensorModel, feature_id: int, R: ArrayLike | None = None) -> Innovation:
         """Return what :meth:`update` would make of a reading, and leave the filter as it is."""
-        return self._innovation(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], [R])[0]
+        readings, noise = self._checked(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], [R])
+        gain = self._gain(readings, sensor, self._at(sensor, [feature_id]), noise)
+        return gain.innovation
 
     def update(self, z: ArrayLike, sensor: SensorModel, feature_id: int, R: ArrayLike | None = None) -> Innovation:
         """Correct the state by one reading of a feature; O(n²).
@@ -203,27 +192,17 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         """
         if len(ids) == 0:
             return Innovation(np.zeros(0), np.zeros((0, 0)), 0.0)
-        innovation, PHT, L_inverse = self._innovation(z, sensor, ids, R)
-        W = PHT @ L_inverse.T
-        K = W @ L_inverse
-        pose, features = slice(0, 3), slice(3, None)
-        if self.mode == "localisation":
-            K[features] = 0.0
-            self.P[pose] -= W[pose] @ W.T
-            self.P[pose, pose] = 0.5 * (self.P[pose, pose] + self.P[pose, pose].T)
-            self.P[features, pose] = self.P[pose, features].T
-        elif self.mode == "mapping":
-            K[pose] = 0.0
-            self.P[pose, features] -= W[pose] @ W[features].T
-            self.P[features, pose] = self.P[pose, features].T
-            subtract_square(self.P, W, 3)
+        readings, noise = self._checked(z, sensor, ids, R)
+        at = self._at(sensor, ids)
+        gain = self._gain(readings, sensor, at, noise)
+        innovation = gain.innovation
+        if self.mode == "slam":
+            gain = self._correct(gain, readings, sensor, noise)
         else:
-            subtract_square(self.P, W, 0)
-        self.x = self.x + K @ innovation.y
-        self.x[2] = wrap(float(self.x[2]))
-        self.z, self.y, self.S, self.K = np.asarray(z), innovation.y, innovation.S, K
+            self.x = correct_part(self.x, self.P, gain, self.mode)
+        self.z, self.y, self.S, self.K = readings, innovation.y, innovation.S, gain.W @ gain.L_inverse
         self._log_likelihood = self._likelihood = None
-        self._mahalanobis = float(np.sqrt(innovation.nis))
+        self._mahalanobis = math.sqrt(innovation.nis)
         return innovation
 
     def predict_update(self, *_: Any, **__: Any) -> None:
@@ -257,106 +236,83 @@ class SlamFilter(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships 
         block = G_pose @ self.P[:3, :3] @ G_pose.T + G_z @ noise @ G_z.T
         return self._append(l, 0.5 * (block + block.T), G_pose @ self.P[:3], sensor.feature_kind)
 
-    def add_known_feature(self, feature: ArrayLike, P: ArrayLike | None = None, *, kind: str = "point") -> int:
-        """Add a feature of a known map, uncorrelated with the rest; return its id.
+    def _correct(self, gain: Gain, readings: FloatArray, sensor: SensorModel, noise: FloatArray) -> Gain:
+        """Correct pose and features, linearising anew while that changes much; return the last gain."""
+        before, invariant = self.x, self.error == "invariant"
+        for _ in range(self.iterations - 1):
+            after = self._moved(before, gain.step)
+            # What the straight line left out of h; one evaluation of h tells it, and mostly it is nothing.
+            y = sensor.residual(readings, sensor.h(after[:3], after[gain.H.at])).reshape(-1)
+            missed = sensor.residual(
+                y.reshape(readings.shape), (gain.y - gain.H.times_vector(gain.step)).reshape(readings.shape)
+            )
+            if (np.abs(missed) <= STRAIGHT * np.sqrt(np.diagonal(noise, axis1=1, axis2=2))).all():
+                break
+            gain = self._gain(readings, sensor, gain.H.at, noise, after, gain.step)
+        self.x = self._moved(before, gain.step)
+        if invariant:
+            a = invariance.carried(before, self.x, self.points)
+            invariance.correct_covariance(self.P, gain.W, a)
+        else:
+            subtract_square(self.P, gain.W, 0)
+        return gain
 
-        Args:
-            feature: shape (d,).
-            P: its covariance, shape (d, d); None for one that is certain.
-            kind: "point" or "line", as the sensors that see it have it.
-        """
-        l = np.array(feature, dtype=np.float64)  # noqa: E741 # a feature
-        if l.ndim != 1 or not np.isfinite(l).all():
-            raise EstimationError(f"add_known_feature: {l.tolist()} given, allowed: finite numbers, shape (d,)")
-        block = np.zeros((len(l), len(l))) if P is None else checked_covariance(P, len(l), "feature")
-        return self._append(l, block, np.zeros((len(l), len(self.x))), kind)
+    def _moved(self, x: FloatArray, step: FloatArray) -> FloatArray:
+        if self.error == "invariant":
+            return invariance.moved(x, step, self.points)
+        after = x + step
+        after[2] = wrap(float(after[2]))
+        return np.asarray(after)
 
-    def remove_feature(self, feature_id: int) -> None:
-        """Take a feature out of the state: exact, since the rest of a Gaussian stays what it was."""
-        gone = self._place(feature_id)
-        keep = np.r_[0 : gone.start, gone.stop : len(self.x)]
-        self.x, self.P = self.x[keep], self.P[np.ix_(keep, keep)]
-        del self._places[feature_id], self._kinds[feature_id]
-        d = gone.stop - gone.start
-        for other, place in self._places.items():
-            if place.start > gone.start:
-                self._places[other] = slice(place.start - d, place.stop - d)
-        self.dim_x = len(self.x)
+    def _at(self, sensor: SensorModel, ids: Sequence[int]) -> NDArray[np.intp]:
+        """Return where the features' numbers stand in the state, shape (k, d)."""
+        starts = np.array([self._place(i).start for i in ids], dtype=np.intp)
+        return starts[:, None] + np.arange(sensor.feature_dim)
 
-    def _append(self, feature: FloatArray, block: FloatArray, cross: FloatArray, kind: str) -> int:
-        n, d = len(self.x), len(feature)
-        P = np.empty((n + d, n + d))
-        P[:n, :n], P[n:, :n], P[:n, n:], P[n:, n:] = self.P, cross, cross.T, block
-        self.x, self.P, self.dim_x = np.concatenate([self.x, feature]), P, n + d
-        feature_id, self._next_id = self._next_id, self._next_id + 1
-        self._places[feature_id], self._kinds[feature_id] = slice(n, n + d), kind
-        return feature_id
-
-    def _place(self, feature_id: int) -> slice:
-        if feature_id not in self._places:
-            raise EstimationError(f"feature {feature_id!r} given, allowed: one of the {len(self._places)} in the state")
-        return self._places[feature_id]
-
-    def _innovation(
+    def _checked(
         self, z: ArrayLike, sensor: SensorModel, ids: Sequence[int], R: Sequence[ArrayLike | None] | None
-    ) -> tuple[Innovation, FloatArray, FloatArray]:
-        """Return the innovation of k readings, P Hᵀ, shape (n, k·m), and L⁻¹ of S = L Lᵀ."""
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the readings, shape (k, m), and the covariance of each, shape (k, m, m), or say what is wrong."""
         readings, k, m = np.asarray(z, dtype=np.float64), len(ids), sensor.reading_dim
         if readings.shape != (k, m) or not np.isfinite(readings).all():
             raise EstimationError(f"readings {readings.tolist()} given, allowed: {k} times {m} finite numbers")
         if len(set(ids)) < k:
             raise EstimationError("update: two readings of one feature at once given, allowed: one after the other")
-        prediction = self.predict_readings(sensor, ids)
+        at = self._at(sensor, ids)
         if any(self._kinds[i] != sensor.feature_kind for i in ids):
             raise EstimationError(f"update: a sensor of {sensor.feature_kind}s reads another kind of feature")
-        noise = (
-            prediction.R
-            if R is None
-            else [
-                own if stated is None else checked_covariance(stated, m, "reading")
-                for own, stated in zip(prediction.R, R, strict=True)
-            ]
-        )
-        PHT = self._P_HT(prediction)
-        S = self._H_times(prediction, PHT)
-        for i in range(k):
-            S[i * m : (i + 1) * m, i * m : (i + 1) * m] += noise[i]
-        S = 0.5 * (S + S.T)
-        try:
-            # scipy's triangular solvers start threads even for two rows, which costs a hundred times the work.
-            L_inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.float64)
-        except np.linalg.LinAlgError:
-            raise EstimationError("update: S is singular, allowed: noise R that is positive definite") from None
-        y = sensor.residual(readings, prediction.z_hat).reshape(-1)
-        scaled = L_inverse @ y
-        return Innovation(y, S, float(scaled @ scaled)), PHT, L_inverse
+        stated = [None] * k if R is None else list(R)
+        if len(stated) != k:
+            raise EstimationError(f"update: {len(stated)} covariances given, allowed: {k}, one for each reading")
+        own = None
+        noise = np.empty((k, m, m))
+        for i, covariance in enumerate(stated):
+            if covariance is not None:
+                noise[i] = checked_covariance(covariance, m, "reading")
+            else:
+                own = sensor.noise(self.pose, self.x[at]) if own is None else own
+                noise[i] = own[i]
+        return readings, noise
 
-    def _P_HT(self, prediction: Prediction) -> FloatArray:
-        """Return P Hᵀ, shape (n, k·m), from the pose's columns of P and the features'."""
-        k, m, _ = prediction.H_pose.shape
-        PHT = self.P[:, :3] @ prediction.H_pose.reshape(k * m, 3).T
-        for i, place in self._blocks(prediction):
-            PHT[:, i * m : (i + 1) * m] += self.P[:, place] @ prediction.H_feature[i].T
-        return PHT
-
-    def _H_times(self, prediction: Prediction, columns: FloatArray) -> FloatArray:
-        """Return H A, shape (k·m, c), for A of shape (n, c)."""
-        k, m, _ = prediction.H_pose.shape
-        product = prediction.H_pose.reshape(k * m, 3) @ columns[:3]
-        for i, place in self._blocks(prediction):
-            product[i * m : (i + 1) * m] += prediction.H_feature[i] @ columns[place]
-        return product
-
-    def _blocks(self, prediction: Prediction) -> Iterator[tuple[int, slice]]:
-        for i, feature_id in enumerate(prediction.ids):
-            yield i, self._places[feature_id]
+    def _gain(
+        self,
+        readings: FloatArray,
+        sensor: SensorModel,
+        at: NDArray[np.intp],
+        noise: FloatArray,
+        x: FloatArray | None = None,
+        step: FloatArray | None = None,
+    ) -> Gain:
+        """Return what readings correct, h taken straight at the estimate, or at x, which a correction led to."""
+        place = self.x if x is None else x
+        z_hat, H_pose, H_feature = sensor.linearised(place[:3], place[at])
+        H = SparseJacobian(H_pose, H_feature, at)
+        y = sensor.residual(readings, z_hat).reshape(-1)
+        if x is not None and step is not None:
+            if self.error == "invariant":
+                H = invariance.turned(H, invariance.carried(self.x, x, self.points))
+            y = y + H.times_vector(step)
+        return gain_of(self.P, H, y, noise)
 
     def __repr__(self) -> str:
         return f"SlamFilter(mode={self.mode!r}, pose={self.pose.tolist()}, features={len(self._places)})"
-
-
-def _checked_pose(pose: ArrayLike) -> FloatArray:
-    q = configurations(pose, name="pose")
-    if q.ndim != 1:
-        raise EstimationError(f"pose: shape {q.shape} given, allowed: (3,)")
-    return q

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from trailmark.estimation.covariance import draw_noise
 from trailmark.se2 import FloatArray
 
-__all__ = ["Inverse", "SensorModel"]
+__all__ = ["Inverse", "Linearised", "SensorModel"]
 
 
 class Inverse(NamedTuple):
@@ -29,10 +29,21 @@ class Inverse(NamedTuple):
     """∂l/∂z, shape (..., d, m)."""
 
 
+class Linearised(NamedTuple):
+    """The readings of features, and how they depend on pose and features."""
+
+    z_hat: FloatArray
+    """h(x, l, 0), shape (..., m)."""
+    H_pose: FloatArray
+    """∂h/∂x, shape (..., m, 3)."""
+    H_feature: FloatArray
+    """∂h/∂l, shape (..., m, d)."""
+
+
 class SensorModel(Protocol):
     """A sensor that reads m numbers of a feature of d numbers, with noise of as many as R has rows.
 
-    Subclass it to get :meth:`noise` and :meth:`sample`.
+    Subclass it to get :meth:`linearised`, :meth:`noise` and :meth:`sample`.
     """
 
     feature_kind: ClassVar[str]
@@ -70,6 +81,10 @@ class SensorModel(Protocol):
     def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
         """Return z − ẑ, shape (..., m), angles going the shorter way round."""
         ...
+
+    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
+        """Return h, H_pose and H_feature at once: what a filter asks for at each update."""
+        return Linearised(self.h(x, l), self.H_pose(x, l), self.H_feature(x, l))
 
     def noise(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
         """Return the covariance of a reading about its true value, V R Vᵀ, shape (..., m, m)."""

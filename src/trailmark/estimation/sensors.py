@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.sensor_model import Inverse, SensorModel
+from trailmark.estimation.sensor_model import Inverse, Linearised, SensorModel
 from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["Cartesian", "LinePolar", "RangeBearing"]
@@ -80,6 +80,19 @@ class RangeBearing(SensorModel):
     def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
         """Return ∂z/∂l, shape (..., 2, 2): only the difference of pose and feature counts."""
         return -self.H_pose(x, l)[..., :2]
+
+    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
+        """Return h, H_pose and H_feature from one and the same offset."""
+        dx, dy, theta = _offset(x, l)
+        far = np.hypot(dx, dy)
+        r = np.maximum(far, NEAREST)
+        z = np.empty((*r.shape, 2))
+        z[..., 0], z[..., 1] = far, wrap(np.arctan2(dy, dx) - theta)
+        cos, sin = dx / r, dy / r
+        H = np.empty((*r.shape, 2, 3))
+        H[..., 0, 0], H[..., 0, 1], H[..., 0, 2] = -cos, -sin, 0.0
+        H[..., 1, 0], H[..., 1, 1], H[..., 1, 2] = sin / r, -cos / r, -1.0
+        return Linearised(z, H, -H[..., :2])
 
     def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
         """Return diag(1 + c·r, 1), shape (..., 2, 2)."""

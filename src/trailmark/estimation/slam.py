@@ -76,8 +76,8 @@ class EkfSlam:
         mode: Mode = "slam",
         pose_covariance: ArrayLike | None = None,
     ) -> None:
-        self.filter = SlamFilter(start, P, mode)
         self.settings = SlamSettings() if settings is None else settings
+        self.filter = SlamFilter(start, P, mode, error=self.settings.error, iterations=self.settings.iterations)
         self.counts = Counts()
         self.time = -np.inf
         self._sensors = dict(sensors)

@@ -8,9 +8,12 @@ from typing import Literal, get_args
 from trailmark.errors import did_you_mean
 from trailmark.estimation.errors import EstimationError
 
-__all__ = ["AssociationMethod", "SlamSettings"]
+__all__ = ["AssociationMethod", "ErrorForm", "SlamSettings"]
 
 AssociationMethod = Literal["known", "nearest", "joint"]
+
+ErrorForm = Literal["invariant", "additive"]
+"""The error that P is the covariance of: one that no turn of the whole map changes, or estimate − truth."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,10 @@ class SlamSettings:
     """Readings after which a feature is confirmed. One of known identity is from the first on."""
     timeout: float = 10.0
     """Seconds without a reading after which a tentative feature is dropped."""
+    error: ErrorForm = "invariant"
+    """The error that the filter's covariance is of: see :class:`trailmark.estimation.SlamFilter`."""
+    iterations: int = 3
+    """How often at most the filter linearises an update anew."""
     late: Literal["raise", "skip"] = "raise"
     """What to do with a record older than one already processed; "skip" counts it."""
 
