@@ -222,7 +222,7 @@ def main() -> int:
         lines += [
             f"`trailmark plan` found {first['commands'][0]} of {first['commands'][1]} paths between rooms.",
             "`ends`: scan end points that near an obstacle's boundary; `way free`: the driven way, for a disc of",
-            f"0.2 m; `rooms joined`: pairs of the {count} rooms that the robot visited; `log`: the log's corrected poses;",
+            f"0.2 m; `rooms joined`: pairs of the {count} rooms that the robot visited; `log`: corrected poses;",
             "`odometry`: raw odometry alone, judged in its own frame. Grown worlds keep their distance from what was",
             "seen on purpose: passages that the robot squeezed through are closed in them. "
             f"{options.time_limit:g} s a path.",
