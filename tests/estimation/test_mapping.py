@@ -92,7 +92,7 @@ def test_walls_stand_where_they_are_within_what_they_are_known_by() -> None:
         assert estimate is not None
         wall = estimate.mean
         assert isinstance(wall, Rectangle)
-        assert len(estimate.covariance) == 4
+        assert len(estimate.covariance) == 3
         front = shapely.union_all([shapely.boundary(region) for region in BUILDING])
         if wall.length < 0.5:
             continue

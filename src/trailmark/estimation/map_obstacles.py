@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,8 @@ def _walls(tracks: LineTracks, grid: EvidenceGrid, occupied: BoolArray, s: Mappi
             span = (float(places[own].min()), float(places[own].max()))
             if span[1] - span[0] >= s.min_wall:
                 covariance = tracks.covariance(at)
-                wall = wall_estimate((rho, alpha), covariance, span, thickness=s.thickness, end_sigma=grid.cell)
+                along_sigma = math.sqrt(_place_variance(grid, grid.cells(points[own]), s))
+                wall = wall_estimate((rho, alpha), covariance, span, thickness=s.thickness, along_sigma=along_sigma)
                 walls.append((wall, points[own]))
     return walls
 
@@ -170,8 +171,15 @@ def _cells(
     for polygon in grid_polygons(rest, grid.cell, origin):
         rows, columns = grid.cells(polygon.vertices.mean(axis=0)[None])
         around = np.s_[max(0, rows[0] - 3) : rows[0] + 4, max(0, columns[0] - 3) : columns[0] + 4]
-        hits = max(1, int(grid.hits[around].sum()))
-        turned = s.pose_sigma[1] * float(grid.reach[around].sum()) / hits
-        variance = s.scan.sigma_range**2 + s.pose_sigma[0] ** 2 + turned**2
+        variance = _place_variance(grid, around, s)
         heaps.append(ObstacleEstimate(polygon, variance * np.eye(2)))
     return heaps, unknown
+
+
+def _place_variance(grid: EvidenceGrid, cells: Any, s: MappingSettings) -> float:
+    """Return the variance of a place that end points in these cells tell: of one reading and of one pose.
+
+    No more than that is taken to average out: poses that follow one another err together.
+    """
+    turned = s.pose_sigma[1] * float(grid.reach[cells].sum()) / max(1, int(grid.hits[cells].sum()))
+    return s.scan.sigma_range**2 + s.pose_sigma[0] ** 2 + turned**2
