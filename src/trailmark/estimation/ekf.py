@@ -35,7 +35,7 @@ __all__ = ["ErrorForm", "Innovation", "Mode", "Prediction", "SlamFilter"]
 Mode = Literal["slam", "localisation", "mapping"]
 """What an update may change: pose and features, the pose alone, or the features alone."""
 
-STRAIGHT = 0.1
+STRAIGHT = 0.03
 """Standard deviations of a reading: an update whose linearisation was off by less is not iterated."""
 
 
