@@ -1,0 +1,395 @@
+"""``trailmark map``: a robot's log becomes a world file that can be planned in."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trailmark.cli import console
+from trailmark.cli.options import (
+    PICTURE_SUFFIXES,
+    JsonOption,
+    PlotOption,
+    UsageError,
+    output_file,
+    read_configuration,
+    read_count,
+    read_robot,
+)
+
+if TYPE_CHECKING:
+    from trailmark.estimation.map_log_settings import MapSettings
+    from trailmark.estimation.mapped_log import MappedLog
+    from trailmark.estimation.records import Log
+
+__all__ = ["map_log"]
+
+WORLD_SUFFIXES = (".yaml", ".yml")
+ROBOT = "disc:0.2"
+
+_NOISE = "Noise and mapping"
+_LOG = "Log"
+
+
+def _option(name: str, metavar: str, text: str, panel: str | None = None) -> Any:
+    return typer.Option(name, metavar=metavar, help=text, show_default=False, rich_help_panel=panel)
+
+
+def map_log(
+    log: Annotated[
+        str,
+        typer.Argument(
+            metavar="LOG",
+            show_default=False,
+            help="trailmark JSON Lines, an MRCLAM folder (FOLDER:N for robot N), a CARMEN log, victoria_park.txt, or a "
+            "ROS bag; text may be gzipped.",
+        ),
+    ],
+    output: Annotated[str, _option("--output", "WORLD.yaml", "The world file to write.")],
+    form: Annotated[
+        str | None,
+        _option("--format", "NAME", "jsonl, mrclam, carmen, victoria or rosbag; default: by the content."),
+    ] = None,
+    confidence: Annotated[
+        str | None,
+        _option(
+            "--confidence",
+            "P",
+            "Grow the obstacles so that a valid path meets none with probability P; default: as measured.",
+        ),
+    ] = None,
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot", metavar="SHAPE", help="Stored in the world: disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;…"
+        ),
+    ] = ROBOT,
+    plot: PlotOption = None,
+    as_json: JsonOption = False,
+    skip_bad: Annotated[
+        bool, typer.Option("--skip-bad", help="Leave out bad records, and say how many.", rich_help_panel=_LOG)
+    ] = False,
+    mrclam_robot: Annotated[
+        str | None, _option("--mrclam-robot", "N", "Which robot of an MRCLAM folder.", _LOG)
+    ] = None,
+    corrected: Annotated[
+        bool,
+        typer.Option(
+            "--corrected", help="A CARMEN log's poses are corrected, though it does not look so.", rich_help_panel=_LOG
+        ),
+    ] = False,
+    scan_topic: Annotated[str | None, _option("--scan-topic", "NAME", "Of a bag with several.", _LOG)] = None,
+    odometry_topic: Annotated[str | None, _option("--odometry-topic", "NAME", "Of a bag with several.", _LOG)] = None,
+    obstacles: Annotated[
+        str, typer.Option("--obstacles", metavar="FROM", help="auto, detections or scans (preferred).")
+    ] = "auto",
+    poses: Annotated[
+        str,
+        typer.Option(
+            "--poses", metavar="FROM", help="auto, slam (EKF), log (as it states them), or odometry (it drifts)."
+        ),
+    ] = "auto",
+    association: Annotated[
+        str,
+        typer.Option(
+            "--association", metavar="NAME", help="auto, known (identities), nearest, or joint (compatibility)."
+        ),
+    ] = "auto",
+    radius: Annotated[
+        str,
+        typer.Option(
+            "--radius", metavar="R[,SIGMA]", help="Radius of what was detected and its standard deviation, metres."
+        ),
+    ] = "0.1",
+    start: Annotated[
+        str | None, _option("--start", "X,Y,T", "Where the robot stood first; default: as the log says, or 0,0,0.")
+    ] = None,
+    sensor_noise: Annotated[
+        str | None,
+        _option(
+            "--sensor-noise",
+            "A,B",
+            "Standard deviations of detections, in place of those in the log: range and bearing (m, rad), or x and y.",
+            _NOISE,
+        ),
+    ] = None,
+    odometry_noise: Annotated[
+        str | None,
+        _option(
+            "--odometry-noise",
+            "A,B",
+            "Standard deviations of odometry, in place of those in the log: of velocities over a second (m/s, rad/s), "
+            "of increments over a metre (m, rad).",
+            _NOISE,
+        ),
+    ] = None,
+    pose_noise: Annotated[
+        str | None,
+        _option("--pose-noise", "XY,THETA", "Standard deviations of the log's poses; default: 0.02,0.005.", _NOISE),
+    ] = None,
+    scan_noise: Annotated[
+        str | None,
+        _option("--scan-noise", "RANGE,BEARING", "Standard deviations of beams; default: 0.02,0.003.", _NOISE),
+    ] = None,
+    robot_noise: Annotated[
+        str | None,
+        _option(
+            "--robot-noise",
+            "XY,THETA",
+            "Standard deviations of the pose of the robot that will drive; --confidence makes room for them.",
+            _NOISE,
+        ),
+    ] = None,
+    confirm: Annotated[
+        str | None,
+        _option("--confirm", "N", "Readings (scans) that confirm a feature; default: 5 (3).", _NOISE),
+    ] = None,
+    outlier_gate: Annotated[
+        str,
+        typer.Option(
+            "--outlier-gate",
+            metavar="P",
+            help="Probability that a good reading of known identity passes; none; or auto.",
+            rich_help_panel=_NOISE,
+        ),
+    ] = "auto",
+    unknown: Annotated[
+        str,
+        typer.Option(
+            "--unknown", metavar="HOW", help="What no beam looked into: blocked or free.", rich_help_panel=_NOISE
+        ),
+    ] = "blocked",
+    cell: Annotated[
+        str, typer.Option("--cell", metavar="METRES", help="Side of a scan map's cells.", rich_help_panel=_NOISE)
+    ] = "0.05",
+    scan_range: Annotated[
+        str | None,
+        _option("--scan-range", "METRES", "Leave out what beams met farther away; default: nothing.", _NOISE),
+    ] = None,
+) -> None:
+    """Turn a sensor log into a world: what was detected becomes discs, what lasers scanned walls, discs and heaps.
+
+    The obstacles keep their covariances. The file goes straight into 'trailmark plan'.
+    """
+    probability = None if confidence is None else _probability(confidence, "--confidence")
+    number = None if mrclam_robot is None else read_count(mrclam_robot, "--mrclam-robot", 0)
+    body = read_robot(robot)
+    world_file = output_file(output, WORLD_SUFFIXES)
+    picture = output_file(plot, PICTURE_SUFFIXES)
+
+    with console.progress("reading") as progress:
+        from trailmark.errors import FormatError
+        from trailmark.estimation.errors import EstimationError
+        from trailmark.estimation.logs import load_log
+        from trailmark.estimation.world_from_log import map_log as map_records
+
+        settings = _settings(
+            obstacles=obstacles,
+            poses=poses,
+            association=association,
+            radius=radius,
+            start=start,
+            sensor_noise=sensor_noise,
+            odometry_noise=odometry_noise,
+            pose_noise=pose_noise,
+            scan_noise=scan_noise,
+            robot_noise=robot_noise,
+            confirm=confirm,
+            outlier_gate=outlier_gate,
+            unknown=unknown,
+            cell=cell,
+            scan_range=scan_range,
+        )
+        if settings.robot_sigma is not None and probability is None:
+            raise UsageError(f"--robot-noise {robot_noise!r} given without --confidence, allowed: both")
+        read = load_log(
+            log,
+            form,
+            skip_bad,
+            robot=number,
+            corrected=corrected or None,
+            scan_topic=scan_topic,
+            odometry_topic=odometry_topic,
+        )
+        progress.stage("mapping")
+
+        def follow(what: str, done: int, total: int) -> None:
+            progress.details = (_bar(done, total), f"{done:,} of {total:,} {what}")
+
+        try:
+            mapped = map_records(read, settings, robot=body, confidence=probability, on_progress=follow)
+        except EstimationError as error:
+            raise FormatError(log, str(error)) from None
+        progress.stage("writing")
+        written = [world_file] if world_file is not None else []
+        if picture is not None:
+            from trailmark.plotting.mapped import save_map_figure
+
+            progress.stage("drawing")
+            save_map_figure(picture, mapped)
+            written.append(picture)
+        if world_file is not None:
+            mapped.world.save(world_file)
+
+    if read.dropped:
+        typer.echo(f"trailmark: {_plural(read.dropped, 'bad record')} left out of {log}", err=True)
+    if as_json:
+        files = {"world": output, "plot": plot}
+        record = {"log": log, **mapped.figures(), "robot": body and body.describe(), "written": files}
+        console.say(console.json_text(record))
+    else:
+        _print_summary(mapped, read, skip_bad, written)
+
+
+def _settings(**given: Any) -> MapSettings:
+    """Return the settings that the options give, by their names."""
+    from trailmark.estimation.map_log_settings import MapSettings
+    from trailmark.estimation.map_settings import MappingSettings
+    from trailmark.estimation.motion import PoseIncrement, Unicycle
+    from trailmark.estimation.sensors import Cartesian, RangeBearing
+
+    s = MapSettings(obstacles=given["obstacles"], poses=given["poses"], association=given["association"])
+    sizes = _numbers(given["radius"], "--radius", (1, 2), "R or R,SIGMA in metres, R above 0")
+    if sizes[0] == 0.0:
+        raise UsageError(f"--radius {given['radius']!r} given, allowed: R or R,SIGMA in metres, R above 0")
+    s = replace(s, radius=sizes[0], radius_sigma=sizes[1] if len(sizes) > 1 else 0.0)
+    if given["start"] is not None:
+        s = replace(s, start=read_configuration(given["start"], "--start"))
+    if given["outlier_gate"] != "auto":
+        word = given["outlier_gate"]
+        s = replace(
+            s, outlier_gate=None if word == "none" else _probability(word, "--outlier-gate", " (or none, auto)")
+        )
+    pair = _pair_of(given)
+    if (noise := pair("sensor_noise", positive=True)) is not None:
+        a, b = noise
+        s = replace(s, range_bearing=RangeBearing(a, b), cartesian=Cartesian(a, b), stated_sensor_noise=False)
+    if (noise := pair("odometry_noise")) is not None:
+        a, b = noise
+        increment = PoseIncrement(1e-3, 1e-3, 1e-3, growth=(a**2, b**2, b**2))
+        s = replace(s, velocity=Unicycle(a, b, period=1.0), increment=increment, stated_motion_noise=False)
+    if (noise := pair("robot_noise")) is not None:
+        s = replace(s, robot_sigma=noise)
+    if given["confirm"] is not None:
+        count = read_count(given["confirm"], "--confirm", 1, 1_000_000)
+        s = replace(s, confirm=count, mapping=replace(s.mapping, confirm=count))
+    mapping: MappingSettings = replace(s.mapping, unknown=given["unknown"], cell=_length(given["cell"], "--cell"))
+    if (noise := pair("pose_noise")) is not None:
+        mapping = replace(mapping, pose_sigma=noise)
+    if (noise := pair("scan_noise", positive=True)) is not None:
+        mapping = replace(mapping, scan=replace(mapping.scan, sigma_range=noise[0], sigma_bearing=noise[1]))
+    if given["scan_range"] is not None:
+        reach = _length(given["scan_range"], "--scan-range")
+        mapping = replace(mapping, scan=replace(mapping.scan, max_range=reach))
+    return replace(s, mapping=mapping)
+
+
+def _pair_of(given: dict[str, Any]) -> Callable[..., tuple[float, float] | None]:
+    """Return what reads an option of two numbers by its name."""
+
+    def read(name: str, positive: bool = False) -> tuple[float, float] | None:
+        text = given[name]
+        if text is None:
+            return None
+        option = f"--{name.replace('_', '-')}"
+        allowed = f"A,B, two numbers {'above 0' if positive else 'of 0 or more'}"
+        a, b = _numbers(text, option, (2,), allowed)
+        if positive and not min(a, b) > 0.0:
+            raise UsageError(f"{option} {text!r} given, allowed: {allowed}")
+        return a, b
+
+    return read
+
+
+def _numbers(text: str, option: str, counts: tuple[int, ...], allowed: str) -> list[float]:
+    """Return the finite numbers of 0 or more that an option gives, as many as one of ``counts``."""
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in counts or not all(0.0 <= value < math.inf for value in values):
+        raise UsageError(f"{option} {text!r} given, allowed: {allowed}")
+    return values
+
+
+def _probability(text: str, option: str, more: str = "") -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < 1.0:
+        raise UsageError(f"{option} {text!r} given, allowed: a probability above 0 and below 1{more}")
+    return value
+
+
+def _length(text: str, option: str) -> float:
+    (value,) = _numbers(text, option, (1,), allowed := "a finite number of metres above 0")
+    if value == 0.0:
+        raise UsageError(f"{option} {text!r} given, allowed: {allowed}")
+    return value
+
+
+def _bar(done: int, total: int, width: int = 24) -> str:
+    full = width * done // max(1, total)
+    return f"{'━' * full}{'╌' * (width - full)} {100 * done // max(1, total)} %"
+
+
+def _plural(n: int, noun: str) -> str:
+    return f"{n:,} {noun}{'' if n == 1 else 's'}"
+
+
+def _print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Path]) -> None:
+    found = mapped.figures()
+    obstacles, features, nis = found["obstacles"], found["features"], found["nis"]
+    kinds = [f"{obstacles[name]:,} {name}" for name in ("discs", "walls", "heaps", "unknown") if obstacles[name]]
+    console.say(f"{found['name']}: {_plural(obstacles['all'], 'obstacle')}", fg="green", bold=True)
+    records = [f"{n:,} {name}" for name, n in found["records"].items() if n and name != "all"]
+    left_out = f"; {_plural(log.dropped, 'bad record')} left out" if skip_bad else ""
+    confirmed = f"{features['confirmed']:,} confirmed, {features['dropped']:,} dropped"
+    confirmed += f", {features['tentative']:,} tentative" if features["tentative"] else ""
+    rows = [
+        ("records", f"{found['records']['all']:,} ({', '.join(records)}){left_out}"),
+        ("poses", _poses_text(mapped, found)),
+        ("features", confirmed),
+    ]
+    if nis is not None:
+        where = "in" if nis["inside"] else "below" if nis["mean"] < nis["low"] else "above"
+        band = f"expected {nis['expected']:.3f}, {where} its 95 % χ² band {nis['low']:.3f}..{nis['high']:.3f}"
+        rows.append(("NIS", f"{nis['mean']:.3f} over {_plural(nis['updates'], 'update')} ({band})"))
+    seconds = found["time"]
+    each = "-" if seconds["per_update"] is None else f"{1e3 * seconds['per_update']:.3g} ms"
+    rows += [
+        ("time", f"{each} per {'update' if mapped.scans is None else 'scan'}, {seconds['total']:.2f} s in all"),
+        ("obstacles", ", ".join(kinds)),
+        ("bounds", " ".join(f"{value:g}" for value in found["bounds"])),
+        ("queries", ", ".join(found["queries"]) or "none"),
+        ("risk", _risk_text(found)),
+        *(("note", note) for note in found["notes"]),
+        *(("written", str(file)) for file in written),
+    ]
+    console.print_table(rows, indent="  ")
+
+
+def _poses_text(mapped: MappedLog, found: dict[str, Any]) -> str:
+    way = found["trajectory"]
+    source = {
+        "slam": f"EKF-SLAM, association {mapped.association}",
+        "log": "as the log states them",
+        "odometry": "odometry alone",
+    }[mapped.poses]
+    counts = found["counts"] or {}
+    named = ("outliers", "repeated", "late", "ambiguous", "unidentified", "unknown", "cut_short")
+    ignored = [f"{counts[name]:,} {name.replace('_', ' ')}" for name in named if counts.get(name)]
+    return f"{source}; {way['length']:,.1f} m driven" + (f"; {', '.join(ignored)}" if ignored else "")
+
+
+def _risk_text(found: dict[str, Any]) -> str:
+    if found["risk"] is None:
+        return "none stated: the obstacles stand as they were measured (--confidence grows them)"
+    risk = found["risk"]
+    return f"a valid path meets an obstacle with probability {risk['collision_at_most']:.4g} at most"
