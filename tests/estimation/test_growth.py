@@ -193,6 +193,20 @@ def test_the_robots_own_error_counts(seed: int) -> None:
     assert hits / draws <= 1.0 - confidence
 
 
+@given(seed=seeds, confidence=st.floats(0.5, 0.9999))
+@settings(max_examples=20)
+def test_a_robots_displacement_is_one_of_the_obstacle(seed: int, confidence: float) -> None:
+    """Relative to the robot there is one displacement, whose covariance is the sum; it is no wider than that."""
+    rng = np.random.default_rng(seed)
+    own, pose = random_covariance(rng, 3), random_covariance(rng, 3)
+    both = own.copy()
+    both[:2, :2] += pose[:2, :2]
+    for shape in (SHAPES["disc"], SHAPES["wall"], SHAPES["L"]):
+        apart = region(grow(ObstacleEstimate(shape, own), confidence, pose_covariance=pose))
+        summed = region(grow(ObstacleEstimate(shape, both), confidence))
+        assert shapely.hausdorff_distance(apart, summed) < 1e-6
+
+
 def test_a_round_robots_heading_does_not_matter() -> None:
     estimate = ObstacleEstimate(SHAPES["wall"], 0.01 * np.eye(2))
     known = grow(estimate, 0.9, pose_covariance=np.diag([0.04, 0.04, 0.0]))

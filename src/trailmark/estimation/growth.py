@@ -85,7 +85,8 @@ class Spread(NamedTuple):
         turn: standard deviation of the obstacle's heading, radians.
         arms: shape (m,), metres from the centre of turning to each vertex.
         stretch: standard deviation of half the diagonal, metres.
-        freedom: degrees of freedom of ξ: the rank of its covariance.
+        freedom: degrees of freedom of what ξ does to the obstacle relative to the robot: the rank of the covariance of
+            relative displacement, turn, change of size and dilations. A robot's displacement adds none.
     """
 
     mean: Shape
@@ -127,7 +128,13 @@ class Spread(NamedTuple):
         turns = k > 2 and not isinstance(shape, Disc)
         turn = math.sqrt(sigma[2, 2]) if turns else 0.0
         stretch = 0.5 * math.sqrt(float(np.trace(sigma[3:k, 3:k])))
-        return cls(shape, points, covariance, turn, np.hypot(*arms.T), stretch, _rank(sigma))
+        # All of the above depends on ξ through these combinations only, so their ellipsoid is enough.
+        relative = np.zeros((2, k + 3))
+        relative[:, :2] = np.eye(2)
+        if bound is not None and bound.pose_covariance is not None:
+            relative[:, k : k + 2] = -np.eye(2)
+        M = np.vstack([relative, np.eye(k + 3)[2:k], dilations[1]])
+        return cls(shape, points, covariance, turn, np.hypot(*arms.T), stretch, _rank(M @ sigma @ M.T))
 
     def quantile(self, risk: float) -> float:
         """Return the radius, in standard deviations, of the ellipsoid that ξ leaves with probability ``risk``."""
