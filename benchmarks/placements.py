@@ -103,7 +103,7 @@ PLACEMENTS: dict[str, Place] = {UNIFORM: uniform, HALTON: halton, LATTICE: latti
 
 def informed(checker: StateChecker, band: Band, n: int, rng: np.random.Generator) -> se2.FloatArray:
     """Return n landmarks for one query: guides, and K-means landmarks from ever wider bands, a third from each."""
-    guides = band.guides(rng)
+    guides = band.guides(rng)[0]
     nodes = guides[np.unique(np.linspace(0, len(guides) - 1, min(len(guides), n // 3)).astype(int))]
     for i, widening in enumerate(BANDS, 1):
         k = i * n // len(BANDS) - len(nodes)

@@ -45,12 +45,38 @@ def test_all_that_the_band_gives_is_valid(name: str) -> None:
         assert not oracle.collides(q).any()
     near = band.samples_near(ends[0], 3.0, 100, rng)
     assert 0 < len(near) <= 200
-    guides = band.guides(rng)
+    guides = band.guides(rng)[0]
     assert len(guides) > 0
     for found in (near, guides):
         assert not oracle.collides(found).any()
         assert (np.abs(found[:, 2]) <= math.pi).all()
         assert (name == "disc") == (not found[:, 2].any())
+
+
+def test_guides_tell_whether_they_are_a_path() -> None:
+    start, goal = (2.0, 10.0, 0.0), (18.0, 10.0, 0.0)
+    for gap, fits in ((3.0, True), (0.95, False)):
+        walls = tuple(Rectangle((10.0, 10.0 + side * (0.5 * gap + 4.0)), 1.0, 8.0) for side in (-1, 1))
+        ends = tuple(Rectangle((10.0, 10.0 + side * 9.5), 1.0, 1.0) for side in (-1, 1))
+        checker = StateChecker(World("gap", (0, 0, 20, 20), (*walls, *ends)), Robot.disc(0.5))
+        band = band_of(checker, start, goal)
+        assert np.isfinite(band.shortest)
+        guides, whole = band.guides(np.random.default_rng(0))
+        assert whole == fits
+        if fits:
+            assert checker.motions_valid(guides[:-1], guides[1:]).all()
+            assert np.hypot(*(guides[0, :2] - guides[-1, :2])) > 15.0
+
+
+def test_refined_bands_have_cells_half_as_large_until_the_grid_is_the_finest() -> None:
+    checker = StateChecker(World("open", (0, 0, 60, 60)), Robot.rectangle(1.0, 0.6))
+    band = band_of(checker, (20.0, 30.0, 0.0), (40.0, 30.0, 0.0))
+    size, shortest = band.relaxation.size, band.shortest
+    while band.refine():
+        size /= 2.0
+        assert band.relaxation.size == pytest.approx(size)
+        assert band.shortest == pytest.approx(shortest, abs=1.0)
+    assert band.relaxation.finer() is None
 
 
 @pytest.mark.parametrize("widening", [0.05, 0.3, 1.0])
@@ -97,7 +123,11 @@ def test_the_same_seed_gives_the_same_samples() -> None:
 
     def all_kinds(seed: int) -> list[FloatArray]:
         rng = np.random.default_rng(seed)
-        return [band.samples(50, 0.3, rng), band.guides(rng), band.samples_near(np.array([9.0, 8.0, 0.1]), 1, 30, rng)]
+        return [
+            band.samples(50, 0.3, rng),
+            band.guides(rng)[0],
+            band.samples_near(np.array([9.0, 8.0, 0.1]), 1, 30, rng),
+        ]
 
     for first, again, other in zip(all_kinds(1), all_kinds(1), all_kinds(2), strict=True):
         assert np.array_equal(first, again)
@@ -109,7 +139,7 @@ def test_guides_lead_through_the_gap(gap: float) -> None:
     robot = Robot.rectangle(1.5, 0.6)
     checker = gate(gap, robot)
     band = band_of(checker, (5.0, 8.0, 0.0), (15.0, 8.0, 0.0))
-    found = np.concatenate([band.guides(np.random.default_rng(seed)) for seed in range(5)])
+    found = np.concatenate([band.guides(np.random.default_rng(seed))[0] for seed in range(5)])
     inside = found[np.abs(found[:, 0] - 10.0) < 0.4]
     assert len(inside) > 0
     assert np.abs(inside[:, 1] - 8.0).max() <= (gap - 0.6) / 2 + 1e-6

@@ -93,9 +93,14 @@ def test_clearance_is_right_where_it_matters(name: str, seed: int) -> None:
     assert relaxation.cell_centers(cells) == pytest.approx(where[cells], abs=1e-9)
     exact = distances(world, shapely.points(where[cells]))
     found = relaxation.clearance(cells)
-    assert np.abs(found - exact).max() <= checker.field.slack
+    # In obstacles it is minus the depth, no farther than a cell.
+    assert np.abs(np.maximum(found, 0.0) - exact).max() <= checker.field.slack
+    assert (exact[found < 0.0] == 0.0).all()
+    assert found.min() >= -relaxation.size
     # Does the disc fit with its centre at the cell's, or anywhere in the cell?
     for least in (relaxation.radius, relaxation.radius - relaxation.size * math.sqrt(0.5)):
+        if least < 0.0:
+            continue  # The oracle knows no depths: what is closed then is looked at below.
         clear_cut = np.abs(exact - least) > 1e-5
         assert np.array_equal((found >= least)[clear_cut], (exact >= least)[clear_cut])
     # Where a cell is closed, no point of it has room for the disc.
@@ -103,6 +108,31 @@ def test_clearance_is_right_where_it_matters(name: str, seed: int) -> None:
     closed = where[cells][~relaxation.open.ravel()[cells]]
     inside = closed + rng.uniform(-0.5, 0.5, closed.shape) * relaxation.size
     assert (distances(world, shapely.points(inside)) < relaxation.radius).all()
+
+
+def test_a_small_disc_does_not_go_through_obstacles_larger_than_a_cell() -> None:
+    # Cells are more than ten times as large as the disc, so that no cell near an obstacle's rim is closed.
+    discs = tuple(Disc((x, 10.0), 2.6) for x in (2.5, 7.5, 12.5, 17.5))
+    walls = (Rectangle((10.0, 4.0), 19.0, 2.0),)
+    world = World("row", (0, 0, 20, 20), (*discs, *walls))
+    relaxation = Relaxation(StateChecker(world, Robot.disc(0.005)))
+    assert relaxation.size > 10 * relaxation.radius
+    where = centres(relaxation)
+    union = shapely.union_all([shapely.Point(d.center).buffer(d.radius, quad_segs=500) for d in discs])
+    union = shapely.union(union, walls[0].polygon().shapely())
+    points = shapely.points(where)
+    deep = shapely.contains(union, points) & (
+        shapely.distance(points, union.exterior if union.geom_type == "Polygon" else union.boundary) > relaxation.size
+    )
+    assert deep.sum() > 1000
+    # Discs overlap: near their common chord the depth is that of one of them.
+    alone = np.any([np.hypot(*(where - d.center).T) < d.radius - relaxation.size for d in discs], axis=0)
+    assert not relaxation.open.ravel()[alone].any()
+    assert not relaxation.open.ravel()[deep & (where[:, 1] < 6.0)].any()
+    # The row of discs is closed, so the way from below leads nowhere.
+    component = relaxation.component(np.array([10.0, 1.0, 0.0]))
+    assert not component[relaxation.cells(np.array([10.0, 19.0]))]
+    assert component[relaxation.cells(np.array([10.0, 6.5]))]
 
 
 def test_the_disc_is_the_robots_largest() -> None:
@@ -272,6 +302,7 @@ def test_finer_grids_separate_more_until_they_are_too_large() -> None:
         component = relaxation.component(np.array([3.0, 10.0, 0.0]))
         answers.append(bool(component[relaxation.cells(np.array([17.0, 10.0]))]))
         sizes.append(relaxation.size)
+        assert relaxation.finer() is relaxation.finer()
         relaxation = relaxation.finer()
     assert np.diff(np.log2(sizes)) == pytest.approx(-1.0)
     assert answers == sorted(answers, reverse=True)

@@ -198,7 +198,7 @@ def _winding_of_centres(
                 continue
             x = x1 + (y - y1) / (y2 - y1) * (x2 - x1)
             # First column whose centre lies at or right of the crossing. Its comparison with the centre must come
-            # out as it does in kernels._blocked_regions, to the last bit: so the guess is corrected.
+            # out as it does in distances._blocked_regions, to the last bit: so the guess is corrected.
             column = max(0, _cell(x + 0.5 * size, x0, size, columns))
             while column > 0 and x <= x0 + (column - 1 + 0.5) * size:
                 column -= 1

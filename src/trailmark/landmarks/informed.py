@@ -49,6 +49,15 @@ class Band:
         self.start, self.goal = start, goal
         self._compute(FIRST_REACH)
 
+    def refine(self) -> bool:
+        """Look at the relaxed problem again, on cells half as large; return False if the grid is the finest."""
+        finer = self.relaxation.finer()
+        if finer is None:
+            return False
+        self.relaxation = finer
+        self._compute(FIRST_REACH)
+        return True
+
     def _compute(self, widening: float) -> None:
         """Find the cells of all bands up to a width."""
         relaxation = self.relaxation
@@ -97,8 +106,8 @@ class Band:
         estimate = np.where(np.isfinite(relaxed), relaxed / 1.0824 - 3.0 * self.relaxation.size, 0.0)
         return np.asarray(np.maximum(estimate, np.hypot(*(q[:, :2] - end[:2]).T)))
 
-    def guides(self, rng: np.random.Generator) -> se2.FloatArray:
-        """Return valid configurations along the relaxed shortest way, shape (n, 3).
+    def guides(self, rng: np.random.Generator) -> tuple[se2.FloatArray, bool]:
+        """Return valid configurations along the relaxed shortest way, shape (n, 3), and whether they are a path.
 
         One in every stretch as long as the clearance, each the one with most clearance among several tries in its
         cell; and where two of them are not joined by a certified motion, every valid try between them.
@@ -112,7 +121,7 @@ class Band:
             if not chain or np.hypot(*(q[i, :2] - q[chain[-1], :2])) >= min(room[i], room[chain[-1]]):
                 chain.append(int(i))
         if not chain:
-            return np.empty((0, 3))
+            return np.empty((0, 3)), False
         joined = self.checker.motions_between_valid(q[chain[:-1]], q[chain[1:]])
         gap = np.zeros(len(cells), dtype=np.bool_)
         for a, b in zip(tries[chain[:-1]][~joined], tries[chain[1:]][~joined], strict=True):
@@ -122,7 +131,7 @@ class Band:
         where, again, space = self._tries(cells, every[gap], GAP_TRIES, rng)
         again, where = again[space >= 0.0], where[space >= 0.0]
         few = np.arange(len(where)) - np.searchsorted(where, where) < GAP_TRIES // 8
-        return np.vstack([q[chain], there, again[few]])
+        return np.vstack([q[chain], there, again[few]]), bool(joined.all())
 
     def _tries(
         self, cells: NDArray[np.int64], chosen: NDArray[np.int64], count: int, rng: np.random.Generator

@@ -17,16 +17,17 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
+from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import ClearanceField
-from trailmark.collision.kernels import field_value, point_clearance
+from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
 
 __all__ = ["CostMap", "Relaxation"]
 
 FloatArray = NDArray[np.float64]
 
-MAX_CELLS = 1 << 20
-"""Upper limit on the number of cells."""
+MAX_CELLS, FINEST_CELLS = 1 << 16, 1 << 20
+"""Most cells at first, and most that may be halved once more."""
 
 UNSURE_FACTOR = 3.0
 """How much dearer a step to or from a cell is whose centre is too close to an obstacle for the disc."""
@@ -87,17 +88,19 @@ class Relaxation:
         self.rows = max(1, int(np.ceil((ymax - ymin) / self.size)))
         self.x0, self.y0 = xmin, ymin
         self._clearance = np.full((self.rows, self.columns), np.nan)
+        self._finer: Relaxation | None = None
 
     def finer(self) -> Relaxation | None:
-        """Return the relaxation on cells half as large; None if that would take more than 4 * MAX_CELLS cells."""
-        if self.rows * self.columns > MAX_CELLS:
-            return None
-        return Relaxation(self.checker, self.fineness + 1)
+        """Return the relaxation on cells half as large; None if there are more than FINEST_CELLS already."""
+        if self._finer is None and self.rows * self.columns <= FINEST_CELLS:
+            self._finer = Relaxation(self.checker, self.fineness + 1)
+        return self._finer
 
     def clearance(self, cells: NDArray[np.int64]) -> FloatArray:
         """Return the distance (metres) from cell centres to the nearest obstacle, shape (n,).
 
-        It is exact where it decides whether the disc fits, and right within the field's slack elsewhere.
+        It is exact where it decides whether the disc fits, and right within the field's slack elsewhere. In an
+        obstacle it is minus the depth, up to the size of a cell, if cells are larger than the disc's radius.
 
         Args:
             cells: row * columns + column, shape (n,).
@@ -204,10 +207,15 @@ class Relaxation:
 
 @njit(cache=True)
 def _cell_clearance(grid: ObstacleGrid, field: ClearanceField, x: float, y: float, size: float, radius: float) -> float:
-    """Return the clearance of a point, exact up to the radius, by the field beyond it."""
+    """Return the clearance of a point, exact up to the radius, by the field beyond it; in an obstacle minus its depth.
+
+    Depths matter only where a cell is so large that a disc centred on its rim may fit although none at its middle does.
+    """
     value = field_value(field, x, y)
     if value - field.slack < radius and value + field.slack + size >= radius:
         exact = point_clearance(grid, x, y, radius)
+        if exact == 0.0 and radius < size:
+            return -point_depth(grid, x, y, size)
         # A value at the cap says only that there is room enough: keep the field's.
         return exact if exact < radius else max(exact, value)
     return value

@@ -99,30 +99,35 @@ class Attempt:
             # Nothing is shorter than the straight motion.
             self._offer(ends)
             return self._answer()
-        grid = self.relaxation
-        band = Band(self.checker, grid, ends[0], ends[1])
+        band = Band(self.checker, self.relaxation, ends[0], ends[1])
         if not np.isfinite(band.shortest):
             return "infeasible", None
         nodes = self.roadmap.add(ends)
         self._search(self.roadmap, band, nodes)
-        widening = 0
+        guides, whole = (np.empty((0, 3)), True) if self.best is not None else band.guides(self.rng)
+        if not whole and band.relaxation.size > band.relaxation.radius and band.refine():
+            # Cells larger than the disc may have led to where it does not fit.
+            if not np.isfinite(band.shortest):
+                return "infeasible", None
+            guides, whole = band.guides(self.rng)
+        rounds = 0
         landmarks = float(FIRST_LANDMARKS)
-        while self.best is None and self._go_on("placing landmarks"):
-            ε = WIDENINGS[widening] if widening < len(WIDENINGS) else np.inf
-            self.roadmap.add(band.guides(self.rng))
+        while self.best is None and np.isfinite(band.shortest) and self._go_on("placing landmarks"):
+            ε = WIDENINGS[rounds] if rounds < len(WIDENINGS) else np.inf
+            self.roadmap.add(guides)
             self._grow(self.roadmap, band, ε, int(landmarks))
             self._search(self.roadmap, band, nodes)
             if self.best is None:
                 self._bridge(band, nodes)
-            widening += 1
-            finer = grid.finer() if self.best is None and widening % ROUNDS_PER_GRID == 0 else None
-            if finer is not None:
+            rounds += 1
+            if self.best is None and rounds % ROUNDS_PER_GRID == 0:
                 # What keeps failing may need a closer look, or be impossible.
-                grid = finer
-                band = Band(self.checker, grid, ends[0], ends[1])
-                if not np.isfinite(band.shortest):
-                    return "infeasible", None
+                band.refine()
+            if self.best is None and np.isfinite(band.shortest):
+                guides, _ = band.guides(self.rng)
             landmarks *= GROWTH
+        if not np.isfinite(band.shortest):
+            return "infeasible", None
         self._improve(band, ends, landmarks)
         if self.best is not None:
             self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
