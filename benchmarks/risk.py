@@ -1,0 +1,311 @@
+"""Does a path past grown obstacles meet the true ones as seldom as it is said to? Writes results/risk.{json,md}.
+
+A simulated robot drives round a yard, once with a detector of discs (EKF-SLAM with odometry: discs whose radius is
+uncertain too, and the robot's own pose), once with a laser scanner (mapping from poses whose errors last: walls, discs
+and hulls). The estimates are grown for a confidence p, even and uneven (``spend_risk``), and LandmarkPlanner plans
+through what is left. Then
+
+1. the true obstacles and the robot's pose are drawn from the estimates' distributions: the share of draws in which the
+   planned path collides, over all worlds;
+2. the simulation's own obstacles are the true ones: a new world and a new log each time, one outcome for each path.
+
+Both must stay under 1 − p. Paths in the worlds as they were measured, not grown, show what there is to prevent, and
+that collisions are found. Intervals are Clopper and Pearson's, 95 %; those of the first table take its draws as
+independent, which they are given the worlds. Collisions are found by numpy and shapely in bodies at every centimetre
+and hundredth of a radian of the path; nothing of this is shared with what grows obstacles.
+
+    python -m benchmarks.risk [--worlds 20] [--draws 1000] [--logs 100]
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import math
+from pathlib import Path
+from time import process_time
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.stats import beta
+
+from benchmarks.machine import describe_machine, markdown_table
+from benchmarks.random_worlds import star_polygon
+from trailmark.errors import TrailmarkError
+from trailmark.estimation import EkfSlam, RangeBearing, Unicycle
+from trailmark.estimation.mapping import MappingSettings, map_scans
+from trailmark.estimation.obstacles import disc_estimates
+from trailmark.estimation.records import Scan
+from trailmark.estimation.risk import regrow, spend_risk
+from trailmark.estimation.scan_features import ScanSettings
+from trailmark.estimation.simulator import Detector, Scanner, simulate
+from trailmark.formats.files import write_atomically
+from trailmark.planning import LandmarkPlanner
+from trailmark.shapes import Disc, Rectangle, Shape
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+
+RESULTS = Path(__file__).resolve().parent / "results"
+
+CONFIDENCES = (0.9, 0.95, 0.99)
+SENSORS = ("detector", "scanner")
+ROBOT = Robot.rectangle(0.5, 0.36)
+CORNERS = 0.5 * np.array([[-0.5, -0.36], [0.5, -0.36], [0.5, 0.36], [-0.5, 0.36]])
+REACH = float(np.hypot(0.25, 0.18))
+BOUNDS = (0.0, 0.0, 14.0, 10.0)
+START, GOAL = (1.0, 1.0, 0.0), (13.0, 9.0, 0.0)
+WAY = np.array([[1, 1], [13, 1], [13, 9], [1, 9], [1, 5], [13, 5], [13, 9], [7, 9], [7, 1], [1, 1.0]])
+MOTION = Unicycle(0.02, 0.02, period=1.0)
+DETECTOR = Detector(RangeBearing(0.08, 0.02), max_range=5.0, period=0.5)
+SCANNER = Scanner(beams=361, field_of_view=2.0 * math.pi, max_range=8.0, sigma=0.02, period=1.0)
+SETTINGS = MappingSettings(scan=ScanSettings(sigma_range=0.02, sigma_bearing=0.002), pose_sigma=(0.02, 0.005))
+RADIUS_SIGMA = 0.02
+POSE_SIGMA = np.array([0.02, 0.02, 0.01])
+"""Of the robot that follows the path through a map from scans; the detector's filter states its own."""
+MEMORY = 0.9
+"""Correlation of the errors of a scanner's pose with those of the one before."""
+
+
+class Case(NamedTuple):
+    """A world as it is estimated, and as it is."""
+
+    estimated: World
+    true: World
+    pose_covariance: FloatArray
+    pose_error: FloatArray
+    """Of the robot, shape (3,): its true configuration less the one it takes itself to have."""
+
+
+class Counts(NamedTuple):
+    """Collisions among trials."""
+
+    hits: int
+    trials: int
+
+    def interval(self) -> tuple[float, float]:
+        """Return Clopper and Pearson's 95 % interval of the probability."""
+        low = 0.0 if self.hits == 0 else float(beta.ppf(0.025, self.hits, self.trials - self.hits + 1))
+        high = 1.0 if self.hits == self.trials else float(beta.ppf(0.975, self.hits + 1, self.trials - self.hits))
+        return low, high
+
+
+def yard(rng: np.random.Generator, sensor: str) -> World:
+    """Return a world with obstacles off the way that the robot drives: posts; for a scanner boxes and stones too."""
+    way, obstacles = shapely.LineString(WAY), list[Shape]()
+    while len(obstacles) < 20:
+        x, y = (float(v) for v in rng.uniform((0.8, 0.8), (13.2, 9.2)))
+        kind = rng.integers(0, 3) if sensor == "scanner" else 0
+        shape: Shape
+        if kind == 0:
+            shape = Disc((x, y), float(rng.uniform(0.12, 0.35)))
+        elif kind == 1:
+            length, width, heading = (float(v) for v in rng.uniform((0.6, 0.2, 0.0), (2.0, 0.5, math.pi)))
+            shape = Rectangle((x, y), length, width, heading)
+        else:
+            shape = star_polygon(rng, (x, y), float(rng.uniform(0.4, 0.8)))
+        region = shape.polygon().shapely()
+        apart = [shapely.distance(region, other.polygon().shapely()) for other in obstacles]
+        if shapely.distance(region, way) > 0.35 and min(apart, default=1.0) > 0.3:
+            obstacles.append(shape)
+    return World("yard", BOUNDS, tuple(obstacles), ROBOT)
+
+
+def detected(rng: np.random.Generator) -> Case:
+    """Return what EKF-SLAM makes of a log of detections; the robot stands where its log ended."""
+    true = yard(rng, "detector")
+    log, truth = simulate(true, WAY, MOTION, detector=DETECTOR, random_state=rng)
+    result = EkfSlam({"range-bearing": DETECTOR.model}, velocity=MOTION, start=truth[0, 1:]).run(log.records)
+    discs = [true.obstacles[feature.identity or 0] for feature in result.features]
+    radii = np.array([disc.radius for disc in discs if isinstance(disc, Disc)])
+    radii = np.maximum(0.02, radii + RADIUS_SIGMA * rng.standard_normal(len(radii)))
+    means, covariances = (np.array([feature[i] for feature in result.features]) for i in (3, 4))
+    estimates = disc_estimates(means, covariances, radii, RADIUS_SIGMA)
+    shapes = tuple(estimate.mean for estimate in estimates)
+    world = World("yard", BOUNDS, shapes, ROBOT, estimates=tuple(estimates))
+    error = truth[-1, 1:] - result.trajectory[-1, 1:]
+    error[2] = math.remainder(error[2], 2.0 * math.pi)
+    return Case(world, true, result.covariances[-1], error)
+
+
+def scanned(rng: np.random.Generator) -> Case:
+    """Return what mapping makes of laser scans from poses whose errors last for some ten scans."""
+    true = yard(rng, "scanner")
+    log, truth = simulate(true, WAY, MOTION, scanner=SCANNER, random_state=rng)
+    scans = [record for record in log.records if isinstance(record, Scan)]
+    rows = np.searchsorted(truth[:, 0], [scan.t - 1e-9 for scan in scans])
+    sigma = np.array([SETTINGS.pose_sigma[0], *SETTINGS.pose_sigma])
+    errors = [sigma * rng.standard_normal(3)]
+    for _ in scans[1:]:
+        errors.append(MEMORY * errors[-1] + math.sqrt(1.0 - MEMORY**2) * sigma * rng.standard_normal(3))
+    found = map_scans(scans, truth[rows, 1:] + np.array(errors), settings=SETTINGS, robot=ROBOT)
+    return Case(found.world, true, np.diag(POSE_SIGMA**2), POSE_SIGMA * rng.standard_normal(3))
+
+
+def planned(world: World, uneven: bool) -> FloatArray | None:
+    """Return the configurations of a path in a grown world, shape (n, 3)."""
+
+    def plan(grown: World) -> tuple[FloatArray, float] | None:
+        try:
+            result = LandmarkPlanner(grown, ROBOT, seed=0).plan(START, GOAL, time_limit=5.0, max_iterations=2)
+        except TrailmarkError:
+            return None  # an end lies in a grown obstacle
+        return None if result.path is None else (result.path.states, result.path.cost)
+
+    if uneven:
+        return spend_risk(world, plan, rounds=3).states
+    found = plan(world)
+    return None if found is None else found[0]
+
+
+def along(states: FloatArray) -> FloatArray:
+    """Return configurations on a path, a centimetre and a hundredth of a radian apart at most, shape (m, 3)."""
+    parts = [states[:1]]
+    for a, b in itertools.pairwise(states):
+        step = b - a
+        step[2] = math.remainder(step[2], 2.0 * math.pi)
+        n = max(1, math.ceil(max(float(np.hypot(*step[:2])), abs(step[2])) / 0.01))
+        parts.append(a + np.linspace(0.0, 1.0, n + 1)[1:, None] * step)
+    return np.concatenate(parts)
+
+
+def bodies(q: FloatArray) -> NDArray[np.object_]:
+    """Return the robot's outline at configurations, shape (m,)."""
+    cos, sin = np.cos(q[:, 2:]), np.sin(q[:, 2:])
+    x = q[:, :1] + cos * CORNERS[:, 0] - sin * CORNERS[:, 1]
+    y = q[:, 1:2] + sin * CORNERS[:, 0] + cos * CORNERS[:, 1]
+    return np.asarray(shapely.polygons(np.stack([x, y], axis=-1)))
+
+
+def drawn(shape: Shape, xi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return vertices of a shape with errors xi, shapes (draws, m, 2), and what they are dilated by, (draws,)."""
+    e = np.zeros((len(xi), 5))
+    e[:, : xi.shape[1]] = xi
+    if isinstance(shape, Disc):
+        return np.array(shape.center) + e[:, None, :2], np.maximum(0.0, shape.radius + e[:, 2])
+    if isinstance(shape, Rectangle):
+        sides = np.maximum(0.0, np.array([shape.length, shape.width]) + e[:, 3:5])
+        local = 0.5 * sides[:, None] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1.0]])
+        centre, turn = np.array(shape.center), shape.heading + e[:, 2]
+    else:
+        centre = shape.vertices.mean(axis=0)
+        local, turn = np.broadcast_to(shape.vertices - centre, (len(xi), *shape.vertices.shape)), e[:, 2]
+    cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    x, y = local[..., 0], local[..., 1]
+    place = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    return centre + e[:, None, :2] + place, np.zeros(len(xi))
+
+
+def collisions(world: World, covariance: FloatArray, states: FloatArray, draws: int, rng: np.random.Generator) -> int:
+    """Return in how many draws of all obstacles and of the robot's pose the path collides."""
+    q = along(states)
+    placed = bodies(q)
+    errors = rng.multivariate_normal(np.zeros(3), covariance, draws)
+    strays = np.hypot(errors[:, 0], errors[:, 1]) + REACH * np.abs(errors[:, 2])
+    hit = np.zeros(draws, dtype=bool)
+    for estimate in world.estimates:
+        if estimate is None:
+            continue
+        xi = rng.multivariate_normal(np.zeros(len(estimate.covariance)), estimate.covariance, draws)
+        vertices, radii = drawn(estimate.mean, xi)
+        mean, radius = (part[0] for part in drawn(estimate.mean, np.zeros((1, 2))))
+        away = np.maximum(0.0, shapely.distance(placed, filled(estimate.mean, mean)) - radius)
+        moved = np.hypot(*np.moveaxis(vertices - mean, -1, 0)).max(axis=1) + np.maximum(0.0, radii - radius) + strays
+        for i in np.flatnonzero(~hit & (moved >= away.min())):
+            near = bodies(q[away <= moved[i]] + errors[i])
+            hit[i] = (shapely.distance(near, filled(estimate.mean, vertices[i])) < max(radii[i], 1e-9)).any()
+    return int(hit.sum())
+
+
+def filled(shape: Shape, vertices: FloatArray) -> shapely.Geometry:
+    """Return a drawn obstacle without a disc's radius; holes are filled, no path leads into them."""
+    return shapely.Point(vertices[0]) if isinstance(shape, Disc) else shapely.Polygon(vertices)
+
+
+def collides(case: Case, states: FloatArray) -> bool:
+    """Return whether the path meets one of the simulation's obstacles."""
+    placed = bodies(along(states) + case.pose_error)
+    radii = [shape.radius if isinstance(shape, Disc) else 0.0 for shape in case.true.obstacles]
+    solids = [filled(shape, drawn(shape, np.zeros((1, 2)))[0][0]) for shape in case.true.obstacles]
+    return any((shapely.distance(placed, s) < max(r, 1e-9)).any() for s, r in zip(solids, radii, strict=True))
+
+
+def main() -> int:
+    """Draw, plan, count, and write the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worlds", type=int, default=20)
+    parser.add_argument("--draws", type=int, default=1000)
+    parser.add_argument("--logs", type=int, default=100, help="worlds whose own obstacles count, these included")
+    parser.add_argument("--no-write", action="store_true", help="print only")
+    options = parser.parse_args()
+    begin = process_time()
+    tally: dict[tuple[str, float, bool], dict[str, list[float]]] = {}
+    for i in range(max(options.worlds, options.logs)):
+        sensor = SENSORS[i % 2]
+        rng = np.random.default_rng([2026, i])
+        case = (detected if sensor == "detector" else scanned)(rng)
+        for p in (0.0, *CONFIDENCES):
+            grown = regrow(case.estimated, p, pose_covariance=case.pose_covariance) if p else case.estimated
+            for uneven in (False, True)[: 2 if p else 1]:
+                own = tally.setdefault((sensor, p, uneven), {"hits": [], "true": [], "length": [], "failed": []})
+                states = planned(grown, uneven)
+                if states is None:
+                    own["failed"].append(i)
+                    continue
+                own["length"].append(float(np.hypot(*np.diff(states[:, :2], axis=0).T).sum()))
+                own["true"].append(collides(case, states))
+                if i < options.worlds:
+                    own["hits"].append(collisions(case.estimated, case.pose_covariance, states, options.draws, rng))
+    print(f"{process_time() - begin:.0f} s of CPU")
+    return report(tally, options.draws, write=not options.no_write)
+
+
+def report(tally: dict[tuple[str, float, bool], dict[str, list[float]]], draws: int, *, write: bool) -> int:
+    """Print and write the tables; return 0 if all shares stay under what is allowed."""
+    record: dict[str, Any] = {"machine": describe_machine(), "rows": []}
+    tables: tuple[list[list[str]], list[list[str]]] = ([], [])
+    kept = True
+    for (sensor, p, uneven), own in sorted(tally.items()):
+        outcomes = (
+            Counts(int(sum(own["hits"])), draws * len(own["hits"])),
+            Counts(int(sum(own["true"])), len(own["true"])),
+        )
+        spent = ("uneven" if uneven else "even") if p else "as measured"
+        row: dict[str, Any] = {"sensor": sensor, "confidence": p or None, "spending": spent}
+        row["length"], row["no_path"] = float(np.mean(own["length"] or [math.nan])), len(own["failed"])
+        row["worst_world"] = max(own["hits"], default=0.0) / draws
+        for name, counts, table in zip(("draws", "logs"), outcomes, tables, strict=True):
+            if not counts.trials:
+                continue
+            low, high = counts.interval()
+            share = counts.hits / counts.trials
+            row[name] = {"hits": counts.hits, "trials": counts.trials, "low": low, "high": high}
+            # Of a hundred logs none may collide or one: what the interval excludes is a bound that is broken.
+            kept &= (not p) or (share < 1.0 - p if name == "draws" else low <= 1.0 - p)
+            cells = [sensor, f"{p:g}" if p else "", spent, f"{100 * (1 - p):.3g} %", f"{counts.hits}/{counts.trials}"]
+            cells += [f"{100 * share:.3f} %", f"{100 * low:.3f} to {100 * high:.3f} %"]
+            table.append([*cells, f"{100 * row['worst_world']:.2f} %" if name == "draws" else f"{row['length']:.2f}"])
+        record["rows"].append(row)
+    header = ["sensor", "p", "risk spent", "allowed", "collisions", "share", "95 % interval"]
+    texts = [
+        markdown_table([*header, last], rows)
+        for last, rows in zip(("worst world", "metres a path"), tables, strict=True)
+    ]
+    print("\n\n".join(texts))
+    failed = sum(row["no_path"] for row in record["rows"])
+    if write:
+        RESULTS.mkdir(exist_ok=True)
+        write_atomically(RESULTS / "risk.json", json.dumps(record, indent=1) + "\n")
+        lines = ["# Risk calibration", "", "Written by `python -m benchmarks.risk`.", ""]
+        lines += ["True obstacles and poses drawn from the estimates' distributions:", "", texts[0], ""]
+        lines += ["The simulation's own obstacles and poses, a new world and log each time:", "", texts[1], ""]
+        lines += [f"Paths that were not found, and count in neither: {failed}.", "", record["machine"]]
+        write_atomically(RESULTS / "risk.md", "\n".join(lines) + "\n")
+    return 0 if kept else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
