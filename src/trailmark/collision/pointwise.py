@@ -1,0 +1,171 @@
+"""PointwiseChecker: one configuration or motion a call, for callers that ask one at a time, such as OMPL's planners.
+
+Handing the checker's arrays to compiled code costs more (4 µs) than most answers. Here they are handed over once, as
+addresses in one array of integers; a call then passes that array and the coordinates (less than 1 µs).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import carray, njit, types  # type: ignore[attr-defined]  # numba does export carray
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from trailmark.collision import kernels
+from trailmark.collision.checker import StateChecker
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.footprint import Footprint
+from trailmark.collision.obstacles import ObstacleGrid
+
+__all__ = ["PointwiseChecker"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+class PointwiseChecker:
+    """The answers of a StateChecker, one at a time and with little overhead.
+
+    Args:
+        checker: whose answers these are; kept alive, since the addresses are those of its arrays.
+    """
+
+    def __init__(self, checker: StateChecker) -> None:
+        self.checker = checker
+        self._arrays = _arrays(checker)
+        rows = [(array.ctypes.data, *array.shape, 1)[:3] for array in self._arrays]
+        self._places: IntArray = np.array([*np.ravel(rows), checker.grid.columns, checker.grid.rows], dtype=np.int64)
+        self._numbers: FloatArray = np.array(_numbers(checker))
+        self._by_fcl = checker.exact == "fcl"
+
+    def valid(self, x: float, y: float, theta: float) -> bool:
+        """Return whether a configuration is valid (metres, radians; finite)."""
+        if self._by_fcl:
+            return bool(self.checker.valid((x, y, theta)))
+        answer = _valid(self._places, self._numbers, x, y, theta)
+        if answer == kernels.UNDECIDED:
+            return not self.checker.scene.collides(np.array([x, y, theta]))
+        return bool(answer == kernels.FREE)
+
+    def clearance(self, x: float, y: float, theta: float) -> float:
+        """Return the distance (metres) to the nearest obstacle or bound; 0 on contact or overlap."""
+        if self._by_fcl:
+            return float(self.checker.clearance((x, y, theta)))
+        return float(_clearance(self._places, self._numbers, x, y, theta))
+
+    def motion_valid(self, a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
+        """Return whether the motion from a to b, both known to be valid, is certified free of collision."""
+        if self._by_fcl:
+            return bool(self.checker.motions_between_valid(np.array([a]), np.array([b]))[0])
+        return bool(_motion(self._places, self._numbers, *a, *b) == kernels.FREE)
+
+
+def _arrays(checker: StateChecker) -> list[NDArray[Any]]:
+    """Return the arrays that the kernels read, in the order in which :func:`_unpacked` takes them."""
+    grid, robot = checker.grid, checker.footprint
+    return [
+        grid.segments,
+        grid.discs,
+        grid.cell_start,
+        grid.items,
+        grid.winding,
+        checker.field.distance,
+        robot.outline,
+        robot.core,
+        robot.cover,
+        robot.inner,
+    ]
+
+
+def _numbers(checker: StateChecker) -> list[float]:
+    """Return the numbers that the kernels read, in the order in which :func:`_unpacked` takes them."""
+    grid, field, robot = checker.grid, checker.field, checker.footprint
+    return [
+        grid.x0,
+        grid.y0,
+        grid.size,
+        field.x0,
+        field.y0,
+        field.size,
+        field.slack,
+        robot.core_gap,
+        robot.circumradius,
+        robot.sweep_radius,
+        robot.disc_radius,
+    ]
+
+
+def _to_pointer(typing_context: Any, address: Any) -> Any:
+    """Turn an address into a pointer, in compiled code."""
+
+    def build(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.inttoptr(values[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(address), build
+
+
+_pointer: Any = intrinsic(_to_pointer)
+
+
+@njit(cache=True, inline="always")
+def _unpacked(places: IntArray, numbers: FloatArray) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
+    """Return the kernels' arguments; of each array ``places`` has address, rows and columns."""
+    grid = ObstacleGrid(
+        carray(_pointer(places[0]), (places[1], places[2]), np.float64),
+        carray(_pointer(places[3]), (places[4], places[5]), np.float64),
+        carray(_pointer(places[6]), (places[7],), np.int64),
+        carray(_pointer(places[9]), (places[10],), np.int32),
+        carray(_pointer(places[12]), (places[13],), np.int32),
+        numbers[0],
+        numbers[1],
+        numbers[2],
+        places[30],
+        places[31],
+    )
+    field = ClearanceField(
+        carray(_pointer(places[15]), (places[16], places[17]), np.float32),
+        numbers[3],
+        numbers[4],
+        numbers[5],
+        numbers[6],
+    )
+    robot = Footprint(
+        carray(_pointer(places[18]), (places[19], places[20]), np.float64),
+        carray(_pointer(places[21]), (places[22], places[23]), np.float64),
+        numbers[7],
+        carray(_pointer(places[24]), (places[25], places[26]), np.float64),
+        carray(_pointer(places[27]), (places[28], places[29]), np.float64),
+        numbers[8],
+        numbers[9],
+        numbers[10],
+    )
+    return grid, field, robot
+
+
+@njit(cache=True)
+def _valid(places: IntArray, numbers: FloatArray, x: float, y: float, theta: float) -> int:
+    grid, field, robot = _unpacked(places, numbers)
+    q = np.empty((1, 3))
+    q[0, 0], q[0, 1], q[0, 2] = x, y, theta
+    return int(kernels.states_free(grid, field, robot, q)[0])
+
+
+@njit(cache=True)
+def _clearance(places: IntArray, numbers: FloatArray, x: float, y: float, theta: float) -> float:
+    grid, field, robot = _unpacked(places, numbers)
+    q = np.empty((1, 3))
+    q[0, 0], q[0, 1], q[0, 2] = x, y, theta
+    return float(kernels.clearances(grid, field, robot, q, np.inf)[0])
+
+
+@njit(cache=True)
+def _motion(
+    places: IntArray, numbers: FloatArray, ax: float, ay: float, at: float, bx: float, by: float, bt: float
+) -> int:
+    grid, field, robot = _unpacked(places, numbers)
+    ends = np.empty((2, 3))
+    ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
+    ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
+    return int(kernels.motions_certified(grid, field, robot, ends[:1], ends[1:], True)[0])

@@ -1,0 +1,65 @@
+"""One configuration or motion a call: the same answers as for arrays, from addresses that stay good."""
+
+from __future__ import annotations
+
+import gc
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+
+from trailmark.collision import StateChecker
+from trailmark.collision.pointwise import PointwiseChecker
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+
+@pytest.mark.parametrize("name", sorted(ROBOTS))
+def test_answers_are_those_of_the_checker(name: str) -> None:
+    world = random_world(3, 60, size=40.0, discs=0.3, holes=0.2, boundary=name == "disc")
+    checker = StateChecker(world, ROBOTS[name])
+    single = PointwiseChecker(checker)
+    rng = np.random.default_rng(0)
+    q = rng.uniform((-1.0, -1.0, -np.pi), (41.0, 41.0, np.pi), (3000, 3))
+    valid = checker.valid(q)
+    assert 0.1 < valid.mean() < 0.9
+    assert [single.valid(*row) for row in q.tolist()] == valid.tolist()
+    assert [single.clearance(*row) for row in q[:500].tolist()] == checker.clearance(q[:500]).tolist()
+    free = q[valid]
+    a, b = free[:-1], free[:-1] + rng.uniform(0.0, 0.2, (len(free) - 1, 1)) * (free[1:] - free[:-1])
+    b[:, 2] = a[:, 2]
+    there = checker.valid(b)
+    a, b = a[there], b[there]
+    certified = checker.motions_between_valid(a, b)
+    assert 0.1 < certified.mean() < 1.0
+    assert [single.motion_valid(tuple(p), tuple(r)) for p, r in zip(a.tolist(), b.tolist(), strict=True)] == (
+        certified.tolist()
+    )
+
+
+def test_contact_is_left_to_fcl_and_allowed() -> None:
+    world = World("wall", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 5.0), 2.0, 2.0),))
+    single = PointwiseChecker(StateChecker(world, Robot.rectangle(1.0, 1.0)))
+    assert single.valid(3.5, 5.0, 0.0)
+    assert not single.valid(3.5 + 1e-6, 5.0, 0.0)
+    assert single.clearance(3.5, 5.0, 0.0) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_fcl_may_decide_all() -> None:
+    world = World("wall", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 5.0), 2.0, 2.0),))
+    single = PointwiseChecker(StateChecker(world, Robot.rectangle(1.0, 1.0), exact="fcl"))
+    assert single.valid(3.0, 5.0, 0.0)
+    assert not single.valid(4.0, 5.0, 0.5)
+    assert single.clearance(3.0, 5.0, 0.0) == pytest.approx(0.5)
+    assert single.motion_valid((3.0, 5.0, 0.0), (3.0, 7.0, 0.0))
+    assert not single.motion_valid((3.0, 5.0, 0.0), (7.0, 5.0, 0.0))
+
+
+def test_the_arrays_outlive_their_checker() -> None:
+    single = PointwiseChecker(StateChecker(random_world(1, 40, size=30.0), ROBOTS["disc"]))
+    q = np.random.default_rng(1).uniform(0.0, 30.0, (200, 3))
+    before = [single.valid(*row) for row in q.tolist()]
+    gc.collect()
+    for seed in range(5):
+        StateChecker(random_world(seed + 2, 40, size=30.0), ROBOTS["disc"])
+    assert [single.valid(*row) for row in q.tolist()] == before
