@@ -21,7 +21,16 @@ from trailmark.estimation.innovation import Prediction
 from trailmark.estimation.sensor_model import SensorModel
 from trailmark.se2 import FloatArray
 
-__all__ = ["IGNORED", "NEW", "Compatibility", "JointAssociation", "compatibility", "joint_compatibility", "nearest"]
+__all__ = [
+    "IGNORED",
+    "NEW",
+    "Compatibility",
+    "JointAssociation",
+    "compatibility",
+    "distinct",
+    "joint_compatibility",
+    "nearest",
+]
 
 NEW = -1
 """Stands for a feature not seen before."""
@@ -103,6 +112,25 @@ def nearest(d2: ArrayLike, gate: float, new_gate: float) -> IntArray:
         if least[i] <= gate and feature[i] not in assigned:
             assigned[i] = feature[i]
     return assigned
+
+
+def distinct(assigned: ArrayLike, d2: ArrayLike, new_gate: float) -> IntArray:
+    """Return the association, shape (r,), in which an ignored reading is new if it can be of no feature known so far.
+
+    The readings of an instant are of distinct features. A reading near features that all went to other readings of
+    its instant is therefore of none of them, however near it is.
+
+    Args:
+        assigned: for each reading its feature's number, or NEW or IGNORED, shape (r,).
+        d2: squared Mahalanobis distances, shape (r, k).
+        new_gate: least d² of a reading of a new feature to all features that are left.
+    """
+    result, distance = np.array(assigned, dtype=np.intp), np.asarray(d2, dtype=np.float64)
+    left = np.ones(distance.shape[1], dtype=bool)
+    left[result[result >= 0]] = False
+    near = (distance[:, left] <= new_gate).any(axis=1)
+    result[(result == IGNORED) & ~near] = NEW
+    return result
 
 
 def joint_compatibility(

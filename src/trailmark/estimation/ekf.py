@@ -236,9 +236,32 @@ class SlamFilter(SlamState):
         block = G_pose @ self.P[:3, :3] @ G_pose.T + G_z @ noise @ G_z.T
         return self._append(l, 0.5 * (block + block.T), G_pose @ self.P[:3], sensor.feature_kind)
 
+    def merge_features(self, keep: int, drop: int) -> None:
+        """Take two points for one and the same: they become equal, and ``drop`` is taken out; O(n²).
+
+        Args:
+            keep: the id that stays.
+            drop: the other id.
+
+        Raises:
+            EstimationError: features that are no points, or one and the same; a mode other than "slam".
+        """
+        if self.mode != "slam" or keep == drop or self.kind(keep) != "point" or self.kind(drop) != "point":
+            raise EstimationError(f"merge_features: {keep}, {drop} given, allowed: two points, in mode 'slam'")
+        one, other = self._place(keep), self._place(drop)
+        PHT = self.P[:, one] - self.P[:, other]
+        D = PHT[one] - PHT[other]
+        # A tenth of a millimetre: the difference of two features may be certain already.
+        L_inverse = np.linalg.inv(np.linalg.cholesky(0.5 * (D + D.T) + 1e-8 * np.eye(2)))
+        W = PHT @ L_inverse.T
+        before = self.x
+        self.x = self._moved(before, W @ (L_inverse @ (before[other] - before[one])))
+        self._correct_covariance(W, before)
+        self.remove_feature(drop)
+
     def _correct(self, gain: Gain, readings: FloatArray, sensor: SensorModel, noise: FloatArray) -> Gain:
         """Correct pose and features, linearising anew while that changes much; return the last gain."""
-        before, invariant = self.x, self.error == "invariant"
+        before = self.x
         for _ in range(self.iterations - 1):
             after = self._moved(before, gain.step)
             # What the straight line left out of h; one evaluation of h tells it, and mostly it is nothing.
@@ -250,12 +273,15 @@ class SlamFilter(SlamState):
                 break
             gain = self._gain(readings, sensor, gain.H.at, noise, after, gain.step)
         self.x = self._moved(before, gain.step)
-        if invariant:
-            a = invariance.carried(before, self.x, self.points)
-            invariance.correct_covariance(self.P, gain.W, a)
-        else:
-            subtract_square(self.P, gain.W, 0)
+        self._correct_covariance(gain.W, before)
         return gain
+
+    def _correct_covariance(self, W: FloatArray, before: FloatArray) -> None:
+        """Take W Wᵀ from P, which is then for the estimate as it is now."""
+        if self.error == "invariant":
+            invariance.correct_covariance(self.P, W, invariance.carried(before, self.x, self.points))
+        else:
+            subtract_square(self.P, W, 0)
 
     def _moved(self, x: FloatArray, step: FloatArray) -> FloatArray:
         if self.error == "invariant":

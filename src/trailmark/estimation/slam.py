@@ -4,17 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.errors import did_you_mean
-from trailmark.estimation.association import IGNORED, NEW, compatibility, joint_compatibility, nearest
-from trailmark.estimation.consistency import chi_square_quantile
+from trailmark.estimation.association import NEW
+from trailmark.estimation.associator import Associator
 from trailmark.estimation.ekf import Mode, SlamFilter
 from trailmark.estimation.errors import RecordError
+from trailmark.estimation.feature_tracks import FeatureTracks
 from trailmark.estimation.motion import MotionModel
 from trailmark.estimation.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.estimation.sensor_model import SensorModel
@@ -23,16 +24,6 @@ from trailmark.estimation.slam_settings import SlamSettings
 from trailmark.se2 import FloatArray
 
 __all__ = ["EkfSlam"]
-
-
-@dataclass
-class _Track:
-    """What is known of a feature besides its estimate."""
-
-    identity: int | None
-    confirmed: bool
-    last: float
-    readings: int = 1
 
 
 class EkfSlam:
@@ -86,8 +77,8 @@ class EkfSlam:
         self._odometry: Odometry | None = None
         self._increment: Increment | None = None
         self._waiting: list[Detection] = []
-        self._tracks: dict[int, _Track] = {}
-        self._ids: dict[int, int] = {}
+        self._features = FeatureTracks(self.filter, self.settings)
+        self._associator = Associator(self.filter, self.settings, self.counts)
         self._trajectory: list[tuple[float, FloatArray, FloatArray]] = []
         self._updates: list[Update] = []
         self._assignments: list[Assignment] = []
@@ -97,9 +88,7 @@ class EkfSlam:
     ) -> int:
         """Add a feature of a known map and return its id in the filter; P None for one that is certain."""
         feature_id = self.filter.add_known_feature(feature, P, kind=kind)
-        self._tracks[feature_id] = _Track(identity, confirmed=True, last=self.time, readings=0)
-        if identity is not None:
-            self._ids[identity] = feature_id
+        self._features.add(feature_id, identity, confirmed=True, time=self.time, readings=0)
         return feature_id
 
     def run(self, records: Iterable[Record]) -> SlamResult:
@@ -156,11 +145,11 @@ class EkfSlam:
         nis, dof = 0.0, 0
         for kind in dict.fromkeys(detection.kind for detection in waiting):
             detections = [detection for detection in waiting if detection.kind == kind]
-            assigned = self._associate(self._sensors[kind], detections)
+            assigned = self._associator.assign(self._sensors[kind], detections, self._features.ids)
             more_nis, more_dof = self._update(self._sensors[kind], detections, assigned)
             self._start_features(self._sensors[kind], detections, assigned)
             nis, dof = nis + more_nis, dof + more_dof
-        self._drop_stale()
+        self.counts.dropped += self._features.drop_stale(self.time)
         self._remember()
         self._updates.append(Update(self.time, nis, dof, perf_counter() - begin))
 
@@ -175,7 +164,7 @@ class EkfSlam:
                 self.filter.feature_covariance(i),
                 track.readings,
             )
-            for i, track in self._tracks.items()
+            for i, track in self._features.tracks.items()
             if track.confirmed
         ]
         rows = [(t, *pose) for t, pose, _ in self._trajectory]
@@ -241,43 +230,6 @@ class EkfSlam:
             else:
                 self._waiting.append(detection)
 
-    def _associate(self, sensor: SensorModel, detections: Sequence[Detection]) -> list[int]:
-        """Return the feature's id of each detection, or NEW or IGNORED."""
-        if self.settings.association == "known":
-            return self._associate_known(sensor, detections)
-        prediction = self.filter.predict_readings(sensor)
-        gate, new_gate = chi_square_quantile([self.settings.gate, self.settings.new_gate], sensor.reading_dim)
-        z, stated = [detection.z for detection in detections], [detection.covariance for detection in detections]
-        fit = compatibility(z, prediction, sensor, stated)
-        if self.settings.association == "nearest":
-            assigned = nearest(fit.d2, gate, new_gate)
-        else:
-            # Features that no reading comes near have no part in it, and would make it slow.
-            near = np.flatnonzero((fit.d2 <= new_gate).any(axis=0))
-            prediction, fit = prediction.select(near), fit.select(near)
-            joint = self.filter.joint_covariance(prediction)
-            found = joint_compatibility(fit, joint, gate, new_gate, probability=self.settings.gate)
-            assigned = found.assigned
-            self.counts.cut_short += not found.complete
-        self.counts.ambiguous += int(np.count_nonzero(assigned == IGNORED))
-        return [prediction.ids[j] if j >= 0 else int(j) for j in assigned]
-
-    def _associate_known(self, sensor: SensorModel, detections: Sequence[Detection]) -> list[int]:
-        assigned = []
-        for detection in detections:
-            if detection.identity is None:
-                self.counts.unidentified += 1
-                assigned.append(IGNORED)
-                continue
-            feature = self._ids.get(detection.identity, NEW)
-            if feature != NEW and self.settings.outlier_gate is not None:
-                innovation = self.filter.innovation(detection.z, sensor, feature, detection.covariance)
-                if innovation.nis > chi_square_quantile(self.settings.outlier_gate, innovation.dof):
-                    self.counts.outliers += 1
-                    feature = IGNORED
-            assigned.append(feature)
-        return assigned
-
     def _update(
         self, sensor: SensorModel, detections: Sequence[Detection], assigned: Sequence[int]
     ) -> tuple[float, int]:
@@ -288,15 +240,12 @@ class EkfSlam:
         innovation = self.filter.update_batch(
             np.array([detection.z for detection, _ in old]).reshape(-1, sensor.reading_dim), sensor, ids, R
         )
-        for i in ids:
-            track = self._tracks[i]
-            track.readings, track.last = track.readings + 1, self.time
-            track.confirmed = track.confirmed or track.readings >= self.settings.confirm
+        self._features.read(ids, self.time)
         return innovation.nis, innovation.dof
 
     def _start_features(self, sensor: SensorModel, detections: Sequence[Detection], assigned: Sequence[int]) -> None:
         """Add what is new, and write down what became of each detection."""
-        known = self.settings.association == "known"
+        known, seen = self.settings.association == "known", list[int]()
         for detection, i in zip(detections, assigned, strict=True):
             feature = i if i >= 0 else None
             if i == NEW and self.filter.mode == "localisation":
@@ -305,18 +254,23 @@ class EkfSlam:
                 feature = self.filter.add_feature(detection.z, sensor, detection.covariance)
                 identity = detection.identity if known else None
                 confirmed = known or self.settings.confirm == 1
-                self._tracks[feature] = _Track(identity, confirmed, self.time)
-                if identity is not None:
-                    self._ids[identity] = feature
-            self.counts.used += feature is not None
+                self._features.add(feature, identity, confirmed=confirmed, time=self.time)
+            if feature is not None:
+                seen.append(feature)
             self._assignments.append(Assignment(detection.t, detection.identity, feature))
+        self.counts.used += len(seen)
+        if not known and self.settings.merge_gate is not None and self.filter.mode == "slam":
+            self._features.part(seen)
+            self._merge(seen)
 
-    def _drop_stale(self) -> None:
-        for i, track in list(self._tracks.items()):
-            if not track.confirmed and self.time - track.last > self.settings.timeout:
-                self.filter.remove_feature(i)
-                del self._tracks[i]
-                self.counts.dropped += 1
+    def _merge(self, seen: list[int]) -> None:
+        """Merge features that were seen now with others that may be the same, in what was written down, too."""
+        gone = self._features.merge(seen)
+        self.counts.merged += len(gone)
+        if gone:
+            self._assignments = [
+                a._replace(feature=gone[a.feature]) if a.feature in gone else a for a in self._assignments
+            ]
 
     def _remember(self) -> None:
         """Write down the pose; of one instant only what it ends with."""

@@ -30,6 +30,10 @@ class SlamSettings:
     """Probability that a reading passes the gate of its own feature; also of JCBB's joint gate."""
     new_gate: float = 0.999999
     """Probability that a reading of a feature passes that feature's second gate: what passes none is new."""
+    distinct: bool = False
+    """Without identities: whether a reading whose near features all went to others of its instant shows a new one."""
+    merge_gate: float | None = None
+    """Without identities: probability that two estimates of one point pass as one; None merges none."""
     outlier_gate: float | None = None
     """With known identities: probability that a reading passes, those that do not are ignored; None lets all pass."""
     confirm: int = 3
@@ -51,6 +55,13 @@ class SlamSettings:
             raise EstimationError(f"gates {self.gate}, {self.new_gate} given, allowed: 0 < gate <= new_gate < 1")
         if self.outlier_gate is not None and not 0.0 < self.outlier_gate < 1.0:
             raise EstimationError(f"outlier_gate {self.outlier_gate} given, allowed: between 0 and 1, or None")
+        if self.merge_gate is not None and not 0.0 < self.merge_gate < 1.0:
+            raise EstimationError(f"merge_gate {self.merge_gate} given, allowed: between 0 and 1, or None")
+        if self.iterations < 1:
+            raise EstimationError(f"iterations {self.iterations} given, allowed: 1 or more")
+        if self.error not in get_args(ErrorForm):
+            hint = did_you_mean(str(self.error), get_args(ErrorForm))
+            raise EstimationError(f"error {self.error!r} given, {hint}")
         if self.confirm < 1:
             raise EstimationError(f"confirm {self.confirm} given, allowed: 1 or more")
         if not self.timeout > 0.0:
