@@ -38,8 +38,11 @@ from trailmark.estimation.logs import load_log
 from trailmark.estimation.mapping import MappingSettings, ScanMap, map_scans
 from trailmark.estimation.records import Log, Scan
 from trailmark.estimation.risk import regrow
+from trailmark.estimation.scan_features import find_features
 from trailmark.formats.files import write_atomically
 from trailmark.planning import LandmarkPlanner
+from trailmark.se2 import transform, wrap
+from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -47,6 +50,8 @@ RESULTS = Path(__file__).resolve().parent / "results"
 ROBOT = Robot.disc(0.2)
 NEAR = 0.15
 """Metres from an obstacle's boundary within which an end point counts as explained."""
+SETTINGS = {"log": MappingSettings(pose_memory=2.0), "odometry": MappingSettings()}
+"""How the log's poses err is measured: see :func:`residual_memory`. Errors of raw odometry never end."""
 ROOM_RADIUS = 0.45
 """Metres: where a disc of this radius does not fit, rooms end."""
 ROOM_AREA = 0.5
@@ -134,6 +139,46 @@ def paths_between(world: World, ends: FloatArray, time_limit: float) -> dict[str
     return {"pairs": pairs, "solved": solved, "median_s": float(np.median(times or [np.nan])), "failures": failures}
 
 
+def residual_memory(scans: list[Scan], found: ScanMap) -> dict[str, float]:
+    """Return how alike the errors of two sightings of a wall are, by the metres that were driven in between.
+
+    A sighting's error is how far its line passes from the wall, at the middle of what was seen; the wall is the mean
+    of its sightings, which takes their number's inverse off each correlation.
+    """
+    seen: list[list[tuple[float, float]]] = [[] for _ in range(found.walls)]
+    estimates = found.world.estimates[: found.walls]
+    walls = [e.mean for e in estimates if e is not None and isinstance(e.mean, Rectangle)]
+    rows = np.array([(*wall.center, wall.heading, wall.length, wall.width) for wall in walls])
+    normals = np.column_stack([np.sin(rows[:, 2]), -np.cos(rows[:, 2])])
+    driven = np.cumsum(np.hypot(*np.diff(found.poses[:, :2], axis=0, prepend=found.poses[:1, :2]).T))
+    for scan, pose, way in zip(scans, found.poses, driven, strict=True):
+        points, features = find_features(scan)
+        for fit in features.lines:
+            middle = transform(pose, points.points[fit.indices].mean(axis=0)[None])[0]
+            off = middle - rows[:, :2]
+            across = np.einsum("ij,ij->i", off, normals)
+            along = np.abs(off[:, 0] * normals[:, 1] - off[:, 1] * normals[:, 0])
+            # A wall's normal points at who sees it; its front is half its width from its middle.
+            error = across - 0.5 * rows[:, 4]
+            turned = np.abs(wrap(fit.line[1] + pose[2] + 0.5 * np.pi - rows[:, 2]))
+            near = np.flatnonzero((np.abs(error) < 0.1) & (along < 0.5 * rows[:, 3]) & (turned < 0.2))
+            if len(near):
+                best = near[np.abs(error[near]).argmin()]
+                seen[best].append((way, float(error[best])))
+    bins = (0.0, 0.2, 1.0, 2.0, 5.0, 20.0, np.inf)
+    sums, counts, squares = np.zeros(len(bins) - 1), np.zeros(len(bins) - 1), list[float]()
+    for own in (np.array(one) for one in seen if len(one) >= 10):
+        errors = own[:, 1] - own[:, 1].mean()
+        a, b = np.triu_indices(len(own), 1)
+        place = np.digitize(np.abs(own[a, 0] - own[b, 0]), bins) - 1
+        np.add.at(sums, place, errors[a] * errors[b])
+        np.add.at(counts, place, 1.0)
+        squares += (errors**2).tolist()
+    variance = float(np.mean(squares))
+    named = {f"{low:g} to {high:g} m": sums[i] / counts[i] for i, (low, high) in enumerate(itertools.pairwise(bins))}
+    return {"sigma": variance**0.5} | {name: float(value / variance) for name, value in named.items()}
+
+
 def commands(world: World, ends: FloatArray, count: int) -> tuple[int, int]:
     """Run ``trailmark plan`` on some pairs of rooms; return how many found a path, and how many were run."""
     solved, rng = 0, np.random.default_rng(0)
@@ -155,7 +200,7 @@ def commands(world: World, ends: FloatArray, count: int) -> tuple[int, int]:
 def run(log: Log, source: str, confidence: float | None) -> tuple[ScanMap, dict[str, Any]]:
     """Return a map and its figures."""
     begin = perf_counter()
-    found = map_scans(log, source, settings=MappingSettings(), robot=ROBOT)
+    found = map_scans(log, source, settings=SETTINGS[source], robot=ROBOT)
     seconds = perf_counter() - begin
     world = found.world if confidence is None else regrow(found.world, confidence)
     scans = [record for record in log.records if isinstance(record, Scan)]
@@ -181,6 +226,8 @@ def main() -> int:
         if ends is None:
             # The same places for all maps from the log's poses.
             ends = rooms(found.world, found.poses)
+            scans = [entry for entry in log.records if isinstance(entry, Scan)]
+            record["memory"] = residual_memory(scans, found)
             figures["commands"] = commands(found.world, ends, options.commands)
         if source == "log":
             figures |= paths_between(found.world, ends, options.time_limit)
@@ -212,6 +259,11 @@ def main() -> int:
     print(text)
     count = 0 if ends is None else len(ends)
     first = record["runs"]["log, as measured"]
+    memory = ", ".join(f"{name} {value:.2f}" for name, value in record["memory"].items() if name != "sigma")
+    memory = (
+        f"errors of walls' sightings: {record['memory']['sigma']:.3f} m; their correlation by metres driven: {memory}"
+    )
+    print(memory)
     print(f"trailmark plan: {first['commands'][0]} of {first['commands'][1]} paths between rooms found")
     reached = first["explained"] >= 0.95 and first["free"] >= 0.99 and first["solved"] == first["pairs"]
     reached = reached and first["commands"][0] == first["commands"][1]
@@ -224,8 +276,10 @@ def main() -> int:
             "`ends`: scan end points that near an obstacle's boundary; `way free`: the driven way, for a disc of",
             f"0.2 m; `rooms joined`: pairs of the {count} rooms that the robot visited; `log`: corrected poses;",
             "`odometry`: raw odometry alone, judged in its own frame. Grown worlds keep their distance from what was",
-            "seen on purpose: passages that the robot squeezed through are closed in them. "
-            f"{options.time_limit:g} s a path.",
+            f"seen on purpose. {options.time_limit:g} s a path.",
+            "",
+            f"{memory[0].upper()}{memory[1:]}. So poses more than",
+            f"{SETTINGS['log'].pose_memory:g} m of driving apart are taken to err independently (`pose_memory`).",
             "",
             record["machine"],
         ]

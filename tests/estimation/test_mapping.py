@@ -105,6 +105,23 @@ def test_walls_stand_where_they_are_within_what_they_are_known_by() -> None:
     assert met == set(faces)
 
 
+def test_poses_whose_errors_do_not_last_tell_more() -> None:
+    short = MappingSettings(scan=SETTINGS.scan, pose_sigma=SETTINGS.pose_sigma, pose_memory=1.0)
+    known = map_scans(scans(), settings=short)
+    assert known.walls == mapped().walls
+    pairs = zip(known.world.estimates, mapped().world.estimates, strict=True)
+    before, after = [], []
+    for one, other in pairs:
+        if one is not None and other is not None and isinstance(one.mean, Rectangle):
+            assert one.mean == other.mean
+            across = np.array([-math.sin(one.mean.heading), math.cos(one.mean.heading)])
+            after.append(float(across @ one.covariance[:2, :2] @ across))
+            before.append(float(across @ other.covariance[:2, :2] @ across))
+    assert (np.array(after) <= np.array(before)).all()
+    # A wall that is seen all along the way: ten metres, as many episodes.
+    assert min(np.array(after) / before) < 0.6
+
+
 def test_posts_are_discs() -> None:
     found = mapped()
     assert found.discs == 1
@@ -241,6 +258,8 @@ def test_scans_that_show_nothing_make_a_world_nevertheless() -> None:
         ({"unknown": "maybe"}, "unknown 'maybe' given"),
         ({"pose_sigma": (-1.0, 0.0)}, "pose_sigma"),
         ({"gate": 1.0}, "gate"),
+        ({"pose_memory": 0.0}, "pose_memory"),
+        ({"pose_memory": math.nan}, "pose_memory"),
         ({"confirm": 0}, "confirm"),
     ],
 )

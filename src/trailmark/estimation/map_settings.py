@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
@@ -26,6 +27,9 @@ class MappingSettings:
     """How single scans are taken apart."""
     pose_sigma: tuple[float, float] = (0.02, 0.005)
     """Standard deviation of the poses: of x and y each (metres), of theta (radians)."""
+    pose_memory: float = math.inf
+    """Metres of driving after which the errors of poses are others: within them they do not average out. Infinite for
+    dead reckoning; a few metres for poses that a SLAM program has corrected."""
     cell: float = 0.05
     """Side of the grid's cells, metres."""
     clear_range: float = 8.0
@@ -52,7 +56,7 @@ class MappingSettings:
     """What nobody looked into, or what is cut off from where the robot was: an obstacle, or free."""
 
     def __post_init__(self) -> None:
-        for name in ("cell", "gap", "min_wall", "thickness", "explained", "least_share"):
+        for name in ("cell", "gap", "min_wall", "thickness", "explained", "least_share", "pose_memory"):
             if not getattr(self, name) > 0.0:
                 raise EstimationError(f"{name} {getattr(self, name)!r} given, allowed: above 0")
         if not (min(self.pose_sigma) >= 0.0 and self.clear_range >= 0.0 and 0.0 < self.gate < 1.0):

@@ -133,11 +133,13 @@ def _read(
     grid = EvidenceGrid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), s.cell)
     covariance = np.diag([s.pose_sigma[0] ** 2, s.pose_sigma[0] ** 2, s.pose_sigma[1] ** 2])
     lines, discs = LineTracks(s.gate, covariance, s.gap), DiscTracks(s.gate, covariance)
+    driven = np.cumsum(np.hypot(*np.diff(x[:, :2], axis=0, prepend=x[:1, :2]).T))
+    episodes = np.floor(driven / s.pose_memory).astype(np.intp)
     for i, (scan, pose, (start, ends, met)) in enumerate(zip(scans, x, beams, strict=True)):
         grid.add(start, ends, met)
         seen, features = find_features(scan, s.scan)
-        lines.update([lines.seen(fit, seen.points, pose) for fit in features.lines])
-        discs.update([discs.seen(fit, seen.points, pose) for fit in features.discs])
+        lines.update([lines.seen(fit, seen.points, pose) for fit in features.lines], int(episodes[i]))
+        discs.update([discs.seen(fit, seen.points, pose) for fit in features.discs], int(episodes[i]))
         if on_progress is not None:
             on_progress(i + 1, len(scans))
     return grid, lines, discs

@@ -8,7 +8,6 @@ covariances given: an estimator that is too sure of itself makes the bound wrong
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,11 +18,21 @@ from numpy.typing import ArrayLike
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.growth import Spread, grow
-from trailmark.se2 import FloatArray, difference, interpolate, transform
-from trailmark.shapes import Disc, Polygon, Shape, triangulate
+from trailmark.estimation.swept import swept_region
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
-__all__ = ["allocate", "grow", "grown_world", "reallocate", "regrow", "required_risk", "spend_risk", "swept_region"]
+__all__ = [
+    "allocate",
+    "grow",
+    "grown_world",
+    "reallocate",
+    "regrow",
+    "required_risk",
+    "spend_risk",
+    "swept_region",
+]
 
 LEAST_RISK = 1e-15
 """What an obstacle far from a path is said to cost (nothing that a Gaussian says below this is worth anything)."""
@@ -224,35 +233,6 @@ def spend_risk(
         needed = [required_risk(estimate, region, world.risk) for estimate in known]
         world = regrow(world, world.risk.confidence, weights=reallocate(risks, needed, rate=rate))
     return best._replace(costs=tuple(costs))
-
-
-def swept_region(robot: Robot, states: ArrayLike, *, turn: float = 0.02) -> Any:
-    """Return a region that contains what the robot covers along a path, as a shapely geometry.
-
-    Args:
-        robot: its footprint.
-        states: the path's configurations, shape (n, 3), n >= 1.
-        turn: radians: motions are cut into pieces that turn by no more. The region reaches at most R·turn beyond
-            the truth, R the robot's circumradius, and for a disc its outline's 1 mm.
-    """
-    import shapely
-
-    q = np.atleast_2d(np.asarray(states, dtype=np.float64))
-    placed = [q[:1]]
-    for a, b in itertools.pairwise(q):
-        n = 1 if robot.sweep_radius == 0.0 else max(1, math.ceil(abs(float(difference(a, b)[2])) / turn))
-        placed.append(interpolate(a, b, np.arange(1, n + 1) / n))
-    outline = robot.outline
-    solid = shapely.area(shapely.convex_hull(outline.shapely())) <= outline.area * (1.0 + 1e-12)
-    pieces = outline.vertices[None] if solid else triangulate(outline)
-    poses = np.concatenate(placed)
-    # Shape (pieces, poses, corners, 2); what lies between two poses is the hull of a piece at both.
-    corners = np.stack([transform(poses, piece) for piece in pieces])
-    pairs = np.concatenate([corners[:, :-1], corners[:, 1:]], axis=2) if len(poses) > 1 else corners
-    swept = shapely.convex_hull(shapely.multipoints(pairs.reshape(-1, pairs.shape[2], 2)))
-    # Within a piece a point keeps within R·turn²/8 of the line from its first to its last place. The arcs of a
-    # buffer are drawn inside of it, by a hundredth at most.
-    return shapely.buffer(shapely.union_all(swept), 1.01 * robot.sweep_radius * turn**2 / 8.0)
 
 
 def _overlap(shape: Shape, region: Any) -> bool:

@@ -6,13 +6,15 @@ Q is 0, so each scan that shows it is one EKF update.
 
 The errors of poses that follow one another are anything but independent, so what they do to a feature does not
 average out over its scans. The update weighs a scan by its whole uncertainty, and :meth:`Tracks.covariance` adds
-what a pose's errors do to the feature on average.
+what a pose's errors do to the feature on average, less what averages out over episodes: poses of different episodes
+are taken to err independently, those of one episode to err alike.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +47,7 @@ class Tracks(ABC):
         P: shape (n, d, d), covariances as the filter has them.
         scans: shape (n,), how many scans showed each.
         readings: of each, the end points of all its scans, arrays of shape (m, 2).
+        episodes: of each, how many of its sightings are of which episode.
 
     Args:
         dim: d.
@@ -57,6 +60,7 @@ class Tracks(ABC):
         self.P = np.empty((0, dim, dim))
         self.scans = np.empty(0, dtype=np.intp)
         self.readings: list[list[FloatArray]] = []
+        self.episodes: list[Counter[int]] = []
         self._pose_part = np.empty((0, dim, dim))
         self._gate = float(chi_square_quantile(gate, dim))
         self._pose_covariance = np.asarray(pose_covariance, dtype=np.float64)
@@ -72,8 +76,13 @@ class Tracks(ABC):
     def near(self, seen: Seen) -> FloatArray:
         """Return which tracks lie where the feature is, shape (n,)."""
 
-    def update(self, found: list[Seen]) -> None:
-        """Take in the features of one scan, each into the nearest track that lets it through its gate, or a new one."""
+    def update(self, found: list[Seen], episode: int = 0) -> None:
+        """Take in the features of one scan, each into the nearest track that lets it through its gate, or a new one.
+
+        Args:
+            found: the features.
+            episode: which one the scan's pose belongs to.
+        """
         updated = set[int]()
         for seen in found:
             at = self._match(seen)
@@ -81,13 +90,20 @@ class Tracks(ABC):
                 at = self._start(seen)
             else:
                 self._refine(at, seen)
+            self.episodes[at][episode] += 1
             if at not in updated:
                 self.scans[at] += 1
                 updated.add(at)
 
     def covariance(self, at: int) -> FloatArray:
-        """Return a track's covariance with the part of the poses that does not average out, shape (d, d)."""
-        return np.asarray(self.P[at] + self._pose_part[at] / len(self.readings[at]))
+        """Return a track's covariance with the part of the poses that does not average out, shape (d, d).
+
+        The mean of errors that are alike within episodes, with shares w of the sightings, and independent from one to
+        the next has Σ w² of one error's variance.
+        """
+        counts = np.array(list(self.episodes[at].values()), dtype=np.float64)
+        left = float((counts**2).sum() / counts.sum() ** 2)
+        return np.asarray(self.P[at] + left * self._pose_part[at] / len(self.readings[at]))
 
     def merge(self) -> None:
         """Join tracks that turn out to be one: those that let each other through their gates."""
@@ -100,6 +116,7 @@ class Tracks(ABC):
                 self.readings[other][-1:] = self.readings[at]
                 self._pose_part[other] += self._pose_part[at] - whole.R_pose
                 self.scans[other] += self.scans[at]
+                self.episodes[other].update(self.episodes[at])
                 self._drop(at)
 
     def drop_unconfirmed(self, confirm: int) -> int:
@@ -128,6 +145,7 @@ class Tracks(ABC):
         self._pose_part = np.concatenate([self._pose_part, seen.R_pose[None]])
         self.scans = np.append(self.scans, 0)
         self.readings.append([seen.readings])
+        self.episodes.append(Counter())
         return len(self) - 1
 
     def _refine(self, at: int, seen: Seen) -> None:
@@ -142,7 +160,7 @@ class Tracks(ABC):
     def _drop(self, at: int) -> None:
         self.states, self.P = np.delete(self.states, at, axis=0), np.delete(self.P, at, axis=0)
         self._pose_part, self.scans = np.delete(self._pose_part, at, axis=0), np.delete(self.scans, at)
-        del self.readings[at]
+        del self.readings[at], self.episodes[at]
 
 
 class LineTracks(Tracks):
