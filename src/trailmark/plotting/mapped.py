@@ -11,6 +11,7 @@ import shapely
 from matplotlib.collections import EllipseCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
 from trailmark.plotting.canvas import (
     GOAL,
@@ -134,6 +135,8 @@ def _draw_ellipses(axes: Axes, estimates: list[ObstacleEstimate]) -> list[Entry]
     at = np.array([estimate.mean.center for estimate in discs if isinstance(estimate.mean, Disc)])
     ellipses = EllipseCollection(long, short, angles, units="xy", offsets=at, offset_transform=axes.transData)
     ellipses.set(facecolors="none", edgecolors=LANDMARK, linewidths=1.0, zorder=4.0)
+    # Seen on the dark of an obstacle too.
+    ellipses.set_path_effects([withStroke(linewidth=2.2, foreground="white")])
     axes.add_collection(ellipses, autolim=False)
     # A tree would be lost on the map of a park.
     axes.plot(*at.T, "o", ms=1.6, mew=0, color=OBSTACLE, zorder=4.1)
