@@ -1,0 +1,33 @@
+"""trailmark's parts for OMPL programs: problem set-up, checker, motion validator, sampler, planner.
+
+The one package of trailmark that imports ompl.
+"""
+
+from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
+from trailmark.ompl_bridge.errors import BoundsError, BridgeError, ObjectiveError, PlannerNameError, SpaceError
+from trailmark.ompl_bridge.guard import planning, solve
+from trailmark.ompl_bridge.planners import planner_named, planner_names
+from trailmark.ompl_bridge.problem import SE2Problem, simple_setup
+from trailmark.ompl_bridge.states import configuration, path_to_ompl, planner_data_graph, state, states_of, write_state
+
+__all__ = [
+    "BoundsError",
+    "BridgeError",
+    "MotionValidator",
+    "ObjectiveError",
+    "PlannerNameError",
+    "SE2Problem",
+    "SpaceError",
+    "StateValidityChecker",
+    "configuration",
+    "path_to_ompl",
+    "planner_data_graph",
+    "planner_named",
+    "planner_names",
+    "planning",
+    "simple_setup",
+    "solve",
+    "state",
+    "states_of",
+    "write_state",
+]

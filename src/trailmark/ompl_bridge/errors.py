@@ -1,0 +1,27 @@
+"""What can be wrong when trailmark is plugged into an OMPL program."""
+
+from __future__ import annotations
+
+from trailmark.errors import TrailmarkError
+
+__all__ = ["BoundsError", "BridgeError", "ObjectiveError", "PlannerNameError", "SpaceError"]
+
+
+class BridgeError(TrailmarkError):
+    """Base class of the bridge's errors."""
+
+
+class SpaceError(BridgeError, TypeError):
+    """A state space that is not made of x, y and heading."""
+
+
+class BoundsError(BridgeError, ValueError):
+    """A state space that reaches beyond the world that it is to be checked in."""
+
+
+class PlannerNameError(BridgeError, ValueError):
+    """A planner that the installed OMPL does not have."""
+
+
+class ObjectiveError(BridgeError, ValueError):
+    """An optimisation objective that the landmark planner does not know."""

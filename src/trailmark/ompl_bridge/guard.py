@@ -1,0 +1,96 @@
+"""Errors and Ctrl-C while OMPL plans: kept until it is done, then raised.
+
+An exception must not pass through OMPL's C++: PRM aborts the process on one. So callbacks catch everything, note the
+first error and ask the planning to end. Python raises KeyboardInterrupt wherever it happens to be, even at a
+callback's first instruction, before any ``try``; while OMPL plans, a handler of our own only takes note of it.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+from ompl import base as ob
+from ompl import geometric as og
+
+__all__ = ["caught", "planning", "solve"]
+
+
+class _Session:
+    """One planning under way: whose it is, how to end it, and what went wrong in it first."""
+
+    def __init__(self, condition: Any) -> None:
+        self.thread = threading.get_ident()
+        self.condition = condition
+        self.error: BaseException | None = None
+
+    def fail(self, error: BaseException) -> None:
+        if self.error is None:
+            self.error = error
+        if self.condition is not None:
+            self.condition.terminate()
+
+    def interrupted(self, number: int, frame: FrameType | None) -> None:
+        self.fail(KeyboardInterrupt())
+
+
+_sessions: list[_Session] = []
+
+
+def caught(error: BaseException) -> None:
+    """Take note of an error in a callback: the planning ends and the error is raised where it was started.
+
+    Where nothing watches over the planning, that is, where it was started neither by :func:`solve` nor within
+    :func:`planning`, the error becomes a warning.
+    """
+    mine = [session for session in _sessions if session.thread == threading.get_ident()]
+    for session in (mine or _sessions)[-1:]:
+        session.fail(error)
+        return
+    try:
+        warnings.warn(
+            f"a callback failed while OMPL planned: {error!r}; plan with trailmark.ompl_bridge.solve to have it raised",
+            RuntimeWarning,
+            stacklevel=3,
+        )
+    except RuntimeWarning:
+        # Warnings made errors must not pass through OMPL's C++ either.
+        return
+
+
+@contextmanager
+def planning(condition: Any = None) -> Iterator[None]:
+    """Watch over a planning: at the end of the block, raise what went wrong in a callback, or a Ctrl-C within it.
+
+    Args:
+        condition: the ``PlannerTerminationCondition`` that the planning heeds; without one, it ends by itself.
+    """
+    session = _Session(condition)
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, session.interrupted) if main else None
+    _sessions.append(session)
+    try:
+        yield
+    finally:
+        _sessions.remove(session)
+        if main:
+            signal.signal(signal.SIGINT, before)
+    if session.error is not None:
+        raise session.error
+
+
+def solve(setup: Any, limit: Any = 1.0) -> Any:
+    """Run ``setup.solve`` and return its status; an error in a callback, or Ctrl-C, ends it and is raised.
+
+    Args:
+        setup: a ``SimpleSetup`` with any of trailmark's parts in it.
+        limit: seconds, or a ``PlannerTerminationCondition``.
+    """
+    condition = ob.timedPlannerTerminationCondition(float(limit)) if isinstance(limit, int | float) else limit
+    with planning(condition):
+        return og.SimpleSetup.solve(setup, condition)

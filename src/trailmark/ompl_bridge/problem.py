@@ -1,0 +1,127 @@
+"""SE2Problem and simple_setup: a world, a robot and a query as OMPL plans with them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from ompl import geometric as og
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
+from trailmark.ompl_bridge.guard import solve
+from trailmark.ompl_bridge.planners import planner_named
+from trailmark.ompl_bridge.spaces import se2_space
+from trailmark.ompl_bridge.states import planner_data_graph, state, states_of
+from trailmark.path import Path
+from trailmark.world import Query, Robot, World
+
+__all__ = ["SE2Problem", "simple_setup"]
+
+Ends = Query | str | tuple[ArrayLike, ArrayLike] | None
+
+
+class SE2Problem:
+    """A planning problem for OMPL: space with bounds, checker, motion validator, start and goal.
+
+    Args:
+        world: obstacles and bounds.
+        robot: footprint; the world's own robot if None.
+        query: a query or its name, a pair (start, goal) of configurations, or None for the world's first query.
+        checker: one that is there already for this world and robot.
+        certified: whether motions are certified by trailmark; False leaves them to OMPL's discrete validator.
+        resolution: metres between the states that OMPL's discrete validator looks at; OMPL's default of 1 % of the
+            space's extent if None.
+
+    Attributes:
+        setup: the configured ``SimpleSetup``.
+        information: its ``SpaceInformation``.
+        space: its state space.
+        checker: trailmark's checker.
+        start: shape (3,).
+        goal: shape (3,).
+
+    Raises:
+        WorldError: no robot, or no query of that name.
+        ConfigurationError: start or goal is not valid.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        robot: Robot | None = None,
+        query: Ends = None,
+        *,
+        checker: StateChecker | None = None,
+        certified: bool = True,
+        resolution: float | None = None,
+    ) -> None:
+        self.world = world
+        self.checker = StateChecker(world, robot) if checker is None else checker
+        start, goal = _ends(world, query)
+        self.start = self.checker.require_valid(start, "start")
+        self.goal = self.checker.require_valid(goal, "goal")
+        self.space = se2_space(world)
+        self.setup = og.SimpleSetup(self.space)
+        self.information = self.setup.getSpaceInformation()
+        self.validity = StateValidityChecker(self.information, self.checker)
+        self.setup.setStateValidityChecker(self.validity)
+        self.motions: MotionValidator | None = None
+        if certified:
+            self.motions = MotionValidator(self.information, self.checker)
+            self.information.setMotionValidator(self.motions)
+        if resolution is not None:
+            if not (np.isfinite(resolution) and resolution > 0.0):
+                raise ConfigurationError(f"resolution: {resolution} m given, allowed: a finite number above 0")
+            self.information.setStateValidityCheckingResolution(resolution / self.space.getMaximumExtent())
+        self.setup.setStartAndGoalStates(state(self.information, self.start), state(self.information, self.goal))
+
+    def set_planner(self, planner: Any) -> Any:
+        """Use a planner, given itself or by name, and return it.
+
+        Raises:
+            PlannerNameError: a name that the installed OMPL does not have.
+        """
+        made = planner_named(planner, self.information) if isinstance(planner, str) else planner
+        self.setup.setPlanner(made)
+        return made
+
+    def solve(self, limit: Any = 1.0) -> Any:
+        """Run the planner for ``limit`` seconds (or until a ``PlannerTerminationCondition``); return its status.
+
+        An exception in a callback, or Ctrl-C, ends the planning and is raised here.
+        """
+        return solve(self.setup, limit)
+
+    @property
+    def path(self) -> Path | None:
+        """The exact solution's path, or None."""
+        if not self.setup.haveExactSolutionPath():
+            return None
+        return Path(states_of(self.setup.getSolutionPath()))
+
+    def graph(self) -> Any:
+        """Return the planner's roadmap or tree as a ``networkx.Graph``."""
+        return planner_data_graph(self.setup)
+
+
+def simple_setup(world: World, robot: Robot | None = None, query: Ends = None, **options: Any) -> Any:
+    """Return a configured ``SimpleSetup``; run it with :func:`trailmark.ompl_bridge.solve`.
+
+    Args:
+        world: obstacles and bounds.
+        robot: footprint; the world's own robot if None.
+        query: a query or its name, a pair (start, goal), or None for the world's first query.
+        options: further ones of :class:`SE2Problem`.
+    """
+    return SE2Problem(world, robot, query, **options).setup
+
+
+def _ends(world: World, query: Ends) -> tuple[se2.FloatArray, se2.FloatArray]:
+    if query is None or isinstance(query, str):
+        query = world.query(query)
+    start, goal = (query.start, query.goal) if isinstance(query, Query) else query
+    return se2.configurations(start, name="start"), se2.configurations(goal, name="goal")

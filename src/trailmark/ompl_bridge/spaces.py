@@ -1,0 +1,63 @@
+"""State spaces of x, y and heading: made for a world, looked at when they come from elsewhere."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ompl import base as ob
+
+from trailmark.ompl_bridge.errors import BoundsError, SpaceError
+from trailmark.world import World
+
+__all__ = ["require_within", "se2_space", "space_of"]
+
+
+def se2_space(world: World) -> Any:
+    """Return an ``SE2StateSpace`` with the world's bounds: where the robot's reference point may lie."""
+    space = ob.SE2StateSpace()
+    set_bounds(space, world)
+    return space
+
+
+def set_bounds(space: Any, world: World) -> None:
+    """Set the bounds (metres) of a space of x, y and heading to the world's."""
+    xmin, ymin, xmax, ymax = world.bounds
+    bounds = ob.RealVectorBounds(2)
+    for axis, (low, high) in enumerate(((xmin, xmax), (ymin, ymax))):
+        bounds.setLow(axis, low)
+        bounds.setHigh(axis, high)
+    space.setBounds(bounds)
+
+
+def space_of(information: Any) -> Any:
+    """Return the state space of a ``SpaceInformation``.
+
+    Raises:
+        SpaceError: it is not ``SE2StateSpace`` nor one of those derived from it (Dubins, Reeds-Shepp).
+    """
+    space = information.getStateSpace()
+    if not isinstance(space, ob.SE2StateSpace):
+        raise SpaceError(
+            f"state space {space.getName()!r} ({type(space).__name__}) given, "
+            "allowed: SE2StateSpace, DubinsStateSpace, ReedsSheppStateSpace"
+        )
+    return space
+
+
+def require_within(space: Any, world: World) -> None:
+    """Raise unless a space's bounds lie within the world's.
+
+    Raises:
+        BoundsError: they do not, or were never set.
+    """
+    bounds = space.getBounds()
+    low, high = list(bounds.low), list(bounds.high)
+    xmin, ymin, xmax, ymax = world.bounds
+    spare = 1e-6 * max(1.0, xmax - xmin, ymax - ymin)
+    if len(low) != 2 or not all(a < b for a, b in zip(low, high, strict=True)):
+        raise BoundsError(f"state space with bounds {low} to {high} given, allowed: bounds that are set and not empty")
+    if low[0] < xmin - spare or low[1] < ymin - spare or high[0] > xmax + spare or high[1] > ymax + spare:
+        raise BoundsError(
+            f"state space from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) given, "
+            f"allowed: within world {world.name!r}, ({xmin:g}, {ymin:g}) to ({xmax:g}, {ymax:g})"
+        )
