@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -143,6 +144,25 @@ def test_each_obstacle_has_its_readings_and_so_its_box() -> None:
         assert shapely.distance(shape.polygon(1e-3).shapely(), shapely.points(readings)).max() < 0.12
 
 
+@pytest.mark.parametrize("shapes", ["hulls", "boxes"])
+def test_obstacles_drawn_as_hulls_or_as_the_plain_boxes_of_algorithm_2(shapes: Literal["hulls", "boxes"]) -> None:
+    settings = MappingSettings(scan=SETTINGS.scan, pose_sigma=SETTINGS.pose_sigma, shapes=shapes)
+    found = map_scans(scans(), settings=settings, robot=Robot.disc(0.2), confidence=0.9)
+    assert (found.walls, found.discs) == (mapped().walls, mapped().discs)
+    kind = Polygon if shapes == "hulls" else Rectangle
+    for estimate, readings in zip(found.world.estimates, found.readings, strict=False):
+        assert estimate is not None
+        assert isinstance(estimate.mean, kind)
+        cloud = shapely.multipoints(readings)
+        expected = shapely.convex_hull(cloud) if shapes == "hulls" else shapely.box(*cloud.bounds)
+        assert shapely.hausdorff_distance(estimate.mean.polygon().shapely(), expected) < 2e-3
+        assert estimate.covariance.shape == (2, 2)
+        # Of a reading, 0.015, and a pose, 0.005 and a milliradian at up to ten metres.
+        assert 0.0158 <= math.sqrt(estimate.covariance[0, 0]) <= 0.0187
+    assert all(isinstance(e.mean, kind) for e in found.world.estimates if e is not None)
+    assert shapely.distance(regions(found.world), shapely.LineString(drive()[:, :2])).min() > 0.2
+
+
 def test_people_who_walk_on_leave_no_obstacle() -> None:
     assert shapely.distance(regions(mapped().world), shapely.Point(3.0, 2.5)).min() > 0.3
 
@@ -258,6 +278,7 @@ def test_scans_that_show_nothing_make_a_world_nevertheless() -> None:
         ({"unknown": "maybe"}, "unknown 'maybe' given"),
         ({"pose_sigma": (-1.0, 0.0)}, "pose_sigma"),
         ({"gate": 1.0}, "gate"),
+        ({"shapes": "boxs"}, "shapes 'boxs' given, did you mean 'boxes'"),
         ({"pose_memory": 0.0}, "pose_memory"),
         ({"pose_memory": math.nan}, "pose_memory"),
         ({"confirm": 0}, "confirm"),

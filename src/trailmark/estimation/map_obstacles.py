@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.evidence import EvidenceGrid
 from trailmark.estimation.map_settings import MappingSettings
-from trailmark.estimation.obstacles import wall_estimate
+from trailmark.estimation.obstacles import hull_estimate, plain_box, wall_estimate
 from trailmark.estimation.tracks import DiscTracks, LineTracks
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Shape
@@ -58,6 +58,10 @@ def find_obstacles(
         walls, posts = (_facing(found, seen_free, grid) for found in (walls, posts))
     explained = _explained(occupied, [estimate.mean for estimate, _ in walls + posts], grid, s)
     heaps, unknown = _cells(grid, occupied & ~explained, explained, seen_free, s)
+    if s.shapes != "fitted":
+        walls, posts = (_redrawn(found, grid, s) for found in (walls, posts))
+        outlines = [(estimate, estimate.mean.polygon().vertices) for estimate in heaps]
+        heaps = [estimate for estimate, _ in _redrawn(outlines, grid, s)]
     return MapObstacles(walls, posts, heaps, unknown)
 
 
@@ -85,7 +89,8 @@ def _walls(tracks: LineTracks, grid: EvidenceGrid, occupied: BoolArray, s: Mappi
             span = (float(places[own].min()), float(places[own].max()))
             if span[1] - span[0] >= s.min_wall:
                 covariance = tracks.covariance(at)
-                along_sigma = math.sqrt(_place_variance(grid, grid.cells(points[own]), s))
+                cells = grid.cells(points[own])
+                along_sigma = math.sqrt(_place_variance(grid.hits[cells], grid.reach[cells], s))
                 wall = wall_estimate((rho, alpha), covariance, span, thickness=s.thickness, along_sigma=along_sigma)
                 walls.append((wall, points[own]))
     return walls
@@ -169,17 +174,31 @@ def _cells(
         unknown = list(grid_polygons(~(reached | rest | explained), grid.cell, origin))
     heaps = []
     for polygon in grid_polygons(rest, grid.cell, origin):
-        rows, columns = grid.cells(polygon.vertices.mean(axis=0)[None])
-        around = np.s_[max(0, rows[0] - 3) : rows[0] + 4, max(0, columns[0] - 3) : columns[0] + 4]
-        variance = _place_variance(grid, around, s)
+        rows, columns = grid.cells(polygon.vertices)
+        around = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+        own = rest[around]
+        variance = _place_variance(grid.hits[around][own], grid.reach[around][own], s)
         heaps.append(ObstacleEstimate(polygon, variance * np.eye(2)))
     return heaps, unknown
 
 
-def _place_variance(grid: EvidenceGrid, cells: Any, s: MappingSettings) -> float:
-    """Return the variance of a place that end points in these cells tell: of one reading and of one pose.
+def _place_variance(hits: NDArray[np.int32], reach: NDArray[np.float32], s: MappingSettings) -> float:
+    """Return the variance of a place that end points in cells, (n,) each, tell: of one reading and of one pose.
 
     No more than that is taken to average out: poses that follow one another err together.
     """
-    turned = s.pose_sigma[1] * float(grid.reach[cells].sum()) / max(1, int(grid.hits[cells].sum()))
+    turned = s.pose_sigma[1] * float(reach.sum()) / max(1, int(hits.sum()))
     return s.scan.sigma_range**2 + s.pose_sigma[0] ** 2 + turned**2
+
+
+def _redrawn(found: Found, grid: EvidenceGrid, s: MappingSettings) -> Found:
+    """Return obstacles as boxes or hulls of their end points, which are as uncertain as one of these."""
+    redrawn: Found = []
+    for _, points in found:
+        cells = grid.cells(points)
+        covariance = _place_variance(grid.hits[cells], grid.reach[cells], s) * np.eye(2)
+        if s.shapes == "hulls":
+            redrawn.append((hull_estimate(points, covariance), points))
+        else:
+            redrawn.append((ObstacleEstimate(plain_box(points), covariance), points))
+    return redrawn

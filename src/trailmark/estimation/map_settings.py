@@ -13,6 +13,7 @@ from trailmark.estimation.scan_features import ScanSettings
 __all__ = ["MappingSettings"]
 
 Unknown = Literal["blocked", "free"]
+Shapes = Literal["fitted", "hulls", "boxes"]
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,9 @@ class MappingSettings:
     """Metres from a wall or disc within which occupied cells are taken to be part of it."""
     crumbs: int = 4
     """Cells of an unknown patch, met by no beam, up to which it counts as free like what is around it."""
+    shapes: Shapes = "fitted"
+    """What obstacles are drawn as. "fitted": walls as rectangles with thickness, discs, and cells for the rest;
+    "hulls": the convex hull of each one's end points; "boxes": their plain box, as in the source's Algorithm 2."""
     unknown: Unknown = "blocked"
     """What nobody looked into, or what is cut off from where the robot was: an obstacle, or free."""
 
@@ -66,5 +70,7 @@ class MappingSettings:
             )
         if self.min_hits < 1 or self.confirm < 1:
             raise EstimationError(f"min_hits, confirm {self.min_hits}, {self.confirm} given, allowed: 1 or more")
+        if self.shapes not in get_args(Shapes):
+            raise EstimationError(f"shapes {self.shapes!r} given, {did_you_mean(self.shapes, get_args(Shapes))}")
         if self.unknown not in get_args(Unknown):
             raise EstimationError(f"unknown {self.unknown!r} given, {did_you_mean(self.unknown, get_args(Unknown))}")

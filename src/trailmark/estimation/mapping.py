@@ -43,9 +43,9 @@ class ScanMap(NamedTuple):
     grid: EvidenceGrid
     """Hits and passes."""
     walls: int
-    """How many obstacles are walls."""
+    """How many obstacles are walls, or boxes or hulls of their end points."""
     discs: int
-    """How many are discs."""
+    """How many are discs, or boxes or hulls of those."""
     dropped: int
     """Lines and discs that too few scans showed."""
 
