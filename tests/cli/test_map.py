@@ -288,6 +288,51 @@ def test_logs_that_show_nothing(shell: Shell, tmp_path: Path, content: bytes, pr
 
 
 @pytest.mark.parametrize(
+    ("records", "problem"),
+    [
+        (
+            [
+                {"type": "odometry", "t": 0, "v": 1e300, "omega": 0},
+                {"type": "detection", "t": 1e9, "z": [2, 0.1], "identity": 3},
+            ],
+            "Detection at 1e+09 s cannot be used (",
+        ),
+        (
+            [
+                {"type": "increment", "t": 0, "dx": 5e7, "dy": 0, "dtheta": 0},
+                {"type": "detection", "t": 1, "z": [2, 0.1], "identity": 3},
+            ],
+            "bounds: ",
+        ),
+        (
+            [
+                {"type": "pose", "t": 0, "x": 0, "y": 0, "theta": 0},
+                {"type": "scan", "t": 0, "ranges": [2, 2e6], "angle_min": 0, "angle_increment": 0.5, "range_max": 9e9},
+            ],
+            "grid over [",
+        ),
+    ],
+)
+def test_values_that_no_robot_can_have(shell: Shell, tmp_path: Path, records: list[Any], problem: str) -> None:
+    log, file = tmp_path / "log.jsonl", tmp_path / "world.yaml"
+    log.write_text("\n".join(map(json.dumps, [{"trailmark_log": 1}, *records])))
+    run = shell("map", log, "--output", file)
+    assert run.status == 2
+    assert run.problem.startswith(f"{log}: {problem}")
+    assert not file.exists()
+
+
+@pytest.mark.parametrize("ranges", [[2, 2, 2, "inf", None], ["inf", None]])
+def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> None:
+    log, file = tmp_path / "log.jsonl", tmp_path / "world.yaml"
+    scan = {"type": "scan", "t": 0, "ranges": ranges, "angle_min": -1, "angle_increment": 0.5, "range_max": 8}
+    log.write_text("\n".join(map(json.dumps, [{"trailmark_log": 1}, scan | {"pose": [1, 1, 0]}])))
+    found = record(shell, log, "--output", file, "--plot", tmp_path / "map.png", "--confidence", "0.9")
+    assert found["obstacles"] == {"all": 1, "discs": 0, "walls": 0, "heaps": 0, "unknown": 1}
+    assert World.load(file).queries == ()
+
+
+@pytest.mark.parametrize(
     ("words", "problem"),
     [
         (["--confidence", "1"], "--confidence '1' given, allowed: a probability above 0 and below 1"),

@@ -183,8 +183,7 @@ def map_log(
     picture = output_file(plot, PICTURE_SUFFIXES)
 
     with console.progress("reading") as progress:
-        from trailmark.errors import FormatError
-        from trailmark.estimation.errors import EstimationError
+        from trailmark.errors import FormatError, TrailmarkError
         from trailmark.estimation.logs import load_log
         from trailmark.estimation.world_from_log import map_log as map_records
 
@@ -223,7 +222,7 @@ def map_log(
 
         try:
             mapped = map_records(read, settings, robot=body, confidence=probability, on_progress=follow)
-        except EstimationError as error:
+        except TrailmarkError as error:
             raise FormatError(log, str(error)) from None
         progress.stage("writing")
         written = [world_file] if world_file is not None else []

@@ -23,6 +23,8 @@ __all__ = ["OnProgress", "Sources", "Track", "poses_of_scans", "run_slam", "sour
 
 OnProgress = Callable[[str, int, int], None]
 
+_ALLOWED = "allowed: values that a robot can have"
+
 _REPORT_EVERY = 64
 """Records from one report of progress to the next."""
 
@@ -136,7 +138,10 @@ def _run(
     )
     total = len(log.records)
     for i, record in enumerate(_records(log, s), start=1):
-        slam.process(record)
+        try:
+            slam.process(record)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise _beyond(record, str(error)) from None
         if i % _REPORT_EVERY == 0 or i == total:
             if slam.counts.outliers > most:
                 break
@@ -144,6 +149,9 @@ def _run(
                 on_progress("records", i, total)
     slam.finish()
     result = slam.result()
+    lost = ~np.isfinite(result.trajectory).all(axis=1)
+    if lost.any():
+        raise EstimationError(f"the estimate is no number from {result.trajectory[lost, 0].min():g} s on, {_ALLOWED}")
     return Track(result, association, len(slam.filter.features) - len(result.features), start)
 
 
@@ -170,6 +178,10 @@ def poses_of_scans(log: Log, poses: Literal["log", "odometry"], start: Sequence[
     t = [scan.t for scan in scans]
     x, y, theta = (np.interp(t, rows[:, 0], column) for column in (rows[:, 1], rows[:, 2], np.unwrap(rows[:, 3])))
     return np.column_stack([x, y, np.asarray(wrap(theta))])
+
+
+def _beyond(record: Record, problem: str) -> EstimationError:
+    return EstimationError(f"{type(record).__name__} at {record.t:g} s cannot be used ({problem}), {_ALLOWED}")
 
 
 def _states_poses(log: Log, obstacles: str) -> bool:

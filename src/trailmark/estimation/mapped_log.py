@@ -102,8 +102,9 @@ class MappedLog(NamedTuple):
 
     def _obstacles(self) -> dict[str, int]:
         """Return how many obstacles there are of each kind, by what they are the estimates of."""
-        kinds = Counter(_kind(estimate) for estimate in self.world.estimates)
-        return {"all": len(self.world.obstacles), **{name: kinds[name] for name in _OBSTACLES}}
+        every = len(self.world.obstacles)
+        kinds = Counter(_kind(estimate) for estimate in self.world.estimates or (None,) * every)
+        return {"all": every, **{name: kinds[name] for name in _OBSTACLES}}
 
     def _per_update(self) -> float | None:
         """Return the seconds that an update took: of EKF-SLAM's state, or of the map by a scan."""

@@ -90,7 +90,8 @@ def draw_map(axes: Axes, mapped: MappedLog) -> list[Entry]:
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    pairs = list(zip(world.obstacles, world.estimates, strict=True))
+    estimates = world.estimates or (None,) * len(world.obstacles)
+    pairs = list(zip(world.obstacles, estimates, strict=True))
     inside = shapely.box(*world.bounds)
     outside = [shapely.box(*window).difference(inside)]
     fill(axes, outside, OUTSIDE, 0.5, edgecolor=HATCH, hatch="////")
