@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,13 +27,10 @@ from trailmark.estimation.jacobian import SparseJacobian
 from trailmark.estimation.motion import MotionModel
 from trailmark.estimation.sensor_model import SensorModel
 from trailmark.estimation.slam_settings import ErrorForm
-from trailmark.estimation.slam_state import SlamState, checked_pose
+from trailmark.estimation.slam_state import Mode, SlamState, checked_pose
 from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["ErrorForm", "Innovation", "Mode", "Prediction", "SlamFilter"]
-
-Mode = Literal["slam", "localisation", "mapping"]
-"""What an update may change: pose and features, the pose alone, or the features alone."""
 
 STRAIGHT = 0.03
 """Standard deviations of a reading: an update whose linearisation was off by less is not iterated."""
@@ -82,7 +79,7 @@ class SlamFilter(SlamState):
         if iterations < 1:
             raise EstimationError(f"SlamFilter: iterations {iterations!r} given, allowed: 1 or more")
         super().__init__(pose, P)
-        self.mode: Mode = mode
+        self.mode = mode
         self.error: ErrorForm = error
         self.iterations = iterations
 
@@ -137,7 +134,7 @@ class SlamFilter(SlamState):
         """
         if ids is None:
             ids = [i for i, kind in self._kinds.items() if kind == sensor.feature_kind]
-        at = self._at(sensor, ids)
+        at = self.places(sensor, ids)
         x, l = np.broadcast_to(self.pose, (len(at), 3)), self.x[at]  # noqa: E741 # features
         (z_hat, H_pose, H_feature), R = sensor.linearised(x, l), sensor.noise(x, l)
         cross = H_pose @ np.moveaxis(self.P[:3, at], 1, 0) @ np.swapaxes(H_feature, 1, 2)
@@ -157,8 +154,8 @@ class SlamFilter(SlamState):
 
     def innovation(self, z: ArrayLike, sensor: SensorModel, feature_id: int, R: ArrayLike | None = None) -> Innovation:
         """Return what :meth:`update` would make of a reading, and leave the filter as it is."""
-        readings, noise = self._checked(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], [R])
-        gain = self._gain(readings, sensor, self._at(sensor, [feature_id]), noise)
+        readings, noise = self.checked_readings(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], [R])
+        gain = self._gain(readings, sensor, self.places(sensor, [feature_id]), noise)
         return gain.innovation
 
     def update(self, z: ArrayLike, sensor: SensorModel, feature_id: int, R: ArrayLike | None = None) -> Innovation:
@@ -192,8 +189,8 @@ class SlamFilter(SlamState):
         """
         if len(ids) == 0:
             return Innovation(np.zeros(0), np.zeros((0, 0)), 0.0)
-        readings, noise = self._checked(z, sensor, ids, R)
-        at = self._at(sensor, ids)
+        readings, noise = self.checked_readings(z, sensor, ids, R)
+        at = self.places(sensor, ids)
         gain = self._gain(readings, sensor, at, noise)
         innovation = gain.innovation
         if self.mode == "slam":
@@ -212,29 +209,6 @@ class SlamFilter(SlamState):
             EstimationError: always.
         """
         raise EstimationError("predict_update: not for a state that grows, allowed: predict, then update")
-
-    def add_feature(self, z: ArrayLike, sensor: SensorModel, R: ArrayLike | None = None) -> int:
-        """Add the feature that a reading shows, with the correlations that the pose gives it; return its id; O(n²).
-
-        Args:
-            z: its first reading, shape (m,).
-            sensor: what read it.
-            R: covariance of z itself, shape (m, m), where the log states one; None for the sensor's V R Vᵀ.
-
-        Raises:
-            EstimationError: in mode "localisation", whose map is known; a reading that is not finite.
-        """
-        if self.mode == "localisation":
-            raise EstimationError("add_feature: the map of mode 'localisation' is known, allowed: add_known_feature")
-        reading = np.asarray(z, dtype=np.float64)
-        if reading.shape != (sensor.reading_dim,) or not np.isfinite(reading).all():
-            raise EstimationError(
-                f"add_feature: reading {reading.tolist()} given, allowed: {sensor.reading_dim} finite numbers"
-            )
-        l, G_pose, G_z = sensor.inverse(self.pose, reading)  # noqa: E741 # a feature
-        noise = sensor.noise(self.pose, l) if R is None else checked_covariance(R, sensor.reading_dim, "reading")
-        block = G_pose @ self.P[:3, :3] @ G_pose.T + G_z @ noise @ G_z.T
-        return self._append(l, 0.5 * (block + block.T), G_pose @ self.P[:3], sensor.feature_kind)
 
     def merge_features(self, keep: int, drop: int) -> None:
         """Take two points for one and the same: they become equal, and ``drop`` is taken out; O(n²).
@@ -289,36 +263,6 @@ class SlamFilter(SlamState):
         after = x + step
         after[2] = wrap(float(after[2]))
         return np.asarray(after)
-
-    def _at(self, sensor: SensorModel, ids: Sequence[int]) -> NDArray[np.intp]:
-        """Return where the features' numbers stand in the state, shape (k, d)."""
-        starts = np.array([self._place(i).start for i in ids], dtype=np.intp)
-        return starts[:, None] + np.arange(sensor.feature_dim)
-
-    def _checked(
-        self, z: ArrayLike, sensor: SensorModel, ids: Sequence[int], R: Sequence[ArrayLike | None] | None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the readings, shape (k, m), and the covariance of each, shape (k, m, m), or say what is wrong."""
-        readings, k, m = np.asarray(z, dtype=np.float64), len(ids), sensor.reading_dim
-        if readings.shape != (k, m) or not np.isfinite(readings).all():
-            raise EstimationError(f"readings {readings.tolist()} given, allowed: {k} times {m} finite numbers")
-        if len(set(ids)) < k:
-            raise EstimationError("update: two readings of one feature at once given, allowed: one after the other")
-        at = self._at(sensor, ids)
-        if any(self._kinds[i] != sensor.feature_kind for i in ids):
-            raise EstimationError(f"update: a sensor of {sensor.feature_kind}s reads another kind of feature")
-        stated = [None] * k if R is None else list(R)
-        if len(stated) != k:
-            raise EstimationError(f"update: {len(stated)} covariances given, allowed: {k}, one for each reading")
-        own = None
-        noise = np.empty((k, m, m))
-        for i, covariance in enumerate(stated):
-            if covariance is not None:
-                noise[i] = checked_covariance(covariance, m, "reading")
-            else:
-                own = sensor.noise(self.pose, self.x[at]) if own is None else own
-                noise[i] = own[i]
-        return readings, noise
 
     def _gain(
         self,

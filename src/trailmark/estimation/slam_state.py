@@ -1,10 +1,11 @@
-# ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P
+# ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P, R, G, H
 """The state of a SLAM filter: the robot's pose and features, whose number grows and shrinks."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
@@ -12,9 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark.estimation.covariance import checked_covariance
 from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.sensor_model import SensorModel
 from trailmark.se2 import FloatArray, configurations
 
-__all__ = ["SlamState", "checked_pose"]
+__all__ = ["Mode", "SlamState", "checked_pose"]
+
+
+Mode = Literal["slam", "localisation", "mapping"]
+"""What an update may change: pose and features, the pose alone, or the features alone."""
 
 
 class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships no type information
@@ -30,6 +36,7 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
 
     x: FloatArray
     P: FloatArray
+    mode: Mode = "slam"
 
     def __init__(self, pose: ArrayLike = (0.0, 0.0, 0.0), P: ArrayLike | None = None) -> None:
         super().__init__(dim_x=3, dim_z=2)
@@ -70,6 +77,29 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
         self._place(feature_id)
         return self._kinds[feature_id]
 
+    def add_feature(self, z: ArrayLike, sensor: SensorModel, R: ArrayLike | None = None) -> int:
+        """Add the feature that a reading shows, with the correlations that the pose gives it; return its id; O(n²).
+
+        Args:
+            z: its first reading, shape (m,).
+            sensor: what read it.
+            R: covariance of z itself, shape (m, m), where the log states one; None for the sensor's V R Vᵀ.
+
+        Raises:
+            EstimationError: in mode "localisation", whose map is known; a reading that is not finite.
+        """
+        if self.mode == "localisation":
+            raise EstimationError("add_feature: the map of mode 'localisation' is known, allowed: add_known_feature")
+        reading = np.asarray(z, dtype=np.float64)
+        if reading.shape != (sensor.reading_dim,) or not np.isfinite(reading).all():
+            raise EstimationError(
+                f"add_feature: reading {reading.tolist()} given, allowed: {sensor.reading_dim} finite numbers"
+            )
+        l, G_pose, G_z = sensor.inverse(self.pose, reading)  # noqa: E741 # a feature
+        noise = sensor.noise(self.pose, l) if R is None else checked_covariance(R, sensor.reading_dim, "reading")
+        block = G_pose @ self.P[:3, :3] @ G_pose.T + G_z @ noise @ G_z.T
+        return self._append(l, 0.5 * (block + block.T), G_pose @ self.P[:3], sensor.feature_kind)
+
     def add_known_feature(self, feature: ArrayLike, P: ArrayLike | None = None, *, kind: str = "point") -> int:
         """Add a feature of a known map, uncorrelated with the rest; return its id.
 
@@ -103,6 +133,43 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
             starts = [0, *(place.start for i, place in self._places.items() if self._kinds[i] == "point")]
             self._points = np.array(starts, dtype=np.intp)[:, None] + np.arange(2)
         return self._points
+
+    def places(self, sensor: SensorModel, ids: Sequence[int]) -> NDArray[np.intp]:
+        """Return where the features' numbers stand in the state, shape (k, d)."""
+        starts = np.array([self._place(i).start for i in ids], dtype=np.intp)
+        return starts[:, None] + np.arange(sensor.feature_dim)
+
+    def checked_readings(
+        self, z: ArrayLike, sensor: SensorModel, ids: Sequence[int], R: Sequence[ArrayLike | None] | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return readings of features, shape (k, m), and the covariance of each, shape (k, m, m).
+
+        Args:
+            z: the readings, shape (k, m).
+            sensor: what read them.
+            ids: of which features, no two the same.
+            R: covariance of each reading, shape (m, m), or None for the sensor's V R Vᵀ; None for all of them.
+
+        Raises:
+            EstimationError: what of this is wrong.
+        """
+        readings, k, m = np.asarray(z, dtype=np.float64), len(ids), sensor.reading_dim
+        if readings.shape != (k, m) or not np.isfinite(readings).all():
+            raise EstimationError(f"readings {readings.tolist()} given, allowed: {k} times {m} finite numbers")
+        if len(set(ids)) < k:
+            raise EstimationError("update: two readings of one feature at once given, allowed: one after the other")
+        if any(self.kind(i) != sensor.feature_kind for i in ids):
+            raise EstimationError(f"update: a sensor of {sensor.feature_kind}s reads another kind of feature")
+        stated = [None] * k if R is None else list(R)
+        if len(stated) != k:
+            raise EstimationError(f"update: {len(stated)} covariances given, allowed: {k}, one for each reading")
+        noise = np.empty((k, m, m))
+        if any(covariance is None for covariance in stated):
+            noise[:] = sensor.noise(self.pose, self.x[self.places(sensor, ids)])
+        for i, covariance in enumerate(stated):
+            if covariance is not None:
+                noise[i] = checked_covariance(covariance, m, "reading")
+        return readings, noise
 
     def _append(self, feature: FloatArray, block: FloatArray, cross: FloatArray, kind: str) -> int:
         n, d = len(self.x), len(feature)
