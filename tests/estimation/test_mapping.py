@@ -13,9 +13,9 @@ import shapely
 from tests.estimation.ray_casting import cast, end_points, room
 
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.mapping import MappingSettings, ScanMap, map_from_scans, map_scans, scan_poses
+from trailmark.estimation.mapping import MappingSettings, ScanMap, map_from_scans, map_scans
 from trailmark.estimation.obstacles import plain_box
-from trailmark.estimation.records import Increment, Log, Odometry, Pose, Record, Scan
+from trailmark.estimation.records import Log, Pose, Scan
 from trailmark.estimation.scan_features import ScanSettings
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -209,42 +209,6 @@ def test_progress_is_told() -> None:
 # --- Poses
 
 
-def log(records: list[Record]) -> Log:
-    return Log("log", tuple(records), np.empty((0, 3)))
-
-
-def bare(t: float) -> Scan:
-    return Scan(t, np.ones(3), 0.0, 0.1, 9.0)
-
-
-def test_poses_by_increments() -> None:
-    records: list[Record] = [Pose(0.0, 1.0, 2.0, math.pi / 2)]
-    for t in (1.0, 2.0, 3.0):
-        records += [Increment(t, 1.0, 0.0, math.pi / 2), bare(t)]
-    found, x = scan_poses(log(records))
-    assert len(found) == 3
-    assert x == pytest.approx(np.array([[1, 3, math.pi], [0, 3, -math.pi / 2], [0, 2, 0]]), abs=1e-12)
-
-
-def test_poses_by_velocities() -> None:
-    records: list[Record] = [Odometry(0.0, 1.0, 0.0), bare(2.0), Odometry(3.0, math.pi / 2, math.pi / 2), bare(4.0)]
-    _, x = scan_poses(log(records), "odometry")
-    # Three metres ahead, then a quarter of a circle of radius 1 to the left.
-    assert x == pytest.approx(np.array([[2, 0, 0], [4, 1, math.pi / 2]]), abs=1e-12)
-
-
-def test_poses_of_the_scans_themselves() -> None:
-    stated = [bare(1.0)._replace(pose=(1.0, 0.0, 0.0)), bare(2.0)._replace(pose=(2.0, 0.0, 0.0))]
-    records: list[Record] = [stated[0], Increment(1.5, 0.5, 0.0, 0.0), stated[1]]
-    for source in ("auto", "log"):
-        assert scan_poses(log(records), source)[1][:, 0].tolist() == [1.0, 2.0]
-    assert scan_poses(log(records), "odometry")[1][:, 0].tolist() == [1.0, 1.5]
-    # Truth is never used.
-    assert scan_poses(log([Pose(0.0, 9, 9, 9, truth=True), bare(1.0)]))[1].tolist() == [[0.0, 0.0, 0.0]]
-    with pytest.raises(EstimationError, match="1 of 2 scans carry none"):
-        scan_poses(log([stated[0], bare(2.0)]), "log")
-
-
 def test_poses_from_elsewhere() -> None:
     given = map_scans(scans()[:4], drive()[:4], settings=SETTINGS)
     own = map_scans(scans()[:4], settings=SETTINGS)
@@ -257,7 +221,7 @@ def test_poses_from_elsewhere() -> None:
 
 def test_no_scans_and_poses_that_do_not_fit() -> None:
     with pytest.raises(EstimationError, match="no scans"):
-        map_scans(log([Pose(0.0, 0, 0, 0)]))
+        map_scans(Log("log", (Pose(0.0, 0, 0, 0),), np.empty((0, 3))))
     with pytest.raises(EstimationError, match=r"shape \(2, 3\) given for 3 scans"):
         map_scans(scans()[:3], np.zeros((2, 3)))
     with pytest.raises(EstimationError, match="poses 'odomtry' given, did you mean 'odometry'"):
@@ -269,24 +233,6 @@ def test_scans_that_show_nothing_make_a_world_nevertheless() -> None:
     found = map_scans([empty])
     assert found.walls == found.discs == 0
     assert found.world.estimates == ()
-
-
-@pytest.mark.parametrize(
-    ("settings", "problem"),
-    [
-        ({"cell": 0.0}, "cell"),
-        ({"unknown": "maybe"}, "unknown 'maybe' given"),
-        ({"pose_sigma": (-1.0, 0.0)}, "pose_sigma"),
-        ({"gate": 1.0}, "gate"),
-        ({"shapes": "boxs"}, "shapes 'boxs' given, did you mean 'boxes'"),
-        ({"pose_memory": 0.0}, "pose_memory"),
-        ({"pose_memory": math.nan}, "pose_memory"),
-        ({"confirm": 0}, "confirm"),
-    ],
-)
-def test_settings_that_are_not_allowed(settings: dict[str, object], problem: str) -> None:
-    with pytest.raises(EstimationError, match=problem):
-        MappingSettings(**settings)  # type: ignore[arg-type]  # the test's point
 
 
 # --- Real data

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import ROBOTS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -24,7 +22,6 @@ from trailmark.estimation.risk import (
     regrow,
     required_risk,
     spend_risk,
-    swept_region,
 )
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle
@@ -282,26 +279,6 @@ def test_moving_risk_keeps_its_sum_and_the_paths_need(pairs: list[tuple[float, f
 def test_risk_that_cannot_be_moved(risks: list[float], required: list[float], rate: float) -> None:
     with pytest.raises(EstimationError, match="risks, required, rate"):
         reallocate(risks, required, rate=rate)
-
-
-@pytest.mark.parametrize("name", ["rectangle", "L", "disc"])
-def test_the_swept_region_is_what_the_robot_covers(name: str) -> None:
-    robot = ROBOTS[name]
-    states = np.array([[0, 0, 0], [3, 0, 2.5], [3, 2, -2.5], [3, 2, -2.5]])
-    region = swept_region(robot, states)
-    shapely.prepare(region)
-    bodies = []
-    for a, b in itertools.pairwise(states):
-        turn = (b[2] - a[2] + math.pi) % (2 * math.pi) - math.pi
-        for t in np.linspace(0, 1, 150):
-            x, y, theta = a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2] + t * turn
-            rotation = np.array([[math.cos(theta), math.sin(theta)], [-math.sin(theta), math.cos(theta)]])
-            outline = robot.outline.vertices @ rotation + [x, y]
-            bodies.append(shapely.Point(x, y).buffer(0.6) if name == "disc" else shapely.Polygon(outline))
-    assert shapely.covers(shapely.buffer(region, 1e-9), bodies).all()
-    # No point moves farther than 5 cm from one body to the next.
-    assert shapely.covers(shapely.buffer(shapely.union_all(bodies), 0.03), region)
-    assert shapely.covers(swept_region(robot, states[0]), robot.outline.shapely())
 
 
 def straight_planner(world: World) -> tuple[FloatArray, float] | None:
