@@ -26,6 +26,7 @@ __all__ = [
     "NEW",
     "Compatibility",
     "JointAssociation",
+    "clear",
     "compatibility",
     "distinct",
     "joint_compatibility",
@@ -112,6 +113,25 @@ def nearest(d2: ArrayLike, gate: float, new_gate: float) -> IntArray:
         if least[i] <= gate and feature[i] not in assigned:
             assigned[i] = feature[i]
     return assigned
+
+
+def clear(assigned: ArrayLike, d2: ArrayLike, margin: float) -> IntArray:
+    """Return the association, shape (r,), without the readings that fit another feature nearly as well.
+
+    Only features that no other reading went to count: where readings of an instant compete, they settle it together.
+
+    Args:
+        assigned: for each reading its feature's number, or NEW or IGNORED, shape (r,).
+        d2: squared Mahalanobis distances, shape (r, k).
+        margin: by how much the d² to each other feature must be larger.
+    """
+    result, distance = np.array(assigned, dtype=np.intp), np.array(d2, dtype=np.float64)
+    pairs = np.flatnonzero(result >= 0)
+    own = distance[pairs, result[pairs]]
+    distance[:, result[pairs]] = np.inf
+    unclear = (distance[pairs] < (own + margin)[:, None]).any(axis=1)
+    result[pairs[unclear]] = IGNORED
+    return result
 
 
 def distinct(assigned: ArrayLike, d2: ArrayLike, new_gate: float) -> IntArray:

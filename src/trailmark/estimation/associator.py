@@ -9,6 +9,7 @@ import numpy as np
 from trailmark.estimation.association import (
     IGNORED,
     NEW,
+    clear,
     compatibility,
     distinct,
     joint_compatibility,
@@ -61,6 +62,8 @@ class Associator:
             found = joint_compatibility(fit, joint, gate, new_gate, probability=settings.gate)
             assigned = found.assigned
             self._counts.cut_short += not found.complete
+        if settings.margin > 0.0:
+            assigned = clear(assigned, fit.d2, settings.margin)
         if settings.distinct:
             assigned = distinct(assigned, fit.d2, new_gate)
         self._counts.ambiguous += int(np.count_nonzero(assigned == IGNORED))

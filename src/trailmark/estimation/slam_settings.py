@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -30,6 +31,8 @@ class SlamSettings:
     """Probability that a reading passes the gate of its own feature; also of JCBB's joint gate."""
     new_gate: float = 0.999999
     """Probability that a reading of a feature passes that feature's second gate: what passes none is new."""
+    margin: float = 0.0
+    """Without identities: a reading that fits another free feature nearly as well, by this much of d², is ignored."""
     distinct: bool = False
     """Without identities: whether a reading whose near features all went to others of its instant shows a new one."""
     merge_gate: float | None = None
@@ -55,6 +58,8 @@ class SlamSettings:
             raise EstimationError(f"gates {self.gate}, {self.new_gate} given, allowed: 0 < gate <= new_gate < 1")
         if self.outlier_gate is not None and not 0.0 < self.outlier_gate < 1.0:
             raise EstimationError(f"outlier_gate {self.outlier_gate} given, allowed: between 0 and 1, or None")
+        if not 0.0 <= self.margin < math.inf:
+            raise EstimationError(f"margin {self.margin} given, allowed: 0 or more")
         if self.merge_gate is not None and not 0.0 < self.merge_gate < 1.0:
             raise EstimationError(f"merge_gate {self.merge_gate} given, allowed: between 0 and 1, or None")
         if self.iterations < 1:
