@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from trailmark.cli import console
+from trailmark.cli.map_settings import read_probability, settings_of
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     JsonOption,
     PlotOption,
     UsageError,
     output_file,
-    read_configuration,
     read_count,
     read_robot,
 )
 
 if TYPE_CHECKING:
-    from trailmark.estimation.map_log_settings import MapSettings
     from trailmark.estimation.mapped_log import MappedLog
     from trailmark.estimation.records import Log
 
@@ -176,7 +172,7 @@ def map_log(
 
     The obstacles keep their covariances. The file goes straight into 'trailmark plan'.
     """
-    probability = None if confidence is None else _probability(confidence, "--confidence")
+    probability = None if confidence is None else read_probability(confidence, "--confidence")
     number = None if mrclam_robot is None else read_count(mrclam_robot, "--mrclam-robot", 0)
     body = read_robot(robot)
     world_file = output_file(output, WORLD_SUFFIXES)
@@ -187,7 +183,7 @@ def map_log(
         from trailmark.estimation.logs import load_log
         from trailmark.estimation.world_from_log import map_log as map_records
 
-        settings = _settings(
+        settings = settings_of(
             obstacles=obstacles,
             poses=poses,
             association=association,
@@ -243,94 +239,6 @@ def map_log(
         console.say(console.json_text(record))
     else:
         _print_summary(mapped, read, skip_bad, written)
-
-
-def _settings(**given: Any) -> MapSettings:
-    """Return the settings that the options give, by their names."""
-    from trailmark.estimation.map_log_settings import MapSettings
-    from trailmark.estimation.map_settings import MappingSettings
-    from trailmark.estimation.motion import PoseIncrement, Unicycle
-    from trailmark.estimation.sensors import Cartesian, RangeBearing
-
-    s = MapSettings(obstacles=given["obstacles"], poses=given["poses"], association=given["association"])
-    sizes = _numbers(given["radius"], "--radius", (1, 2), "R or R,SIGMA in metres, R above 0")
-    if sizes[0] == 0.0:
-        raise UsageError(f"--radius {given['radius']!r} given, allowed: R or R,SIGMA in metres, R above 0")
-    s = replace(s, radius=sizes[0], radius_sigma=sizes[1] if len(sizes) > 1 else 0.0)
-    if given["start"] is not None:
-        s = replace(s, start=read_configuration(given["start"], "--start"))
-    if given["outlier_gate"] != "auto":
-        word = given["outlier_gate"]
-        s = replace(
-            s, outlier_gate=None if word == "none" else _probability(word, "--outlier-gate", " (or none, auto)")
-        )
-    pair = _pair_of(given)
-    if (noise := pair("sensor_noise", positive=True)) is not None:
-        a, b = noise
-        s = replace(s, range_bearing=RangeBearing(a, b), cartesian=Cartesian(a, b), stated_sensor_noise=False)
-    if (noise := pair("odometry_noise")) is not None:
-        a, b = noise
-        increment = PoseIncrement(1e-3, 1e-3, 1e-3, growth=(a**2, b**2, b**2))
-        s = replace(s, velocity=Unicycle(a, b, period=1.0), increment=increment, stated_motion_noise=False)
-    if (noise := pair("robot_noise")) is not None:
-        s = replace(s, robot_sigma=noise)
-    if given["confirm"] is not None:
-        count = read_count(given["confirm"], "--confirm", 1, 1_000_000)
-        s = replace(s, confirm=count, mapping=replace(s.mapping, confirm=count))
-    mapping: MappingSettings = replace(s.mapping, unknown=given["unknown"], cell=_length(given["cell"], "--cell"))
-    if (noise := pair("pose_noise")) is not None:
-        mapping = replace(mapping, pose_sigma=noise)
-    if (noise := pair("scan_noise", positive=True)) is not None:
-        mapping = replace(mapping, scan=replace(mapping.scan, sigma_range=noise[0], sigma_bearing=noise[1]))
-    if given["scan_range"] is not None:
-        reach = _length(given["scan_range"], "--scan-range")
-        mapping = replace(mapping, scan=replace(mapping.scan, max_range=reach))
-    return replace(s, mapping=mapping)
-
-
-def _pair_of(given: dict[str, Any]) -> Callable[..., tuple[float, float] | None]:
-    """Return what reads an option of two numbers by its name."""
-
-    def read(name: str, positive: bool = False) -> tuple[float, float] | None:
-        text = given[name]
-        if text is None:
-            return None
-        option = f"--{name.replace('_', '-')}"
-        allowed = f"A,B, two numbers {'above 0' if positive else 'of 0 or more'}"
-        a, b = _numbers(text, option, (2,), allowed)
-        if positive and not min(a, b) > 0.0:
-            raise UsageError(f"{option} {text!r} given, allowed: {allowed}")
-        return a, b
-
-    return read
-
-
-def _numbers(text: str, option: str, counts: tuple[int, ...], allowed: str) -> list[float]:
-    """Return the finite numbers of 0 or more that an option gives, as many as one of ``counts``."""
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in counts or not all(0.0 <= value < math.inf for value in values):
-        raise UsageError(f"{option} {text!r} given, allowed: {allowed}")
-    return values
-
-
-def _probability(text: str, option: str, more: str = "") -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < 1.0:
-        raise UsageError(f"{option} {text!r} given, allowed: a probability above 0 and below 1{more}")
-    return value
-
-
-def _length(text: str, option: str) -> float:
-    (value,) = _numbers(text, option, (1,), allowed := "a finite number of metres above 0")
-    if value == 0.0:
-        raise UsageError(f"{option} {text!r} given, allowed: {allowed}")
-    return value
 
 
 def _bar(done: int, total: int, width: int = 24) -> str:

@@ -1,0 +1,253 @@
+"""trailmark map: bad logs, bad options, and interruption leave one line and no file."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.cli.logs import recorded, write_mrclam
+
+from trailmark.estimation import save_log
+from trailmark.world import World
+
+Shell = Callable[..., Any]
+Terminal = Callable[..., Any]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    file = tmp_path / "yard.jsonl"
+    save_log(recorded(), file)
+    return file
+
+
+@pytest.fixture
+def mrclam(tmp_path: Path) -> Path:
+    folder = tmp_path / "robots"
+    write_mrclam(folder)
+    return folder
+
+
+def record(shell: Shell, *words: object) -> dict[str, Any]:
+    run = shell("map", *words, "--json")
+    assert (run.status, run.err) == (0, "")
+    found = json.loads(run.out)
+    assert isinstance(found, dict)
+    return found
+
+
+MEASURED, DRIVEN = "Robot1_Measurement.dat", "Robot1_Odometry.dat"
+BAD_LINES = [
+    (DRIVEN, 5, "0.3 0.2", "2 columns given, allowed: 3 finite numbers"),
+    (DRIVEN, 5, "0.3 0.2 0.0 1.0", "4 columns given"),
+    (DRIVEN, 5, "0.3 nan 0.0", "'0.3 nan 0.0' given, allowed: 3 finite numbers"),
+    (DRIVEN, 5, "0.3 inf 0.0", "given, allowed: 3 finite numbers"),
+    (DRIVEN, 5, "0.3 zwei 0.0", "given, allowed: 3 finite numbers"),
+    (DRIVEN, 5, "0.1 0.2 0.0", "time 0.1 given after 0.2"),
+    (MEASURED, 3, "1.05 99 2.0 0.4", "unknown barcode 99 given, allowed: those of Barcodes.dat: 5, 25, 63"),
+    (MEASURED, 3, "1.05 25 -2.0 0.4", "range -2 given"),
+    (MEASURED, 3, "0.02 25 2.0 0.4", "time 0.02 given after 0.55"),
+    (MEASURED, 6, "2.55 63 3", "3 columns given"),
+]
+
+
+@pytest.mark.parametrize(("name", "line", "text", "problem"), BAD_LINES)
+def test_bad_lines(shell: Shell, mrclam: Path, tmp_path: Path, name: str, line: int, text: str, problem: str) -> None:
+    lines = (mrclam / name).read_text().splitlines()
+    lines[line - 1] = text
+    (mrclam / name).write_text("\n".join(lines))
+    before = sorted(tmp_path.rglob("*"))
+    file = tmp_path / "world.yaml"
+    run = shell("map", mrclam, "--output", file, "--plot", tmp_path / "map.png")
+    assert (run.status, run.out) == (2, "")
+    assert run.problem.startswith(f"{mrclam / name}:{line}: ")
+    assert problem in run.problem
+    assert sorted(tmp_path.rglob("*")) == before
+    run = shell("map", mrclam, "--output", file, "--skip-bad", "--json")
+    assert run.status == 0
+    assert json.loads(run.out)["dropped"] == 1
+    assert run.err == f"trailmark: 1 bad record left out of {mrclam}\n"
+    run = shell("map", mrclam, "--output", file, "--skip-bad")
+    assert "1 bad record left out" in run.out
+    assert len(World.load(file).obstacles) == 2
+
+
+def test_bad_lines_of_other_formats(shell: Shell, log: Path, tmp_path: Path) -> None:
+    lines = log.read_text().splitlines()
+    file = tmp_path / "world.yaml"
+    for cut, line in (("\n".join([*lines[:50], lines[50][:20]]), 51), ("\n".join([*lines[:5], "x", *lines[5:]]), 6)):
+        log.write_text(cut)
+        run = shell("map", log, "--output", file)
+        assert run.status == 2
+        assert run.problem.startswith(f"{log}:{line}: ")
+    assert not file.exists()
+    good = lines[1:]
+    log.write_text("\n".join([lines[0], *good[:40], "{}", *good[40:], '{"type": "odometry", "t": NaN}']))
+    found = json.loads(shell("map", log, "--output", file, "--skip-bad", "--json").out)
+    assert found["dropped"] == 2
+    assert found["records"]["all"] == len(recorded().records)
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"", "an empty log"),
+        (b"\n\n", "an empty log"),
+        (b"hello\n", "no log of a known format"),
+        (b'{"trailmark_log": 1}\n', "no records given"),
+        (b'{"trailmark_log": 1}\n{"type": "odometry", "t": 0, "v": 1, "omega": 0}\n', "neither scans nor detections"),
+        (b'{"trailmark_log": 1}\n{"type": "detection", "t": 0, "z": [1, 0]}\n', "neither odometry nor poses given"),
+    ],
+)
+def test_logs_that_show_nothing(shell: Shell, tmp_path: Path, content: bytes, problem: str) -> None:
+    log, file = tmp_path / "log.txt", tmp_path / "world.yaml"
+    log.write_bytes(content)
+    for more in ([], ["--skip-bad"]):
+        run = shell("map", log, "--output", file, *more)
+        assert run.status == 2
+        assert run.problem.startswith(f"{log}: ")
+        assert problem in run.problem
+    assert not file.exists()
+
+
+@pytest.mark.parametrize(
+    ("records", "problem"),
+    [
+        (
+            [
+                {"type": "odometry", "t": 0, "v": 1e300, "omega": 0},
+                {"type": "detection", "t": 1e9, "z": [2, 0.1], "identity": 3},
+            ],
+            "Detection at 1e+09 s cannot be used (",
+        ),
+        (
+            [
+                {"type": "increment", "t": 0, "dx": 5e7, "dy": 0, "dtheta": 0},
+                {"type": "detection", "t": 1, "z": [2, 0.1], "identity": 3},
+            ],
+            "bounds: ",
+        ),
+        (
+            [
+                {"type": "pose", "t": 0, "x": 0, "y": 0, "theta": 0},
+                {"type": "scan", "t": 0, "ranges": [2, 2e6], "angle_min": 0, "angle_increment": 0.5, "range_max": 9e9},
+            ],
+            "grid over [",
+        ),
+    ],
+)
+def test_values_that_no_robot_can_have(shell: Shell, tmp_path: Path, records: list[Any], problem: str) -> None:
+    log, file = tmp_path / "log.jsonl", tmp_path / "world.yaml"
+    log.write_text("\n".join(map(json.dumps, [{"trailmark_log": 1}, *records])))
+    run = shell("map", log, "--output", file)
+    assert run.status == 2
+    assert run.problem.startswith(f"{log}: {problem}")
+    assert not file.exists()
+
+
+@pytest.mark.parametrize("ranges", [[2, 2, 2, "inf", None], ["inf", None]])
+def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> None:
+    log, file = tmp_path / "log.jsonl", tmp_path / "world.yaml"
+    scan = {"type": "scan", "t": 0, "ranges": ranges, "angle_min": -1, "angle_increment": 0.5, "range_max": 8}
+    log.write_text("\n".join(map(json.dumps, [{"trailmark_log": 1}, scan | {"pose": [1, 1, 0]}])))
+    found = record(shell, log, "--output", file, "--plot", tmp_path / "map.png", "--confidence", "0.9")
+    assert found["obstacles"] == {"all": 1, "discs": 0, "walls": 0, "heaps": 0, "unknown": 1}
+    assert World.load(file).queries == ()
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--confidence", "1"], "--confidence '1' given, allowed: a probability above 0 and below 1"),
+        (["--confidence", "nan"], "--confidence 'nan' given"),
+        (["--confidence", "high"], "--confidence 'high' given"),
+        (["--robot", "disc"], "robot 'disc' given, allowed: disc:RADIUS"),
+        (["--format", "carmn"], "yard.jsonl: format 'carmn' given, did you mean 'carmen'"),
+        (["--format", "victoria"], "yard.jsonl:1: line "),
+        (["--radius", "0"], "--radius '0' given, allowed: R or R,SIGMA"),
+        (["--radius", "0.1,0.2,0.3"], "--radius '0.1,0.2,0.3' given"),
+        (["--association", "nearst"], "association 'nearst' given, did you mean 'nearest'"),
+        (["--poses", "odometry"], "yard.jsonl: poses 'odometry' given for detections"),
+        (["--obstacles", "scans"], "yard.jsonl: no scans given"),
+        (["--start", "1,2"], "--start '1,2' given, allowed: X,Y,T"),
+        (["--sensor-noise", "0,0.1"], "--sensor-noise '0,0.1' given, allowed: A,B, two numbers above 0"),
+        (["--odometry-noise", "0.1"], "--odometry-noise '0.1' given, allowed: A,B, two numbers of 0 or more"),
+        (["--robot-noise", "0.1,0.1"], "--robot-noise '0.1,0.1' given without --confidence"),
+        (["--confirm", "0"], "--confirm '0' given, allowed: an integer from 1"),
+        (
+            ["--outlier-gate", "2"],
+            "--outlier-gate '2' given, allowed: a probability above 0 and below 1 (or none, auto)",
+        ),
+        (["--unknown", "maybe"], "unknown 'maybe' given, allowed: blocked, free"),
+        (["--cell", "0"], "--cell '0' given, allowed: a finite number of metres above 0"),
+        (["--mrclam-robot", "x"], "--mrclam-robot 'x' given"),
+        (["--plot", "map.gif"], "map.gif: suffix '.gif' given"),
+    ],
+)
+def test_bad_options(shell: Shell, log: Path, tmp_path: Path, words: list[str], problem: str) -> None:
+    run = shell("map", log, "--output", tmp_path / "world.yaml", *words)
+    assert run.status == 2
+    assert run.problem.removeprefix(f"{tmp_path}/").startswith(problem)
+    assert not (tmp_path / "world.yaml").exists()
+
+
+def test_the_output_is_checked_before_the_work(shell: Shell, tmp_path: Path) -> None:
+    log = tmp_path / "missing.jsonl"
+    assert "--output" in shell("map", log).problem
+    assert "does not exist" in shell("map", log, "--output", tmp_path / "no" / "world.yaml").problem
+    assert "suffix '.json' given" in shell("map", log, "--output", tmp_path / "world.json").problem
+    assert shell("map", log, "--output", tmp_path / "world.yaml").problem.startswith(f"{log}: cannot be read")
+    assert shell("map", tmp_path, "--output", tmp_path / "w.yaml").problem.startswith(
+        f"{tmp_path}: a folder that holds"
+    )
+
+
+def test_a_robot_that_is_not_there(shell: Shell, mrclam: Path, tmp_path: Path) -> None:
+    run = shell("map", mrclam, "--output", tmp_path / "world.yaml", "--mrclam-robot", "4")
+    assert (run.status, run.problem[:60]) == (2, f"{mrclam}: robot 4 given, allowed: 1"[:60])
+
+
+def test_interruption_while_mapping_leaves_nothing(log: Path) -> None:
+    program = f"""
+import signal, sys, time
+import trailmark.estimation.world_from_log as module
+from trailmark.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job would ignore it
+def slow(*args, **named):
+    print("mapping", flush=True)
+    time.sleep(30)
+module.map_log = slow
+sys.exit(main(["map", {str(log)!r}, "--output", {str(log.parent / "world.yaml")!r}]))
+"""
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "mapping\n"
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert err == "trailmark: error: interrupted\n"
+    assert list(log.parent.iterdir()) == [log]
+
+
+def test_interruption_while_writing_leaves_the_old_world(
+    shell: Shell, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "world.yaml"
+    file.write_text("old")
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.fsync", interrupt)
+    run = shell("map", log, "--output", file)
+    assert (run.status, run.problem) == (130, "interrupted")
+    assert file.read_text() == "old"
+    assert sorted(tmp_path.iterdir()) == sorted([log, file])
