@@ -37,8 +37,8 @@ ROUNDS_PER_GRID = 2
 BRIDGE_MISSES, BRIDGE_TRIES = 6, 40
 """Attempts that bring the parts no closer before the next round of landmarks; configurations tried at each place."""
 
-FIRST_SWEEPS, PROMISING = 5, 1.03
-"""Another path is shortened to the end only if this many sweeps bring it within this factor of the best cost."""
+SWEEPS, FIRST_SWEEPS, PROMISING = 40, 5, 1.03
+"""Sweeps of shortening at most; another path gets all only if the first few bring it within this factor of the best."""
 
 PATIENCE = 4
 """Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
@@ -56,7 +56,8 @@ class Attempt:
         begin: reading of ``time.perf_counter`` that times are counted from, seconds.
         time_limit: seconds.
         max_iterations: rounds of landmarks at most.
-        on_progress: called after every step.
+        on_progress: called after every step and with every better path.
+        stop: asked between steps whether to end early.
 
     Attributes:
         start: shape (3,).
@@ -64,6 +65,7 @@ class Attempt:
         begin: as given.
         first_cost: the first path's cost, metres.
         history: (seconds, cost in metres) of each better path.
+        nearest: without a path, the states (n, 3) of one from the start to where it comes nearest to the goal.
     """
 
     def __init__(
@@ -77,12 +79,14 @@ class Attempt:
         time_limit: float,
         max_iterations: int | None,
         on_progress: OnProgress | None,
+        stop: Callable[[], bool] | None = None,
     ) -> None:
         self.checker, self.roadmap, self.relaxation, self.rng = roadmap.checker, roadmap, relaxation, rng
         self.start, self.goal = ends
         self.begin, self.deadline = begin, begin + time_limit
         self.rounds_left = max_iterations
-        self.on_progress = on_progress
+        self.on_progress, self.stop = on_progress, stop
+        self.nearest: se2.FloatArray | None = None
         self.turning = self.roadmap.turning
         self.best: se2.FloatArray | None = None
         self.best_cost = np.inf
@@ -119,6 +123,8 @@ class Attempt:
             self._search(self.roadmap, band, nodes)
             if self.best is None:
                 self._bridge(band, nodes)
+            if self.best is None:
+                self.nearest = self._approach(nodes)
             rounds += 1
             if self.best is None and rounds % ROUNDS_PER_GRID == 0:
                 # What keeps failing may need a closer look, or be impossible.
@@ -171,6 +177,14 @@ class Attempt:
         near = int(np.argmin(gaps))
         return near, int(pairs[near]), float(gaps[near])
 
+    def _approach(self, nodes: NDArray[np.int64]) -> se2.FloatArray:
+        """Return the states of the shortest path from the start to the node, of those reached, nearest to the goal."""
+        start, goal = int(nodes[0]), int(nodes[1])
+        q = self.roadmap.configurations
+        reached = np.flatnonzero(self.roadmap.shortest_path(start, goal).reached)
+        last = int(reached[np.argmin(se2.distance(q[reached], q[goal]))])
+        return np.asarray(q[self.roadmap.shortest_path(start, last).nodes])
+
     def _search(
         self, roadmap: Roadmap, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
     ) -> None:
@@ -184,10 +198,12 @@ class Attempt:
         states = roadmap.configurations[found]
         if self.best is None:
             self._offer(states)
-            self._report("shortening")
-        states = shorten(self.checker, states, self.rng, sweeps=FIRST_SWEEPS, deadline=self.deadline)
+        states = self._shortened(states, FIRST_SWEEPS)
         if Path(states).cost < PROMISING * self.best_cost:
-            self._offer(shorten(self.checker, states, self.rng, deadline=self.deadline))
+            self._offer(self._shortened(states))
+
+    def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
+        return shorten(self.checker, states, self.rng, sweeps=sweeps, stop=lambda: self._time_left() <= 0.0)
 
     def _improve(self, band: Band, ends: se2.FloatArray, landmarks: float) -> None:
         """Place landmarks where better paths might run and search again, until nothing is gained any more.
@@ -212,7 +228,7 @@ class Attempt:
                 marked = np.concatenate([marked, roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))])
                 self._search(roadmap, band, nodes)
             if self._time_left() > 0.0:
-                self._offer(shorten(self.checker, self.best, self.rng, deadline=self.deadline))
+                self._offer(self._shortened(self.best))
             settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0
 
     def _offer(self, states: se2.FloatArray) -> None:
@@ -228,6 +244,7 @@ class Attempt:
         if self.first_cost is None:
             self.first_cost = whole
         self.history.append((perf_counter() - self.begin, whole))
+        self._report("shortening")
 
     def _with_headings(self, states: se2.FloatArray) -> se2.FloatArray:
         """Return the path with the ends' headings; a disc robot turns evenly along it, which costs the least."""
@@ -253,9 +270,12 @@ class Attempt:
         return self._time_left() > 0.0
 
     def _time_left(self) -> float:
-        return self.deadline - perf_counter()
+        return -np.inf if self.stop is not None and self.stop() else self.deadline - perf_counter()
 
     def _report(self, phase: str) -> None:
-        if self.on_progress is not None:
-            cost = None if self.best is None else Path(self._with_headings(self.best)).cost
-            self.on_progress(PlanProgress(perf_counter() - self.begin, phase, len(self.roadmap), cost))
+        if self.on_progress is None:
+            return
+        path = None if self.best is None else Path(self._with_headings(self.best))
+        nearest = None if self.nearest is None or path is not None else Path(self.nearest)
+        cost = None if path is None else path.cost
+        self.on_progress(PlanProgress(perf_counter() - self.begin, phase, len(self.roadmap), cost, path, nearest))

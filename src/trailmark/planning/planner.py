@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import perf_counter
 
 import numpy as np
@@ -109,6 +110,7 @@ class LandmarkPlanner:
         *,
         max_iterations: int | None = None,
         on_progress: OnProgress | None = None,
+        stop: Callable[[], bool] | None = None,
     ) -> PlanResult:
         """Return a path from start to goal, or why there is none.
 
@@ -118,7 +120,8 @@ class LandmarkPlanner:
             time_limit: seconds; checked between steps of some ten milliseconds each.
             max_iterations: rounds of landmarks at most; with a generous time limit the answer then depends on
                 the seed alone.
-            on_progress: called after every step.
+            on_progress: called after every step and with every better path.
+            stop: asked between steps whether to end early, as if the time were up.
 
         Raises:
             ConfigurationError: start or goal is not valid, or the time limit is not above 0.
@@ -142,6 +145,7 @@ class LandmarkPlanner:
             time_limit=time_limit,
             max_iterations=max_iterations,
             on_progress=on_progress,
+            stop=stop,
         )
         status, states = attempt.run()
         self._build_time = 0.0
@@ -170,6 +174,7 @@ class LandmarkPlanner:
             min_clearance=clearance,
             landmarks=len(self.roadmap),
             edges=int(np.count_nonzero(self.roadmap.status)),
+            nearest=None if path is not None or attempt.nearest is None else Path(attempt.nearest),
             history=tuple(attempt.history),
             time={
                 "load": 0.0,

@@ -21,12 +21,16 @@ class PlanProgress:
         phase: what it is doing, in a word or two.
         landmarks: nodes of the roadmap so far.
         cost: the best path's cost in metres; None before there is one.
+        path: the best path so far; None before there is one.
+        nearest: before there is one, the certified path from the start that ends nearest to the goal, if known.
     """
 
     elapsed: float
     phase: str
     landmarks: int
     cost: float | None
+    path: Path | None = None
+    nearest: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,7 @@ class PlanResult:
         min_clearance: smallest clearance (metres) found along the path, at its states and between them.
         landmarks: nodes of the roadmap.
         edges: edges of the roadmap that are not known to be blocked.
+        nearest: without a path, the certified path from the start that ends nearest to the goal, if one was found.
         history: (seconds, cost in metres) for each better path.
         time: seconds: ``load`` (reading the world; filled in by who read it), ``build`` (checker, field and
             relaxed problem), ``first_solution`` (from the call to the first path; None if there is none),
@@ -56,6 +61,7 @@ class PlanResult:
     min_clearance: float | None
     landmarks: int
     edges: int
+    nearest: Path | None = None
     history: tuple[tuple[float, float], ...] = ()
     time: dict[str, float | None] = field(default_factory=dict)
 

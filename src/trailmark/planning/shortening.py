@@ -6,8 +6,8 @@ high-quality paths for motion planning", IJRR 2007, which also brings shortcuts 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import cos, floor, hypot, log2, pi, sin, sqrt
-from time import perf_counter
 
 import numpy as np
 from numba import njit
@@ -33,7 +33,7 @@ def shorten(
     *,
     sweeps: int = 40,
     tolerance: float = 1e-3,
-    deadline: float = np.inf,
+    stop: Callable[[], bool] | None = None,
 ) -> FloatArray:
     """Return a path no longer than the given one, with the same ends; shape (m, 3).
 
@@ -45,7 +45,7 @@ def shorten(
         rng: source of randomness.
         sweeps: rounds over the whole path at most.
         tolerance: stop when three sweeps together save less than this share of the cost.
-        deadline: begin no sweep after this reading of ``time.perf_counter``, seconds.
+        stop: asked before each sweep whether to end early.
     """
     turning = checker.footprint.disc_radius < 0.0
     seed = np.array([rng.integers(1, 2**63)], dtype=np.uint64)
@@ -54,7 +54,7 @@ def shorten(
     scale = 0.1 * _total(path, turning) / max(1, len(path))
     history = [_total(path, turning)]
     for _ in range(sweeps):
-        if len(path) < 3 or perf_counter() >= deadline:
+        if len(path) < 3 or (stop is not None and stop()):
             break
         path, scale = _sweep(checker.grid, checker.field, checker.footprint, path, turning, seed, scale)
         history.append(_total(path, turning))
