@@ -302,6 +302,13 @@ def report(tally: dict[tuple[str, float, bool], dict[str, list[float]]], draws: 
         lines = ["# Risk calibration", "", "Written by `python -m benchmarks.risk`.", ""]
         lines += ["True obstacles and poses drawn from the estimates' distributions:", "", texts[0], ""]
         lines += ["The simulation's own obstacles and poses, a new world and log each time:", "", texts[1], ""]
+        used = {row["confidence"]: 0.0 for row in record["rows"] if row["confidence"]}
+        for row in record["rows"]:
+            p = row["confidence"]
+            if p and "draws" in row:
+                used[p] = max(used[p], row["draws"]["hits"] / row["draws"]["trials"] / (1.0 - p))
+        shares = ", ".join(f"{100 * share:.1f} % (p = {p:g})" for p, share in sorted(used.items()))
+        lines += [f"How conservative that is: of the collisions allowed, draws came to {shares} at most.", ""]
         lines += [f"Paths that were not found, and count in neither: {failed}.", "", record["machine"]]
         write_atomically(RESULTS / "risk.md", "\n".join(lines) + "\n")
     return 0 if kept else 1
