@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trailmark.estimation import EkfSlam, EstimationError, RangeBearing, SlamFilter, SlamSettings, Unicycle
-from trailmark.estimation.association import IGNORED, NEW, distinct
+from trailmark.estimation.association import IGNORED, NEW, clear, distinct
 from trailmark.estimation.feature_tracks import FeatureTracks
 from trailmark.estimation.records import Detection, Odometry, Record
 
@@ -99,3 +99,18 @@ def test_misuse() -> None:
         SlamSettings(iterations=0)
     with pytest.raises(EstimationError, match="did you mean 'additive'"):
         SlamSettings(error="aditive")  # type: ignore[arg-type]  # wrong on purpose
+
+
+@pytest.mark.parametrize(
+    ("d2", "expected"),
+    [
+        ([[1.0, 9.0], [50.0, 50.0]], [0, NEW]),
+        ([[1.0, 4.0], [50.0, 50.0]], [IGNORED, NEW]),
+    ],
+)
+def test_readings_between_two_features_are_left_out(d2: list[list[float]], expected: list[int]) -> None:
+    assert clear([0, NEW], d2, 5.0).tolist() == expected
+
+
+def test_features_that_other_readings_went_to_do_not_make_a_reading_unclear() -> None:
+    assert clear([0, 1], [[1.0, 2.0], [2.0, 1.0]], 5.0).tolist() == [0, 1]

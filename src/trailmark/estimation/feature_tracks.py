@@ -22,8 +22,8 @@ class Track:
     confirmed: bool
     last: float
     readings: int = 1
-    chances: int = 0
-    """Instants at which it stood where others were read from, and could have been read."""
+    absences: int = 0
+    """Instants in a row at which it should have been read, and was not."""
     beside: set[int] = field(default_factory=set)
     """Features that were read at one instant with it: they are not the same."""
 
@@ -51,7 +51,7 @@ class FeatureTracks:
         """Count a reading of each of these features, all of one instant."""
         for feature in features:
             track = self.tracks[feature]
-            track.readings, track.last = track.readings + 1, time
+            track.readings, track.last, track.absences = track.readings + 1, time, 0
             track.confirmed = track.confirmed or track.readings >= self._settings.confirm
 
     def part(self, features: list[int]) -> None:
@@ -67,6 +67,17 @@ class FeatureTracks:
         for i in stale:
             self._remove(i)
         return len(stale)
+
+    def drop_absent(self, features: list[int]) -> int:
+        """Count that these should have been read and were not; drop those that are not there; return how many."""
+        absent = []
+        for feature in features:
+            self.tracks[feature].absences += 1
+            if self._settings.absences is not None and self.tracks[feature].absences > self._settings.absences:
+                absent.append(feature)
+        for feature in absent:
+            self._remove(feature)
+        return len(absent)
 
     def merge(self, features: list[int]) -> dict[int, int]:
         """Merge these features with others that may be the same; return which became which.
@@ -111,7 +122,7 @@ class FeatureTracks:
 
     def _join(self, keep: int, drop: int) -> None:
         kept, other = self.tracks[keep], self.tracks.pop(drop)
-        kept.readings, kept.chances = kept.readings + other.readings, max(kept.chances, other.chances)
+        kept.readings, kept.absences = kept.readings + other.readings, min(kept.absences, other.absences)
         kept.confirmed, kept.last = kept.confirmed or other.confirmed, max(kept.last, other.last)
         kept.beside |= other.beside
         for track in self.tracks.values():

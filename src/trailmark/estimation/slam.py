@@ -16,6 +16,7 @@ from trailmark.estimation.associator import Associator
 from trailmark.estimation.ekf import Mode, SlamFilter
 from trailmark.estimation.errors import RecordError
 from trailmark.estimation.feature_tracks import FeatureTracks
+from trailmark.estimation.field_of_view import FieldOfView
 from trailmark.estimation.motion import MotionModel
 from trailmark.estimation.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.estimation.sensor_model import SensorModel
@@ -79,6 +80,7 @@ class EkfSlam:
         self._waiting: list[Detection] = []
         self._features = FeatureTracks(self.filter, self.settings)
         self._associator = Associator(self.filter, self.settings, self.counts)
+        self._views: dict[str, FieldOfView] = {}
         self._trajectory: list[tuple[float, FloatArray, FloatArray]] = []
         self._updates: list[Update] = []
         self._assignments: list[Assignment] = []
@@ -149,6 +151,8 @@ class EkfSlam:
             more_nis, more_dof = self._update(self._sensors[kind], detections, assigned)
             self._start_features(self._sensors[kind], detections, assigned)
             nis, dof = nis + more_nis, dof + more_dof
+            if self.settings.absences is not None and self.settings.association != "known":
+                self._miss(kind, detections)
         self.counts.dropped += self._features.drop_stale(self.time)
         self._remember()
         self._updates.append(Update(self.time, nis, dof, perf_counter() - begin))
@@ -262,6 +266,19 @@ class EkfSlam:
         if not known and self.settings.merge_gate is not None and self.filter.mode == "slam":
             self._features.part(seen)
             self._merge(seen)
+
+    def _miss(self, kind: str, detections: Sequence[Detection]) -> None:
+        """Count which features should have been read at this instant, and were not."""
+        view = self._views.setdefault(kind, FieldOfView())
+        prediction = self.filter.predict_readings(self._sensors[kind])
+        inside = view.holds(prediction.z_hat)
+        missed = [
+            i
+            for i, held in zip(prediction.ids, inside, strict=True)
+            if held and self._features.tracks[i].last < self.time
+        ]
+        self.counts.absent += self._features.drop_absent(missed)
+        view.learn(np.array([detection.z for detection in detections]))
 
     def _merge(self, seen: list[int]) -> None:
         """Merge features that were seen now with others that may be the same, in what was written down, too."""

@@ -39,6 +39,8 @@ class Counts:
     """Poses that are truth or a reference, and scans that nothing looks into."""
     dropped: int = 0
     """Tentative features that were not seen again in time."""
+    absent: int = 0
+    """Features that were not seen where they should have been, and were dropped."""
     merged: int = 0
     """Features that turned out to be another one."""
     cut_short: int = 0

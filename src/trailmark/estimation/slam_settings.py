@@ -37,6 +37,9 @@ class SlamSettings:
     """Without identities: whether a reading whose near features all went to others of its instant shows a new one."""
     merge_gate: float | None = None
     """Without identities: probability that two estimates of one point pass as one; None merges none."""
+    absences: int | None = None
+    """Without identities: how often in a row a feature may not be read though it stands in the middle of the sensor's
+    view (:mod:`trailmark.estimation.field_of_view`), before it is dropped, confirmed or not; None drops none."""
     outlier_gate: float | None = None
     """With known identities: probability that a reading passes, those that do not are ignored; None lets all pass."""
     confirm: int = 3
@@ -58,6 +61,8 @@ class SlamSettings:
             raise EstimationError(f"gates {self.gate}, {self.new_gate} given, allowed: 0 < gate <= new_gate < 1")
         if self.outlier_gate is not None and not 0.0 < self.outlier_gate < 1.0:
             raise EstimationError(f"outlier_gate {self.outlier_gate} given, allowed: between 0 and 1, or None")
+        if self.absences is not None and self.absences < 1:
+            raise EstimationError(f"absences {self.absences} given, allowed: 1 or more, or None")
         if not 0.0 <= self.margin < math.inf:
             raise EstimationError(f"margin {self.margin} given, allowed: 0 or more")
         if self.merge_gate is not None and not 0.0 < self.merge_gate < 1.0:
