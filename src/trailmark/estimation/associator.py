@@ -22,7 +22,7 @@ from trailmark.estimation.sensor_model import SensorModel
 from trailmark.estimation.slam_result import Counts
 from trailmark.estimation.slam_settings import SlamSettings
 
-__all__ = ["Associator"]
+__all__ = ["Associator", "repeats"]
 
 
 class Associator:
@@ -80,3 +80,10 @@ class Associator:
                 self._counts.outliers += 1
                 return IGNORED
         return feature
+
+
+def repeats(a: Detection, b: Detection) -> bool:
+    """Return whether two detections of one instant are one: of the same feature by name, or the same reading."""
+    if a.kind != b.kind or a.identity != b.identity:
+        return False
+    return a.identity is not None or np.array_equal(a.z, b.z)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from trailmark.errors import did_you_mean
 from trailmark.estimation.association import NEW
-from trailmark.estimation.associator import Associator
+from trailmark.estimation.associator import Associator, repeats
 from trailmark.estimation.ekf import Mode, SlamFilter
 from trailmark.estimation.errors import RecordError
 from trailmark.estimation.feature_tracks import FeatureTracks
@@ -229,7 +229,7 @@ class EkfSlam:
                     f"Detection of kind {detection.kind!r} at {detection.t:.6f} s given without a sensor model, "
                     f"{did_you_mean(detection.kind, self._sensors)}"
                 )
-            if any(_repeats(detection, other) for other in self._waiting):
+            if any(repeats(detection, other) for other in self._waiting):
                 self.counts.repeated += 1
             else:
                 self._waiting.append(detection)
@@ -294,10 +294,3 @@ class EkfSlam:
         if self._trajectory and self._trajectory[-1][0] == self.time:
             self._trajectory.pop()
         self._trajectory.append((self.time, self.filter.pose, self.filter.pose_covariance))
-
-
-def _repeats(a: Detection, b: Detection) -> bool:
-    """Whether two detections of one instant are one: of the same feature by name, or the same reading."""
-    if a.kind != b.kind or a.identity != b.identity:
-        return False
-    return a.identity is not None or np.array_equal(a.z, b.z)
