@@ -6,6 +6,7 @@ The one package of trailmark that imports ompl.
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.errors import BoundsError, BridgeError, ObjectiveError, PlannerNameError, SpaceError
 from trailmark.ompl_bridge.guard import planning, solve
+from trailmark.ompl_bridge.planner import LandmarkPlanner
 from trailmark.ompl_bridge.planners import planner_named, planner_names
 from trailmark.ompl_bridge.problem import SE2Problem, simple_setup
 from trailmark.ompl_bridge.states import configuration, path_to_ompl, planner_data_graph, state, states_of, write_state
@@ -13,6 +14,7 @@ from trailmark.ompl_bridge.states import configuration, path_to_ompl, planner_da
 __all__ = [
     "BoundsError",
     "BridgeError",
+    "LandmarkPlanner",
     "MotionValidator",
     "ObjectiveError",
     "PlannerNameError",

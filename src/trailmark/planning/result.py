@@ -46,11 +46,11 @@ class PlanResult:
         min_clearance: smallest clearance (metres) found along the path, at its states and between them.
         landmarks: nodes of the roadmap.
         edges: edges of the roadmap that are not known to be blocked.
-        nearest: without a path, the certified path from the start that ends nearest to the goal, if one was found.
         history: (seconds, cost in metres) for each better path.
         time: seconds: ``load`` (reading the world; filled in by who read it), ``build`` (checker, field and
             relaxed problem), ``first_solution`` (from the call to the first path; None if there is none),
             ``total`` (the whole call).
+        nearest: without a path, the certified path from the start that ends nearest to the goal, if one was found.
     """
 
     status: Status
@@ -61,9 +61,9 @@ class PlanResult:
     min_clearance: float | None
     landmarks: int
     edges: int
-    nearest: Path | None = None
     history: tuple[tuple[float, float], ...] = ()
     time: dict[str, float | None] = field(default_factory=dict)
+    nearest: Path | None = None
 
     @property
     def cost(self) -> float | None:

@@ -1,0 +1,45 @@
+"""OMPL can take its process down: programs that use it run in one of their own, with a time limit."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+HEAD = """
+import json, os, sys
+import numpy as np
+from ompl import base as ob, geometric as og, util as ou
+from trailmark import Robot, World
+from trailmark.library import find_world
+from trailmark.ompl_bridge import *
+ou.setLogLevel(ou.LOG_ERROR)
+def shipped(name):
+    return World.load(find_world(name))
+def tell(**answers):
+    print("ANSWER", json.dumps(answers), flush=True)
+"""
+
+Run = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture(scope="session")
+def run_ompl() -> Run:
+    """Return a function that runs a program after HEAD and returns what it gave to ``tell``, all answers together."""
+
+    def run(program: str, *, seconds: float = 120.0, status: int | None = 0, python: str = sys.executable) -> Any:
+        done = subprocess.run(
+            [python, "-X", "faulthandler", "-c", HEAD + program], capture_output=True, text=True, timeout=seconds
+        )
+        assert status is None or done.returncode == status, f"{done.returncode}\n{done.stdout}\n{done.stderr[-3000:]}"
+        answers: dict[str, Any] = {}
+        for line in done.stdout.splitlines():
+            if line.startswith("ANSWER "):
+                answers.update(json.loads(line.removeprefix("ANSWER ")))
+        return answers
+
+    return run

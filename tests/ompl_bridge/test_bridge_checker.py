@@ -1,0 +1,95 @@
+"""The checker and the motion validator as OMPL calls them: the same answers as directly."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+
+def test_answers_through_ompl_are_those_given_directly(run_ompl: Any) -> None:
+    found = run_ompl("""
+world = shipped("clutter")
+problem = SE2Problem(world)
+si, checker = problem.information, problem.checker
+rng = np.random.default_rng(1)
+xmin, ymin, xmax, ymax = world.bounds
+q = rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi), (4000, 3))
+made = [state(si, row) for row in q]
+valid = checker.valid(q)
+free = np.flatnonzero(valid)
+pairs = rng.choice(free, (1500, 2))
+q[pairs[:, 1], :2] = q[pairs[:, 1], :2]
+direct = checker.motions_valid(q[pairs[:, 0]], q[pairs[:, 1]])
+through = [si.checkMotion(made[a], made[b]) for a, b in pairs]
+part = si.getStateValidityChecker()
+tell(states=[si.isValid(s) for s in made] == valid.tolist(), share=float(valid.mean()),
+     motions=through == direct.tolist(), certified=float(direct.mean()),
+     clearances=max(abs(part.clearance(made[i]) - checker.clearance(q[i])) for i in range(300)),
+     counted=[problem.validity.checked, problem.motions.checked])
+""")
+    assert found["states"]
+    assert found["motions"]
+    assert 0.1 < found["share"] < 0.95
+    assert 0.005 < found["certified"] < 0.95
+    assert found["clearances"] < 1e-12
+    assert found["counted"][0] == 4000
+    assert found["counted"][1] == 1500
+
+
+def test_the_parts_work_in_a_set_up_of_the_users_own(run_ompl: Any) -> None:
+    found = run_ompl("""
+from trailmark import StateChecker
+world = shipped("office")
+space = ob.SE2StateSpace()
+bounds = ob.RealVectorBounds(2)
+bounds.setLow(0, 0.0); bounds.setHigh(0, 20.0); bounds.setLow(1, 0.0); bounds.setHigh(1, 12.0)
+space.setBounds(bounds)
+setup = og.SimpleSetup(space)
+si = setup.getSpaceInformation()
+checker = StateChecker(world)
+validity, motions = StateValidityChecker(si, checker), MotionValidator(si, checker)
+setup.setStateValidityChecker(validity)
+si.setMotionValidator(motions)
+query = world.query("door")
+setup.setStartAndGoalStates(state(si, query.start), state(si, query.goal))
+setup.setPlanner(planner_named("rrtconnect", si))
+status = setup.solve(5.0)
+path = states_of(setup.getSolutionPath())
+tell(status=status.asString(), certified=bool(checker.motions_valid(path[:-1], path[1:]).all()), n=len(path))
+""")
+    assert found["status"] == "Exact solution"
+    assert found["certified"]
+    assert found["n"] >= 2
+
+
+@pytest.mark.parametrize(
+    ("space", "error", "words"),
+    [
+        ("ob.RealVectorStateSpace(2)", "SpaceError", "SE2StateSpace"),
+        ("ob.SE3StateSpace()", "SpaceError", "SE2StateSpace"),
+        ("ob.SE2StateSpace()", "BoundsError", "bounds"),
+        ("wide", "BoundsError", "within world 'office'"),
+    ],
+)
+def test_spaces_that_do_not_fit_are_refused(run_ompl: Any, space: str, error: str, words: str) -> None:
+    found = run_ompl(f"""
+from trailmark import StateChecker
+wide = ob.SE2StateSpace()
+bounds = ob.RealVectorBounds(2)
+bounds.setLow(-1.0); bounds.setHigh(50.0)
+wide.setBounds(bounds)
+si = ob.SpaceInformation({space})
+checker = StateChecker(shipped("office"))
+for part in (StateValidityChecker, MotionValidator):
+    try:
+        part(si, checker)
+        tell(**{{part.__name__: "made"}})
+    except BridgeError as raised:
+        tell(**{{part.__name__: [type(raised).__name__, str(raised)]}})
+""")
+    for part in ("StateValidityChecker", "MotionValidator"):
+        kind, message = found[part]
+        assert kind == error
+        assert words in message
+        assert "\n" not in message

@@ -1,0 +1,153 @@
+"""The landmark planner as one of OMPL's."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def test_it_solves_in_a_simple_setup_and_keeps_its_roadmap(run_ompl: Any) -> None:
+    found = run_ompl("""
+problem = SE2Problem(shipped("office"))
+planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+sizes, costs, words, names = [], [], [], []
+for k in range(3):
+    words.append(problem.solve(5.0).asString())
+    path = problem.path.states
+    costs.append([problem.path.cost, problem.setup.getSolutionPath().length(), planner.result.cost])
+    names.append(problem.setup.getSolutionPlannerName())
+    tell(certified=bool(problem.checker.motions_valid(path[:-1], path[1:]).all()),
+         ends=[path[0].tolist(), path[-1].tolist()], wanted=[problem.start.tolist(), problem.goal.tolist()])
+    sizes.append(len(planner.roadmap))
+    problem.setup.clear()
+fresh = LandmarkPlanner(problem.information, seed=0, keep_roadmap=False)
+problem.set_planner(fresh)
+again = []
+for k in range(2):
+    problem.solve(5.0)
+    again.append([len(fresh.roadmap), problem.path.cost])
+    problem.setup.clear()
+tell(sizes=sizes, costs=costs, words=words, names=names, again=again, cleared=fresh.roadmap is None)
+""")
+    assert found["words"] == ["Exact solution"] * 3
+    assert found["names"] == ["landmark"] * 3
+    assert found["certified"]
+    assert found["ends"] == found["wanted"]
+    for ours, theirs, result in found["costs"]:
+        assert abs(ours - theirs) < 1e-9
+        assert abs(ours - result) < 1e-9
+    # The roadmap grows from query to query, unless each is to start from nothing.
+    assert found["sizes"] == sorted(found["sizes"])
+    assert found["sizes"][0] > 20
+    assert found["again"][0] == found["again"][1]
+    assert found["cleared"]
+
+
+def test_it_ends_with_the_termination_condition(run_ompl: Any) -> None:
+    found = run_ompl("""
+import time
+problem = SE2Problem(shipped("field2000"), query="corner")
+planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
+problem.solve(0.2)
+problem.setup.clear()
+late, words = [], []
+for limit in (0.002, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3):
+    begin = time.perf_counter()
+    words.append(problem.solve(limit).asString())
+    late.append(time.perf_counter() - begin - limit)
+    problem.setup.clear()
+tell(late=late, words=words)
+""")
+    # 20 ms on a machine of one's own; here other tests take the other core.
+    assert sorted(found["late"])[len(found["late"]) // 2] < 0.02
+    assert max(found["late"]) < 0.2
+    assert found["words"][0] == "Timeout"
+
+
+def test_no_path_and_half_a_path_are_reported_as_such(run_ompl: Any) -> None:
+    found = run_ompl("""
+world = shipped("enclosed")
+names = [q.name for q in world.queries]
+problem = SE2Problem(world, query=names[0])
+planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+status = problem.solve(10.0)
+tell(infeasible=status.getStatus() == ob.PlannerStatus.INFEASIBLE, proven=planner.result.status)
+# A gap as wide as the robot but for a hair: the relaxed disc gets through, the robot does not.
+from trailmark.shapes import Rectangle
+walls = (Rectangle((10.0, 2.25), 1.0, 4.5), Rectangle((10.0, 7.749), 1.0, 4.502))
+world = World("slit", (0.0, 0.0, 20.0, 10.0), walls, Robot.disc(0.5))
+problem = SE2Problem(world, query=((2.0, 5.0, 0.0), (18.0, 5.0, 0.0)))
+planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+status = problem.solve(2.0)
+tell(word=status.asString(), approximate=problem.setup.getProblemDefinition().hasApproximateSolution(),
+     exact=problem.setup.haveExactSolutionPath(), path=problem.path is None,
+     difference=problem.setup.getProblemDefinition().getSolutionDifference())
+""")
+    assert found["infeasible"]
+    assert found["proven"] == "infeasible"
+    if found["word"] == "Approximate solution":
+        assert found["approximate"]
+        assert 6.0 < found["difference"] < 16.0
+    assert not found["exact"]
+    assert found["path"]
+
+
+def test_what_it_cannot_do_is_refused(run_ompl: Any) -> None:
+    found = run_ompl("""
+def outcome(f):
+    try:
+        return ["fine", str(f())]
+    except Exception as error:
+        return [type(error).__name__, str(error)]
+problem = SE2Problem(shipped("office"))
+planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+class Odd(ob.OptimizationObjective):
+    def stateCost(self, s): return ob.Cost(1.0)
+    def motionCost(self, a, b): return ob.Cost(1.0)
+problem.setup.setOptimizationObjective(Odd(problem.information))
+tell(objective=outcome(lambda: problem.solve(1.0)))
+problem = SE2Problem(shipped("office"))
+problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+problem.setup.setOptimizationObjective(ob.PathLengthOptimizationObjective(problem.information))
+tell(length=outcome(lambda: problem.solve(1.0).asString()))
+tell(name=outcome(lambda: planner_named("RTTConnect", problem.information)))
+bare = ob.SpaceInformation(problem.space)
+tell(checker=outcome(lambda: LandmarkPlanner(bare)))
+world = shipped("office")
+tell(robot=outcome(lambda: SE2Problem(World("bare", world.bounds, world.obstacles))))
+tell(query=outcome(lambda: SE2Problem(world, query="dor")))
+tell(resolution=outcome(lambda: SE2Problem(world, certified=False, resolution=-1.0)))
+tell(start=outcome(lambda: SE2Problem(world, query=((-5.0, 0.0, 0.0), (1.0, 1.0, 0.0)))))
+""")
+    assert found["objective"][0] == "ObjectiveError"
+    assert "PathLengthOptimizationObjective" in found["objective"][1]
+    assert found["length"] == ["fine", "Exact solution"]
+    assert found["name"][0] == "PlannerNameError"
+    assert "did you mean 'RRTConnect'?" in found["name"][1]
+    assert found["checker"][0] == "BridgeError"
+    assert found["robot"][0] == "WorldError"
+    assert found["query"][0] == "WorldError"
+    assert found["resolution"][0] == "ConfigurationError"
+    assert found["start"][0] == "ConfigurationError"
+    for _, message in found.values():
+        assert "\n" not in message
+
+
+def test_it_runs_in_ompls_benchmark_beside_the_others(run_ompl: Any, tmp_path: Any) -> None:
+    found = run_ompl(f"""
+from ompl import tools as ot
+problem = SE2Problem(shipped("office"))
+bench = ot.Benchmark(problem.setup, "office")
+bench.addPlanner(og.RRTConnect(problem.information))
+bench.addPlanner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
+request = ot.Request()
+request.maxTime, request.maxMem, request.runCount, request.displayProgress = 0.3, 2000.0, 3, False
+with planning():
+    bench.benchmark(request)
+bench.saveResultsToFile({str(tmp_path / "office.log")!r})
+tell(done=True)
+""")
+    assert found["done"]
+    log = (tmp_path / "office.log").read_text()
+    assert "geometric_RRTConnect" in log
+    rows = log.split("geometric_landmark")[1].split("3 runs")[1].split(".\n")[0]
+    assert len([row for row in rows.splitlines() if row.strip()]) == 3

@@ -1,0 +1,88 @@
+"""Errors and Ctrl-C in callbacks: the planning ends, the process lives, the error is raised."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+PLANNERS = ("PRM", "PRMstar", "RRT", "RRTConnect", "RRTstar", "InformedRRTstar", "BITstar", "FMT", "KPIECE1", "AORRTC")
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_an_error_in_a_callback_ends_the_planning_and_is_raised(run_ompl: Any, planner: str) -> None:
+    found = run_ompl(f"""
+import time
+problem = SE2Problem(shipped("maze"))
+problem.set_planner({planner!r})
+class Odd(Exception):
+    pass
+single, calls = problem.motions._single, [0]
+class Breaking:
+    def valid(self, *q):
+        calls[0] += 1
+        if calls[0] > 200:
+            raise Odd("callback")
+        return single.valid(*q)
+    motion_valid = single.motion_valid
+problem.motions._single = problem.validity._single = Breaking()
+begin = time.perf_counter()
+try:
+    status = problem.solve(20.0)
+    tell(raised=None, status=status.asString())
+except Odd as error:
+    tell(raised=str(error))
+tell(seconds=time.perf_counter() - begin)
+# The same parts plan again.
+problem.motions._single = problem.validity._single = single
+problem.setup.clear()
+tell(again=problem.solve(0.2).asString())
+""")
+    assert found["raised"] == "callback"
+    assert found["seconds"] < 5.0
+    assert "again" in found
+
+
+@pytest.mark.parametrize("planner", ["PRM", "RRTstar", "BITstar", "landmark"])
+def test_ctrl_c_ends_the_planning_and_is_raised(run_ompl: Any, planner: str) -> None:
+    found = run_ompl(f"""
+import signal, subprocess, time
+from trailmark.ompl_bridge import LandmarkPlanner
+problem = SE2Problem(shipped("long"))
+problem.set_planner(LandmarkPlanner(problem.information) if {planner!r} == "landmark" else {planner!r})
+problem.solve(0.01)
+problem.setup.clear()
+killer = subprocess.Popen([sys.executable, "-c",
+    f"import os, signal, time; time.sleep(0.4); os.kill({{os.getpid()}}, signal.SIGINT)"])
+begin = time.perf_counter()
+try:
+    while True:
+        problem.solve(30.0)
+        problem.setup.clear()
+except KeyboardInterrupt:
+    tell(raised="KeyboardInterrupt")
+tell(seconds=time.perf_counter() - begin)
+killer.wait()
+tell(handler=signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+""")
+    assert found["seconds"] < 5.0
+    assert found["handler"]
+    assert found["raised"] == "KeyboardInterrupt"
+
+
+def test_unwatched_errors_are_warnings(run_ompl: Any) -> None:
+    found = run_ompl("""
+import warnings
+problem = SE2Problem(shipped("office"))
+problem.set_planner("PRM")
+class Breaking:
+    def valid(self, *q): raise ValueError("odd")
+    def motion_valid(self, a, b): raise ValueError("odd")
+problem.validity._single = Breaking()
+with warnings.catch_warnings(record=True) as seen:
+    warnings.simplefilter("always")
+    problem.information.isValid(state(problem.information, problem.start))
+tell(words=str(seen[0].message), kind=seen[0].category.__name__)
+""")
+    assert found["kind"] == "RuntimeWarning"
+    assert "odd" in found["words"]
