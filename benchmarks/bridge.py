@@ -189,7 +189,7 @@ def main() -> int:
     (RESULTS / "bridge.json").write_text(
         json.dumps({"machine": machine, "answers": answers, "growth": speeds, "memory": records}, indent=1) + "\n"
     )
-    parts = ["# trailmark's parts inside OMPL", f"Written by `python -m benchmarks.bridge`: {machine}.", "## Same answers",
+    parts = ["# trailmark's parts inside OMPL", f"By `python -m benchmarks.bridge`: {machine}.", "## Same answers",
              first, "## Growth", second, "## Memory", third]  # fmt: skip
     (RESULTS / "bridge.md").write_text("\n\n".join(parts) + "\n")
     return 0
