@@ -10,8 +10,9 @@ import shapely
 from benchmarks.random_worlds import random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.ndimage import distance_transform_edt
 
-from trailmark.collision.field import build_field, clearance_at
+from trailmark.collision.field import build_field, clearance_at, distance_transform
 from trailmark.collision.obstacles import build_grid
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import World
@@ -55,6 +56,17 @@ def test_the_distance_lies_within_the_slack(seed: int, cell: float, origin: tupl
     assert (true >= value - field.slack - rounding).all()
     inside = (np.abs(points - np.array(origin) - 4.0) < 4.0).all(axis=1)
     assert (true[inside] <= value[inside] + field.slack + rounding).all()
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.integers(1, 40), st.sampled_from([0.01, 0.1, 0.6]))
+@settings(max_examples=60)
+def test_distances_are_those_of_scipys_transform(seed: int, rows: int, columns: int, share: float) -> None:
+    rng = np.random.default_rng(seed)
+    occupied = rng.random((rows, columns)) < share
+    occupied.flat[rng.integers(rows * columns)] = True
+    found = distance_transform(occupied, 0.37)
+    assert found == pytest.approx(distance_transform_edt(~occupied, sampling=0.37), rel=1e-6)
+    assert (found[occupied] == 0.0).all()
 
 
 def test_outside_of_the_grid_everything_is_blocked() -> None:

@@ -32,9 +32,14 @@ def test_answers_are_those_of_the_checker(name: str) -> None:
     a, b = a[there], b[there]
     certified = checker.motions_between_valid(a, b)
     assert 0.1 < certified.mean() < 1.0
-    assert [single.motion_valid(tuple(p), tuple(r)) for p, r in zip(a.tolist(), b.tolist(), strict=True)] == (
-        certified.tolist()
-    )
+    rows = list(zip(a.tolist(), b.tolist(), strict=True))
+    assert [single.motion_valid(tuple(p), tuple(r)) for p, r in rows] == certified.tolist()
+    # With the end's own validity, which the motion's does not look at.
+    ends = free[:-1] + rng.uniform(-1.0, 1.0, (len(free) - 1, 3))
+    ends[:, 2] = (ends[:, 2] + np.pi) % (2.0 * np.pi) - np.pi
+    whole = checker.motions_valid(free[:-1], ends)
+    assert 0.1 < whole.mean() < 0.9
+    assert [single.step_valid(*p, *r) for p, r in zip(free[:-1].tolist(), ends.tolist(), strict=True)] == whole.tolist()
 
 
 def test_contact_is_left_to_fcl_and_allowed() -> None:
@@ -42,6 +47,8 @@ def test_contact_is_left_to_fcl_and_allowed() -> None:
     single = PointwiseChecker(StateChecker(world, Robot.rectangle(1.0, 1.0)))
     assert single.valid(3.5, 5.0, 0.0)
     assert not single.valid(3.5 + 1e-6, 5.0, 0.0)
+    assert single.step_valid(3.0, 5.0, 0.0, 3.5, 5.0, 0.0)
+    assert not single.step_valid(3.0, 5.0, 0.0, 3.5 + 1e-6, 5.0, 0.0)
     assert single.clearance(3.5, 5.0, 0.0) == pytest.approx(0.0, abs=1e-9)
 
 

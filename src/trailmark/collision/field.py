@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision.obstacles import ObstacleGrid
@@ -40,18 +42,62 @@ class ClearanceField(NamedTuple):
 
 
 def build_field(grid: ObstacleGrid) -> ClearanceField:
-    """Return the clearance field on the cells of ``grid``, by an exact Euclidean distance transform.
-
-    Source: Maurer, Qi & Raghavan (2003), as implemented in ``scipy.ndimage.distance_transform_edt``.
-    """
-    from scipy.ndimage import distance_transform_edt
-
+    """Return the clearance field on the cells of ``grid``, by an exact Euclidean distance transform."""
     touched = np.diff(grid.cell_start) > 0
     occupied = (touched | (grid.winding > 0)).reshape(grid.rows, grid.columns)
-    distance = np.asarray(distance_transform_edt(~occupied, sampling=grid.size), dtype=np.float32)
+    distance = distance_transform(occupied, grid.size)
     # The cells that an item touches are found with 1e-6 of a cell to spare; float32 keeps 1e-7 of a value.
     slack = grid.size * np.sqrt(2.0) * (1.0 + 1e-5) + 1e-6 * float(distance.max(initial=0.0))
     return ClearanceField(distance, grid.x0, grid.y0, grid.size, float(slack))
+
+
+@njit(cache=True, nogil=True)
+def distance_transform(occupied: NDArray[np.bool_], size: float) -> NDArray[np.float32]:
+    """Return each cell's distance (metres, shape (rows, columns)) to the nearest occupied cell, centre to centre.
+
+    Along each column by two scans, then along each row by the lower envelope of the columns' parabolas; exact, in time
+    linear in the number of cells. Source: Felzenszwalb & Huttenlocher, "Distance transforms of sampled functions",
+    Theory of Computing 2012, section 2. (SciPy's is as exact, but takes several times as long, and its import a tenth
+    of a second.)
+
+    Args:
+        occupied: shape (rows, columns).
+        size: edge of a cell, metres.
+    """
+    rows, columns = occupied.shape
+    far = rows + columns
+    # Cells to the nearest occupied one above or below; at most ``far``, which is beyond any other in the grid.
+    steps = np.empty((rows, columns), np.int64)
+    for row in range(rows):
+        for column in range(columns):
+            above = steps[row - 1, column] if row > 0 else far
+            steps[row, column] = 0 if occupied[row, column] else min(above + 1, far)
+    for row in range(rows - 2, -1, -1):
+        for column in range(columns):
+            steps[row, column] = min(steps[row, column], steps[row + 1, column] + 1, far)
+    distance = np.empty((rows, columns), np.float32)
+    # The envelope's parabolas, by the column of their vertex, and where each takes over from the one before.
+    vertex, begin = np.empty(columns, np.int64), np.empty(columns + 1)
+    for row in range(rows):
+        last = 0
+        vertex[0], begin[0] = 0, -np.inf
+        for column in range(1, columns):
+            height = steps[row, column] ** 2 + column**2
+            while True:
+                other = vertex[last]
+                crossing = (height - steps[row, other] ** 2 - other**2) / (2.0 * (column - other))
+                if crossing > begin[last]:
+                    break
+                last -= 1
+            last += 1
+            vertex[last], begin[last] = column, crossing
+        k = 0
+        for column in range(columns):
+            while k < last and begin[k + 1] < column:
+                k += 1
+            across, down = column - vertex[k], steps[row, vertex[k]]
+            distance[row, column] = size * sqrt(across * across + down * down)
+    return distance
 
 
 def clearance_at(field: ClearanceField, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -61,6 +61,14 @@ class PointwiseChecker:
             return bool(self.checker.motions_between_valid(np.array([a]), np.array([b]))[0])
         return bool(_motion(self._places, self._numbers, *a, *b) == kernels.FREE)
 
+    def step_valid(self, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> bool:
+        """Return whether b is valid and the motion from a, known to be valid, to b is certified."""
+        if not self._by_fcl:
+            answer = _step(self._places, self._numbers, ax, ay, at, bx, by, bt)
+            if answer != kernels.UNDECIDED:
+                return bool(answer == kernels.FREE)
+        return self.valid(bx, by, bt) and self.motion_valid((ax, ay, at), (bx, by, bt))
+
 
 def _arrays(checker: StateChecker) -> list[NDArray[Any]]:
     """Return the arrays that the kernels read, in the order in which :func:`_unpacked` takes them."""
@@ -168,4 +176,19 @@ def _motion(
     ends = np.empty((2, 3))
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
+    return int(kernels.motions_certified(grid, field, robot, ends[:1], ends[1:], True)[0])
+
+
+@njit(cache=True)
+def _step(
+    places: IntArray, numbers: FloatArray, ax: float, ay: float, at: float, bx: float, by: float, bt: float
+) -> int:
+    """Return FREE or BLOCKED for the end b and the motion to it; UNDECIDED where b is left to FCL."""
+    grid, field, robot = _unpacked(places, numbers)
+    ends = np.empty((2, 3))
+    ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
+    ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
+    answer = int(kernels.states_free(grid, field, robot, ends[1:])[0])
+    if answer != kernels.FREE:
+        return answer
     return int(kernels.motions_certified(grid, field, robot, ends[:1], ends[1:], True)[0])
