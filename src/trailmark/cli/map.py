@@ -163,6 +163,23 @@ def map_log(
     cell: Annotated[
         str, typer.Option("--cell", metavar="METRES", help="Side of a scan map's cells.", rich_help_panel=_NOISE)
     ] = "0.05",
+    shapes: Annotated[
+        str,
+        typer.Option(
+            "--shapes",
+            metavar="KIND",
+            help="What scans become: fitted (walls, discs, heaps), hulls, or boxes (plain ones).",
+        ),
+    ] = "fitted",
+    pose_memory: Annotated[
+        str | None,
+        _option(
+            "--pose-memory",
+            "METRES",
+            "Way after which errors of the log's poses are others, so that they average out; default: never.",
+            _NOISE,
+        ),
+    ] = None,
     scan_range: Annotated[
         str | None,
         _option("--scan-range", "METRES", "Leave out what beams met farther away; default: nothing.", _NOISE),
@@ -198,6 +215,8 @@ def map_log(
             outlier_gate=outlier_gate,
             unknown=unknown,
             cell=cell,
+            shapes=shapes,
+            pose_memory=pose_memory,
             scan_range=scan_range,
         )
         if settings.robot_sigma is not None and probability is None:

@@ -52,7 +52,11 @@ def settings_of(**given: Any) -> MapSettings:
     if given["confirm"] is not None:
         count = read_count(given["confirm"], "--confirm", 1, 1_000_000)
         s = replace(s, confirm=count, mapping=replace(s.mapping, confirm=count))
-    mapping: MappingSettings = replace(s.mapping, unknown=given["unknown"], cell=_length(given["cell"], "--cell"))
+    mapping: MappingSettings = replace(
+        s.mapping, unknown=given["unknown"], shapes=given["shapes"], cell=_length(given["cell"], "--cell")
+    )
+    if given["pose_memory"] is not None:
+        mapping = replace(mapping, pose_memory=_length(given["pose_memory"], "--pose-memory"))
     if (noise := pair("pose_noise")) is not None:
         mapping = replace(mapping, pose_sigma=noise)
     if (noise := pair("scan_noise", positive=True)) is not None:
