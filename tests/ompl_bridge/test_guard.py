@@ -24,7 +24,8 @@ class Breaking:
         if calls[0] > 200:
             raise Odd("callback")
         return single.valid(*q)
-    motion_valid = single.motion_valid
+    def step_valid(self, *ends):
+        return self.valid(*ends[3:]) and single.step_valid(*ends)
 problem.motions._single = problem.validity._single = Breaking()
 begin = time.perf_counter()
 try:
@@ -77,7 +78,6 @@ problem = SE2Problem(shipped("office"))
 problem.set_planner("PRM")
 class Breaking:
     def valid(self, *q): raise ValueError("odd")
-    def motion_valid(self, a, b): raise ValueError("odd")
 problem.validity._single = Breaking()
 with warnings.catch_warnings(record=True) as seen:
     warnings.simplefilter("always")

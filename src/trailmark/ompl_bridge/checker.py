@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import hypot, pi
 from typing import Any
 
 from ompl import base as ob
@@ -10,8 +11,14 @@ from trailmark.collision import StateChecker
 from trailmark.collision.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.spaces import require_within, space_of
+from trailmark.ompl_bridge.states import write_state
 
 __all__ = ["MotionValidator", "StateValidityChecker"]
+
+Configuration = tuple[float, float, float]
+
+LAST_PLACE = 1e-3
+"""Metres that a point of the robot may move between the last certified place of a motion and one that is not."""
 
 
 class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OMPL's bindings carry no types
@@ -82,13 +89,40 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
         Args:
             first: start.
             second: end.
-            last_valid: OMPL 1.7 hands over where to put the last valid state: (None or a state, fraction).
+            last_valid: where to put how far a refused motion is certified: a pair of a state, or None, and a fraction.
+                OMPL 1.7 hands it over; OMPL 2.0 asks for it without coming here.
         """
         try:
             self.checked += 1
             a = (first.getX(), first.getY(), first.getYaw())
             b = (second.getX(), second.getY(), second.getYaw())
-            return self._single.valid(*b) and self._single.motion_valid(a, b)
+            if self._single.step_valid(*a, *b):
+                return True
+            if last_valid is not None:
+                # The pair's state may be ``second`` itself, which was read above.
+                q, last_valid.second = self._last_certified(a, b)
+                if last_valid.first is not None:
+                    write_state(last_valid.first, q)
         except BaseException as error:  # nothing may pass through OMPL's C++
             caught(error)
-            return False
+        return False
+
+    def _last_certified(self, a: Configuration, b: Configuration) -> tuple[Configuration, float]:
+        """Return the farthest place up to which a refused motion is certified, within LAST_PLACE, and its fraction."""
+        dx, dy, turn = b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2])
+        bound = hypot(dx, dy) + self.checker.footprint.sweep_radius * abs(turn)
+        last, low, high = a, 0.0, 1.0
+        while (high - low) * bound > LAST_PLACE:
+            middle = 0.5 * (low + high)
+            q = (a[0] + middle * dx, a[1] + middle * dy, _wrapped(a[2] + middle * turn))
+            # What lies before ``last`` is certified already.
+            if self._single.valid(*q) and self._single.motion_valid(last, q):
+                last, low = q, middle
+            else:
+                high = middle
+        return last, low
+
+
+def _wrapped(angle: float) -> float:
+    """Return an angle (radians) brought into (-pi, pi]; numpy takes ten times as long for a single one."""
+    return pi - (pi - angle) % (2.0 * pi)
