@@ -4,20 +4,37 @@ The one package of trailmark that imports ompl.
 """
 
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
-from trailmark.ompl_bridge.errors import BoundsError, BridgeError, ObjectiveError, PlannerNameError, SpaceError
+from trailmark.ompl_bridge.errors import (
+    BoundsError,
+    BridgeError,
+    LandmarkError,
+    ObjectiveError,
+    PlannerNameError,
+    SpaceError,
+)
 from trailmark.ompl_bridge.guard import planning, solve
+from trailmark.ompl_bridge.landmark_source import LandmarkSource
+from trailmark.ompl_bridge.mixture import Mixture
 from trailmark.ompl_bridge.planner import LandmarkPlanner
 from trailmark.ompl_bridge.planners import planner_named, planner_names
+from trailmark.ompl_bridge.plug import PluggedSampler, plug_landmark_sampler
 from trailmark.ompl_bridge.problem import SE2Problem, simple_setup
+from trailmark.ompl_bridge.samplers import LandmarkStateSampler, LandmarkValidStateSampler
 from trailmark.ompl_bridge.states import configuration, path_to_ompl, planner_data_graph, state, states_of, write_state
 
 __all__ = [
     "BoundsError",
     "BridgeError",
+    "LandmarkError",
     "LandmarkPlanner",
+    "LandmarkSource",
+    "LandmarkStateSampler",
+    "LandmarkValidStateSampler",
+    "Mixture",
     "MotionValidator",
     "ObjectiveError",
     "PlannerNameError",
+    "PluggedSampler",
     "SE2Problem",
     "SpaceError",
     "StateValidityChecker",
@@ -27,6 +44,7 @@ __all__ = [
     "planner_named",
     "planner_names",
     "planning",
+    "plug_landmark_sampler",
     "simple_setup",
     "solve",
     "state",

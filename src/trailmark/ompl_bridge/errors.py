@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from trailmark.errors import TrailmarkError
+from trailmark.errors import ConfigurationError, TrailmarkError
 
-__all__ = ["BoundsError", "BridgeError", "ObjectiveError", "PlannerNameError", "SpaceError"]
+__all__ = ["BoundsError", "BridgeError", "LandmarkError", "ObjectiveError", "PlannerNameError", "SpaceError"]
 
 
 class BridgeError(TrailmarkError):
@@ -25,3 +25,7 @@ class PlannerNameError(BridgeError, ValueError):
 
 class ObjectiveError(BridgeError, ValueError):
     """An optimisation objective that the landmark planner does not know."""
+
+
+class LandmarkError(BridgeError, ConfigurationError):
+    """Landmarks that cannot be sampled: wrong array shape, not finite, not valid, out of bounds."""

@@ -1,0 +1,257 @@
+"""LandmarkStream: configurations to sample, landmarks first, then around and between them, then anywhere.
+
+Nothing here knows OMPL. Configurations are drawn in batches, checked by compiled kernels and handed out one by one.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.landmarks.retraction import retracted
+from trailmark.ompl_bridge.landmark_source import LandmarkSource
+from trailmark.ompl_bridge.nearby import Nearby
+
+__all__ = ["KINDS", "ROADMAP_MIXTURE", "TREE_MIXTURE", "LandmarkStream", "Mixture", "Seed"]
+
+Seed = int | np.random.SeedSequence | None
+"""The same one gives the same configurations; None draws one."""
+
+KINDS = ("landmark", "around", "between", "uniform", "landmark near", "near")
+"""Where a configuration comes from; the last two are drawn near a given one."""
+
+LANDMARK, AROUND, BETWEEN, UNIFORM, LANDMARK_NEAR, NEAR = range(len(KINDS))
+
+BATCH = 256
+"""Configurations drawn at a time."""
+
+FOLLOWERS = 2
+"""Configurations of the mixture for each landmark of a round, before the next round's landmarks are asked for."""
+
+NEIGHBOURS = 8
+"""Landmarks that each landmark's gaps are looked for to."""
+
+
+class Mixture(NamedTuple):
+    """Shares of what is drawn once a round's landmarks are handed out; they are scaled to add up to 1.
+
+    Attributes:
+        around: landmarks moved at random at all scales up to the distance of their neighbours, tight ones more often.
+        between: places between two neighbouring landmarks that no certified motion joins.
+        uniform: over the whole space; above 0, so that every open set of configurations is hit in the end.
+        again: landmarks drawn once more. A tree may not have reached them the first time; a roadmap has them already.
+    """
+
+    around: float
+    between: float
+    uniform: float
+    again: float = 0.0
+
+    def shares(self) -> se2.FloatArray:
+        """Return the shares of (again, around, between, uniform), shape (4,), sum 1.
+
+        Raises:
+            ConfigurationError: a share that is negative or not finite, or ``uniform`` not above 0.
+        """
+        values = np.array([self.again, self.around, self.between, self.uniform], dtype=np.float64)
+        if not (np.isfinite(values).all() and (values >= 0.0).all() and self.uniform > 0.0):
+            raise ConfigurationError(f"{self} given, allowed: finite shares of 0 or more, uniform above 0")
+        return np.asarray(values / values.sum())
+
+
+ROADMAP_MIXTURE = Mixture(around=0.35, between=0.35, uniform=0.3)
+"""What samplers of valid states draw by default."""
+
+TREE_MIXTURE = Mixture(around=0.25, between=0.25, uniform=0.3, again=0.2)
+"""What samplers of states, valid or not, draw by default."""
+
+
+class LandmarkStream:
+    """Configurations for one planner's run: each round's landmarks, then a mixture, then the next round's.
+
+    Args:
+        source: the landmarks.
+        mixture: what is drawn between the rounds.
+        seed: of the random choices.
+        valid: whether all configurations are to be valid; otherwise the uniform ones are drawn as OMPL draws them.
+        tally: counts what is handed out, by kind as in :data:`KINDS`; several streams may share one.
+
+    Attributes:
+        source: as given.
+        checker: the source's.
+        nearby: configurations near a given one.
+
+    Raises:
+        ConfigurationError: a mixture with impossible shares.
+    """
+
+    def __init__(
+        self,
+        source: LandmarkSource,
+        mixture: Mixture,
+        seed: Seed = None,
+        *,
+        valid: bool,
+        tally: list[int] | None = None,
+    ) -> None:
+        self.source = source
+        self.checker: StateChecker = source.checker
+        self._rng = np.random.default_rng(seed)
+        self.tally = [0] * len(KINDS) if tally is None else tally
+        self.nearby = Nearby(source, self._rng)
+        self._valid = valid
+        self._shares = mixture.shares()
+        self._round, self._follow = 0, 0
+        self._around = _Around(self.checker, np.empty((0, 3)))
+        self._rows: list[tuple[float, float, float, int]] = []
+
+    @property
+    def landmarks(self) -> se2.FloatArray:
+        """The landmarks of the rounds so far, shape (k, 3)."""
+        return self._around.landmarks
+
+    def take(self) -> tuple[float, float, float] | None:
+        """Return the next configuration x, y, theta; None if a whole batch held no valid one."""
+        if not self._rows:
+            q, kinds = self._next()
+            # Popped from the end.
+            self._rows = [(x, y, theta, kind) for (x, y, theta), kind in zip(q.tolist(), kinds.tolist(), strict=True)]
+            self._rows.reverse()
+            if not self._rows:
+                return None
+        x, y, theta, kind = self._rows.pop()
+        self.tally[kind] += 1
+        return x, y, theta
+
+    def near(self, q: tuple[float, float, float], distance: float) -> tuple[float, float, float] | None:
+        """Return a landmark within a distance of q, in OMPL's metric; None if there is none or it is not its turn."""
+        found = self.nearby.landmark(q, distance)
+        if found is not None:
+            self.tally[LANDMARK_NEAR] += 1
+        return found
+
+    def uniform_near(self, q: tuple[float, float, float], distance: float) -> tuple[float, float, float]:
+        """Return a configuration, valid or not, drawn near q as OMPL's own samplers do it."""
+        self.tally[NEAR] += 1
+        return self.nearby.uniform(q, distance)
+
+    def normal_near(self, q: tuple[float, float, float], deviation: float) -> tuple[float, float, float]:
+        """Return a configuration, valid or not, normally distributed about q as by OMPL's own samplers."""
+        self.tally[NEAR] += 1
+        return self.nearby.normal(q, deviation)
+
+    def anywhere(self) -> tuple[float, float, float]:
+        """Return a configuration over the whole space, valid or not."""
+        x, y, theta = self.source.uniform(1, self._rng)[0].tolist()
+        self.tally[UNIFORM] += 1
+        return x, y, theta
+
+    def _next(self) -> tuple[se2.FloatArray, NDArray[np.int64]]:
+        """Return the next batch (n, 3) and where each of it comes from (n,)."""
+        if self._follow <= 0:
+            fresh = self.source.round(self._round)
+            self._follow = BATCH if fresh is None else max(BATCH, FOLLOWERS * len(fresh))
+            if fresh is not None:
+                self._round += 1
+            if fresh is not None and len(fresh):
+                self._around = _Around(self.checker, np.vstack([self._around.landmarks, fresh]))
+                return fresh, np.full(len(fresh), LANDMARK)
+        q, kinds = self._mixed(min(BATCH, self._follow))
+        self._follow -= BATCH
+        inside = self.source.inside(q)
+        if self._valid:
+            inside[inside] = self.checker.valid(q[inside])
+        return q[inside], kinds[inside]
+
+    def _mixed(self, n: int) -> tuple[se2.FloatArray, NDArray[np.int64]]:
+        """Return n configurations of the mixture in random order, valid or not, and their kinds."""
+        count = self._rng.multinomial(n, self._shares)
+        if len(self._around.landmarks) == 0:
+            count = np.array([0, 0, 0, n])
+        around = self._around
+        parts = [
+            around.landmarks[self._rng.integers(0, max(1, len(around.landmarks)), count[LANDMARK])],
+            around.around(count[AROUND], self._rng),
+            around.between(count[BETWEEN], self._rng),
+            self.source.uniform(count[UNIFORM], self._rng),
+        ]
+        order = self._rng.permutation(n)
+        return np.vstack(parts)[order], np.repeat(np.arange(len(count)), count)[order]
+
+
+class _Around:
+    """What lies around and between landmarks.
+
+    Args:
+        checker: decides which neighbours no certified motion joins.
+        landmarks: valid configurations, shape (k, 3).
+    """
+
+    def __init__(self, checker: StateChecker, landmarks: se2.FloatArray) -> None:
+        self.checker = checker
+        self.landmarks = landmarks
+        self._turning = checker.footprint.sweep_radius
+        if len(landmarks) == 0:
+            return
+        first, second, length = self._neighbours()
+        total = np.bincount(first, length, len(landmarks))
+        self._spacing = total / np.maximum(1, np.bincount(first, minlength=len(landmarks)))
+        if len(landmarks) == 1:
+            self._spacing[:] = checker.footprint.circumradius
+        # The tighter a place, the more it takes to get through.
+        size = checker.footprint.circumradius
+        room = np.asarray(checker.clearance(landmarks, cap=2.0 * size))
+        self._weight = np.cumsum(1.0 / (room + 0.25 * size))
+        once = first < second
+        first, second, length = first[once], second[once], length[once]
+        gap = ~checker.motions_between_valid(landmarks[first], landmarks[second])
+        if gap.any():
+            first, second, length = first[gap], second[gap], length[gap]
+        self._first, self._second, self._length = first, second, length
+        # Short gaps first of all: what is far apart is as a rule on two sides of an obstacle.
+        self._gap_weight = np.cumsum(1.0 / np.maximum(length, 1e-9))
+
+    def around(self, n: int, rng: np.random.Generator) -> se2.FloatArray:
+        """Return n configurations around landmarks, valid or not, shape (n, 3)."""
+        if n == 0:
+            return np.empty((0, 3))
+        picked = np.searchsorted(self._weight, rng.random(n) * self._weight[-1], side="right")
+        return self._moved(self.landmarks[picked], self._spacing[picked], rng)
+
+    def between(self, n: int, rng: np.random.Generator) -> se2.FloatArray:
+        """Return n configurations between neighbouring landmarks, valid or not, shape (n, 3)."""
+        if n == 0:
+            return np.empty((0, 3))
+        if len(self._first) == 0:
+            return self.around(n, rng)
+        picked = np.searchsorted(self._gap_weight, rng.random(n) * self._gap_weight[-1], side="right")
+        a, b = self.landmarks[self._first[picked]], self.landmarks[self._second[picked]]
+        return self._moved(se2.interpolate(a, b, rng.random(n)), 0.5 * self._length[picked], rng)
+
+    def _moved(self, q: se2.FloatArray, reach: se2.FloatArray, rng: np.random.Generator) -> se2.FloatArray:
+        """Return configurations moved by 1/32 of ``reach`` (n,) up to the whole; every other one into the free."""
+        scale = reach[:, None] * 2.0 ** -rng.uniform(0.0, 5.0, (len(q), 1))
+        step = rng.standard_normal((len(q), 3)) * scale / (1.0, 1.0, self._turning or 1.0)
+        moved = q + step
+        moved[:, 2] = se2.wrap(moved[:, 2])
+        half = 0.5 * self.checker.robot.inscribed_disc.radius
+        moved[::2] = retracted(self.checker, moved[::2], half, rng)
+        return np.asarray(moved)
+
+    def _neighbours(self) -> tuple[NDArray[np.int64], NDArray[np.int64], se2.FloatArray]:
+        """Return each landmark's nearest others: first, second and their distance (metres), shape (m,) each."""
+        from scipy.spatial import cKDTree
+
+        points = se2.embed(self.landmarks, self._turning)
+        count = min(NEIGHBOURS + 1, len(points))
+        if count < 2:
+            empty = np.empty(0, dtype=np.int64)
+            return empty, empty, np.empty(0)
+        length, second = (np.asarray(found)[:, 1:] for found in cKDTree(points).query(points, count))
+        first = np.repeat(np.arange(len(points)), count - 1)
+        return first, second.ravel(), length.ravel()

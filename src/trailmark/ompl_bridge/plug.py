@@ -1,0 +1,190 @@
+"""plug_landmark_sampler: one call that puts the landmark samplers wherever the installed OMPL takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from ompl import base as ob
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.ompl_bridge.checker import StateValidityChecker
+from trailmark.ompl_bridge.errors import BridgeError
+from trailmark.ompl_bridge.guard import caught
+from trailmark.ompl_bridge.landmark_source import LandmarkSource
+from trailmark.ompl_bridge.mixture import KINDS, ROADMAP_MIXTURE, TREE_MIXTURE, Mixture
+from trailmark.ompl_bridge.planners import planner_names
+from trailmark.ompl_bridge.samplers import LandmarkStateSampler, LandmarkValidStateSampler
+from trailmark.ompl_bridge.spaces import require_within, space_of
+from trailmark.ompl_bridge.states import configuration
+from trailmark.planning.warmup import warm_up
+
+__all__ = ["PluggedSampler", "plug_landmark_sampler"]
+
+VALID_STATES = frozenset(
+    ("BKPIECE1", "BiEST", "EST", "PRM", "PRMstar", "ProjEST", "SBL", "SPARS", "SPARStwo", "STRIDE")
+)
+"""OMPL's planners that ask the ``SpaceInformation`` for a ``ValidStateSampler``."""
+
+OWN_SAMPLERS = frozenset(("ABITstar", "AITstar", "BITstar", "EITstar", "InformedRRTstar", "SORRTstar"))
+"""OMPL's planners that draw from an informed sampler of OMPL's own, made of the space's default one."""
+
+NOT_BOUND = "this OMPL's Python bindings have no StateSpace.setStateSamplerAllocator"
+INFORMED = "it draws from an informed sampler of OMPL's own, whatever the space's sampler is"
+
+
+@dataclass(frozen=True)
+class PluggedSampler:
+    """Where the landmark samplers were plugged in, and what is drawn from them.
+
+    Attributes:
+        valid_states: the planners of the installed OMPL that draw valid states from the landmarks.
+        states: those that draw states, valid or not.
+        cannot: the others, and why.
+        source: the landmarks.
+        tally: how many states the planners got, by where they come from; see :attr:`handed`.
+    """
+
+    valid_states: tuple[str, ...]
+    states: tuple[str, ...]
+    cannot: Mapping[str, str]
+    source: LandmarkSource
+    tally: list[int] = field(default_factory=lambda: [0] * len(KINDS))
+
+    @property
+    def handed(self) -> dict[str, int]:
+        """How many states the planners have got, by where they come from."""
+        return dict(zip(KINDS, self.tally, strict=True))
+
+    def __str__(self) -> str:
+        lines = [f"valid states from landmarks: {', '.join(self.valid_states) or 'no planner'}"]
+        lines.append(f"states from landmarks: {', '.join(self.states) or 'no planner'}")
+        reasons: dict[str, list[str]] = {}
+        for planner, reason in self.cannot.items():
+            reasons.setdefault(reason, []).append(planner)
+        lines += [f"not {', '.join(planners)}: {reason}" for reason, planners in reasons.items()]
+        return "\n".join(lines)
+
+
+def plug_landmark_sampler(
+    setup: Any,
+    landmarks: ArrayLike | None = None,
+    *,
+    checker: StateChecker | None = None,
+    mixture: Mixture | None = None,
+    seed: int | None = None,
+) -> PluggedSampler:
+    """Let OMPL's planners draw from landmarks, as many of them as the installed OMPL allows.
+
+    Call it after start and goal are set, and again when they have changed. Planners that were set up before, clear.
+    Landmarks that are to be made are made when a planner asks for the first of them, within its time.
+
+    Args:
+        setup: a ``SimpleSetup`` of an SE(2)-like space.
+        landmarks: valid configurations, shape (k, 3). None makes them: for the query from the start to the goal where
+            there are both, over all free space otherwise.
+        checker: trailmark's checker; by default that of the ``StateValidityChecker`` in ``setup``. What it holds for
+            valid must be valid to ``setup`` too.
+        mixture: what is drawn after the landmarks; :data:`ROADMAP_MIXTURE` and :data:`TREE_MIXTURE` by default.
+        seed: the same one makes the same landmarks and draws the same states, planner by planner.
+
+    Returns:
+        Which planners draw from the landmarks and which cannot, and why; ``print`` it.
+
+    Raises:
+        SpaceError: a space not made of x, y and heading.
+        BoundsError: a space that reaches beyond the world.
+        LandmarkError: landmarks of another shape, not finite, not valid or out of bounds.
+        ConfigurationError: a mixture with impossible shares, a negative seed.
+        BridgeError: no checker given, and none of trailmark's in ``setup``.
+    """
+    information = setup.getSpaceInformation()
+    space = space_of(information)
+    checker = checker or _checker_in(setup)
+    require_within(space, checker.world)
+    for shares in (mixture, ROADMAP_MIXTURE):
+        if shares is not None:
+            shares.shares()
+    query = None if landmarks is not None else _query(setup, checker)
+    bounds = space.getBounds()
+    (xmin, ymin), (xmax, ymax) = bounds.low, bounds.high
+    source = LandmarkSource(checker, landmarks, query=query, bounds=(xmin, ymin, xmax, ymax), seed=seed)
+    names = planner_names()
+    takes_states = hasattr(space, "setStateSamplerAllocator")
+    others = [name for name in names if name not in VALID_STATES]
+    plugged = PluggedSampler(
+        valid_states=tuple(name for name in names if name in VALID_STATES),
+        states=tuple(name for name in others if takes_states and name not in OWN_SAMPLERS),
+        cannot={
+            name: INFORMED if name in OWN_SAMPLERS else NOT_BOUND
+            for name in others
+            if not takes_states or name in OWN_SAMPLERS
+        },
+        source=source,
+    )
+    # Kernels are loaded now, not in the planner's time.
+    warm_up()
+    seeds = np.random.SeedSequence(source.seed)
+    # What OMPL keeps holds no OMPL object: a cycle through its C++ would never be freed.
+    valid = _Allocator(
+        LandmarkValidStateSampler, plugged, mixture or ROADMAP_MIXTURE, seeds, ob.UniformValidStateSampler
+    )
+    information.setValidStateSamplerAllocator(_wrapped("ValidStateSamplerAllocator", valid))
+    if takes_states:
+        states = _Allocator(LandmarkStateSampler, plugged, mixture or TREE_MIXTURE, seeds, _default_sampler)
+        space.setStateSamplerAllocator(_wrapped("StateSamplerAllocator", states))
+    return plugged
+
+
+class _Allocator:
+    """Makes a sampler whenever a planner asks for one."""
+
+    def __init__(
+        self, kind: Any, plugged: PluggedSampler, mixture: Mixture, seeds: np.random.SeedSequence, otherwise: Any
+    ) -> None:
+        self._kind, self._otherwise = kind, otherwise
+        self._plugged, self._mixture, self._seeds = plugged, mixture, seeds
+
+    def __call__(self, owner: Any) -> Any:
+        try:
+            (seed,) = self._seeds.spawn(1)
+            return self._kind(owner, self._plugged.source, self._mixture, seed, self._plugged.tally)
+        except BaseException as error:  # nothing may pass through OMPL's C++
+            caught(error)
+            return self._otherwise(owner)
+
+
+def _default_sampler(space: Any) -> Any:
+    return space.allocDefaultStateSampler()
+
+
+def _wrapped(name: str, allocator: _Allocator) -> Any:
+    """Return what the bindings take for an allocator: a callable, or in OMPL 1.7 an object made of it."""
+    wrap = getattr(ob, name, None)
+    return allocator if wrap is None else wrap(allocator)
+
+
+def _checker_in(setup: Any) -> StateChecker:
+    part = setup.getStateValidityChecker()
+    if not isinstance(part, StateValidityChecker):
+        raise BridgeError("no checker given, and no trailmark StateValidityChecker is set, allowed: either of them")
+    return part.checker
+
+
+def _query(setup: Any, checker: StateChecker) -> se2.FloatArray | None:
+    """Return start and goal, shape (2, 3), or None where one of them is missing or not valid."""
+    problem = setup.getProblemDefinition()
+    if problem.getGoal() is None:
+        return None
+    # Not ProblemDefinition.getStartState: OMPL 2.0.1 gives the state away, and it is freed twice.
+    inputs = ob.PlannerInputStates()
+    inputs.use(problem)
+    start, goal = inputs.nextStart(), inputs.nextGoal()
+    if start is None or goal is None:
+        return None
+    ends = np.array([configuration(start), configuration(goal)])
+    return ends if checker.valid(ends).all() else None

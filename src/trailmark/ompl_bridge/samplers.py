@@ -1,0 +1,166 @@
+"""LandmarkValidStateSampler and LandmarkStateSampler: landmarks for OMPL's planners to draw from.
+
+Which of OMPL's planners draws from which of the two, and in which OMPL, is told by
+:func:`trailmark.ompl_bridge.plug.plug_landmark_sampler`, which also plugs them in.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ompl import base as ob
+
+from trailmark.collision.pointwise import PointwiseChecker
+from trailmark.ompl_bridge.errors import SpaceError
+from trailmark.ompl_bridge.guard import caught
+from trailmark.ompl_bridge.landmark_source import LandmarkSource
+from trailmark.ompl_bridge.mixture import ROADMAP_MIXTURE, TREE_MIXTURE, LandmarkStream, Mixture, Seed
+from trailmark.ompl_bridge.spaces import space_of
+
+__all__ = ["LandmarkStateSampler", "LandmarkValidStateSampler"]
+
+
+class LandmarkValidStateSampler(ob.ValidStateSampler):  # type: ignore[misc]  # OMPL's bindings carry no types
+    """Valid states: landmarks, then some around, between them and anywhere; then more landmarks, and so on.
+
+    The share of uniform samples never ends, so what a planner finds with probability one as time goes on it still does.
+    ``sample`` and ``sampleNear`` return only valid states.
+
+    Args:
+        information: the ``SpaceInformation`` of an SE(2)-like space. It is not kept.
+        source: the landmarks; several samplers may share them.
+        mixture: what is drawn between the rounds of landmarks.
+        seed: the same one gives the same states, if the source has a seed too.
+        tally: counts the states by where they come from (:data:`~trailmark.ompl_bridge.mixture.KINDS`).
+
+    Attributes:
+        stream: where the states come from.
+
+    Raises:
+        SpaceError: a space not made of x, y and heading.
+        ConfigurationError: a mixture with impossible shares.
+    """
+
+    def __init__(
+        self,
+        information: Any,
+        source: LandmarkSource,
+        mixture: Mixture = ROADMAP_MIXTURE,
+        seed: Seed = None,
+        tally: list[int] | None = None,
+    ) -> None:
+        space_of(information)
+        super().__init__(information)
+        self.setName("landmark")
+        self.stream = LandmarkStream(source, mixture, seed, valid=True, tally=tally)
+        self._single = PointwiseChecker(source.checker)
+
+    def sample(self, state: Any) -> bool:
+        """Set a state to a valid one and return True, or return False if none was found this time."""
+        try:
+            row = self.stream.take()
+            if row is None:
+                return False
+            _write(state, row)
+        except BaseException as error:  # nothing may pass through OMPL's C++
+            caught(error)
+            return False
+        return True
+
+    def sampleNear(self, state: Any, near: Any, distance: float) -> bool:  # noqa: N802  # OMPL's name
+        """Set a state to a valid one within about ``distance`` (the space's) of another; False if none was found."""
+        try:
+            q = (near.getX(), near.getY(), near.getYaw())
+            row = self.stream.near(q, distance)
+            if row is None:
+                for _ in range(max(1, self.getNrAttempts())):
+                    row = self.stream.uniform_near(q, distance)
+                    if self._single.valid(*row):
+                        break
+                else:
+                    return False
+            _write(state, row)
+        except BaseException as error:  # nothing may pass through OMPL's C++
+            caught(error)
+            return False
+        return True
+
+
+class LandmarkStateSampler(ob.StateSampler):  # type: ignore[misc]  # OMPL's bindings carry no types
+    """States: landmarks first, then the mixture; all are valid but the uniform ones and those near a given state.
+
+    Args:
+        space: an SE(2)-like state space. It is not kept.
+        source: the landmarks; several samplers may share them.
+        mixture: what is drawn between the rounds of landmarks.
+        seed: the same one gives the same states, if the source has a seed too.
+        tally: counts the states by where they come from (:data:`~trailmark.ompl_bridge.mixture.KINDS`).
+
+    Attributes:
+        stream: where the states come from.
+
+    Raises:
+        SpaceError: a space not made of x, y and heading.
+        ConfigurationError: a mixture with impossible shares.
+    """
+
+    def __init__(
+        self,
+        space: Any,
+        source: LandmarkSource,
+        mixture: Mixture = TREE_MIXTURE,
+        seed: Seed = None,
+        tally: list[int] | None = None,
+    ) -> None:
+        require_se2(space)
+        super().__init__(space)
+        self.stream = LandmarkStream(source, mixture, seed, valid=False, tally=tally)
+
+    def sampleUniform(self, state: Any) -> None:  # noqa: N802  # OMPL's name
+        """Set a state to the next landmark, or to one of the mixture."""
+        row: Any = (0.0, 0.0, 0.0)
+        try:
+            row = self.stream.take() or self.stream.anywhere()
+        except BaseException as error:  # nothing may pass through OMPL's C++
+            caught(error)
+        _write(state, row)
+
+    def sampleUniformNear(self, state: Any, near: Any, distance: float) -> None:  # noqa: N802  # OMPL's name
+        """Set a state to a landmark within ``distance`` of another, or to one drawn as OMPL's own sampler does."""
+        q = (near.getX(), near.getY(), near.getYaw())
+        row: Any = q
+        try:
+            row = self.stream.near(q, distance) or self.stream.uniform_near(q, distance)
+        except BaseException as error:  # nothing may pass through OMPL's C++
+            caught(error)
+        _write(state, row)
+
+    def sampleGaussian(self, state: Any, mean: Any, deviation: float) -> None:  # noqa: N802  # OMPL's name
+        """Set a state to one normally distributed about another, as OMPL's own sampler does."""
+        q = (mean.getX(), mean.getY(), mean.getYaw())
+        row: Any = q
+        try:
+            row = self.stream.normal_near(q, deviation)
+        except BaseException as error:  # nothing may pass through OMPL's C++
+            caught(error)
+        _write(state, row)
+
+
+def require_se2(space: Any) -> None:
+    """Raise unless a state space is made of x, y and heading.
+
+    Raises:
+        SpaceError: it is not ``SE2StateSpace`` nor one of those derived from it.
+    """
+    if not isinstance(space, ob.SE2StateSpace):
+        raise SpaceError(
+            f"state space {space.getName()!r} ({type(space).__name__}) given, "
+            "allowed: SE2StateSpace, DubinsStateSpace, ReedsSheppStateSpace"
+        )
+
+
+def _write(state: Any, row: Any) -> None:
+    x, y, theta = row
+    state.setX(x)
+    state.setY(y)
+    state.setYaw(theta)
