@@ -1,0 +1,51 @@
+"""The examples run as they stand, each in a process of its own with a time limit."""
+
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    (tmp_path / "worlds").symlink_to(ROOT / "worlds")
+    return tmp_path
+
+
+def run(name: str, checkout: Path, *words: str) -> str:
+    command = [sys.executable, str(ROOT / "examples" / name), *words]
+    done = subprocess.run(command, cwd=checkout, capture_output=True, text=True, timeout=180)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_an_ompl_program_with_trailmarks_checks(checkout: Path) -> None:
+    found = run("ompl_checker.py", checkout)
+    assert "Exact solution" in found
+    assert " m in " in found
+    assert "solution" in run("ompl_checker.py", checkout, "worlds/corridor.yaml", "PRM")
+
+
+def test_ompls_benchmark_with_the_landmark_planner(checkout: Path) -> None:
+    assert "written" in run("ompl_benchmark.py", checkout)
+    with sqlite3.connect(checkout / "office.db") as database:
+        rows = database.execute(
+            "SELECT p.name, COUNT(*), SUM(r.solved) FROM runs r JOIN plannerConfigs p ON p.id = r.plannerid "
+            "GROUP BY p.id"
+        ).fetchall()
+    counts = {name.removeprefix("geometric_"): (runs, solved) for name, runs, solved in rows}
+    assert counts["landmark"] == (5, 5)
+    assert set(counts) == {"RRTConnect", "PRM", "landmark"}
+
+
+def test_all_examples_are_run() -> None:
+    text = Path(__file__).read_text()
+    assert EXAMPLES
+    assert all(f'"{file.name}"' in text for file in EXAMPLES)
