@@ -24,7 +24,7 @@ benchmark.addPlanner(og.PRM(problem.information))
 benchmark.addPlanner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
 
 request = ot.Request()
-request.maxTime, request.maxMem, request.runCount, request.displayProgress = 0.5, 4000.0, 5, False
+request.maxTime, request.maxMem, request.runCount, request.displayProgress = 1.0, 4000.0, 3, False
 request.saveConsoleOutput = False
 with planning():  # Ctrl-C and errors in callbacks are raised at the end of the block
     benchmark.benchmark(request)
