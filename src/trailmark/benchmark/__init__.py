@@ -1,1 +1,1 @@
-"""The benchmark: the same problems, checker, seeds and objective for every planner; each run in a process of its own."""
+"""The benchmark: same problems, checker, seeds and objective for every planner, each run in a process of its own."""

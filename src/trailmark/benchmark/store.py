@@ -1,0 +1,247 @@
+"""Store: the results database, a SQLite file in Planner Arena's schema; every run is in it as soon as it is done.
+
+The file is whole at every moment: each run is one transaction that is on the disk before the next one begins. Of two
+programs that want to write, the second is told so; reading is always possible.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from trailmark.benchmark.errors import StoreError
+from trailmark.benchmark.record import RunRecord
+from trailmark.benchmark.schema import APPLICATION, DDL, ENUMS, MEASURED, VERSION
+from trailmark.errors import OutputError
+from trailmark.formats.files import check_writable
+
+__all__ = ["Experiment", "Store"]
+
+BUSY = 5.0
+"""Seconds to wait for another program that has the database locked for a moment."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One problem with one setting of limits: a row of ``experiments``.
+
+    Attributes:
+        name: world, query and robot, for people.
+        identity: what makes it this experiment: problem, objective, resolution, limits. Runs of the same identity
+            belong together.
+        conditions: what may not change on the way: versions of the libraries, the processor.
+        facts: what is good to know besides, such as the world's text.
+        time_limit: seconds a run.
+        memory_limit: MB a run.
+        version: of trailmark and OMPL.
+        hostname: of the machine that keeps the database.
+        cpu: its processor.
+        date: ISO 8601.
+        seed: of the first run.
+        runs: asked for, of each planner.
+    """
+
+    name: str
+    identity: Mapping[str, Any]
+    conditions: Mapping[str, Any]
+    facts: Mapping[str, Any]
+    time_limit: float
+    memory_limit: float
+    version: str
+    hostname: str
+    cpu: str
+    date: str
+    seed: int
+    runs: int
+
+    def setup(self) -> str:
+        """Return the text of the column ``setup``: a JSON object with the three parts."""
+        parts = {"identity": dict(self.identity), "conditions": dict(self.conditions), "facts": dict(self.facts)}
+        return json.dumps(parts, sort_keys=True)
+
+
+class Store:
+    """The results database, open for writing.
+
+    Args:
+        path: the file; made if it is not there.
+
+    Raises:
+        StoreError: the file is no results database, of another schema, damaged, or another benchmark writes to it.
+        OutputError: it cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        check_writable(path)
+        self.path = path
+        self._lock = _locked(path)
+        try:
+            self._db = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
+            with self._told():
+                self._open()
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file and let others write."""
+        if hasattr(self, "_db"):
+            self._db.close()
+        # Only now: closing any handle on the file gives up SQLite's own locks too.
+        os.close(self._lock) if self._lock >= 0 else None
+        self._lock = -1
+
+    def experiment(self, wanted: Experiment) -> int:
+        """Return the id of an experiment: of the one that is there already, else of a new row.
+
+        Raises:
+            StoreError: the one that is there was run under other conditions.
+        """
+        with self._told(), self._transaction():
+            for row, setup, runs in self._db.execute("SELECT id, setup, runcount FROM experiments").fetchall():
+                there = json.loads(setup)
+                if there["identity"] == json.loads(json.dumps(dict(wanted.identity))):
+                    self._require_same(there["conditions"], wanted.conditions)
+                    self._db.execute("UPDATE experiments SET runcount = ? WHERE id = ?", (max(runs, wanted.runs), row))
+                    return int(row)
+            done = self._db.execute(
+                "INSERT INTO experiments (name, totaltime, timelimit, memorylimit, runcount, version, hostname, "
+                "cpuinfo, date, seed, setup) VALUES (?, 0.0, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+                (
+                    wanted.name,
+                    wanted.time_limit,
+                    wanted.memory_limit,
+                    wanted.runs,
+                    wanted.version,
+                    wanted.hostname,
+                    wanted.cpu,
+                    wanted.date,
+                    str(wanted.seed),
+                    wanted.setup(),
+                ),
+            )
+            return int(done.lastrowid or 0)
+
+    def planner(self, name: str, settings: str) -> int:
+        """Return the id of a planner with these settings, of a new row if need be."""
+        with self._told(), self._transaction():
+            keys = (name, settings)
+            self._db.execute("INSERT OR IGNORE INTO plannerConfigs (name, settings) VALUES (?, ?)", keys)
+            found = self._db.execute("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", keys).fetchone()
+            return int(found[0])
+
+    def finished(self, experiment: int) -> set[tuple[int, int]]:
+        """Return planner id and seed of every run of an experiment that is in the database."""
+        with self._told():
+            rows = self._db.execute("SELECT plannerid, seed FROM runs WHERE experimentid = ?", (experiment,))
+            return {(int(planner), int(seed)) for planner, seed in rows}
+
+    def add(self, experiment: int, planner: int, record: RunRecord) -> bool:
+        """Write a run, on the disk when this returns; return False if one of that seed is there already."""
+        values = record.to_json()
+        row = [_cell(values[name]) for name in MEASURED]
+        names = ", ".join(["experimentid", "plannerid", *MEASURED])
+        marks = ", ".join("?" * (len(MEASURED) + 2))
+        spent = sum(t or 0.0 for t in (record.time, record.simplification_time, record.overhead))
+        with self._told(), self._transaction():
+            done = self._db.execute(
+                f"INSERT OR IGNORE INTO runs ({names}) VALUES ({marks})",  # noqa: S608  # names of our own columns
+                [experiment, planner, *row],
+            )
+            if done.rowcount == 0:
+                return False
+            self._db.executemany(
+                "INSERT OR REPLACE INTO progress (runid, time, best_cost) VALUES (?, ?, ?)",
+                [(done.lastrowid, t, cost) for t, cost in record.curve],
+            )
+            self._db.execute("UPDATE experiments SET totaltime = totaltime + ? WHERE id = ?", (spent, experiment))
+        return True
+
+    def _open(self) -> None:
+        self._db.execute("PRAGMA foreign_keys = ON")
+        # EXTRA: also after a loss of power, what was committed is there.
+        self._db.execute("PRAGMA synchronous = EXTRA")
+        application, version = (
+            self._db.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
+        )
+        tables = self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
+        if (application, version, tables) == (0, 0, 0):
+            with self._transaction():
+                for statement in DDL:
+                    self._db.execute(statement)
+                self._db.executemany("INSERT INTO enums VALUES (?, ?, ?)", ENUMS)
+                self._db.execute(f"PRAGMA application_id = {APPLICATION}")
+                self._db.execute(f"PRAGMA user_version = {VERSION}")
+        elif application != APPLICATION:
+            raise StoreError(
+                f"{self.path}: an SQLite database that trailmark benchmark did not write, allowed: one that it wrote, "
+                "or a new file"
+            )
+        elif version != VERSION:
+            raise StoreError(f"{self.path}: schema version {version} given, allowed: {VERSION}, or a new file")
+
+    def _require_same(self, there: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+        other = [name for name in sorted({*there, *now}) if there.get(name) != now.get(name)]
+        if other:
+            name = other[0]
+            raise StoreError(
+                f"{self.path}: its runs were made with {name} {there.get(name)}, now it is {now.get(name)}, "
+                "allowed: the same, or another --output"
+            )
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._db.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+        except BaseException:
+            self._db.execute("ROLLBACK")
+            raise
+        self._db.execute("COMMIT")
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Turn SQLite's errors into one line."""
+        try:
+            yield
+        except sqlite3.Error as error:
+            hints = {"database is locked": "locked by another program", "file is not a database": "no SQLite database"}
+            problem = hints.get(str(error), str(error))
+            raise StoreError(
+                f"{self.path}: {problem}, allowed: a database of trailmark benchmark, or a new file"
+            ) from None
+
+
+def _cell(value: Any) -> Any:
+    return json.dumps(value, separators=(",", ":")) if isinstance(value, list) else value
+
+
+def _locked(path: Path) -> int:
+    """Return a handle on the file that holds the writer's lock; the system gives it up with the process."""
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written: {error.strerror}") from None
+    try:
+        # Of another kind than SQLite's own locks on parts of the file, which it does not disturb.
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(handle)
+        raise StoreError(
+            f"{path}: another benchmark is writing to it, allowed: one at a time, or another --output"
+        ) from None
+    return handle
