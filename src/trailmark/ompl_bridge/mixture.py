@@ -161,12 +161,13 @@ class LandmarkStream:
             if fresh is not None and len(fresh):
                 self._around = _Around(self.checker, np.vstack([self._around.landmarks, fresh]))
                 return fresh, np.full(len(fresh), LANDMARK)
-        q, kinds = self._mixed(min(BATCH, self._follow))
-        self._follow -= BATCH
-        inside = self.source.inside(q)
+        q, kinds = self._mixed(BATCH)
+        good = self.source.inside(q)
         if self._valid:
-            inside[inside] = self.checker.valid(q[inside])
-        return q[inside], kinds[inside]
+            good[good] = self.checker.valid(q[good])
+        # Where hardly anything is valid, more landmarks help more than waiting does.
+        self._follow -= max(BATCH // 8, int(good.sum()))
+        return q[good], kinds[good]
 
     def _mixed(self, n: int) -> tuple[se2.FloatArray, NDArray[np.int64]]:
         """Return n configurations of the mixture in random order, valid or not, and their kinds."""

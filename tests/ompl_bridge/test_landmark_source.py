@@ -1,0 +1,149 @@
+"""LandmarkSource: landmarks given, made for a query, or spread; which are refused; what a seed fixes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.oracle import Oracle
+
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.library import find_world
+from trailmark.ompl_bridge.errors import BridgeError, LandmarkError
+from trailmark.ompl_bridge.landmark_source import LandmarkSource
+from trailmark.shapes import Disc, Rectangle
+from trailmark.world import Query, Robot, World
+
+
+@pytest.fixture(scope="module")
+def narrow() -> StateChecker:
+    return StateChecker(World.load(find_world("narrow")))
+
+
+def ends(query: Query) -> np.ndarray:
+    return np.array([query.start, query.goal])
+
+
+def rounds(source: LandmarkSource, count: int) -> list[np.ndarray]:
+    made = [source.round(i) for i in range(count)]
+    assert all(q is not None for q in made)
+    return [q for q in made if q is not None]
+
+
+def test_given_landmarks_are_the_only_round(narrow: StateChecker) -> None:
+    given = [[1.6, 2.0, 0.0], [8.2, 8.6, 7.0]]
+    source = LandmarkSource(narrow, given)
+    (q,) = rounds(source, 1)
+    assert q[:, :2].tolist() == [[1.6, 2.0], [8.2, 8.6]]
+    assert q[1, 2] == pytest.approx(7.0 - 2.0 * math.pi)
+    assert source.round(1) is None
+    assert source.made == 1
+    assert np.array_equal(source.landmarks, q)
+
+
+def test_no_landmarks_may_be_given(narrow: StateChecker) -> None:
+    source = LandmarkSource(narrow, np.empty((0, 3)))
+    assert rounds(source, 1)[0].shape == (0, 3)
+    assert source.round(1) is None
+
+
+@pytest.mark.parametrize(
+    ("landmarks", "message"),
+    [
+        ([1.0, 2.0, 0.0], r"shape \(3,\) given, allowed: \(k, 3\)"),
+        ([[1.0, 2.0]], r"shape \(1, 2\) given"),
+        ([[1.6, 2.0, math.nan]], "not a finite number"),
+        ("here", "not an array of numbers"),
+        ([[1.6, 2.0, 0.0], [5.5, 4.0, 0.0]], r"landmark 1 \(5.5, 4, 0\) is not valid"),
+        ([[1.6, 2.0, 0.0], [99.0, 2.0, 0.0]], r"landmark 1: \[99.0, 2.0, 0.0\] given, allowed: within"),
+    ],
+)
+def test_landmarks_that_are_refused(narrow: StateChecker, landmarks: Any, message: str) -> None:
+    with pytest.raises(LandmarkError, match=message) as caught:
+        LandmarkSource(narrow, landmarks)
+    assert isinstance(caught.value, BridgeError)
+    assert isinstance(caught.value, ConfigurationError)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_negative_seed_is_refused(narrow: StateChecker) -> None:
+    with pytest.raises(ConfigurationError, match="seed: -1 given, allowed: 0 or more"):
+        LandmarkSource(narrow, seed=-1)
+
+
+@pytest.mark.parametrize("name", ["narrow", "lshape", "discs"])
+def test_landmarks_made_for_a_query_are_valid_and_ever_more(name: str) -> None:
+    world = World.load(find_world(name))
+    assert world.robot is not None
+    checker, query = StateChecker(world), world.queries[0]
+    source = LandmarkSource(checker, query=ends(query), seed=3)
+    made = rounds(source, 4)
+    assert not Oracle(world, world.robot).collides(source.landmarks).any()
+    assert all(100 <= len(q) <= 1200 for q in made)
+    assert len(made[3]) > len(made[0])
+    # Near both ends, to begin with.
+    for end in ends(query):
+        assert np.hypot(*(made[0][:, :2] - end[:2]).T).min() < 1.5
+
+
+def test_the_same_seed_makes_the_same_landmarks(narrow: StateChecker) -> None:
+    query = ends(narrow.world.query("second"))
+    first, again, other = (LandmarkSource(narrow, query=query, seed=seed) for seed in (5, 5, 6))
+    for a, b, c in zip(rounds(first, 3), rounds(again, 3), rounds(other, 3), strict=True):
+        assert np.array_equal(a, b)
+        assert not np.array_equal(a, c)
+
+
+def test_a_round_is_made_once(narrow: StateChecker) -> None:
+    source = LandmarkSource(narrow, query=ends(narrow.world.query("second")), seed=5)
+    assert source.made == 0
+    assert source.round(0) is source.round(0)
+    assert source.made == 1
+
+
+def test_without_a_query_landmarks_lie_all_over(narrow: StateChecker) -> None:
+    source = LandmarkSource(narrow, seed=1)
+    (q,) = rounds(source, 1)
+    oracle = Oracle(narrow.world, narrow.robot)
+    assert not oracle.collides(q).any()
+    # Whatever is free has a landmark within a few metres: 24 by 12 m, 120 of them.
+    rng = np.random.default_rng(0)
+    free = rng.uniform((0.0, 0.0, -math.pi), (24.0, 12.0, math.pi), (2000, 3))
+    free = free[~oracle.collides(free)]
+    gaps = np.hypot(*(free[:, None, :2] - q[None, :, :2]).transpose(2, 0, 1)).min(axis=1)
+    assert gaps.max() < 3.0
+
+
+def test_no_landmarks_where_no_way_exists() -> None:
+    wall = Rectangle((5.0, 3.0), 0.5, 6.0)
+    world = World("split", (0.0, 0.0, 10.0, 6.0), (wall,), robot=Robot.rectangle(0.6, 0.4))
+    source = LandmarkSource(StateChecker(world), query=[[1.0, 1.0, 0.0], [9.0, 5.0, 0.0]])
+    assert source.round(0) is None
+    assert source.infeasible
+    assert len(source.landmarks) == 0
+
+
+def test_landmarks_keep_to_the_bounds(narrow: StateChecker) -> None:
+    source = LandmarkSource(narrow, query=ends(narrow.world.query("second")), bounds=(7.0, 1.0, 17.0, 9.0), seed=0)
+    rounds(source, 3)
+    x, y, _ = source.landmarks.T
+    assert len(x) > 100
+    assert x.min() >= 7.0
+    assert x.max() <= 17.0
+    assert y.min() >= 1.0
+    assert y.max() <= 9.0
+    with pytest.raises(LandmarkError, match="within"):
+        LandmarkSource(narrow, [[1.6, 2.0, 0.0]], bounds=(7.0, 1.0, 17.0, 9.0))
+
+
+def test_a_disc_robot_turns_evenly_on_its_way() -> None:
+    world = World("yard", (0.0, 0.0, 20.0, 6.0), (Disc((10.0, 2.0), 1.0),), robot=Robot.disc(0.4))
+    source = LandmarkSource(StateChecker(world), query=[[1.0, 2.0, 0.0], [19.0, 2.0, 2.0]], seed=0)
+    (q,) = rounds(source, 1)
+    assert q[:, 2].min() >= 0.0
+    assert q[:, 2].max() <= 2.0
+    # The farther on, the farther round.
+    assert np.corrcoef(q[:, 0], q[:, 2])[0, 1] > 0.98

@@ -1,0 +1,156 @@
+"""LandmarkStream: landmarks first, then shares as asked for; what must be valid is; no place is left out for ever."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from benchmarks.oracle import Oracle
+from benchmarks.random_worlds import ROBOTS, random_world
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.library import find_world
+from trailmark.ompl_bridge.landmark_source import LandmarkSource
+from trailmark.ompl_bridge.mixture import KINDS, ROADMAP_MIXTURE, TREE_MIXTURE, LandmarkStream, Mixture
+from trailmark.world import Robot, World
+
+EMPTY = StateChecker(World("empty", (0.0, 0.0, 10.0, 10.0)), Robot.disc(0.1))
+
+
+@pytest.fixture(scope="module")
+def narrow() -> StateChecker:
+    return StateChecker(World.load(find_world("narrow")))
+
+
+def taken(stream: LandmarkStream, n: int) -> np.ndarray:
+    """Return n configurations; a batch without a valid one is passed over."""
+    rows = (stream.take() for _ in range(20 * n))
+    found = [row for _, row in zip(range(n), (row for row in rows if row is not None), strict=False)]
+    assert len(found) == n
+    return np.array(found)
+
+
+def test_landmarks_come_first_and_in_order(narrow: StateChecker) -> None:
+    given_ones = np.array([[1.6, 2.0, 0.0], [8.2, 8.6, 0.0], [15.6, 4.6, 1.0]])
+    stream = LandmarkStream(LandmarkSource(narrow, given_ones), ROADMAP_MIXTURE, 0, valid=True)
+    assert np.array_equal(taken(stream, 3), given_ones)
+    assert stream.tally[KINDS.index("landmark")] == 3
+    taken(stream, 500)
+    assert stream.tally[KINDS.index("landmark")] == 3
+    assert sum(stream.tally) == 503
+
+
+@pytest.mark.parametrize("mixture", [ROADMAP_MIXTURE, TREE_MIXTURE, Mixture(0.0, 0.0, 1.0), Mixture(6.0, 3.0, 1.0)])
+def test_shares_are_those_asked_for(mixture: Mixture) -> None:
+    # Nothing is in the way here, so that nothing is dropped but what lies out of bounds.
+    landmarks = np.random.default_rng(0).uniform((4.0, 4.0, -3.0), (6.0, 6.0, 3.0), (40, 3))
+    stream = LandmarkStream(LandmarkSource(EMPTY, landmarks), mixture, 1, valid=True)
+    n = 20_000
+    taken(stream, 40)
+    first = np.array(stream.tally[:4])
+    taken(stream, n)
+    share = (np.array(stream.tally[:4]) - first) / n
+    wanted = np.array([mixture.again, mixture.around, mixture.between, mixture.uniform]) / sum(mixture)
+    # Five standard deviations, and what the robot's radius takes off the uniform ones at the bounds.
+    assert np.abs(share - wanted).max() < 5.0 * math.sqrt(0.25 / n) + 0.02
+
+
+@pytest.mark.parametrize(
+    "mixture",
+    [Mixture(0.5, 0.5, 0.0), Mixture(-0.1, 0.5, 0.6), Mixture(0.5, math.nan, 0.5), Mixture(0.5, math.inf, 0.5)],
+)
+def test_impossible_shares_are_refused(narrow: StateChecker, mixture: Mixture) -> None:
+    with pytest.raises(ConfigurationError, match="allowed: finite shares of 0 or more, uniform above 0"):
+        LandmarkStream(LandmarkSource(narrow), mixture, 0, valid=True)
+
+
+@settings(max_examples=15)
+@given(st.sampled_from(sorted(ROBOTS)), st.integers(0, 2**16))
+def test_what_must_be_valid_is(robot: str, seed: int) -> None:
+    world = random_world(seed % 7, 60, size=30.0, radii=(0.3, 2.0), discs=0.3, boundary=seed % 2 == 0)
+    checker = StateChecker(world, ROBOTS[robot])
+    stream = LandmarkStream(LandmarkSource(checker, seed=seed), ROADMAP_MIXTURE, seed, valid=True)
+    q = np.array([row for row in (stream.take() for _ in range(600)) if row is not None])
+    if len(q):
+        assert not Oracle(world, ROBOTS[robot]).collides(q).any()
+        assert (np.abs(q[:, 2]) <= math.pi).all()
+
+
+def test_rounds_alternate_with_the_mixture(narrow: StateChecker) -> None:
+    query = narrow.world.query("second")
+    source = LandmarkSource(narrow, query=[query.start, query.goal], seed=0)
+    stream = LandmarkStream(source, ROADMAP_MIXTURE, 0, valid=True)
+    first = source.round(0)
+    assert first is not None
+    taken(stream, len(first))
+    assert stream.tally[1:] == [0] * (len(KINDS) - 1)
+    taken(stream, 4000)
+    assert source.made > 2
+    assert stream.tally[0] > 2 * len(first)
+    assert min(stream.tally[1:4]) > 100
+    assert len(stream.landmarks) >= stream.tally[0]
+
+
+def test_between_and_around_are_nearer_to_the_passage_than_uniform_ones(narrow: StateChecker) -> None:
+    query = narrow.world.query("second")
+    source = LandmarkSource(narrow, query=[query.start, query.goal], seed=0)
+
+    def share(mixture: Mixture) -> float:
+        stream = LandmarkStream(source, mixture, 2, valid=True)
+        first = source.round(0)
+        assert first is not None
+        taken(stream, len(first))
+        before = stream.tally[0]
+        q = taken(stream, 400)
+        assert stream.tally[0] == before
+        # The slit of world narrow: 2.5 m long at x = 10.5.
+        return float(((q[:, 0] > 10.5) & (q[:, 0] < 13.0)).mean())
+
+    uniform = share(Mixture(0.0, 0.0, 1.0))
+    assert share(Mixture(0.0, 1.0, 1e-9)) > 3.0 * uniform
+    assert share(Mixture(1.0, 0.0, 1e-9)) > 3.0 * uniform
+
+
+def test_every_free_place_is_hit_in_the_end(narrow: StateChecker) -> None:
+    # The only landmark is in a corner. Cells of 2 m by 2 m by a quarter of a turn that are free to 10 % are all hit.
+    stream = LandmarkStream(LandmarkSource(narrow, [[1.6, 2.0, 0.0]]), ROADMAP_MIXTURE, 0, valid=True)
+    q = taken(stream, 20_000)
+    plain = np.random.default_rng(1).uniform((0.0, 0.0, -math.pi), (24.0, 12.0, math.pi), (20_000, 3))
+    free = plain[~Oracle(narrow.world, narrow.robot).collides(plain)]
+    size = np.array([2.0, 2.0, 0.5 * math.pi])
+    per_cell = len(plain) / (12 * 6 * 4)
+    cells, count = np.unique(np.floor(free / size), axis=0, return_counts=True)
+    wanted = {tuple(cell) for cell in cells[count > 0.1 * per_cell].tolist()}
+    assert len(wanted) > 150
+    assert wanted <= {tuple(cell) for cell in np.floor(q / size).tolist()}
+
+
+def test_uniform_ones_need_not_be_valid_for_trees() -> None:
+    world = random_world(3, 200)
+    checker = StateChecker(world, ROBOTS["rectangle"])
+    stream = LandmarkStream(LandmarkSource(checker, np.empty((0, 3))), TREE_MIXTURE, 0, valid=False)
+    q = taken(stream, 5000)
+    share = Oracle(world, ROBOTS["rectangle"]).collides(q).mean()
+    plain = np.random.default_rng(1).uniform((0.0, 0.0, -math.pi), (100.0, 100.0, math.pi), (5000, 3))
+    assert share == pytest.approx(Oracle(world, ROBOTS["rectangle"]).collides(plain).mean(), abs=0.05)
+    assert stream.tally[3] == 5000
+
+
+def test_none_where_nothing_is_valid() -> None:
+    checker = StateChecker(World("tiny", (0.0, 0.0, 1.0, 1.0)), Robot.disc(2.0))
+    stream = LandmarkStream(LandmarkSource(checker), ROADMAP_MIXTURE, 0, valid=True)
+    assert [stream.take() for _ in range(3)] == [None, None, None]
+    assert sum(stream.tally) == 0
+
+
+def test_the_same_seed_gives_the_same_configurations(narrow: StateChecker) -> None:
+    a, b, c = (
+        taken(LandmarkStream(LandmarkSource(narrow, seed=4), ROADMAP_MIXTURE, seed, valid=True), 1500)
+        for seed in (1, 1, 2)
+    )
+    assert np.array_equal(a, b)
+    assert not np.array_equal(a, c)

@@ -1,0 +1,212 @@
+"""Landmark samplers in OMPL 2.0: who draws from them, what they return, bad input, errors, nothing kept alive."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.oracle import Oracle, motion_states
+
+from trailmark.library import find_world
+from trailmark.world import World
+
+DRAWING = ("BKPIECE1", "PRM", "PRMstar")
+
+
+@pytest.fixture(scope="module")
+def oracle() -> Oracle:
+    world = World.load(find_world("narrow"))
+    assert world.robot is not None
+    return Oracle(world, world.robot)
+
+
+def test_sampled_states_are_valid_and_near_where_they_should_be(run_ompl: Any, oracle: Oracle) -> None:
+    found = run_ompl("""
+problem = SE2Problem(shipped("narrow"), query="second")
+plugged = plug_landmark_sampler(problem.setup, seed=1)
+sampler = problem.information.allocValidStateSampler()
+s, near = state(problem.information, [0, 0, 0]), state(problem.information, [11.75, 5.1, 0.5])
+drawn = [configuration(s).tolist() for _ in range(4000) if sampler.sample(s)]
+close = [configuration(s).tolist() for _ in range(4000) if sampler.sampleNear(s, near, 1.5)]
+tell(name=sampler.getName(), drawn=drawn, close=close, handed=plugged.handed)
+""")
+    drawn, close, handed = np.array(found["drawn"]), np.array(found["close"]), found["handed"]
+    assert found["name"] == "landmark"
+    assert len(drawn) > 3990
+    assert not oracle.collides(drawn).any()
+    assert sum(handed[kind] for kind in ("landmark", "around", "between", "uniform")) == len(drawn)
+    assert handed["landmark"] > 300
+    # In a slit hardly wider than the robot most tries fail, but not all.
+    assert 200 < len(close) <= 4000
+    assert not oracle.collides(close).any()
+    assert np.abs(close[:, :2] - (11.75, 5.1)).max() <= 1.5
+    assert np.abs(close[:, 2] - 0.5).max() <= 3.0
+    assert handed["landmark near"] > 100
+
+
+def test_exactly_the_planners_named_draw_from_the_landmarks(run_ompl: Any) -> None:
+    found = run_ompl("""
+problem = SE2Problem(shipped("narrow"), query="second")
+drawn = {}
+for name in planner_names():
+    plugged = plug_landmark_sampler(problem.setup, seed=1)
+    problem.set_planner(name)
+    problem.solve(0.1)
+    problem.setup.clear()
+    drawn[name] = sum(plugged.tally)
+tell(drawn=drawn, valid=plugged.valid_states, states=plugged.states, cannot=dict(plugged.cannot), text=str(plugged))
+""")
+    drawing = tuple(name for name, count in found["drawn"].items() if count > 0)
+    assert drawing == tuple(found["valid"]) == DRAWING
+    assert found["states"] == []
+    assert sorted([*found["cannot"], *drawing]) == sorted(found["drawn"])
+    assert "RRTConnect" in found["cannot"]
+    assert "no StateSpace.setStateSamplerAllocator" in found["cannot"]["RRTConnect"]
+    assert "informed sampler of OMPL's own" in found["cannot"]["InformedRRTstar"]
+    first, second, *others = found["text"].splitlines()
+    assert first == "valid states from landmarks: BKPIECE1, PRM, PRMstar"
+    assert second == "states from landmarks: no planner"
+    assert len(others) == 2
+    assert all(line.startswith("not ") for line in others)
+
+
+@pytest.mark.parametrize("planner", ["PRM", "PRMstar"])
+def test_prm_finds_through_the_slit_what_it_misses_alone(run_ompl: Any, planner: str, oracle: Oracle) -> None:
+    found = run_ompl(f"""
+query = shipped("narrow").query("second")
+problem = SE2Problem(shipped("narrow"), query="second")
+plugged = plug_landmark_sampler(problem.setup, seed=1)
+problem.set_planner({planner!r})
+problem.solve(2.0)
+tell(states=problem.path.states.tolist(), handed=plugged.handed)
+""")
+    states = np.array(found["states"])
+    assert states[0] == pytest.approx([8.2, 8.6, 0.0])
+    assert states[-1] == pytest.approx([15.6, 4.6, 0.0])
+    assert not oracle.collides(motion_states(states[:-1], states[1:], 200).reshape(-1, 3)).any()
+    assert found["handed"]["landmark"] > 0
+
+
+def test_given_landmarks_are_drawn_first(run_ompl: Any) -> None:
+    found = run_ompl("""
+problem = SE2Problem(shipped("narrow"), query="second")
+given = [[8.2, 8.0, 0.5], [7.5, 8.0, -1.0], [15.0, 5.0, 3.0]]
+plug_landmark_sampler(problem.setup, given, seed=1)
+sampler = problem.information.allocValidStateSampler()
+s = state(problem.information, [0, 0, 0])
+tell(first=[configuration(s).tolist() for _ in range(3) if sampler.sample(s)], given=given)
+""")
+    assert found["first"] == pytest.approx(np.array(found["given"]))
+
+
+def test_the_same_seed_draws_the_same_states(run_ompl: Any) -> None:
+    found = run_ompl("""
+def drawn(seed):
+    problem = SE2Problem(shipped("narrow"), query="second")
+    plug_landmark_sampler(problem.setup, seed=seed)
+    sampler = problem.information.allocValidStateSampler()
+    s = state(problem.information, [0, 0, 0])
+    return [configuration(s).tolist() for _ in range(1500) if sampler.sample(s)]
+tell(same=drawn(1) == drawn(1), other=drawn(1) == drawn(2))
+""")
+    assert found == {"same": True, "other": False}
+
+
+def test_bad_input_is_named(run_ompl: Any) -> None:
+    found = run_ompl("""
+from trailmark import StateChecker
+messages = {}
+def attempt(name, setup, *arguments, **options):
+    try:
+        plug_landmark_sampler(setup, *arguments, **options)
+        messages[name] = None
+    except Exception as error:
+        messages[name] = [type(error).__name__, str(error)]
+problem = SE2Problem(shipped("narrow"), query="second")
+attempt("shape", problem.setup, [[1.0, 2.0]])
+attempt("invalid", problem.setup, [[5.5, 4.0, 0.0]])
+attempt("shares", problem.setup, mixture=Mixture(1.0, 1.0, 0.0))
+attempt("seed", problem.setup, seed=-2)
+line = ob.RealVectorStateSpace(2)
+bounds = ob.RealVectorBounds(2)
+bounds.setLow(0.0); bounds.setHigh(1.0)
+line.setBounds(bounds)
+attempt("space", og.SimpleSetup(line))
+wide = ob.SE2StateSpace()
+bounds.setHigh(100.0)
+wide.setBounds(bounds)
+attempt("bounds", og.SimpleSetup(wide), checker=problem.checker)
+attempt("checker", og.SimpleSetup(problem.space))
+tell(**messages)
+""")
+    assert found["shape"][0] == "LandmarkError"
+    assert "shape (1, 2) given" in found["shape"][1]
+    assert found["invalid"][0] == "LandmarkError"
+    assert "landmark 0 (5.5, 4, 0) is not valid" in found["invalid"][1]
+    assert found["shares"][0] == found["seed"][0] == "ConfigurationError"
+    assert found["space"][0] == "SpaceError"
+    assert "RealVectorStateSpace" in found["space"][1]
+    assert found["bounds"][0] == "BoundsError"
+    assert found["checker"][0] == "BridgeError"
+    assert "no checker given" in found["checker"][1]
+    assert all("\n" not in message for _, message in found.values())
+
+
+@pytest.mark.parametrize("planner", ["PRM", "BKPIECE1"])
+def test_an_error_in_the_sampler_ends_the_planning_and_is_raised(run_ompl: Any, planner: str) -> None:
+    found = run_ompl(f"""
+import time
+problem = SE2Problem(shipped("narrow"), query="second")
+plugged = plug_landmark_sampler(problem.setup, seed=1)
+class Odd(Exception):
+    pass
+def broken(i):
+    raise Odd("no round")
+plugged.source.round = broken
+problem.set_planner({planner!r})
+begin = time.perf_counter()
+try:
+    problem.solve(20.0)
+except Odd as error:
+    tell(raised=str(error))
+tell(seconds=time.perf_counter() - begin)
+""")
+    assert found["raised"] == "no round"
+    assert found["seconds"] < 5.0
+
+
+def test_nothing_is_kept_alive(run_ompl: Any) -> None:
+    found = run_ompl("""
+import gc, weakref
+world = shipped("narrow")
+checker = SE2Problem(world, query="second").checker
+kept = []
+for i in range(40):
+    problem = SE2Problem(world, query="second", checker=checker)
+    plugged = plug_landmark_sampler(problem.setup, seed=i)
+    problem.set_planner("PRM")
+    problem.solve(0.05)
+    kept += [weakref.ref(plugged), weakref.ref(plugged.source), weakref.ref(problem.validity)]
+del problem, plugged
+gc.collect()
+tell(alive=sum(ref() is not None for ref in kept), of=len(kept))
+""")
+    assert found == {"alive": 0, "of": 120}
+
+
+def test_landmarks_anew_for_every_run(run_ompl: Any) -> None:
+    found = run_ompl("""
+problem = SE2Problem(shipped("narrow"), query="second")
+plugged = plug_landmark_sampler(problem.setup, seed=1)
+problem.set_planner("PRM")
+handed = []
+for _ in range(3):
+    problem.solve(1.0)
+    handed.append(plugged.handed["landmark"])
+    problem.setup.clear()
+tell(handed=handed, made=plugged.source.made)
+""")
+    first, second, third = found["handed"]
+    assert 0 < first < second < third
+    assert found["made"] >= 1
