@@ -19,6 +19,7 @@ from trailmark.ompl_bridge.states import configuration, path_to_ompl
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner as Planner
 from trailmark.planning import PlanProgress, PlanResult
+from trailmark.planning.warmup import warm_up
 
 __all__ = ["LandmarkPlanner"]
 
@@ -64,6 +65,8 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         if type(space) is not ob.SE2StateSpace:
             raise SpaceError(f"state space {space.getName()!r} ({type(space).__name__}) given, allowed: SE2StateSpace")
         super().__init__(information, "landmark")
+        # Now, so that no query pays for it.
+        warm_up()
         self.checker = checker or _checker_in(information)
         require_within(space, self.checker.world)
         self._seed = seed
