@@ -1,0 +1,57 @@
+"""Where a disc's centre may lie: the free space less all that is nearer than the radius, as polygons."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+
+from trailmark.shapes import Disc
+from trailmark.world import World
+
+__all__ = ["MARGIN", "free_region"]
+
+MARGIN = 2e-6
+"""Metres by which the disc is made smaller: more than contact may overlap and polygons' coordinates be wrong by."""
+
+QUARTER = 8
+"""Chords for each quarter of a circle: their middles lie 0.5 % of the radius inside of it."""
+
+
+def free_region(world: World, radius: float, within: Any = None) -> Any:
+    """Return a region (shapely) that contains every position of a disc's centre at which the disc is free.
+
+    Round corners are cut by chords, which lie inside the obstacles grown by the radius; so the region errs on the free
+    side only.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        radius: of the disc, metres; 0 for a point.
+        within: a region outside of which obstacles do not matter and nothing is returned.
+    """
+    r = max(radius - MARGIN, 0.0)
+    xmin, ymin, xmax, ymax = world.bounds
+    region = shapely.box(xmin + r, ymin + r, xmax - r, ymax - r)
+    if world.boundary is not None:
+        inside = world.boundary.shapely()
+        region = shapely.intersection(region, shapely.buffer(inside, -r, quad_segs=QUARTER) if r > 0.0 else inside)
+    if within is not None:
+        region = shapely.intersection(region, within)
+    grown = [*_polygons(world, r), *_discs(world, r)]
+    if within is not None:
+        near = np.array(grown, dtype=object)
+        grown = list(near[shapely.intersects(near, within)]) if grown else []
+    return shapely.difference(region, shapely.union_all(grown)) if grown else region
+
+
+def _polygons(world: World, r: float) -> list[Any]:
+    shapes = np.array([s.polygon().shapely() for s in world.obstacles if not isinstance(s, Disc)], dtype=object)
+    if len(shapes) == 0:
+        return []
+    return list(shapely.buffer(shapes, r, quad_segs=QUARTER)) if r > 0.0 else list(shapes)
+
+
+def _discs(world: World, r: float) -> list[Any]:
+    rows = [(*s.center, s.radius - MARGIN + r) for s in world.obstacles if isinstance(s, Disc)]
+    return [shapely.Point(x, y).buffer(size, quad_segs=2 * QUARTER) for x, y, size in rows if size > 0.0]
