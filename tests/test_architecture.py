@@ -16,6 +16,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "heap"}),
     frozenset({"se2", "shapes"}),
     frozenset({"path", "world", "formats"}),
+    frozenset({"curves"}),
     frozenset({"collision", "estimation"}),
     frozenset({"landmarks"}),
     frozenset({"roadmap"}),

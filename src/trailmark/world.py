@@ -19,10 +19,13 @@ from trailmark import se2
 from trailmark.errors import ShapeError, WorldError, did_you_mean
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
-__all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
+__all__ = ["BOUNDS_LIMIT", "TURNING_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
 
 BOUNDS_LIMIT = 1e7
 """Metres: farther from the origin, rounding would eat up the touching tolerance of 1e-7 m."""
+
+TURNING_LIMIT = 1e4
+"""Metres: curves of a larger turning radius would miss their ends by more than rounding."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +34,21 @@ class Robot:
 
     Attributes:
         footprint: a disc or a rectangle centred on the reference point, or any simple polygon without holes.
+        turning_radius: of a car-like robot: metres, radius of the smallest circle that its reference point, which moves
+            along the heading, can drive on. None: the robot moves in every direction and turns in place.
+        reverse: whether a car-like robot drives backwards too.
 
     Raises:
-        ShapeError: a footprint with holes, or a disc or rectangle that is not centred on the reference point.
+        ShapeError: a footprint with holes, a disc or rectangle that is not centred on the reference point, a turning
+            radius out of range, or ``reverse`` False without one.
     """
 
     footprint: Shape
+    turning_radius: float | None = None
+    reverse: bool = True
 
     def __post_init__(self) -> None:
+        self._check_steering()
         shape = self.footprint
         if isinstance(shape, Polygon):
             if shape.holes:
@@ -131,14 +141,37 @@ class Robot:
         region, origin = self.outline.shapely(), shapely.Point(0.0, 0.0)
         return float(shapely.distance(origin, region.exterior)) if region.contains(origin) else 0.0
 
+    def steered(self, turning_radius: float | None, reverse: bool = True) -> Robot:
+        """Return a robot of the same shape with another turning radius (metres), or None, and direction of driving."""
+        return replace(self, turning_radius=turning_radius, reverse=reverse)
+
     def describe(self) -> str:
         """Return a short text such as ``rectangle 0.6 x 0.4 m``."""
         shape = self.footprint
         if isinstance(shape, Disc):
-            return f"disc {shape.radius:g} m"
-        if isinstance(shape, Rectangle):
-            return f"rectangle {shape.length:g} x {shape.width:g} m"
-        return f"polygon of {len(shape.vertices)} vertices"
+            text = f"disc {shape.radius:g} m"
+        elif isinstance(shape, Rectangle):
+            text = f"rectangle {shape.length:g} x {shape.width:g} m"
+        else:
+            text = f"polygon of {len(shape.vertices)} vertices"
+        if self.turning_radius is not None:
+            text += f", turning radius {self.turning_radius:g} m" + ("" if self.reverse else ", forward only")
+        return text
+
+    def _check_steering(self) -> None:
+        radius = self.turning_radius
+        if not isinstance(self.reverse, bool):
+            raise ShapeError(f"robot: reverse {self.reverse!r} given, allowed: True, False")
+        if radius is None:
+            if not self.reverse:
+                raise ShapeError("robot: reverse False given without a turning radius, allowed: with one")
+            return
+        number = isinstance(radius, int | float | np.integer | np.floating) and not isinstance(radius, bool)
+        if not (number and 0.0 < radius <= TURNING_LIMIT):
+            raise ShapeError(
+                f"robot: turning_radius {radius!r} given, allowed: a number above 0 and at most {TURNING_LIMIT:g} m"
+            )
+        object.__setattr__(self, "turning_radius", float(radius))
 
 
 @dataclass(frozen=True)

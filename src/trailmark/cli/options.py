@@ -14,11 +14,13 @@ if TYPE_CHECKING:
 __all__ = [
     "PICTURE_SUFFIXES",
     "Configuration",
+    "ForwardOnlyOption",
     "JsonOption",
     "PlotOption",
     "RobotOption",
     "SeedOption",
     "TimeLimitOption",
+    "TurningRadiusOption",
     "UsageError",
     "WorldArgument",
     "load_world",
@@ -27,11 +29,15 @@ __all__ = [
     "read_count",
     "read_duration",
     "read_robot",
+    "read_turning_radius",
     "robot_of",
+    "steered",
 ]
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
 Configuration = tuple[float, float, float]
+
+MAX_TURNING_RADIUS = 1e4  # trailmark.world.TURNING_LIMIT, whose module takes numpy along
 
 # Newer typer carries click inside, older depends on it; a public exception leads to its base class in both.
 UsageError: Any = typer.BadParameter.__mro__[1]
@@ -56,6 +62,16 @@ RobotOption = Annotated[
 ]
 TimeLimitOption = Annotated[str, typer.Option("--time-limit", metavar="SECONDS", help="Time for one query.")]
 SeedOption = Annotated[str, typer.Option("--seed", metavar="N", help="Seed of all random choices.")]
+TurningRadiusOption = Annotated[
+    str | None,
+    typer.Option(
+        "--turning-radius",
+        metavar="METRES",
+        show_default=False,
+        help="The robot is a car that turns on circles of this radius, instead of moving in every direction.",
+    ),
+]
+ForwardOnlyOption = Annotated[bool, typer.Option("--forward-only", help="The car does not drive backwards.")]
 PlotOption = Annotated[
     str | None,
     typer.Option("--plot", metavar="FILE", show_default=False, help="Write a picture: .png, .svg or .pdf."),
@@ -119,6 +135,37 @@ def read_robot(text: str | None) -> Robot | None:
     from trailmark.world import Robot
 
     return Robot.parse(text)
+
+
+def read_turning_radius(text: str | None) -> float | None:
+    """Return the turning radius (metres) that ``--turning-radius`` gives; None for None.
+
+    Raises:
+        UsageError: anything but a number above 0 and at most 10 km.
+    """
+    if text is None:
+        return None
+    try:
+        radius = float(text)
+    except ValueError:
+        radius = math.nan
+    if not 0.0 < radius <= MAX_TURNING_RADIUS:
+        raise UsageError(
+            f"--turning-radius {text!r} given, allowed: a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
+        )
+    return radius
+
+
+def steered(robot: Robot, turning_radius: float | None, forward_only: bool) -> Robot:
+    """Return the robot with what ``--turning-radius`` and ``--forward-only`` say.
+
+    Raises:
+        UsageError: ``--forward-only`` for a robot without turning radius.
+    """
+    radius = robot.turning_radius if turning_radius is None else turning_radius
+    if forward_only and radius is None:
+        raise UsageError("--forward-only given for a robot without turning radius, allowed: with --turning-radius")
+    return robot if radius is None else robot.steered(radius, robot.reverse and not forward_only)
 
 
 def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:

@@ -13,11 +13,13 @@ from trailmark.cli import console
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     Configuration,
+    ForwardOnlyOption,
     JsonOption,
     PlotOption,
     RobotOption,
     SeedOption,
     TimeLimitOption,
+    TurningRadiusOption,
     UsageError,
     WorldArgument,
     load_world,
@@ -26,7 +28,9 @@ from trailmark.cli.options import (
     read_count,
     read_duration,
     read_robot,
+    read_turning_radius,
     robot_of,
+    steered,
 )
 
 if TYPE_CHECKING:
@@ -42,6 +46,8 @@ MAX_LANDMARKS = 20_000  # K-means takes the square of their number: half a minut
 def plan(
     world: WorldArgument,
     robot: RobotOption = None,
+    turning_radius: TurningRadiusOption = None,
+    forward_only: ForwardOnlyOption = False,
     query: Annotated[
         str | None,
         typer.Option("--query", metavar="NAME", help="A query of the world; default: its first.", show_default=False),
@@ -82,6 +88,7 @@ def plan(
     number = read_count(seed, "--seed", 0)
     count = None if landmarks is None else read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
     given = read_robot(robot)
+    radius = read_turning_radius(turning_radius)
     ends = _given_ends(query, start, goal)
     path_file = output_file(output, path_files.SUFFIXES)
     picture = output_file(plot, PICTURE_SUFFIXES)
@@ -89,7 +96,7 @@ def plan(
     with console.progress("loading") as progress:
         begun = time.perf_counter()
         loaded = load_world(world)
-        body = robot_of(loaded, given)
+        body = steered(robot_of(loaded, given), radius, forward_only)
         name, a, b = ends or _ends_of(loaded, query)
         loading = time.perf_counter() - begun
 
@@ -174,6 +181,7 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
             ("cost", f"{record['cost']:.4f}{_gap(record['cost'], record['lower_bound'])}"),
             ("length", f"{record['length']:.4f} m"),
             ("rotation", f"{record['rotation']:.4f} rad ({math.degrees(record['rotation']):.0f}°)"),
+            *_curve_rows(result),
             ("clearance", f"{record['min_clearance']:.4f} m at its least"),
             ("first path", f"cost {record['first_cost']:.4f} after {seconds['first_solution']:.3f} s"),
         ]
@@ -184,6 +192,17 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
         *(("written", str(file)) for file in written),
     ]
     console.print_table(rows, indent="  ")
+
+
+def _curve_rows(result: PlanResult) -> list[tuple[str, str]]:
+    from trailmark.curves import CurvePath
+
+    path = result.path
+    if not isinstance(path, CurvePath):
+        return []
+    kind = "Reeds-Shepp" if path.steering.reverse else "Dubins"
+    turns = f"turning radius {path.steering.radius:g} m, {path.cusps} changes of direction"
+    return [("curves", f"{kind}, {turns}")]
 
 
 def _gap(cost: float, bound: float | None) -> str:

@@ -1,10 +1,10 @@
 """Certified motions along a car's curves: nothing is sampled, so nothing is missed.
 
 Over an arc of length Δs the robot turns by Δs/ρ about a centre that no point of it is farther from than ρ + R (R: the
-largest distance of its outline from the reference point), so that no point moves by more than Δs·(1 + R/ρ); on a straight
-piece none moves by more than Δs. A configuration with clearance d therefore certifies the curve for as far, in either
-direction, as these bounds add up to d. As a straight motion (:func:`trailmark.collision.kernels.motion`), a curve is
-covered from its middle outwards and accepted only once it is covered whole.
+largest distance of its outline from the reference point), so that no point moves by more than Δs·(1 + R/ρ); on a
+straight piece none moves by more than Δs. A configuration with clearance d therefore certifies the curve for as far, in
+either direction, as these bounds add up to d. As a straight motion (:func:`trailmark.collision.kernels.motion`), a curve
+is covered from its middle outwards and accepted only once it is covered whole.
 """
 
 from __future__ import annotations
@@ -98,9 +98,7 @@ class CurveChecker:
         """Return which curves between configurations known to be valid are certified; shapes (n, 3), unchecked."""
         checker, steering = self.checker, self.steering
         return np.asarray(
-            _curves_free(
-                checker.grid, checker.field, checker.footprint, a, b, steering.radius, steering.reverse
-            )
+            _curves_free(checker.grid, checker.field, checker.footprint, a, b, steering.radius, steering.reverse)
             == FREE
         )
 
@@ -160,9 +158,7 @@ def curve_motion(
             k -= 1
         side = track[k, 3]
         part = (middle - track[k, 5]) / (1.0 + fabs(side) * robot.sweep_radius / radius)
-        x, y, theta = drive(
-            track[k, 0], track[k, 1], track[k, 2], side, part if track[k, 4] > 0.0 else -part, radius
-        )
+        x, y, theta = drive(track[k, 0], track[k, 1], track[k, 2], side, part if track[k, 4] > 0.0 else -part, radius)
         c, s = cos(theta), sin(theta)
         d = _field_clearance(field, robot, x, y, c, s, need)
         if d < need and d < 2.0 * field.slack:

@@ -39,6 +39,10 @@ class PointwiseCurveChecker(PointwiseChecker):
         steering = self.steering
         return bool(_curve(self._places, self._numbers, *a, *b, steering.radius, steering.reverse) == kernels.FREE)
 
+    def step_valid(self, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> bool:
+        """Return whether b is valid and the curve from a, known to be valid, to b is certified."""
+        return self.valid(bx, by, bt) and self.motion_valid((ax, ay, at), (bx, by, bt))
+
 
 @njit(cache=True)
 def _curve(

@@ -22,6 +22,7 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0)]
 Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1.0)]
 Text = Annotated[str, Field(strict=True)]
+Flag = Annotated[bool, Field(strict=True)]
 Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Pose = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Ring = Annotated[list[Point], Field(min_length=3)]
@@ -43,14 +44,19 @@ class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
 
-class DiscRobot(_Strict):
+class _Robot(_Strict):
+    turning_radius: Positive | None = Field(default=None, description=_LENGTH)
+    reverse: Flag = Field(default=True, description="true or false (whether a robot with a turning radius reverses)")
+
+
+class DiscRobot(_Robot):
     """A round robot about its reference point."""
 
     shape: Literal["disc"]
     radius: Positive = Field(description=_LENGTH)
 
 
-class RectangleRobot(_Strict):
+class RectangleRobot(_Robot):
     """A rectangular robot centred on its reference point."""
 
     shape: Literal["rectangle"]
@@ -58,7 +64,7 @@ class RectangleRobot(_Strict):
     width: Positive = Field(description=_LENGTH)
 
 
-class PolygonRobot(_Strict):
+class PolygonRobot(_Robot):
     """A robot with any simple outline, in its own frame."""
 
     shape: Literal["polygon"]

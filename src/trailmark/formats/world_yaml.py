@@ -73,7 +73,7 @@ def world_text(world: World) -> str:
         f"bounds: {_numbers(world.bounds)}",
     ]
     if world.robot is not None:
-        lines.append(f"robot: {_shape(world.robot.footprint, placed=False)}")
+        lines.append(f"robot: {_robot_text(world.robot)}")
     if world.boundary is not None:
         lines.append(f"boundary: {_points(world.boundary.vertices.tolist())}")
     if world.risk is not None:
@@ -100,10 +100,12 @@ def _build(path: Path, where: str, make: Any, entry: Any) -> Any:
 
 def _robot(entry: schema.DiscRobot | schema.RectangleRobot | schema.PolygonRobot) -> Robot:
     if entry.shape == "disc":
-        return Robot.disc(entry.radius)
-    if entry.shape == "rectangle":
-        return Robot.rectangle(entry.length, entry.width)
-    return Robot.polygon(entry.vertices)
+        robot = Robot.disc(entry.radius)
+    elif entry.shape == "rectangle":
+        robot = Robot.rectangle(entry.length, entry.width)
+    else:
+        robot = Robot.polygon(entry.vertices)
+    return robot.steered(entry.turning_radius, entry.reverse)
 
 
 def _obstacle(entry: schema.DiscShape | schema.RectangleShape | schema.PolygonShape) -> Shape:
@@ -139,6 +141,14 @@ def _shape(shape: Shape, placed: bool) -> str:
     size = f"length: {_number(shape.length)}, width: {_number(shape.width)}"
     heading = f", heading: {_number(shape.heading)}" if shape.heading else ""
     return f"{{shape: rectangle, {center}{size}{heading}}}"
+
+
+def _robot_text(robot: Robot) -> str:
+    text = _shape(robot.footprint, placed=False)
+    if robot.turning_radius is None:
+        return text
+    reverse = "" if robot.reverse else ", reverse: false"
+    return f"{text[:-1]}, turning_radius: {_number(robot.turning_radius)}{reverse}}}"
 
 
 def _obstacle_text(shape: Shape, estimate: ObstacleEstimate | None) -> str:

@@ -71,7 +71,7 @@ def free_samples(
 ) -> se2.FloatArray:
     """Return up to n valid configurations, shape (m, 3), m <= n.
 
-    A disc robot's headings are all 0: it looks the same at every heading.
+    A disc robot's headings are all 0, unless it is a car: it looks the same at every heading.
 
     Args:
         checker: decides what is valid.
@@ -96,7 +96,7 @@ def free_samples(
     while have < n and drawn < limit:
         q = draw(checker.world.bounds, min(max(256, 2 * (n - have)), limit - drawn), method=method, random_state=rng)
         drawn += len(q)
-        if isinstance(checker.robot.footprint, Disc):
+        if isinstance(checker.robot.footprint, Disc) and checker.robot.turning_radius is None:
             q[:, 2] = 0.0
         if region is not None:
             q = q[region[relaxation.cells(relaxation.disc_centers(q))]]

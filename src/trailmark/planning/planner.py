@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.collision import StateChecker
+from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
 from trailmark.path import Path
 from trailmark.planning.attempt import LLOYD_STEPS, SAMPLES_PER_LANDMARK, Attempt, OnProgress
+from trailmark.planning.car import CarAttempt
 from trailmark.planning.result import PlanResult, Status
-from trailmark.planning.warmup import warm_up
-from trailmark.roadmap import Roadmap
+from trailmark.planning.warmup import warm_up, warm_up_curves
+from trailmark.roadmap import CurveRoadmap, Roadmap
 from trailmark.world import Robot, World
 
 __all__ = ["LandmarkPlanner"]
@@ -38,6 +41,9 @@ class LandmarkPlanner:
     the robot might reach: a path that exists with some room is found with probability one as time goes on. Once
     there is a path it is shortened, and more landmarks are placed where a better one might run, until the path
     settles or the time is up.
+
+    A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
+    reverse (:mod:`trailmark.curves`); costs are the curves' lengths, and a path is a :class:`trailmark.curves.CurvePath`.
 
     Args:
         world: obstacles and bounds.
@@ -74,7 +80,11 @@ class LandmarkPlanner:
         begin = perf_counter()
         self.checker = StateChecker(world, robot) if checker is None else checker
         self.robot = self.checker.robot
-        self.roadmap = Roadmap(self.checker)
+        self.steering = Steering.of(self.robot)
+        if warm and self.steering is not None:
+            warm_up_curves()
+            begin = perf_counter()
+        self.roadmap = Roadmap(self.checker) if self.steering is None else CurveRoadmap(self.checker, self.steering)
         self._build_time = perf_counter() - begin
         self._landmarks = landmarks
         self._rng = np.random.default_rng(self.seed)
@@ -96,7 +106,7 @@ class LandmarkPlanner:
         samples = free_samples(self.checker, SAMPLES_PER_LANDMARK * k, method="halton", random_state=self._rng)
         if len(samples) == 0:
             raise ConfigurationError(f"world {self.world.name!r}: no free place for the robot was found")
-        radius = self.checker.footprint.sweep_radius
+        radius = self.checker.footprint.sweep_radius if self.steering is None else self.steering.radius
         steps = None if k <= CONVERGED_LANDMARKS else LLOYD_STEPS
         self.roadmap.add(k_means_landmarks(samples, k, radius=radius, steps=steps, random_state=self._rng))
         self._build_time += perf_counter() - begin
@@ -136,7 +146,8 @@ class LandmarkPlanner:
         if self._landmarks is not None and len(self.roadmap) == 0:
             self.build()
             build = self._build_time
-        attempt = Attempt(
+        kind: Any = CarAttempt if isinstance(self.roadmap, CurveRoadmap) else Attempt
+        attempt: Attempt | CarAttempt = kind(
             self.roadmap,
             self.relaxation,
             self._rng,
@@ -158,8 +169,19 @@ class LandmarkPlanner:
             self._relaxation = Relaxation(self.checker)
         return self._relaxation
 
-    def _result(self, attempt: Attempt, status: Status, states: se2.FloatArray | None, build: float) -> PlanResult:
-        path = None if states is None else Path(states)
+    def _path(self, states: se2.FloatArray | None) -> Path | None:
+        if states is None:
+            return None
+        return Path(states) if self.steering is None else CurvePath(states, self.steering)
+
+    def _bound(self, start: se2.FloatArray, goal: se2.FloatArray) -> float:
+        """Return what the cheapest motion would cost if there were no obstacles (metres)."""
+        return float(se2.distance(start, goal) if self.steering is None else self.steering.lengths(start, goal))
+
+    def _result(
+        self, attempt: Attempt | CarAttempt, status: Status, states: se2.FloatArray | None, build: float
+    ) -> PlanResult:
+        path = self._path(states)
         clearance = None
         if path is not None:
             # Between the states too: as fine as a tenth of the inscribed disc, at most 2,000 places.
@@ -169,12 +191,12 @@ class LandmarkPlanner:
             status=status,
             path=path,
             seed=self.seed,
-            lower_bound=None if status == "infeasible" else float(se2.distance(attempt.start, attempt.goal)),
+            lower_bound=None if status == "infeasible" else self._bound(attempt.start, attempt.goal),
             first_cost=attempt.first_cost,
             min_clearance=clearance,
             landmarks=len(self.roadmap),
             edges=int(np.count_nonzero(self.roadmap.status)),
-            nearest=None if path is not None or attempt.nearest is None else Path(attempt.nearest),
+            nearest=None if path is not None else self._path(attempt.nearest),
             history=tuple(attempt.history),
             time={
                 "load": 0.0,

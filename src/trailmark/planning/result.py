@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from trailmark.curves import CurvePath
 from trailmark.path import Path
 
 __all__ = ["PlanProgress", "PlanResult", "Status"]
@@ -39,7 +40,7 @@ class PlanResult:
 
     Attributes:
         status: ``solved``, ``timeout`` (no path within the limit) or ``infeasible`` (proven: there is none).
-        path: the path if solved, every motion of it certified.
+        path: the path if solved, every motion of it certified; a car's is a :class:`~trailmark.curves.CurvePath`.
         seed: what the planner was seeded with.
         lower_bound: proven lower bound (metres) on the cost of any valid path; None if infeasible.
         first_cost: cost (metres) of the first path found, before it was shortened; None if there is none.
@@ -73,6 +74,7 @@ class PlanResult:
     def to_dict(self, world: str, query: str | None = None) -> dict[str, Any]:
         """Return the record that ``plan --json`` prints, made of plain numbers, strings and lists."""
         path = self.path
+        curve = {"curve": path.record()} if isinstance(path, CurvePath) else {}
         return {
             "world": world,
             "query": query,
@@ -83,6 +85,7 @@ class PlanResult:
             "cost": self.cost,
             "length": None if path is None else path.length,
             "rotation": None if path is None else path.rotation,
+            **curve,
             "min_clearance": self.min_clearance,
             "lower_bound": self.lower_bound,
             "first_cost": self.first_cost,

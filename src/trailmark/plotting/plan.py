@@ -11,6 +11,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 
 from trailmark import se2
+from trailmark.curves import CurvePath
 from trailmark.plotting.canvas import (
     BODY,
     CANDIDATE,
@@ -100,6 +101,8 @@ def save_plan_figure(
     if result.path is not None:
         path = result.path
         facts = f"cost {path.cost:.4g} = {path.length:.4g} m + {se2.ROTATION_WEIGHT:g} × {path.rotation:.3g} rad"
+        if isinstance(path, CurvePath):
+            facts = f"{path.length:.4g} m, {path.cusps} changes of direction"
         facts = f"{facts} · {seconds} · {robot.describe()}"
     else:
         why = "no path exists (proven)" if result.status == "infeasible" else f"no path found in {seconds}"
@@ -110,17 +113,22 @@ def save_plan_figure(
 
 def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:
     from trailmark.collision.kernels import BLOCKED
+    from trailmark.roadmap.curve_roadmap import CurveRoadmap
 
     at, status = roadmap.configurations, roadmap.status
     # Edges that nobody has checked yet may run through obstacles, which therefore lie over them.
-    draw_lines(axes, at[roadmap.edges[~roadmap.certified & (status != BLOCKED)], :2], CANDIDATE, 0.5, 1.2)
-    draw_lines(axes, at[roadmap.edges[roadmap.certified], :2], EDGE, 0.8, 3.0)
+    for chosen, style in (
+        (~roadmap.certified & (status != BLOCKED), (CANDIDATE, 0.5, 1.2)),
+        (roadmap.certified, (EDGE, 0.8, 3.0)),
+    ):
+        lines = roadmap.drawn(chosen) if isinstance(roadmap, CurveRoadmap) else at[roadmap.edges[chosen], :2]
+        draw_lines(axes, lines, *style)
     axes.plot([], [], color=CANDIDATE, lw=1.5, label="edge, not checked")
     axes.plot([], [], color=EDGE, lw=1.5, label="edge, certified")
     axes.plot([], [], "o", ms=3.0, mew=0, color=LANDMARK, label="landmark")
     size = min(3.0, max(0.8, 3.0 * math.sqrt(400 / len(at))))
     axes.plot(*at[:, :2].T, "o", ms=size, mew=0, color=LANDMARK, zorder=4.0)
-    if robot.sweep_radius > 0.0:
+    if robot.sweep_radius > 0.0 or robot.turning_radius is not None:
         tick = 2.2 * size / points_per_metre(axes)
         tips = at[:, :2] + tick * np.column_stack([np.cos(at[:, 2]), np.sin(at[:, 2])])
         draw_lines(axes, np.stack([at[:, :2], tips], axis=1), LANDMARK, 0.3 * size, 4.0)

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
-from trailmark.errors import FormatError
+from trailmark.errors import FormatError, OutputError
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
+from trailmark.roadmap.curve_roadmap import CurveRoadmap
 from trailmark.roadmap.nav2_route import route_text
 from trailmark.roadmap.roadmap import Roadmap
 
@@ -66,6 +67,10 @@ def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
     check_writable(path, SAVED)
     suffix = path.suffix.lower()
     if suffix == ".geojson":
+        if isinstance(roadmap, CurveRoadmap):
+            raise OutputError(
+                f"{path}: a car's curves given, allowed in a route graph: straight motions (or .graphml, .npz)"
+            )
         roadmap.certify_all()
         write_atomically(path, route_text(roadmap, path))
     else:
@@ -95,11 +100,13 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
         raise FormatError(path, f"suffix {path.suffix!r} given, allowed: {', '.join(LOADED)}{hint}")
     data = read_bytes(path)
     content = _read_npz(data, path) if suffix == ".npz" else _read_graphml(data, path)
-    q, edges, status = _checked(content, path)
+    make = Roadmap if checker.robot.turning_radius is None else CurveRoadmap
+    directed = not checker.robot.reverse
+    q, edges, status = _checked(content, path, directed)
     known = content.fingerprint == fingerprint(checker)
-    if not known or content.checksum != _checksum(content.fingerprint, q, edges, status):
+    if not known or content.checksum != _checksum(content.fingerprint, q, edges, status, directed):
         status[:] = UNDECIDED
-    if checker.footprint.disc_radius < 0.0:
+    if checker.footprint.disc_radius < 0.0 and make is Roadmap:
         # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
         status[np.abs(q[edges[:, 0], 2] - q[edges[:, 1], 2]) == np.pi] = BLOCKED
     valid = checker.valid(q) if len(q) else np.ones(0, dtype=np.bool_)
@@ -114,21 +121,25 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
             )
         kept = valid[edges].all(axis=1)
         q, edges, status = q[valid], (np.cumsum(valid) - 1)[edges[kept]].astype(np.int32), status[kept]
-    return Roadmap.from_arrays(checker, q, edges, status)
+    return make.from_arrays(checker, q, edges, status)
 
 
 def fingerprint(checker: StateChecker) -> str:
-    """Return the SHA-256, in hexadecimal, of all that decides what is valid: bounds, obstacles, footprint."""
+    """Return the SHA-256, in hexadecimal, of all that decides what is valid: bounds, obstacles, footprint, steering."""
     robot = checker.footprint
     digest = hashlib.sha256(f"trailmark roadmap {VERSION}".encode())
     for array in (checker.world.bounds, checker.grid.segments, checker.grid.discs, robot.outline, robot.disc_radius):
         _digest(digest, np.asarray(array), "<f8")
+    if checker.robot.turning_radius is not None:
+        _digest(digest, np.array([checker.robot.turning_radius, checker.robot.reverse]), "<f8")
     return digest.hexdigest()
 
 
-def _checksum(world: str, q: se2.FloatArray, edges: NDArray[np.int32], status: NDArray[np.uint8]) -> str:
+def _checksum(
+    world: str, q: se2.FloatArray, edges: NDArray[np.int32], status: NDArray[np.uint8], directed: bool
+) -> str:
     """Return the SHA-256 over a file's content, whatever the order in which it lists the edges."""
-    pairs = np.sort(edges, axis=1)
+    pairs = edges if directed else np.sort(edges, axis=1)
     order = np.lexsort((pairs[:, 1], pairs[:, 0]))
     digest = hashlib.sha256(world.encode())
     _digest(digest, q, "<f8")
@@ -146,7 +157,7 @@ def _digest(digest: Any, array: NDArray[Any], kind: str) -> None:
 def _npz_bytes(roadmap: Roadmap) -> bytes:
     world = fingerprint(roadmap.checker)
     q, edges, status = roadmap.configurations, roadmap.edges, roadmap.status
-    checksum = _checksum(world, q, edges, status)
+    checksum = _checksum(world, q, edges, status, not roadmap.checker.robot.reverse)
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer,
@@ -166,7 +177,8 @@ def _graphml_bytes(roadmap: Roadmap) -> bytes:
     for _, attributes in graph.nodes(data=True):
         attributes["x"], attributes["y"], attributes["theta"] = attributes.pop("configuration")
     world, kept = fingerprint(roadmap.checker), roadmap.status != BLOCKED
-    checksum = _checksum(world, roadmap.configurations, roadmap.edges[kept], roadmap.status[kept])
+    directed = not roadmap.checker.robot.reverse
+    checksum = _checksum(world, roadmap.configurations, roadmap.edges[kept], roadmap.status[kept], directed)
     graph.graph.update(trailmark_roadmap=VERSION, fingerprint=world, checksum=checksum)
     buffer = io.BytesIO()
     nx.write_graphml_xml(graph, buffer)
@@ -241,7 +253,9 @@ def _number(attributes: dict[str, Any], name: str, where: str, path: FilePath) -
     raise FormatError(path, f"{where}: {name} {str(value)[:60]!r} given, allowed: a finite number")
 
 
-def _checked(content: _Content, path: FilePath) -> tuple[se2.FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
+def _checked(
+    content: _Content, path: FilePath, directed: bool
+) -> tuple[se2.FloatArray, NDArray[np.int32], NDArray[np.uint8]]:
     """Return configurations, edges and status, as far as a file alone can tell whether they make sense."""
     q, edges, status = content.configurations, content.edges, content.status
     if q.ndim != 2 or q.shape[1] != 3:
@@ -254,7 +268,7 @@ def _checked(content: _Content, path: FilePath) -> tuple[se2.FloatArray, NDArray
     _refuse(np.any((edges < 0) | (edges >= len(q)), axis=1), "edges", edges, f"nodes 0 to {len(q) - 1}", path)
     _refuse(edges[:, 0] == edges[:, 1], "edges", edges, "two different nodes", path)
     _refuse(~np.isin(status, (BLOCKED, FREE, UNDECIDED)), "status", status, "0, 1, 2", path)
-    _, first = np.unique(np.sort(edges, axis=1), axis=0, return_index=True)
+    _, first = np.unique(edges if directed else np.sort(edges, axis=1), axis=0, return_index=True)
     _refuse(~np.isin(np.arange(len(edges)), first), "edges", edges, "each pair once", path)
     return se2.configurations(q), edges.astype(np.int32), status.astype(np.uint8)
 

@@ -1,0 +1,160 @@
+"""CurvePath: a path whose configurations are joined by a car's shortest curves, not by straight motions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark import se2
+from trailmark.curves.steering import Curves, Steering
+from trailmark.errors import ConfigurationError
+from trailmark.path import Path
+
+__all__ = ["CurvePath"]
+
+SAGITTA, MOST_TURN = 1e-3, 0.1
+"""Between two states of an arc: how far (metres) the chord may lie off it, and most radians."""
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePath(Path):
+    """A car's path: from each knot to the next it drives the shortest curve.
+
+    ``states`` follow the curves: all knots, all ends of the curves' pieces (among them the cusps, where the driving
+    direction changes), and between those as many that the straight lines from state to state lie at most 1 mm
+    beside the arcs. What is certified are the curves, not those straight lines.
+
+    Attributes:
+        states: shape (n, 3), n >= the number of knots. Read-only.
+        knots: shape (k, 3), k >= 1; metres and radians. Read-only.
+        steering: turning radius, and whether the car reverses.
+
+    Raises:
+        ConfigurationError: knots of another shape, or values that are not finite.
+    """
+
+    states: se2.FloatArray = field(init=False)
+    knots: se2.FloatArray
+    steering: Steering
+
+    def __post_init__(self) -> None:
+        knots = Path(self.knots).states
+        object.__setattr__(self, "knots", knots)
+        object.__setattr__(self, "states", self._rows(self._places(SAGITTA)))
+        super().__post_init__()
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, CurvePath):
+            # Not even one of straight motions through the same states, which is what comparing states would say.
+            return False if isinstance(other, Path) else NotImplemented
+        return self.steering == other.steering and np.array_equal(self.knots, other.knots)
+
+    def __hash__(self) -> int:
+        # Adding 0 makes -0.0 to 0.0: the two are equal, so their hashes must be.
+        return hash(((self.knots + 0.0).tobytes(), self.steering))
+
+    @cached_property
+    def curves(self) -> Curves:
+        """The curves from knot to knot."""
+        return self.steering.curves(self.knots[:-1], self.knots[1:])
+
+    @property
+    def length(self) -> float:
+        """Way of the reference point along the curves, in metres."""
+        return float(self.curves.lengths.sum())
+
+    @property
+    def rotation(self) -> float:
+        """Total turning, Σ |Δθ|, in radians."""
+        curves = self.curves
+        return float(np.abs(curves.ways[curves.sides != 0]).sum() / self.steering.radius)
+
+    @property
+    def cost(self) -> float:
+        """The curves' length, in metres: the sum of the distances in OMPL's Dubins or Reeds-Shepp state space."""
+        return self.length
+
+    @property
+    def cusps(self) -> int:
+        """How many times the driving direction changes."""
+        ways = self.curves.ways
+        return int(np.count_nonzero(np.diff(np.sign(ways[ways != 0.0]))))
+
+    def at(self, fraction: ArrayLike) -> se2.FloatArray:
+        """Return the configurations at fractions of the length along the path.
+
+        Args:
+            fraction: values in [0, 1], shape (m,) or a scalar; values outside are clipped.
+
+        Returns:
+            Shape (m, 3), or (3,) for a scalar.
+        """
+        where = np.clip(np.asarray(fraction, dtype=np.float64), 0.0, 1.0) * self.length
+        return self._on_curves(where.ravel()).reshape(*where.shape, 3)
+
+    def resample(self, step: float) -> Path:
+        """Return states on the curves at most ``step`` metres apart as a plain path; the old states are kept.
+
+        Raises:
+            ConfigurationError: a step that is not a finite number above 0.
+        """
+        if not (np.isfinite(step) and step > 0.0):
+            raise ConfigurationError(f"resample: step {step!r} given, allowed: a finite number above 0")
+        return Path(self._rows(self._places(SAGITTA, step)))
+
+    def reversed(self) -> CurvePath:
+        """Return the path driven back from its end to its start; it has the same length.
+
+        Raises:
+            ConfigurationError: the car does not drive backwards.
+        """
+        if not self.steering.reverse:
+            raise ConfigurationError(
+                "reversed: path of a car that drives forwards only given, allowed: one that reverses"
+            )
+        return CurvePath(self.knots[::-1], self.steering)
+
+    def record(self) -> dict[str, Any]:
+        """Return what a program needs to rebuild the curves, as plain numbers, strings and lists."""
+        return {"kind": self.steering.kind, "turning_radius": self.steering.radius, "knots": self.knots.tolist()}
+
+    def _places(self, sagitta: float, step: float = np.inf) -> list[se2.FloatArray]:
+        """Return for each curve the arc lengths (metres) of its states, the last one at its end."""
+        radius = self.steering.radius
+        arc = min(step, radius * min(MOST_TURN, sqrt(8.0 * sagitta / radius)))
+        places = []
+        for sides, ways in zip(self.curves.sides, np.abs(self.curves.ways), strict=True):
+            ends = np.cumsum(ways)
+            pieces = [np.zeros(0)]
+            for side, end, way in zip(sides, ends, ways, strict=True):
+                if way > 0.0:
+                    n = max(1, int(np.ceil(way / (arc if side else step))))
+                    pieces.append(end - way + way * np.arange(1, n + 1) / n)
+            places.append(np.concatenate(pieces))
+        return places
+
+    def _rows(self, places: list[se2.FloatArray]) -> se2.FloatArray:
+        """Return the states at the places along each curve, with the knots themselves at the curves' ends."""
+        rows = [self.knots[:1]]
+        for i, along in enumerate(places):
+            if len(along) > 1:
+                rows.append(self.steering.states(self.knots[i], self.knots[i + 1], along[:-1]))
+            rows.append(self.knots[i + 1 : i + 2])
+        return np.concatenate(rows)
+
+    def _on_curves(self, where: se2.FloatArray) -> se2.FloatArray:
+        """Return the states, shape (m, 3), ``where`` (m,) metres along the path."""
+        if len(self.knots) == 1:
+            return np.repeat(self.knots, len(where), axis=0)
+        ends = np.cumsum(self.curves.lengths)
+        curve = np.clip(np.searchsorted(ends, where, side="right"), 0, len(ends) - 1)
+        before = np.concatenate([[0.0], ends[:-1]])[curve]
+        found = self.steering.states(self.knots[curve], self.knots[curve + 1], (where - before)[:, None])[:, 0]
+        # The end itself, without the rounding of the way there.
+        found[where >= ends[-1]] = self.knots[-1]
+        return found

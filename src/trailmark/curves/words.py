@@ -1,0 +1,112 @@
+"""Words: curves made of at most five pieces, each an arc to the left, an arc to the right, or straight.
+
+A word is an array of shape (2, 5): row 0 holds the pieces' signed lengths in units of the turning radius (negative:
+driven backwards), row 1 their sides: 1 left, 0 straight, -1 right. Pieces of length 0 do not count.
+"""
+
+from __future__ import annotations
+
+from math import cos, fabs, floor, pi, sin
+
+import numpy as np
+from numba import njit
+
+from trailmark.se2 import FloatArray
+
+__all__ = ["PIECES", "SAME", "drive", "put", "reversed_word", "seen_from", "unit_length", "walk"]
+
+PIECES = 5
+"""Pieces of a word at most."""
+
+SAME = 1e-10
+"""Turning radii by which a configuration may miss a straight line or an arc and still count as lying on it."""
+
+
+@njit(cache=True, inline="always")
+def drive(x: float, y: float, theta: float, side: float, way: float, radius: float) -> tuple[float, float, float]:
+    """Return where a car comes to after ``way`` metres (negative: backwards) on one side; the heading is not wrapped.
+
+    The chord of the arc is used, which loses no digits where the arc is short or the radius large.
+    """
+    half = 0.5 * side * way / radius
+    chord = way if fabs(half) < 1e-9 else way * sin(half) / half
+    return x + chord * cos(theta + half), y + chord * sin(theta + half), theta + 2.0 * half
+
+
+@njit(cache=True)
+def walk(a: FloatArray, word: FloatArray, radius: float, along: float, q: FloatArray) -> None:
+    """Write the configuration ``along`` metres from a on a word into q, heading in (-pi, pi]; its end if farther."""
+    x, y, theta = a[0], a[1], a[2]
+    left = along / radius
+    for k in range(PIECES):
+        part = min(fabs(word[0, k]), left)
+        left -= part
+        way = part if word[0, k] > 0.0 else -part
+        x, y, theta = drive(x, y, theta, word[1, k], way * radius, radius)
+        if left <= 0.0:
+            break
+    q[0], q[1] = x, y
+    if not -pi < theta <= pi:
+        theta = pi - ((pi - theta) - 2.0 * pi * floor((pi - theta) / (2.0 * pi)))
+    # What the modulus of a tiny number rounds to.
+    q[2] = theta if theta > -pi else pi
+
+
+@njit(cache=True)
+def unit_length(word: FloatArray) -> float:
+    """Return a word's length in turning radii."""
+    total = 0.0
+    for k in range(PIECES):
+        total += fabs(word[0, k])
+    return total
+
+
+@njit(cache=True)
+def put(
+    words: FloatArray,
+    n: int,
+    sides: tuple[float, float, float, float, float],
+    lengths: tuple[float, float, float, float, float],
+    flip: float,
+    mirror: float,
+    backward: bool,
+) -> int:
+    """Write a word as row n of ``words``, shape (m, 2, 5); return n + 1.
+
+    Args:
+        words: where to.
+        n: row.
+        sides: of the pieces.
+        lengths: signed, in turning radii.
+        flip: -1 changes the direction of driving of every piece.
+        mirror: -1 swaps left and right.
+        backward: whether the pieces come in the opposite order.
+    """
+    for k in range(PIECES):
+        at = PIECES - 1 - k if backward else k
+        words[n, 0, at] = flip * lengths[k]
+        words[n, 1, at] = mirror * sides[k]
+    return n + 1
+
+
+@njit(cache=True)
+def seen_from(a: FloatArray, b: FloatArray, radius: float) -> tuple[float, float, float]:
+    """Return b in a's frame: x and y in turning radii, the heading in (-pi, pi]."""
+    dx, dy = (b[0] - a[0]) / radius, (b[1] - a[1]) / radius
+    c, s = cos(a[2]), sin(a[2])
+    phi = b[2] - a[2]
+    if phi > pi:
+        phi -= 2.0 * pi
+    elif phi <= -pi:
+        phi += 2.0 * pi
+    return c * dx + s * dy, c * dy - s * dx, phi
+
+
+@njit(cache=True)
+def reversed_word(word: FloatArray) -> FloatArray:
+    """Return the word that leads back over the same places."""
+    back = np.empty_like(word)
+    for k in range(PIECES):
+        back[0, PIECES - 1 - k] = -word[0, k]
+        back[1, PIECES - 1 - k] = word[1, k]
+    return back

@@ -1,0 +1,256 @@
+"""CarAttempt: how one query of a car-like robot is answered, round by round."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.collision.curve_motions import CurveChecker
+from trailmark.curves import CurvePath
+from trailmark.landmarks import Relaxation, k_means_landmarks
+from trailmark.landmarks.informed import Band
+from trailmark.planning.attempt import (
+    FIRST_LANDMARKS,
+    FIRST_SWEEPS,
+    GROWTH,
+    IMPROVEMENT,
+    LLOYD_STEPS,
+    PATIENCE,
+    PROMISING,
+    ROUNDS_PER_GRID,
+    SAMPLES_PER_LANDMARK,
+    SWEEPS,
+    WIDENINGS,
+    OnProgress,
+)
+from trailmark.planning.curve_shortening import shorten_curves
+from trailmark.planning.drives import drives_from
+from trailmark.planning.result import PlanProgress, Status
+from trailmark.roadmap.curve_roadmap import CurveRoadmap
+
+__all__ = ["CarAttempt"]
+
+LONGEST_DRIVE, SHORTEST_DRIVE = 0.4, 0.01
+"""Turning radii: drives tried first, and those that no shorter ones follow."""
+
+DRIVES, KEPT = 4000, 80
+"""Configurations that drives from one part of the roadmap reach at first, and landmarks among them."""
+
+
+class CarAttempt:
+    """One query of a car-like robot under way: its ends, its best path so far, its clock.
+
+    As :class:`trailmark.planning.attempt.Attempt`, with curves in place of straight motions; and where landmarks alone
+    do not join the ends, drives from both of them do (:mod:`trailmark.planning.drives`).
+
+    Args:
+        roadmap: where to search first, and to leave what joins the ends.
+        relaxation: the relaxed problem's grid.
+        rng: source of randomness.
+        ends: valid start and goal, shape (2, 3).
+        begin: reading of ``time.perf_counter`` that times are counted from, seconds.
+        time_limit: seconds.
+        max_iterations: rounds of landmarks at most.
+        on_progress: called after every step and with every better path.
+        stop: asked between steps whether to end early.
+
+    Attributes:
+        start: shape (3,).
+        goal: shape (3,).
+        begin: as given.
+        first_cost: the first path's length, metres.
+        history: (seconds, length in metres) of each better path.
+        nearest: without a path, the knots (n, 3) of one from the start to where it comes nearest to the goal.
+    """
+
+    def __init__(
+        self,
+        roadmap: CurveRoadmap,
+        relaxation: Relaxation,
+        rng: np.random.Generator,
+        ends: se2.FloatArray,
+        *,
+        begin: float,
+        time_limit: float,
+        max_iterations: int | None,
+        on_progress: OnProgress | None,
+        stop: Callable[[], bool] | None = None,
+    ) -> None:
+        self.checker, self.roadmap, self.relaxation, self.rng = roadmap.checker, roadmap, relaxation, rng
+        self.steering = roadmap.steering
+        self.motions = CurveChecker(self.checker, self.steering)
+        self.start, self.goal = ends
+        self.begin, self.deadline = begin, begin + time_limit
+        self.rounds_left = max_iterations
+        self.on_progress, self.stop = on_progress, stop
+        self.best: se2.FloatArray | None = None
+        self.best_cost = np.inf
+        self.first_cost: float | None = None
+        self.history: list[tuple[float, float]] = []
+        self.nearest: se2.FloatArray | None = None
+
+    def run(self) -> tuple[Status, se2.FloatArray | None]:
+        """Return the status and the best path's knots, shape (n, 3), or None."""
+        ends = np.array([self.start, self.goal])
+        if self.motions.motions_between_valid(ends[:1], ends[1:])[0]:
+            # Nothing is shorter than the shortest curve.
+            self._offer(ends)
+            return self._answer()
+        band = Band(self.checker, self.relaxation, self.start, self.goal)
+        if not np.isfinite(band.shortest):
+            return "infeasible", None
+        nodes = self.roadmap.add(ends)
+        self._search(self.roadmap, band, nodes)
+        rounds, landmarks = 0, float(FIRST_LANDMARKS)
+        drive = LONGEST_DRIVE * self.steering.radius
+        while self.best is None and np.isfinite(band.shortest) and self._go_on("placing landmarks"):
+            ε = WIDENINGS[rounds] if rounds < len(WIDENINGS) else np.inf
+            self.roadmap.add(band.guides(self.rng)[0])
+            self._grow(self.roadmap, band, ε, int(landmarks))
+            self._search(self.roadmap, band, nodes)
+            if self.best is None and self._go_on_driving():
+                self._drive(band, nodes, drive, DRIVES << min(rounds, 6))
+                drive = max(0.5 * drive, SHORTEST_DRIVE * self.steering.radius)
+                self.nearest = None if self.best is not None else self._approach(nodes)
+            rounds += 1
+            if self.best is None and rounds % ROUNDS_PER_GRID == 0:
+                # What keeps failing may need a closer look, or be impossible.
+                band.refine()
+            landmarks *= GROWTH
+        if not np.isfinite(band.shortest):
+            return "infeasible", None
+        self._improve(band, ends, landmarks)
+        if self.best is not None:
+            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
+        return self._answer()
+
+    def _grow(self, roadmap: CurveRoadmap, band: Band, widening: float, landmarks: int) -> None:
+        """Cluster samples of the band into landmarks and join them to a roadmap."""
+        samples = band.samples(SAMPLES_PER_LANDMARK * landmarks, widening, self.rng)
+        if len(samples):
+            # Heading differences count as far as the car drives to turn by them.
+            radius = self.steering.radius
+            roadmap.add(k_means_landmarks(samples, landmarks, radius=radius, steps=LLOYD_STEPS, random_state=self.rng))
+
+    def _drive(self, band: Band, nodes: NDArray[np.int64], step: float, most: int) -> None:
+        """Drive on from what the start leads to, and towards what leads to the goal, and search again."""
+        band.widen(np.inf)
+        for into in (False, True):
+            reached = np.flatnonzero(self.roadmap.reached(int(nodes[int(into)]), against=into))
+            found = drives_from(
+                self.motions,
+                band.relaxation,
+                band.from_start if into else band.to_goal,
+                self.roadmap.configurations[reached],
+                into=into,
+                step=step,
+                most=most,
+                landmarks=KEPT,
+                rng=self.rng,
+            )
+            parents = np.concatenate([reached, len(self.roadmap) + np.arange(len(found.parents))])[found.parents]
+            self.roadmap.add_tree(found.configurations, parents, into=into)
+            self._search(self.roadmap, band, nodes)
+            if self.best is not None or self._time_left() <= 0.0:
+                return
+
+    def _search(
+        self, roadmap: CurveRoadmap, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Offer a roadmap's shortest path, shortened."""
+        to_go = roadmap.distances_to(int(nodes[1]))
+        if self.best is None:
+            # The relaxed way guides to a first path soon; it may overestimate.
+            to_go = np.maximum(to_go, band.costs_to_goal(roadmap.configurations))
+        limit = np.inf if banned is not None else self.best_cost
+        found = roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit).nodes
+        if len(found) == 0:
+            return
+        knots = roadmap.configurations[found]
+        if self.best is None:
+            self._offer(knots)
+        knots = self._shortened(knots, FIRST_SWEEPS)
+        if self._length(knots) < PROMISING * self.best_cost:
+            self._offer(self._shortened(knots))
+
+    def _approach(self, nodes: NDArray[np.int64]) -> se2.FloatArray:
+        """Return the knots of the shortest path from the start to the node, of those reached, nearest to the goal."""
+        start, goal = int(nodes[0]), int(nodes[1])
+        q = self.roadmap.configurations
+        reached = np.flatnonzero(self.roadmap.reached(start))
+        last = int(reached[np.argmin(se2.distance(q[reached], q[goal]))])
+        return np.asarray(q[self.roadmap.shortest_path(start, last).nodes])
+
+    def _shortened(self, knots: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
+        return shorten_curves(self.motions, knots, self.rng, sweeps=sweeps, stop=lambda: self._time_left() <= 0.0)
+
+    def _improve(self, band: Band, ends: se2.FloatArray, landmarks: float) -> None:
+        """Place landmarks where better paths might run and search again, until nothing is gained any more.
+
+        This goes on in a roadmap of its own, so that the planner's stays small enough for many queries; what
+        comes of it, the path, is added to the planner's.
+        """
+        settled = 0
+        roadmap = CurveRoadmap(self.checker, self.steering)
+        nodes = roadmap.add(ends)
+        marked = np.zeros(0, dtype=np.int64)
+        while self.best is not None and settled < PATIENCE and self._go_on("improving"):
+            before = self.best_cost
+            widening = max(0.02, self.best_cost / max(band.shortest, 1e-9) - 1.0)
+            self._grow(roadmap, band, widening, int(landmarks))
+            # Once without the best path's own knots, for the other ways around the obstacles ...
+            banned = np.zeros(len(roadmap), dtype=np.bool_)
+            banned[marked] = True
+            self._search(roadmap, band, nodes, banned)
+            # ... and once with them, for what can be put together from both.
+            if self._time_left() > 0.0:
+                marked = np.concatenate([marked, roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))])
+                self._search(roadmap, band, nodes)
+            if self._time_left() > 0.0:
+                self._offer(self._shortened(self.best))
+            settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0
+
+    def _length(self, knots: se2.FloatArray) -> float:
+        return float(np.sum(self.steering.lengths(knots[:-1], knots[1:])))
+
+    def _offer(self, knots: se2.FloatArray) -> None:
+        """Keep a path if it is the best so far."""
+        cost = self._length(knots)
+        if cost >= self.best_cost:
+            return
+        self.best, self.best_cost = knots, cost
+        if self.first_cost is None:
+            self.first_cost = cost
+        self.history.append((perf_counter() - self.begin, cost))
+        self._report("shortening")
+
+    def _answer(self) -> tuple[Status, se2.FloatArray | None]:
+        return ("timeout", None) if self.best is None else ("solved", self.best)
+
+    def _go_on(self, phase: str) -> bool:
+        """Report, and say whether another round may begin."""
+        self._report(phase)
+        if self.rounds_left is not None:
+            self.rounds_left -= 1
+            if self.rounds_left < 0:
+                return False
+        return self._time_left() > 0.0
+
+    def _go_on_driving(self) -> bool:
+        self._report("driving")
+        return self._time_left() > 0.0
+
+    def _time_left(self) -> float:
+        return -np.inf if self.stop is not None and self.stop() else self.deadline - perf_counter()
+
+    def _report(self, phase: str) -> None:
+        if self.on_progress is None:
+            return
+        path = None if self.best is None else CurvePath(self.best, self.steering)
+        nearest = None if self.nearest is None or path is not None else CurvePath(self.nearest, self.steering)
+        cost = None if path is None else path.cost
+        self.on_progress(PlanProgress(perf_counter() - self.begin, phase, len(self.roadmap), cost, path, nearest))

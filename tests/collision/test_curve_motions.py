@@ -1,0 +1,174 @@
+"""Certified curves: what is accepted never collides, and what is clearly free is accepted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from benchmarks.oracle import Oracle
+from benchmarks.random_worlds import ROBOTS, random_world, short_motions
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.collision.curve_motions import CurveChecker
+from trailmark.collision.pointwise_curves import PointwiseCurveChecker
+from trailmark.curves import Steering
+from trailmark.errors import ConfigurationError
+from trailmark.shapes import Disc, Polygon, Shape
+from trailmark.world import Robot, World
+
+KINDS = [Steering(1.5), Steering(1.5, reverse=False)]
+NAMES = ["reeds-shepp", "dubins"]
+WORLDS = {
+    "polygons": random_world(21, 200),
+    "holes, discs, boundary": random_world(22, 120, discs=0.3, holes=0.5, boundary=True),
+    "far": random_world(23, 100, discs=0.3, holes=0.3, boundary=True, origin=(1e5, -1e5)),
+    "crowded": random_world(24, 25, size=20.0, radii=(0.1, 1.0), discs=0.3, holes=0.4),
+}
+SAMPLES = 200
+
+
+def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
+    return Polygon(np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]]))
+
+
+@pytest.mark.parametrize("steering", KINDS, ids=NAMES)
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("world", WORLDS)
+def test_curves_in_random_worlds(world: str, name: str, steering: Steering) -> None:
+    checker, oracle = StateChecker(WORLDS[world], ROBOTS[name]), Oracle(WORLDS[world], ROBOTS[name])
+    motions = CurveChecker(checker, steering)
+    a, b = short_motions(checker.world, 1200, np.random.default_rng(12), 4.0)
+    # Half of the ends ahead of the car, as most are on paths.
+    b[600:, 2] = se2.wrap(a[600:, 2] + 0.5 * (b[600:, 2] - a[600:, 2]))
+    valid = checker.valid(a) & checker.valid(b)
+    a, b = a[valid], b[valid]
+    accepted = motions.motions_valid(a, b)
+    assert 10 < accepted.sum() < len(a) - 10
+
+    # Sound: none of the accepted ones collides anywhere.
+    lengths = steering.lengths(a, b)
+    states = steering.states(a, b, lengths[:, None] * np.linspace(0.0, 1.0, SAMPLES))
+    assert not oracle.collides(states[accepted].reshape(-1, 3)).any()
+
+    # Complete: one that keeps 1 mm away everywhere is accepted. The moves between two samples are shorter than
+    # what their clearances allow for.
+    clearance = checker.clearance(states[~accepted].reshape(-1, 3), cap=1.0).reshape(-1, SAMPLES)
+    half_step = 0.5 * lengths[~accepted] * (1.0 + checker.footprint.sweep_radius / steering.radius) / (SAMPLES - 1)
+    assert not (clearance.min(axis=1) - half_step >= 1e-3).any()
+
+    # One a call: the same answers, but where one of several curves that are as short is not free.
+    single = PointwiseCurveChecker(checker, steering)
+    alone = np.array([single.motion_valid(tuple(p), tuple(q)) for p, q in zip(a.tolist(), b.tolist(), strict=True)])
+    assert not (alone & ~accepted).any()
+    assert (alone != accepted).mean() < (0.03 if steering.reverse else 1e-9)
+
+
+@pytest.mark.parametrize("steering", KINDS, ids=NAMES)
+def test_fine_sampling_finds_hardly_any_free_curve_that_was_refused(steering: Steering) -> None:
+    world, robot = WORLDS["polygons"], ROBOTS["rectangle"]
+    checker, oracle = StateChecker(world, robot), Oracle(world, robot)
+    a, b = short_motions(world, 400, np.random.default_rng(5), 3.0)
+    valid = checker.valid(a) & checker.valid(b)
+    a, b = a[valid], b[valid]
+    refused = ~CurveChecker(checker, steering).motions_valid(a, b)
+    free = 0
+    for p, q in zip(a[refused], b[refused], strict=True):
+        length = steering.lengths(p, q)
+        coarse = steering.states(p, q, np.linspace(0.0, length, 60))
+        if oracle.collides(coarse).any():
+            continue
+        free += not oracle.collides(steering.states(p, q, np.arange(0.0, length, 1e-3))).any()
+    assert free <= 1
+    assert refused.sum() > 30
+
+
+poses = st.tuples(st.floats(6.0, 14.0), st.floats(6.0, 14.0), st.floats(-math.pi, math.pi))
+
+
+@given(
+    st.sampled_from(sorted(ROBOTS)),
+    st.sampled_from(KINDS),
+    poses,
+    poses,
+    st.floats(0.0, 1.0),
+    st.tuples(st.floats(0.01, 0.99), st.floats(0.01, 0.99)),
+    st.sampled_from([1e-5, 1e-3]),
+)
+@settings(max_examples=150)
+def test_no_needle_is_small_enough_to_be_missed(
+    name: str,
+    steering: Steering,
+    a: tuple[float, float, float],
+    b: tuple[float, float, float],
+    t: float,
+    where: tuple[float, float],
+    size: float,
+) -> None:
+    """A speck anywhere that the robot passes over, at any moment: no sampling at a resolution would find it."""
+    robot = ROBOTS[name]
+    inscribed = robot.inscribed_disc
+    r, angle = 0.99 * where[0] * inscribed.radius, 2.0 * math.pi * where[1]
+    point = np.add(inscribed.center, (r * math.cos(angle), r * math.sin(angle)))
+    q = steering.states(a, b, [t * steering.lengths(a, b)])[0]
+    x, y = se2.transform(q, point[None])[0]
+    speck: Shape = Disc((x, y), size) if where[0] < 0.5 else box(x - size, y - size, x + size, y + size)
+    checker = StateChecker(World("w", (-20.0, -20.0, 40.0, 40.0), (speck,)), robot, cell=0.25)
+    assert not CurveChecker(checker, steering).motion_valid(a, b)
+    single = PointwiseCurveChecker(checker, steering)
+    if checker.valid(a) and checker.valid(b):
+        assert not single.motion_valid(a, b)
+
+
+def test_forwards_only_and_in_reverse() -> None:
+    # A dead end: out of it leads the way back only.
+    walls = (box(0, 4, 10, 4.4), box(0, 5.6, 10, 6), box(9.4, 4, 10, 6))
+    checker = StateChecker(World("dead end", (0, 0, 20, 10), walls), Robot.rectangle(1, 0.5))
+    inside, outside = (8.0, 5.0, 0.0), (3.0, 5.0, 0.0)
+    assert CurveChecker(checker, Steering(2.0)).motion_valid(inside, outside)
+    assert CurveChecker(checker, Steering(2.0)).motion_valid(outside, inside)
+    assert CurveChecker(checker, Steering(2.0, reverse=False)).motion_valid(outside, inside)
+    assert not CurveChecker(checker, Steering(2.0, reverse=False)).motion_valid(inside, outside)
+
+
+def test_a_curve_may_leave_contact_and_arrive_in_it() -> None:
+    checker = StateChecker(World("wall", (0, 0, 20, 20), (box(6, 0, 8, 20),)), Robot.rectangle(2, 2))
+    motions = CurveChecker(checker, Steering(2.0))
+    contact, away = (5.0, 8.0, 0.0), (2.0, 8.0, 0.0)
+    assert checker.clearance(contact) == 0.0
+    assert motions.motion_valid(contact, away)
+    assert motions.motion_valid(away, contact)
+    assert motions.motion_valid(contact, contact)
+    # Along the wall, touching it all the way, is not certified.
+    assert not motions.motion_valid((5.0, 8.0, math.pi / 2), (5.0, 10.0, math.pi / 2))
+    assert motions.motion_valid((4.99, 8.0, math.pi / 2), (4.99, 10.0, math.pi / 2))
+
+
+def test_all_of_several_shortest_curves_must_be_free_for_others() -> None:
+    # To turn round on the spot, four ways are as short; what blocks one of them lies off the others.
+    steering = Steering(2.0)
+    a, b = (10.0, 10.0, 0.0), (10.0, 10.0, math.pi)
+    free = StateChecker(World("free", (0, 0, 20, 20)), Robot.disc(0.2))
+    assert PointwiseCurveChecker(free, steering).motion_valid(a, b)
+    mine = steering.states(a, b, np.linspace(0.0, steering.lengths(a, b), 200))
+    turned = np.column_stack([20.0 - mine[:, 0], 20.0 - mine[:, 1]])
+    far = turned[np.argmax(np.hypot(*(turned[:, None] - mine[None, :, :2]).transpose(2, 0, 1)).min(axis=1))]
+    blocked = StateChecker(World("one blocked", (0, 0, 20, 20), (Disc((far[0], far[1]), 0.05),)), Robot.disc(0.2))
+    assert CurveChecker(blocked, steering).motion_valid(a, b)
+    assert not PointwiseCurveChecker(blocked, steering).motion_valid(a, b)
+
+
+def test_the_robots_own_steering_and_bad_input() -> None:
+    world = World("w", (0, 0, 20, 20))
+    car = Robot(Robot.rectangle(2, 1).footprint, turning_radius=3.0, reverse=False)
+    assert CurveChecker(StateChecker(world, car)).steering == Steering(3.0, reverse=False)
+    with pytest.raises(ConfigurationError, match="without turning radius"):
+        CurveChecker(StateChecker(world, Robot.disc(1)))
+    motions = CurveChecker(StateChecker(world, car))
+    with pytest.raises(ConfigurationError, match="2 starts and 1 ends"):
+        motions.motions_valid([(5, 5, 0)] * 2, [(6, 5, 0)])
+    with pytest.raises(ConfigurationError, match="shapes"):
+        motions.motion_valid([(5, 5, 0)], [(6, 5, 0)])

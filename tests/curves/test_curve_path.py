@@ -1,0 +1,108 @@
+"""Paths of curves: rows that follow the curves, with all knots and cusps, and the curves' own length."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from trailmark import se2
+from trailmark.curves import CurvePath, Steering
+from trailmark.errors import ConfigurationError
+from trailmark.path import Path
+
+KNOTS = np.array([(0.0, 0.0, 0.0), (8.0, 3.0, 1.0), (7.5, 3.5, 2.5), (2.0, 9.0, -3.0)])
+
+
+def made(reverse: bool = True, radius: float = 2.0) -> CurvePath:
+    return CurvePath(KNOTS, Steering(radius, reverse))
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_rows_follow_the_curves(reverse: bool) -> None:
+    path = made(reverse)
+    for knot in KNOTS:
+        assert (path.states == knot).all(axis=1).any()
+    assert np.array_equal(path.states[[0, -1]], KNOTS[[0, -1]])
+    steps = np.diff(path.states[:, :2], axis=0)
+    chords = np.hypot(*steps.T)
+    assert path.length == pytest.approx(float(path.steering.lengths(KNOTS[:-1], KNOTS[1:]).sum()))
+    assert 0.0 <= path.length - chords.sum() < 2e-3 * path.length
+    # Each row's step goes along the heading half way between its ends, forwards or backwards: as on an arc.
+    turn = se2.wrap(np.diff(path.states[:, 2]))
+    heading = path.states[:-1, 2] + 0.5 * turn
+    across = -np.sin(heading) * steps[:, 0] + np.cos(heading) * steps[:, 1]
+    assert np.abs(across).max() < 1e-9
+    assert np.abs(turn).max() <= 0.1 + 1e-9
+    # The sagitta of an arc over a chord.
+    assert (0.5 * chords * np.abs(np.tan(0.25 * turn))).max() < 1.01e-3
+    assert path.rotation == pytest.approx(np.abs(turn).sum())
+    assert path.cost == path.length
+
+
+def test_cusps_are_rows() -> None:
+    path = made()
+    ahead = np.cos(path.states[:-1, 2]) * np.diff(path.states[:, 0]) + np.sin(path.states[:-1, 2]) * np.diff(
+        path.states[:, 1]
+    )
+    assert path.cusps == np.count_nonzero(np.diff(np.sign(ahead)))
+    assert path.cusps >= 1
+    assert made(reverse=False).cusps == 0
+
+
+def test_places_along_the_path() -> None:
+    path = made()
+    share = np.linspace(0.0, 1.0, 4001)
+    states = path.at(share)
+    assert np.array_equal(states[[0, -1]], KNOTS[[0, -1]])
+    assert np.hypot(*np.diff(states[:, :2], axis=0).T).max() <= path.length / 4000 + 1e-9
+    assert path.at(0.5) == pytest.approx(states[2000])
+    assert path.at(-1.0) == pytest.approx(KNOTS[0])
+    assert path.at([[0.0, 1.0]]).shape == (1, 2, 3)
+
+
+def test_resampling_keeps_the_rows() -> None:
+    path = made()
+    fine = path.resample(0.05)
+    assert type(fine) is Path
+    assert np.hypot(*np.diff(fine.states[:, :2], axis=0).T).max() <= 0.05 + 1e-9
+    assert fine.length <= path.length
+    with pytest.raises(ConfigurationError, match="step"):
+        path.resample(0.0)
+
+
+def test_driving_back() -> None:
+    path = made()
+    back = path.reversed()
+    assert back.length == pytest.approx(path.length, abs=1e-12)
+    assert np.abs(se2.difference(back.at(0.3), path.at(0.7))).max() < 1e-9
+    assert back.reversed() == path
+    with pytest.raises(ConfigurationError, match="forwards only"):
+        made(reverse=False).reversed()
+
+
+def test_paths_are_values() -> None:
+    assert made() == made()
+    assert hash(made()) == hash(made())
+    assert made() != made(reverse=False)
+    assert made() != made(radius=3.0)
+    assert made() != Path(made().states)
+    assert not made().knots.flags.writeable
+    assert not made().states.flags.writeable
+
+
+def test_what_a_program_needs_to_rebuild_the_curves() -> None:
+    record = made(reverse=False).record()
+    assert record == {"kind": "dubins", "turning_radius": 2.0, "knots": KNOTS.tolist()}
+
+
+def test_a_single_knot_and_equal_knots() -> None:
+    alone = CurvePath(KNOTS[:1], Steering(1.0))
+    assert alone.length == alone.rotation == 0.0
+    assert alone.at(0.7) == pytest.approx(KNOTS[0])
+    twice = CurvePath(KNOTS[[0, 0, 1]], Steering(1.0))
+    assert twice.length == pytest.approx(Steering(1.0).lengths(KNOTS[0], KNOTS[1]))
+    assert math.isfinite(twice.states.sum())
+    with pytest.raises(ConfigurationError, match="path"):
+        CurvePath(np.empty((0, 3)), Steering(1.0))

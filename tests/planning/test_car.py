@@ -1,0 +1,174 @@
+"""Car-like robots: paths of certified curves that a referee drives along, their bounds, what they say of themselves."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.oracle import Oracle
+
+from trailmark.collision.curve_motions import CurveChecker
+from trailmark.curves import CurvePath, Steering
+from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
+from trailmark.roadmap import CurveRoadmap
+from trailmark.shapes import Polygon, Rectangle
+from trailmark.world import Query, Robot, World
+
+
+def shipped(worlds: Path, name: str, radius: float, reverse: bool = True) -> World:
+    world = World.load(worlds / f"{name}.yaml")
+    assert world.robot is not None
+    return world.with_robot(world.robot.steered(radius, reverse))
+
+
+def planned(world: World, query: Query, seed: int = 0, **options: Any) -> tuple[LandmarkPlanner, PlanResult]:
+    planner = LandmarkPlanner(world, seed=seed)
+    return planner, planner.plan(query.start, query.goal, **{"time_limit": 20.0, "max_iterations": 3, **options})
+
+
+def referee(world: World, query: Query, result: PlanResult) -> CurvePath:
+    """Assert that the result's path joins the ends and meets nothing; return it."""
+    path = result.path
+    assert result.status == "solved"
+    assert isinstance(path, CurvePath)
+    assert world.robot is not None
+    assert np.array_equal(path.states[[0, -1]], [query.start, query.goal])
+    states = path.resample(0.01).states
+    assert not Oracle(world, world.robot).collides(states).any()
+    # It drives as a car does: along its heading, on circles of the turning radius at least.
+    steps = np.diff(states[:, :2], axis=0)
+    turn = np.arctan2(np.sin(np.diff(states[:, 2])), np.cos(np.diff(states[:, 2])))
+    heading = states[:-1, 2] + 0.5 * turn
+    ahead = np.cos(heading) * steps[:, 0] + np.sin(heading) * steps[:, 1]
+    assert np.abs(np.cos(heading) * steps[:, 1] - np.sin(heading) * steps[:, 0]).max() < 1e-6
+    assert world.robot.turning_radius is not None
+    assert (np.abs(turn) * world.robot.turning_radius <= np.hypot(*steps.T) * 1.001 + 1e-6).all()
+    if not world.robot.reverse:
+        assert ahead.min() > -1e-6
+    return path
+
+
+@pytest.mark.parametrize("name", ["parallel", "bay"])
+def test_parking(worlds: Path, name: str) -> None:
+    world = shipped(worlds, "parking", 4.5)
+    query = world.query(name)
+    planner, result = planned(world, query)
+    path = referee(world, query, result)
+    bound = Steering(4.5).lengths(query.start, query.goal)
+    assert result.lower_bound == pytest.approx(bound)
+    assert bound <= path.cost < 3.0 * bound
+    assert result.cost == pytest.approx(path.length)
+    assert result.first_cost is not None
+    assert result.first_cost >= path.cost
+    assert isinstance(planner.roadmap, CurveRoadmap)
+    assert CurveChecker(planner.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()
+
+
+@pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
+def test_an_office(worlds: Path, reverse: bool) -> None:
+    world = shipped(worlds, "office", 0.6, reverse)
+    query = world.query("door")
+    _, result = planned(world, query)
+    path = referee(world, query, result)
+    assert path.steering == Steering(0.6, reverse)
+    assert reverse or path.cusps == 0
+
+
+def test_a_free_way_is_the_shortest_curve_itself() -> None:
+    world = World("free", (-20.0, -20.0, 20.0, 20.0), robot=Robot.rectangle(2.0, 1.0).steered(3.0))
+    query = Query("q", (0.0, 0.0, 0.0), (1.0, 6.0, math.pi))
+    _, result = planned(world, query)
+    path = referee(world, query, result)
+    assert len(path.knots) == 2
+    assert (
+        path.cost == pytest.approx(result.lower_bound) == pytest.approx(Steering(3.0).lengths(query.start, query.goal))
+    )
+
+
+def test_a_three_point_turn_in_an_aisle() -> None:
+    walls = (Rectangle((10.0, 7.6), 20.0, 0.8), Rectangle((10.0, 2.4), 20.0, 0.8))
+    world = World("aisle", (0.0, 0.0, 20.0, 10.0), walls, Robot.rectangle(2.4, 1.2).steered(2.5))
+    query = Query("turn", (10.0, 5.0, 0.0), (10.0, 5.0, math.pi))
+    _, result = planned(world, query)
+    path = referee(world, query, result)
+    assert path.cusps >= 2
+
+
+def test_a_round_car_has_a_heading() -> None:
+    wall = Polygon(np.array([(9.5, 0.0), (10.5, 0.0), (10.5, 7.0), (9.5, 7.0)]))
+    world = World("wall", (0.0, 0.0, 20.0, 10.0), (wall,), Robot.disc(0.6).steered(1.5, reverse=False))
+    query = Query("over", (3.0, 2.0, 0.0), (17.0, 2.0, 0.0))
+    _, result = planned(world, query)
+    referee(world, query, result)
+
+
+def test_no_way_for_the_robot_at_all_is_proven() -> None:
+    wall = Rectangle((10.0, 5.0), 1.0, 10.0)
+    world = World("split", (0.0, 0.0, 20.0, 10.0), (wall,), Robot.rectangle(2.0, 1.0).steered(3.0))
+    _, result = planned(world, Query("q", (3.0, 5.0, 0.0), (17.0, 5.0, 0.0)))
+    assert result.status == "infeasible"
+    assert result.lower_bound is None
+    assert result.path is None
+
+
+def test_what_is_too_tight_for_a_car_ends_in_time_with_how_far_it_got() -> None:
+    # Out of a dead end that is entered forwards only: a car that does not reverse never comes out again.
+    walls = (Rectangle((5.0, 3.9), 10.0, 0.4), Rectangle((5.0, 6.1), 10.0, 0.4), Rectangle((10.2, 5.0), 0.4, 2.6))
+    world = World("dead end", (0.0, 0.0, 20.0, 10.0), walls, Robot.rectangle(2.0, 1.0).steered(3.0, reverse=False))
+    query = Query("out", (7.0, 5.0, 0.0), (15.0, 5.0, 0.0))
+    _, result = planned(world, query, time_limit=1.0, max_iterations=None)
+    assert result.status == "timeout"
+    assert result.time["total"] is not None
+    assert result.time["total"] < 3.0
+    free = world.with_robot(Robot.rectangle(2.0, 1.0).steered(3.0))
+    referee(free, query, planned(free, query)[1])
+
+
+def test_the_same_seed_gives_the_same_path_and_queries_share_the_roadmap(worlds: Path) -> None:
+    world = shipped(worlds, "office", 0.6)
+    query = world.query("coffee")
+    planner, first = planned(world, query, seed=4, time_limit=60.0)
+    _, second = planned(world, query, seed=4, time_limit=60.0)
+    assert first.path == second.path
+    assert first.path is not None
+    # The way back is there already.
+    back = planner.plan(query.goal, query.start, time_limit=60.0, max_iterations=1)
+    assert back.path is not None
+    assert back.path.cost < 1.05 * first.path.cost
+
+
+def test_progress_tells_of_curves(worlds: Path) -> None:
+    world = shipped(worlds, "office", 0.6)
+    query = world.query("door")
+    seen: list[PlanProgress] = []
+    _, result = planned(world, query, on_progress=seen.append)
+    costs = [state.cost for state in seen if state.cost is not None]
+    assert costs == sorted(costs, reverse=True)
+    assert all(isinstance(state.path, CurvePath) for state in seen if state.path is not None)
+    assert costs[-1] == result.cost
+
+
+def test_the_record_holds_what_rebuilds_the_curves(worlds: Path) -> None:
+    world = shipped(worlds, "office", 0.6)
+    query = world.query("door")
+    _, result = planned(world, query)
+    record = json.loads(json.dumps(result.to_dict("office", "door")))
+    curve = record["curve"]
+    assert curve["kind"] == "reeds-shepp"
+    again = CurvePath(np.array(curve["knots"]), Steering(curve["turning_radius"], curve["kind"] == "reeds-shepp"))
+    assert again == result.path
+    assert record["cost"] == record["length"] == again.length
+    assert record["states"] == again.states.tolist()
+
+
+def test_landmarks_beforehand(worlds: Path) -> None:
+    world = shipped(worlds, "office", 0.6)
+    planner = LandmarkPlanner(world, seed=0, landmarks=300)
+    query = world.query("meeting")
+    result = planner.plan(query.start, query.goal, time_limit=20.0, max_iterations=2)
+    referee(world, query, result)
+    assert len(planner.roadmap) > 250
