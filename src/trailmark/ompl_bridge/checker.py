@@ -9,8 +9,9 @@ from ompl import base as ob
 
 from trailmark.collision import StateChecker
 from trailmark.collision.pointwise import PointwiseChecker
+from trailmark.collision.pointwise_curves import PointwiseCurveChecker
 from trailmark.ompl_bridge.guard import caught
-from trailmark.ompl_bridge.spaces import require_within, space_of
+from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.states import write_state
 
 __all__ = ["MotionValidator", "StateValidityChecker"]
@@ -64,15 +65,19 @@ class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OM
 class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindings carry no types
     """Motions certified free of collision: no resolution, nothing missed.
 
+    The space decides what a motion is: straight in an ``SE2StateSpace``, a shortest curve in a ``DubinsStateSpace`` or
+    ``ReedsSheppStateSpace``. Where several curves are as short, all of them must be free, whichever OMPL follows.
+
     Args:
         information: the ``SpaceInformation`` of an SE(2)-like space within the world's bounds.
         checker: trailmark's checker for world and robot.
 
     Attributes:
         checked: motions checked so far.
+        steering: of the cars that the space is for; None if motions are straight.
 
     Raises:
-        SpaceError: a space not made of x, y and heading.
+        SpaceError: a space not made of x, y and heading, or a symmetric Dubins space.
         BoundsError: a space that reaches beyond the world.
     """
 
@@ -81,7 +86,10 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
         super().__init__(information)
         self.checker = checker
         self.checked = 0
-        self._single = PointwiseChecker(checker)
+        self.steering = steering_of(information)
+        self._single = (
+            PointwiseChecker(checker) if self.steering is None else PointwiseCurveChecker(checker, self.steering)
+        )
 
     def checkMotion(self, first: Any, second: Any, last_valid: Any = None) -> bool:  # noqa: N802  # OMPL's name
         """Return whether a motion is certified, its end included; its start is known to be valid.
@@ -110,11 +118,17 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
     def _last_certified(self, a: Configuration, b: Configuration) -> tuple[Configuration, float]:
         """Return the farthest place up to which a refused motion is certified, within LAST_PLACE, and its fraction."""
         dx, dy, turn = b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2])
-        bound = hypot(dx, dy) + self.checker.footprint.sweep_radius * abs(turn)
+        radius, steering = self.checker.footprint.sweep_radius, self.steering
+        bound = hypot(dx, dy) + radius * abs(turn)
+        if steering is not None:
+            bound = steering.lengths(a, b) * (1.0 + radius / steering.radius)
         last, low, high = a, 0.0, 1.0
         while (high - low) * bound > LAST_PLACE:
             middle = 0.5 * (low + high)
-            q = (a[0] + middle * dx, a[1] + middle * dy, _wrapped(a[2] + middle * turn))
+            if steering is None:
+                q = (a[0] + middle * dx, a[1] + middle * dy, _wrapped(a[2] + middle * turn))
+            else:
+                q = tuple(steering.states(a, b, [middle * steering.lengths(a, b)])[0].tolist())
             # What lies before ``last`` is certified already.
             if self._single.valid(*q) and self._single.motion_valid(last, q):
                 last, low = q, middle

@@ -10,11 +10,12 @@ from ompl import geometric as og
 
 from trailmark import se2
 from trailmark.collision import StateChecker
+from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import solve
 from trailmark.ompl_bridge.planners import planner_named
-from trailmark.ompl_bridge.spaces import se2_space
+from trailmark.ompl_bridge.spaces import space_for
 from trailmark.ompl_bridge.states import planner_data_graph, state, states_of
 from trailmark.path import Path
 from trailmark.world import Query, Robot, World
@@ -26,6 +27,8 @@ Ends = Query | str | tuple[ArrayLike, ArrayLike] | None
 
 class SE2Problem:
     """A planning problem for OMPL: space with bounds, checker, motion validator, start and goal.
+
+    A robot with a turning radius moves in OMPL's Reeds-Shepp space, or in its Dubins space if it does not reverse.
 
     Args:
         world: obstacles and bounds.
@@ -64,7 +67,7 @@ class SE2Problem:
         start, goal = _ends(world, query)
         self.start = self.checker.require_valid(start, "start")
         self.goal = self.checker.require_valid(goal, "goal")
-        self.space = se2_space(world)
+        self.space = space_for(world, self.checker.robot)
         self.setup = og.SimpleSetup(self.space)
         self.information = self.setup.getSpaceInformation()
         self.validity = StateValidityChecker(self.information, self.checker)
@@ -98,10 +101,11 @@ class SE2Problem:
 
     @property
     def path(self) -> Path | None:
-        """The exact solution's path, or None."""
+        """The exact solution's path, or None; a car's is a :class:`trailmark.curves.CurvePath`."""
         if not self.setup.haveExactSolutionPath():
             return None
-        return Path(states_of(self.setup.getSolutionPath()))
+        states, steering = states_of(self.setup.getSolutionPath()), Steering.of(self.checker.robot)
+        return Path(states) if steering is None else CurvePath(states, steering)
 
     def graph(self) -> Any:
         """Return the planner's roadmap or tree as a ``networkx.Graph``."""

@@ -6,15 +6,31 @@ from typing import Any
 
 from ompl import base as ob
 
+from trailmark.curves import Steering
 from trailmark.ompl_bridge.errors import BoundsError, SpaceError
-from trailmark.world import World
+from trailmark.ompl_bridge.states import opened, state
+from trailmark.world import Robot, World
 
-__all__ = ["require_within", "se2_space", "space_of"]
+__all__ = ["require_within", "se2_space", "space_for", "space_of", "steering_of"]
 
 
 def se2_space(world: World) -> Any:
     """Return an ``SE2StateSpace`` with the world's bounds: where the robot's reference point may lie."""
     space = ob.SE2StateSpace()
+    set_bounds(space, world)
+    return space
+
+
+def space_for(world: World, robot: Robot) -> Any:
+    """Return the state space that a robot moves in, with the world's bounds.
+
+    That is a ``ReedsSheppStateSpace`` for a robot with a turning radius, a ``DubinsStateSpace`` if it does not reverse,
+    and an ``SE2StateSpace`` for all others.
+    """
+    steering = Steering.of(robot)
+    if steering is None:
+        return se2_space(world)
+    space = (ob.ReedsSheppStateSpace if steering.reverse else ob.DubinsStateSpace)(steering.radius)
     set_bounds(space, world)
     return space
 
@@ -61,3 +77,38 @@ def require_within(space: Any, world: World) -> None:
             f"state space from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) given, "
             f"allowed: within world {world.name!r}, ({xmin:g}, {ymin:g}) to ({xmax:g}, {ymax:g})"
         )
+
+
+def steering_of(information: Any) -> Steering | None:
+    """Return the steering of the cars that a space of Dubins or Reeds-Shepp curves is for; None for other spaces.
+
+    The bindings do not tell a space's turning radius; the length of a curve does.
+
+    Args:
+        information: the ``SpaceInformation`` of the space.
+
+    Raises:
+        SpaceError: a symmetric Dubins space, whose cars drive a curve backwards if that is shorter.
+    """
+    space = information.getStateSpace()
+    if not isinstance(space, ob.DubinsStateSpace | ob.ReedsSheppStateSpace):
+        return None
+    reverse = isinstance(space, ob.ReedsSheppStateSpace)
+    a, b = (0.0, 0.0, 0.0), (0.0, 0.0, 1.5)
+    # Turned on the spot, so that all lengths are multiples of the radius.
+    unit = Steering(1.0, reverse)
+    radius = _distance(information, a, b) / unit.lengths(a, b)
+    ahead = (3.0 * radius, radius, 0.5)
+    if (
+        not reverse
+        and abs(_distance(information, ahead, a) - Steering(radius, reverse).lengths(ahead, a)) > 1e-6 * radius
+    ):
+        raise SpaceError(
+            f"symmetric state space {space.getName()!r} given, allowed: DubinsStateSpace that is not symmetric"
+        )
+    return Steering(radius, reverse)
+
+
+def _distance(information: Any, a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
+    first, second = state(information, a), state(information, b)
+    return float(information.getStateSpace().distance(opened(first), opened(second)))

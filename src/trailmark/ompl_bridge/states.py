@@ -39,7 +39,7 @@ def state(information: Any, q: ArrayLike) -> Any:
 def write_state(target: Any, q: ArrayLike) -> None:
     """Set x, y and heading of an OMPL state, scoped or not."""
     x, y, theta = np.asarray(q, dtype=np.float64).tolist()
-    target = _opened(target)
+    target = opened(target)
     target.setX(x)
     target.setY(y)
     target.setYaw(float(se2.wrap(theta)))
@@ -47,7 +47,7 @@ def write_state(target: Any, q: ArrayLike) -> None:
 
 def configuration(source: Any) -> se2.FloatArray:
     """Return an OMPL state as a configuration, shape (3,)."""
-    source = _opened(source)
+    source = opened(source)
     return np.array([source.getX(), source.getY(), source.getYaw()])
 
 
@@ -61,7 +61,7 @@ def path_to_ompl(information: Any, path: Path | ArrayLike) -> Any:
     rows = path.states if isinstance(path, Path) else np.atleast_2d(se2.configurations(path))
     made = og.PathGeometric(information)
     for row in rows:
-        made.append(_opened(state(information, row)))
+        made.append(opened(state(information, row)))
     return made
 
 
@@ -94,7 +94,7 @@ def planner_data_graph(source: Any) -> nx.Graph:
     return graph
 
 
-def _opened(source: Any) -> Any:
+def opened(source: Any) -> Any:
     """Return the state in a scoped one, or the state itself."""
     return source() if SCOPED and callable(source) else source
 

@@ -1,0 +1,135 @@
+"""Cars in OMPL: spaces of curves, their certified motions, paths; the same answers as directly."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SET_UP = """
+from trailmark import StateChecker
+from trailmark.collision.curve_motions import CurveChecker
+from trailmark.curves import CurvePath, Steering
+world = shipped("office")
+car = world.robot.steered(0.7, REVERSE)
+"""
+
+
+@pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
+def test_answers_through_ompl_are_those_given_directly(run_ompl: Any, reverse: bool) -> None:
+    found = run_ompl(
+        SET_UP.replace("REVERSE", str(reverse))
+        + """
+problem = SE2Problem(world, car)
+si, checker = problem.information, problem.checker
+motions = CurveChecker(checker)
+rng = np.random.default_rng(1)
+xmin, ymin, xmax, ymax = world.bounds
+q = rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi), (3000, 3))
+q = q[checker.valid(q)]
+a = q[rng.integers(0, len(q), 2000)]
+b = a + rng.uniform(-1.0, 1.0, (2000, 3))
+b[:, 2] = np.arctan2(np.sin(b[:, 2]), np.cos(b[:, 2]))
+made = [(state(si, p), state(si, r)) for p, r in zip(a, b)]
+direct = motions.motions_valid(a, b)
+through = [si.checkMotion(p, r) for p, r in made]
+lengths = [problem.space.distance(p, r) for p, r in made]
+steering = problem.motions.steering
+through = np.array(through)
+tell(more=int(np.sum(through & ~direct)), fewer=float(np.mean(~through & direct)),
+     share=float(direct.mean()), kind=type(problem.space).__name__,
+     radius=steering.radius, reverse=steering.reverse,
+     lengths=float(np.abs(lengths - motions.steering.lengths(a, b)).max()))
+"""
+    )
+    assert found["more"] == 0
+    # Where several curves are as short, OMPL may take another than trailmark: all must be free.
+    assert found["fewer"] < (0.02 if reverse else 1e-9)
+    assert 0.03 < found["share"] < 0.9
+    assert found["kind"] == ("ReedsSheppStateSpace" if reverse else "DubinsStateSpace")
+    assert found["radius"] == pytest.approx(0.7, abs=1e-12)
+    assert found["reverse"] is reverse
+    assert found["lengths"] < 1e-9
+
+
+@pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
+def test_ompls_planners_find_certified_paths_of_curves(run_ompl: Any, reverse: bool) -> None:
+    found = run_ompl(
+        SET_UP.replace("REVERSE", str(reverse))
+        + """
+from benchmarks.oracle import Oracle
+for name in ("RRTConnect", "RRTstar"):
+    problem = SE2Problem(world, car, "door")
+    problem.set_planner(name)
+    status = problem.solve(ob.plannerOrTerminationCondition(
+        ob.timedPlannerTerminationCondition(20.0),
+        ob.exactSolnPlannerTerminationCondition(problem.setup.getProblemDefinition())))
+    path = problem.path
+    solution = problem.setup.getSolutionPath()
+    hit = Oracle(world, car).collides(path.resample(0.01).states)
+    cost = solution.length()
+    solution.interpolate(800)
+    dense = Oracle(world, car).collides(states_of(solution))
+    tell(**{name: [status.asString(), type(path).__name__, bool(hit.any()), bool(dense.any()),
+                   abs(cost - path.cost), path.cusps]})
+"""
+    )
+    for name in ("RRTConnect", "RRTstar"):
+        status, kind, hit, dense, difference, cusps = found[name]
+        assert status == "Exact solution"
+        assert kind == "CurvePath"
+        assert not hit
+        assert not dense
+        assert difference < 1e-6
+        assert reverse or cusps == 0
+
+
+def test_a_space_of_the_users_own(run_ompl: Any) -> None:
+    found = run_ompl("""
+from trailmark import StateChecker
+from trailmark.ompl_bridge.spaces import set_bounds, steering_of
+world = shipped("office")
+checker = StateChecker(world)
+spaces = {"dubins": ob.DubinsStateSpace(1.3), "reeds-shepp": ob.ReedsSheppStateSpace(0.25), "se2": ob.SE2StateSpace()}
+for name, space in spaces.items():
+    set_bounds(space, world)
+    motions = MotionValidator(ob.SpaceInformation(space), checker)
+    tell(**{name: None if motions.steering is None else [motions.steering.radius, motions.steering.reverse]})
+space = ob.DubinsStateSpace(1.3, True)
+set_bounds(space, world)
+try:
+    MotionValidator(ob.SpaceInformation(space), checker)
+except SpaceError as error:
+    tell(symmetric=str(error))
+""")
+    assert found["dubins"] == [pytest.approx(1.3), False]
+    assert found["reeds-shepp"] == [pytest.approx(0.25), True]
+    assert found["se2"] is None
+    assert "symmetric" in found["symmetric"]
+    assert "\n" not in found["symmetric"]
+
+
+def test_ompl_17(run_ompl: Any) -> None:
+    python = os.environ.get("TRAILMARK_OMPL17_PYTHON")
+    if python is None or not Path(python).exists():
+        pytest.skip("no Python with ompl 1.7: set TRAILMARK_OMPL17_PYTHON")
+    found = run_ompl(
+        SET_UP.replace("REVERSE", "True")
+        + """
+problem = SE2Problem(world, car, "door")
+problem.set_planner("RRTConnect")
+status = problem.solve(20.0)
+path = problem.path
+tell(status=status.asString(), kind=type(path).__name__, radius=problem.motions.steering.radius,
+     certified=bool(CurveChecker(problem.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()))
+os._exit(0)
+""",
+        status=None,
+        python=python,
+    )
+    assert found["status"] == "Exact solution"
+    assert found["kind"] == "CurvePath"
+    assert found["radius"] == pytest.approx(0.7, abs=1e-12)
+    assert found["certified"]
