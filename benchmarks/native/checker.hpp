@@ -1,0 +1,47 @@
+// Checker: is a configuration valid? The bounds first, then what the grid is sure of, then FCL.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <fcl/fcl.h>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "placement_grid.hpp"
+#include "problem.hpp"
+
+namespace trailmark {
+
+class Checker {
+ public:
+  // use_grid: false leaves all that is within the bounds to FCL (to compare with).
+  explicit Checker(const Problem& problem, bool use_grid = true);
+
+  // Whether the robot at (x, y, theta) overlaps no obstacle and stays within the bounds; touching is allowed.
+  bool valid(double x, double y, double theta) const;
+
+  // Configurations checked so far. Planners check from one thread at a time: no locked addition is needed.
+  std::uint64_t checked() const { return checked_.load(std::memory_order_relaxed); }
+
+ private:
+  using Mesh = fcl::BVHModel<fcl::OBBRSSd>;
+
+  bool within_bounds(double x, double y, double cos, double sin) const;
+  bool overlaps(double x, double y, double cos, double sin) const;
+
+  std::array<double, 4> bounds_;  // grown by the touching tolerance
+  double circumradius_;
+  bool round_;
+  Disc inscribed_;
+  bool centred_;  // the inscribed disc's centre is the reference point
+  std::vector<Point> hull_;
+  std::optional<PlacementGrid> grid_;
+  std::shared_ptr<fcl::CollisionGeometryd> robot_;
+  std::shared_ptr<Mesh> polygons_;  // one model of all triangles; null without any
+  std::vector<std::unique_ptr<fcl::CollisionObjectd>> discs_;
+  std::unique_ptr<fcl::DynamicAABBTreeCollisionManagerd> disc_manager_;
+  mutable std::atomic<std::uint64_t> checked_{0};
+};
+
+}  // namespace trailmark

@@ -1,0 +1,25 @@
+// One run of one planner on one problem, measured.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "checker.hpp"
+#include "problem.hpp"
+
+namespace trailmark {
+
+struct Settings {
+  std::string planner = "RRTConnect";
+  double resolution = 0.1;      // metres between the states that OMPL's discrete motion validator looks at
+  double time_limit = 1.0;      // seconds
+  double simplify_limit = 0.5;  // seconds
+  double memory_limit = 0.0;    // MB above what is mapped when planning begins; 0: none
+  unsigned seed = 1;            // above 0, as OMPL asks
+};
+
+// Returns the fields of trailmark.benchmark.record.RunRecord, set-up time left out.
+// Throws std::runtime_error for a planner that is not there.
+nlohmann::json run(const Problem& problem, const Checker& checker, const Settings& settings);
+
+}  // namespace trailmark
