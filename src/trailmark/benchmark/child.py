@@ -1,0 +1,227 @@
+"""One run, in the process forked for it: plan, say what came of it, then look at what was built.
+
+The answer goes out in parts, each a JSON object with fields of :class:`~trailmark.benchmark.record.RunRecord`, so that
+a crash in a later part (counting the graph, simplifying the path) does not take the planning's result with it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import resource
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path as FilePath
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trailmark import se2
+from trailmark.benchmark.prepared import CountingChecker, Prepared
+from trailmark.benchmark.status import Status
+from trailmark.path import Path
+
+if TYPE_CHECKING:
+    from trailmark.planning import PlanProgress
+
+__all__ = ["Answer", "answers", "latest", "private_memory"]
+
+GRACE = (0.02, 0.05)
+"""Seconds, and share of the time limit (the larger counts), after which a solution comes too late for any planner."""
+
+SIMPLIFYING = 0.5
+"""Seconds that the simplifier gets at most."""
+
+MB = 2.0**20
+
+Answer = dict[str, Any]
+Graph = Callable[[], tuple[int, int]]
+
+_LANDMARK = {"solved": Status.EXACT_SOLUTION, "timeout": Status.TIMEOUT, "infeasible": Status.INFEASIBLE}
+
+
+def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
+    """Run a job's planner and yield the parts of its answer.
+
+    Args:
+        prepared: the job's problem.
+        job: as :class:`trailmark.benchmark.problems.Job` gives it.
+    """
+    for end, status in zip(prepared.ends, (Status.INVALID_START, Status.INVALID_GOAL), strict=True):
+        if not prepared.checker.valid(end):
+            yield {"status": int(status), "time": 0.0, "failure": status.description.lower()}
+            return
+    name = str(job["planner"])
+    if name.startswith("native:"):
+        yield _native(prepared, job)
+        return
+    run = _landmark if name == "landmark" else _own if ":" in name else _ompl
+    answer, graph = run(prepared, job)
+    answer = _in_time(answer, latest(float(job["time_limit"])))
+    yield answer
+    if graph is not None:
+        nodes, edges = graph()
+        yield {"graph_states": nodes, "graph_motions": edges}
+    if answer["solved"]:
+        yield _simplified(prepared, answer["path"])
+
+
+def latest(time_limit: float) -> float:
+    """Return the seconds after which a solution comes too late."""
+    return time_limit + max(GRACE[0], GRACE[1] * time_limit)
+
+
+def private_memory() -> float:
+    """Return the MB of memory in use that belong to this process alone: no files, no code."""
+    _, resident, shared = FilePath("/proc/self/statm").read_text(encoding="ascii").split()[:3]
+    return (int(resident) - int(shared)) * resource.getpagesize() / MB
+
+
+class _Peak:
+    """The most memory (MB) that was held at any look, above that at the beginning."""
+
+    def __init__(self) -> None:
+        self._begin = private_memory()
+        self.most = 0.0
+
+    def look(self) -> None:
+        self.most = max(self.most, private_memory() - self._begin)
+
+
+def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
+    from trailmark.ompl_bridge import measured
+    from trailmark.ompl_bridge.problem import SE2Problem
+
+    name, _, variant = str(job["planner"]).partition("+")
+    measured.silence_ompl()
+    measured.seed_ompl(int(job["seed"]))
+    problem = SE2Problem(
+        prepared.problem.world,
+        prepared.problem.robot,
+        prepared.ends,
+        checker=prepared.checker,
+        certified=variant == "certified",
+        resolution=float(job["resolution"]),
+    )
+    peak = _Peak()
+    run = measured.measure(problem, name, float(job["time_limit"]))
+    peak.look()
+    answer = {
+        "status": run.status,
+        "solved": run.exact,
+        "approximate_solution": run.path is not None and not run.exact,
+        "solution_difference": run.difference,
+        "time": run.time,
+        "curve": run.curve,
+        "path": None if run.path is None else run.path.tolist(),
+        "states_checked": run.states_checked,
+        "motions_checked": run.motions_checked,
+        "memory": peak.most,
+    }
+    return answer, lambda: measured.graph_size(problem)
+
+
+def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
+    from trailmark.planning import LandmarkPlanner
+
+    limit, peak = float(job["time_limit"]), _Peak()
+    best: list[PlanProgress] = []
+
+    def follow(progress: PlanProgress) -> None:
+        peak.look()
+        if progress.elapsed <= latest(limit):
+            best[:] = [progress]
+
+    checker = CountingChecker(prepared.checker)
+    begin = perf_counter()
+    planner = LandmarkPlanner(prepared.problem.world, seed=int(job["seed"]), checker=checker, warm=False)
+    before = perf_counter() - begin
+    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=follow)
+    time = perf_counter() - begin
+    peak.look()
+    path, difference, status = result.path, None, _LANDMARK[result.status]
+    if path is None and result.nearest is not None and len(result.nearest) > 1:
+        path, status = result.nearest, Status.APPROXIMATE_SOLUTION
+    elif path is not None and time > latest(limit) and best and best[0].path is not None:
+        path = best[0].path  # the one it had in time
+    if path is not None:
+        difference = float(se2.distance(path.states[-1], prepared.ends[1]))
+    answer = {
+        "status": int(status),
+        "solved": status == Status.EXACT_SOLUTION,
+        "approximate_solution": status == Status.APPROXIMATE_SOLUTION,
+        "solution_difference": difference,
+        "time": time,
+        "curve": [(t + before, cost) for t, cost in result.history],
+        "path": None if path is None else path.states.tolist(),
+        "states_checked": checker.states,
+        "motions_checked": checker.motions,
+        "memory": peak.most,
+    }
+    return answer, lambda: (result.landmarks, result.edges)
+
+
+def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
+    """Run a planner of the user's: a function ``plan(checker, start, goal, time_limit, seed)`` named module:function.
+
+    It returns a path's states, shape (n, 3), or None.
+    """
+    module, _, function = str(job["planner"]).partition(":")
+    plan = getattr(importlib.import_module(module), function)
+    checker, peak = CountingChecker(prepared.checker), _Peak()
+    begin = perf_counter()
+    found = plan(checker, *prepared.ends, float(job["time_limit"]), int(job["seed"]))
+    time = perf_counter() - begin
+    peak.look()
+    states = None if found is None else np.asarray(found, dtype=np.float64)
+    status = Status.TIMEOUT if states is None else Status.EXACT_SOLUTION
+    answer = {
+        "status": int(status),
+        "solved": states is not None,
+        "solution_difference": None if states is None else 0.0,
+        "time": time,
+        "curve": [] if states is None else [(time, Path(states).cost)],
+        "path": None if states is None else states.tolist(),
+        "states_checked": checker.states,
+        "motions_checked": checker.motions,
+        "memory": peak.most,
+    }
+    return answer, None
+
+
+def _native(prepared: Prepared, job: Mapping[str, Any]) -> Answer:
+    native = importlib.import_module("trailmark.benchmark.native")
+    answer: Answer = native.run_native(prepared.problem, job)
+    return answer
+
+
+def _in_time(answer: Answer, limit: float) -> Answer:
+    """Return an answer with what came too late taken out, and with the first and the last cost filled in."""
+    curve = [(t, cost) for t, cost in answer["curve"] if t <= limit]
+    if answer["solved"] and not curve:
+        late = answer["curve"][0][0] if answer["curve"] else answer["time"]
+        failure = f"too late: the first solution came after {late:.3f} s"
+        return answer | {"status": int(Status.TIMEOUT), "solved": False, "curve": [], "path": None, "failure": failure}
+    if not answer["solved"]:
+        return answer | {"curve": []}
+    first, last = curve[0], curve[-1]
+    return answer | {
+        "curve": curve,
+        "time_to_first_solution": first[0],
+        "first_solution_length": first[1],
+        "solution_length": last[1],
+    }
+
+
+def _simplified(prepared: Prepared, path: list[list[float]]) -> Answer:
+    """Return the path after OMPL's simplifier with certified motions, the same for all planners."""
+    from trailmark.ompl_bridge import measured
+    from trailmark.ompl_bridge.problem import SE2Problem
+
+    measured.silence_ompl()
+    problem = SE2Problem(prepared.problem.world, prepared.problem.robot, prepared.ends, checker=prepared.checker)
+    states, seconds = measured.simplify(problem, np.array(path), SIMPLIFYING)
+    return {
+        "simplified_path": states.tolist(),
+        "simplified_solution_length": Path(states).cost,
+        "simplification_time": seconds,
+    }

@@ -1,0 +1,49 @@
+"""What a result depends on besides the planner: versions, processor, system."""
+
+from __future__ import annotations
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+__all__ = ["cpu_name", "system", "versions"]
+
+PACKAGES = (
+    "trailmark",
+    "ompl",
+    "python-fcl",
+    "numpy",
+    "scipy",
+    "scikit-learn",
+    "networkx",
+    "numba",
+    "shapely",
+)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the packages that do the work."""
+    found = {"Python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "unknown"
+    return found
+
+
+def cpu_name() -> str:
+    """Return the processor's name and the number of cores."""
+    name = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        lines = info.read_text(encoding="utf-8", errors="replace").splitlines()
+        names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+        name = names[0] if names else name
+    return f"{name}, {os.cpu_count()} cores"
+
+
+def system() -> str:
+    """Return the operating system and its kernel."""
+    return platform.platform()

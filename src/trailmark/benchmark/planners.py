@@ -1,0 +1,89 @@
+"""Planners by name: landmark, OMPL's in two baselines, native ones, and functions of the user's own."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+from collections.abc import Iterable
+
+from trailmark.benchmark.errors import SuiteError
+from trailmark.errors import did_you_mean
+
+__all__ = ["CERTIFIED", "known_planners", "read_planners", "settings_of"]
+
+CERTIFIED = "+certified"
+"""Ends the name of one of OMPL's planners that plans with trailmark's certified motion validator."""
+
+
+def known_planners() -> list[str]:
+    """Return the names of all planners: landmark, OMPL's as they are and certified, native ones where built."""
+    from trailmark.ompl_bridge.planners import planner_names
+
+    names = ["landmark"]
+    for name in planner_names():
+        names += [name, name + CERTIFIED]
+    return names + _native()
+
+
+def read_planners(given: Iterable[str]) -> list[str]:
+    """Return the planners that a list names, each once, spelt as they are known.
+
+    Args:
+        given: names, in upper or lower case; ``all`` for all that are known; ``module:function`` for one of the user's
+            own.
+
+    Raises:
+        SuiteError: a name that is none of them, or no name at all.
+    """
+    known = known_planners()
+    spelt = {name.lower(): name for name in known}
+    chosen: dict[str, None] = {}
+    for name in given:
+        if name == "all":
+            chosen |= dict.fromkeys(known)
+        elif name.lower() in spelt:
+            chosen[spelt[name.lower()]] = None
+        elif name.startswith("native:") and not any(other.startswith("native:") for other in known):
+            raise SuiteError(f"planner {name!r} given, but the native program is not built (see benchmarks/native)")
+        elif ":" in name and not name.startswith("native:"):
+            _require_module(name)
+            chosen[name] = None
+        else:
+            raise SuiteError(f"planner {name!r} given, {did_you_mean(name, [*known, 'all'])}")
+    if not chosen:
+        raise SuiteError(f"no planner given, allowed: {', '.join([*known, 'all'])}")
+    return list(chosen)
+
+
+def settings_of(name: str) -> str:
+    """Return what the results say about a planner's settings."""
+    if name == "landmark":
+        return "trailmark's LandmarkPlanner, default settings; motions certified"
+    if name.startswith("native:"):
+        return "OMPL in C++, default settings; states and motions checked by FCL in C++, discretely"
+    if ":" in name:
+        return "a function of the user's own"
+    motions = "certified by trailmark" if name.endswith(CERTIFIED) else "discrete, at the experiment's resolution"
+    return f"OMPL from Python, default settings; states checked by trailmark; motions {motions}"
+
+
+def _native() -> list[str]:
+    """Return the native program's planners; none where it is not built."""
+    if importlib.util.find_spec("trailmark.benchmark.native") is None:
+        return []
+    native = importlib.import_module("trailmark.benchmark.native")
+    return list(native.native_planners())
+
+
+def _require_module(name: str) -> None:
+    module = name.partition(":")[0]
+    # As the worker processes will look for it.
+    if os.getcwd() not in sys.path:  # noqa: PTH109  # sys.path holds strings
+        sys.path.append(os.getcwd())  # noqa: PTH109  # as above
+    try:
+        found = importlib.util.find_spec(module)
+    except (ImportError, ValueError):
+        found = None
+    if found is None:
+        raise SuiteError(f"planner {name!r} given, but there is no module {module!r}, allowed: module:function")

@@ -1,0 +1,76 @@
+"""Prepared: a problem as a worker holds it, with everything built that is not part of any planner's own time."""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import Any
+
+from trailmark import se2
+from trailmark.benchmark.problems import read_problem
+from trailmark.benchmark.referee import Referee
+from trailmark.collision import StateChecker
+
+__all__ = ["CountingChecker", "Prepared"]
+
+
+class Prepared:
+    """A problem read, its checker built and its kernels loaded.
+
+    Args:
+        text: as in :class:`trailmark.benchmark.problems.Job`.
+
+    Attributes:
+        problem: world, robot and query.
+        checker: the one that every planner gets.
+        setup_time: seconds for reading and for building the checker.
+        referee: judges paths; its building is not part of ``setup_time``.
+    """
+
+    def __init__(self, text: str) -> None:
+        begin = perf_counter()
+        self.problem = read_problem(text)
+        self.checker = StateChecker(self.problem.world, self.problem.robot)
+        self.setup_time = perf_counter() - begin
+        self.referee = Referee(self.problem.world, self.problem.robot)
+
+    @property
+    def ends(self) -> tuple[se2.FloatArray, se2.FloatArray]:
+        """Start and goal, each of shape (3,)."""
+        query = self.problem.query
+        start, goal = se2.configurations([query.start, query.goal])
+        return start, goal
+
+
+class CountingChecker(StateChecker):
+    """Another checker's answers, counted.
+
+    Motions that compiled code checks by itself, while it shortens a path, are not counted.
+
+    Attributes:
+        states: configurations asked for, with or without their clearance.
+        motions: motions asked for; one that the field leaves open and that is asked for again counts twice.
+    """
+
+    def __init__(self, checker: StateChecker) -> None:
+        vars(self).update(vars(checker))
+        self.states = self.motions = 0
+
+    def clearance(self, q: Any, **options: Any) -> Any:
+        """Count, and answer."""
+        found = super().clearance(q, **options)
+        self.states += 1 if isinstance(found, float) else len(found)
+        return found
+
+    def motions_between_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> Any:
+        """Count, and answer."""
+        self.motions += len(a)
+        return super().motions_between_valid(a, b)
+
+    def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> Any:
+        """Count, and answer."""
+        self.motions += len(a)
+        return super().motions_by_field(a, b)
+
+    def _states_free(self, q: se2.FloatArray) -> Any:
+        self.states += len(q)
+        return super()._states_free(q)

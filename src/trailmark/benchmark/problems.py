@@ -1,0 +1,119 @@
+"""Problem and Job: a query in a world for a robot, and one run of a planner on it, as they travel to workers."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from trailmark.errors import FormatError, WorldError
+from trailmark.world import Query, Robot, World
+
+__all__ = ["Job", "Problem", "problems_of", "read_problem"]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One query in one world for one robot.
+
+    Attributes:
+        world: with the robot to plan for and this query alone.
+    """
+
+    world: World
+
+    @property
+    def query(self) -> Query:
+        """Start and goal."""
+        return self.world.queries[0]
+
+    @property
+    def robot(self) -> Robot:
+        """The robot to plan for."""
+        assert self.world.robot is not None  # noqa: S101  # what problems_of sees to
+        return self.world.robot
+
+    @property
+    def name(self) -> str:
+        """World and query, without blanks: the name of the experiment."""
+        return "-".join(f"{self.world.name}-{self.query.name}".split())
+
+    @cached_property
+    def text(self) -> str:
+        """The whole problem as the text of a world file: what workers get, and what the results keep."""
+        from trailmark.formats.world_yaml import world_text
+
+        return world_text(self.world)
+
+    @cached_property
+    def key(self) -> str:
+        """SHA-256 of the text: the same for the same problem, wherever it came from."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    def resolution(self) -> float:
+        """Metres between the states that the discrete baseline looks at: half the robot's inscribed radius."""
+        return 0.5 * self.robot.inscribed_disc.radius
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run to be made.
+
+    Attributes:
+        problem: SHA-256 of the problem.
+        text: the problem itself.
+        planner: as named on the command line.
+        seed: 0 or more.
+        time_limit: seconds of planning.
+        memory_limit: MB above what the process holds when planning begins.
+        resolution: metres, of the discrete baseline.
+    """
+
+    problem: str
+    text: str
+    planner: str
+    seed: int
+    time_limit: float
+    memory_limit: float
+    resolution: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the job as plain numbers and strings."""
+        return dict(vars(self))
+
+
+def problems_of(world: World, robot: Robot | None = None, queries: Iterable[str] = ()) -> Iterator[Problem]:
+    """Yield the problems that a world poses.
+
+    Args:
+        world: as loaded.
+        robot: instead of the world's own.
+        queries: their names; all of the world's if empty.
+
+    Raises:
+        WorldError: no robot, no query, or none of a given name.
+    """
+    chosen = robot or world.robot
+    if chosen is None:
+        raise WorldError(f"world {world.name!r} names no robot, allowed: --robot with disc:RADIUS or another shape")
+    for query in [world.query(name) for name in queries] or world.queries or [world.query()]:
+        yield Problem(replace(world, robot=chosen, queries=(query,)))
+
+
+def read_problem(text: str) -> Problem:
+    """Return the problem that a text holds, as :attr:`Problem.text` wrote it.
+
+    Raises:
+        FormatError: it does not.
+    """
+    from trailmark.formats.world_yaml import world_from_data
+    from trailmark.formats.yaml_data import parse_yaml
+
+    source = Path("problem")
+    data = parse_yaml(text, source)
+    if not isinstance(data, dict):
+        raise FormatError(source, "no mapping, allowed: the text of a world file")
+    return Problem(world_from_data(data, source))

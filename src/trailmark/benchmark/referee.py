@@ -1,0 +1,156 @@
+"""Referee: is a returned path right? Shapely and dense sampling, nothing that any planner used to find it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark.shapes import Disc
+from trailmark.world import Robot, World
+
+__all__ = ["Referee"]
+
+FloatArray = NDArray[np.float64]
+
+TOUCHING = 1e-6
+"""Metres that the robot may overlap an obstacle or a bound: touching is allowed, and rounding is not a collision."""
+
+FINENESS = 20.0
+"""States looked at in the time in which a point of the robot moves by its inscribed radius."""
+
+CHUNK = 2048
+"""States looked at at once."""
+
+MOST_STATES = 2_000_000
+"""Longer paths than so many steps are refused: none of any use is."""
+
+
+class Referee:
+    """Judges paths in one world for one robot.
+
+    Args:
+        world: obstacles, bounds and boundary.
+        robot: footprint.
+    """
+
+    def __init__(self, world: World, robot: Robot) -> None:
+        footprint = robot.footprint
+        self._world = world
+        self._radius = footprint.radius - TOUCHING if isinstance(footprint, Disc) else 0.0
+        self._outline = None if isinstance(footprint, Disc) else _shrunk(robot)
+        self._reach = 0.0 if self._outline is None else float(np.hypot(*self._outline.T).max())
+        self.step = robot.inscribed_disc.radius / FINENESS
+        discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
+        solid = [shape.polygon().shapely() for shape in world.obstacles if not isinstance(shape, Disc)]
+        self._solid = shapely.STRtree(solid)
+        self._centers = shapely.STRtree(shapely.points([disc.center for disc in discs]) if discs else [])
+        self._radii = np.array([disc.radius for disc in discs])
+        self._boundary = None if world.boundary is None else world.boundary.shapely().buffer(TOUCHING)
+        if self._boundary is not None:
+            shapely.prepare(self._boundary)
+
+    def fault(self, path: ArrayLike, start: ArrayLike, goal: ArrayLike) -> str | None:
+        """Return what is wrong with a path, in one line, or None.
+
+        Args:
+            path: states (x, y, theta), shape (n, 3), joined by straight motions with the heading on the shorter way.
+            start: shape (3,).
+            goal: shape (3,).
+        """
+        states = np.asarray(path, dtype=np.float64)
+        if states.ndim != 2 or states.shape[1] != 3 or len(states) == 0:
+            return f"path of shape {states.shape}, allowed: (n, 3)"
+        if not np.isfinite(states).all():
+            return "path holds a value that is not a finite number"
+        for name, end, wanted in (("start", states[0], start), ("goal", states[-1], goal)):
+            apart = np.asarray(wanted, dtype=np.float64) - end
+            if math.hypot(apart[0], apart[1]) > TOUCHING or abs(_turn(apart[2])) > TOUCHING:
+                return f"path's end ({_row(end)}) is not the {name} ({_row(wanted)})"
+        steps = self._steps(states)
+        if steps > MOST_STATES:
+            return f"path of {steps:,} steps of {self.step:g} m, allowed: at most {MOST_STATES:,}"
+        for block in self._blocks(states):
+            for judge in (self._outside, self._hit):
+                wrong = judge(block)
+                if wrong.any():
+                    what = "is out of bounds" if judge == self._outside else "meets an obstacle"
+                    return f"robot at ({_row(block[int(np.argmax(wrong))])}) {what}"
+        return None
+
+    def _bound(self, a: FloatArray, b: FloatArray) -> float:
+        """Return how far a motion moves any point of the robot at most (metres)."""
+        return math.hypot(b[0] - a[0], b[1] - a[1]) + self._reach * abs(_turn(b[2] - a[2]))
+
+    def _steps(self, states: FloatArray) -> int:
+        return sum(math.ceil(self._bound(a, b) / self.step) for a, b in pairwise(states))
+
+    def _blocks(self, states: FloatArray) -> Iterator[FloatArray]:
+        """Yield the states along the path, no point of the robot moving more than a step from one to the next."""
+        held, count = [states[:1]], 1
+        for a, b in pairwise(states):
+            n = max(1, math.ceil(self._bound(a, b) / self.step))
+            delta = np.array([b[0] - a[0], b[1] - a[1], _turn(b[2] - a[2])])
+            held.append(a + (np.arange(1, n + 1) / n)[:, None] * delta)
+            count += n
+            if count >= CHUNK:
+                yield from np.array_split(np.concatenate(held), math.ceil(count / CHUNK))
+                held, count = [], 0
+        if held:
+            yield np.concatenate(held)
+
+    def _robots(self, states: FloatArray) -> Any:
+        """Return the robot at each state: a polygon, or a disc's centre."""
+        if self._outline is None:
+            return shapely.points(states[:, :2])
+        cos, sin = np.cos(states[:, 2:]), np.sin(states[:, 2:])
+        x, y = self._outline.T
+        corners = np.stack([states[:, :1] + cos * x - sin * y, states[:, 1:2] + sin * x + cos * y], axis=-1)
+        return shapely.polygons(corners)
+
+    def _outside(self, states: FloatArray) -> NDArray[np.bool_]:
+        robots = self._robots(states)
+        boxes = shapely.bounds(robots) + np.array([-1.0, -1.0, 1.0, 1.0]) * self._radius
+        low, high = np.array(self._world.bounds[:2]) - TOUCHING, np.array(self._world.bounds[2:]) + TOUCHING
+        outside = (boxes[:, :2] < low).any(axis=1) | (boxes[:, 2:] > high).any(axis=1)
+        if self._boundary is not None:
+            outside |= ~shapely.covers(self._boundary, robots)
+            if self._outline is None:
+                outside |= shapely.distance(self._boundary.exterior, robots) < self._radius
+        return np.asarray(outside)
+
+    def _hit(self, states: FloatArray) -> NDArray[np.bool_]:
+        robots = self._robots(states)
+        hit = np.zeros(len(states), dtype=np.bool_)
+        if self._outline is None:
+            hit[self._solid.query(robots, predicate="dwithin", distance=self._radius)[0]] = True
+        else:
+            hit[self._solid.query(robots, predicate="intersects")[0]] = True
+        if len(self._radii):
+            reach = self._radius + float(self._radii.max())
+            which, disc = self._centers.query(robots, predicate="dwithin", distance=reach)
+            apart = shapely.distance(robots[which], self._centers.geometries[disc])
+            hit[which[apart < self._radius + self._radii[disc] - TOUCHING]] = True
+        return hit
+
+
+def _shrunk(robot: Robot) -> FloatArray:
+    """Return the footprint's outline, shape (n, 2), smaller by what counts as touching."""
+    region = robot.outline.shapely().buffer(-TOUCHING, join_style="mitre")
+    parts = [part for part in shapely.get_parts(region) if part.area > 0.0]
+    largest = max(parts, key=lambda part: part.area) if parts else robot.outline.shapely()
+    return np.asarray(shapely.get_coordinates(largest.exterior)[:-1])
+
+
+def _turn(angle: float) -> float:
+    """Return an angle (radians) brought into (-pi, pi]."""
+    return math.pi - (math.pi - angle) % (2.0 * math.pi)
+
+
+def _row(state: Any) -> str:
+    return ", ".join(f"{float(v):.6g}" for v in state)

@@ -1,0 +1,210 @@
+"""Runner: every run that is not in the database yet is made, and is in it as soon as it is done."""
+
+from __future__ import annotations
+
+import itertools
+import platform
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from trailmark.benchmark.environment import cpu_name, system, versions
+from trailmark.benchmark.errors import WorkerError
+from trailmark.benchmark.executors import Pool
+from trailmark.benchmark.planners import settings_of
+from trailmark.benchmark.problems import Job, Problem
+from trailmark.benchmark.record import RunRecord
+from trailmark.benchmark.store import Experiment, Store
+from trailmark.benchmark.worker import run_job
+
+__all__ = ["Benchmark", "Tally"]
+
+OBJECTIVE = "path length in SE(2): sum of |dxy| + 0.5 |dtheta|, metres"
+TRIES = 3
+"""Times that a job is handed out, should its worker get lost."""
+
+GLANCE = 0.2
+"""Seconds between two reports of progress while nothing comes in."""
+
+
+@dataclass
+class Tally:
+    """How far a benchmark has come.
+
+    Attributes:
+        total: runs asked for.
+        done: of them in the database, those of earlier calls included.
+        made: of them by this call.
+        failed: of these, how many have no correct solution.
+        latest: planner and problem of the run that came in last.
+        left: seconds until the end, as it looks now; None before it can be told.
+    """
+
+    total: int
+    done: int = 0
+    made: int = 0
+    failed: int = 0
+    latest: str = ""
+    left: float | None = None
+
+
+@dataclass
+class _Run:
+    """A run to be made: its place in the database, and its job."""
+
+    experiment: int
+    planner: int
+    job: Job
+    tries: int = 0
+
+
+@dataclass
+class Benchmark:
+    """Problems, planners and limits; all planners get the same seeds.
+
+    Attributes:
+        problems: what to solve.
+        planners: names, as :func:`trailmark.benchmark.planners.read_planners` returns them.
+        runs: of each planner on each problem.
+        time_limit: seconds a run.
+        memory_limit: MB a run.
+        seed: of the first run; the next ones count up.
+        resolution: metres, of the discrete baseline; None for each problem's own.
+    """
+
+    problems: Sequence[Problem]
+    planners: Sequence[str]
+    runs: int
+    time_limit: float
+    memory_limit: float
+    seed: int = 0
+    resolution: float | None = None
+    _spent: dict[str, list[float]] = field(default_factory=dict, repr=False)
+
+    def run(self, store: Store, pool: Pool, on_progress: Callable[[Tally], None] = lambda tally: None) -> Tally:
+        """Make the runs that are missing and return the tally.
+
+        However this ends, each run that came in is in the database.
+
+        Raises:
+            StoreError: the database holds runs made under other conditions, or cannot be written.
+            WorkerError: workers do not start, or the same run cost several of them.
+        """
+        missing, tally = self._missing(store)
+        pending: dict[Future[dict[str, Any]], _Run] = {}
+        on_progress(tally)
+        try:
+            while missing or pending:
+                while missing and len(pending) < 2 * pool.slots():
+                    run = missing.popleft()
+                    run.tries += 1
+                    pending[pool.executor.submit(run_job, run.job.to_dict())] = run
+                done, _ = wait(pending, timeout=GLANCE, return_when=FIRST_COMPLETED)
+                for future in done:
+                    if not self._keep(store, future, pending[future], tally):
+                        missing.append(pending[future])
+                    # Only now: an interrupt before leaves it to be kept below.
+                    del pending[future]
+                waiting = Counter(run.job.planner for run in itertools.chain(missing, pending.values()))
+                tally.left = self._time_left(waiting, pool.slots())
+                on_progress(tally)
+        except BaseException:
+            for future, run in pending.items():
+                if future.done() and not future.cancelled() and future.exception() is None:
+                    self._keep(store, future, run, tally)
+                future.cancel()
+            raise
+        return tally
+
+    def _missing(self, store: Store) -> tuple[deque[_Run], Tally]:
+        """Return the runs to be made, problem by problem, and in each seed by seed through all planners."""
+        planners = {name: store.planner(name, settings_of(name)) for name in self.planners}
+        missing: deque[_Run] = deque()
+        tally = Tally(total=len(self.problems) * len(planners) * self.runs)
+        for problem in self.problems:
+            experiment = store.experiment(self._experiment(problem))
+            finished = store.finished(experiment)
+            for seed, name in itertools.product(range(self.seed, self.seed + self.runs), planners):
+                if (planners[name], seed) in finished:
+                    tally.done += 1
+                else:
+                    missing.append(_Run(experiment, planners[name], self._job(problem, name, seed)))
+        return missing, tally
+
+    def _job(self, problem: Problem, planner: str, seed: int) -> Job:
+        return Job(
+            problem=problem.key,
+            text=problem.text,
+            planner=planner,
+            seed=seed,
+            time_limit=self.time_limit,
+            memory_limit=self.memory_limit,
+            resolution=self._resolution(problem),
+        )
+
+    def _resolution(self, problem: Problem) -> float:
+        return problem.resolution() if self.resolution is None else self.resolution
+
+    def _experiment(self, problem: Problem) -> Experiment:
+        found, cpu, query = versions(), cpu_name(), problem.query
+        return Experiment(
+            name=problem.name,
+            identity={
+                "problem": problem.key,
+                "objective": OBJECTIVE,
+                "resolution": self._resolution(problem),
+                "time_limit": self.time_limit,
+                "memory_limit": self.memory_limit,
+            },
+            conditions={**found, "processor": cpu},
+            facts={
+                "world": problem.world.name,
+                "query": query.name,
+                "start": list(query.start),
+                "goal": list(query.goal),
+                "robot": problem.robot.describe(),
+                "text": problem.text,
+                "system": system(),
+                "isolation": "a process of its own for each run, forked from a warm one; its start is no one's time",
+            },
+            time_limit=self.time_limit,
+            memory_limit=self.memory_limit,
+            version=f"trailmark {found['trailmark']}, OMPL {found['ompl']}",
+            hostname=platform.node(),
+            cpu=cpu,
+            date=datetime.now(UTC).isoformat(sep=" ", timespec="seconds"),
+            seed=self.seed,
+            runs=self.runs,
+        )
+
+    def _keep(self, store: Store, future: Future[dict[str, Any]], run: _Run, tally: Tally) -> bool:
+        """Write a run that came in and return True; return False if its worker was lost and it is to be repeated."""
+        try:
+            record = RunRecord.from_json(future.result())
+        except WorkerError:
+            raise
+        except (Exception, CancelledError) as error:  # of whatever kind a lost worker is told with
+            if run.tries >= TRIES:
+                raise WorkerError(
+                    f"planner {run.job.planner}, seed {run.job.seed}: lost {TRIES} times with its worker: {error}"
+                ) from None
+            return False
+        if store.add(run.experiment, run.planner, record):
+            tally.done += 1
+            tally.made += 1
+            tally.failed += not record.correct_solution
+            tally.latest = run.job.planner
+            parts = (record.time, record.simplification_time, record.overhead)
+            self._spent.setdefault(run.job.planner, []).append(sum(part or 0.0 for part in parts))
+        return True
+
+    def _time_left(self, waiting: Counter[str], slots: int) -> float:
+        """Return the seconds that the waiting runs will take, from what the planners' runs took so far."""
+        seconds = 0.0
+        for planner, count in waiting.items():
+            spent = self._spent.get(planner)
+            seconds += count * (sum(spent) / len(spent) if spent else self.time_limit)
+        return seconds / max(1, slots)

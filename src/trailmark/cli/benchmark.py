@@ -1,0 +1,247 @@
+"""``trailmark benchmark``: planners on problems, run by run, into a results database."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trailmark.cli import console
+from trailmark.cli.options import (
+    JsonOption,
+    RobotOption,
+    UsageError,
+    load_world,
+    output_file,
+    read_count,
+    read_duration,
+    read_robot,
+)
+
+if TYPE_CHECKING:
+    from trailmark.benchmark.problems import Problem
+    from trailmark.benchmark.runner import Benchmark, Tally
+    from trailmark.benchmark.suites import Suite
+
+__all__ = ["benchmark"]
+
+DEFAULTS = {"runs": "10", "time limit": "1.0", "memory limit": "4096"}
+
+
+def benchmark(
+    worlds: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="WORLD...", show_default=False, help="World files or names of shipped worlds."),
+    ] = None,
+    planners: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-p",
+            "--planner",
+            metavar="NAME",
+            show_default=False,
+            help="landmark, one of OMPL's (PRM, RRTstar …), the same with certified motions (PRM+certified), "
+            "native:NAME, module:function of your own, or all; repeat it for more.",
+        ),
+    ] = None,
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "--output", metavar="RESULTS.db", show_default=False, help="The results database; it is added to."
+        ),
+    ] = None,
+    suite: Annotated[
+        str | None,
+        typer.Option("--suite", metavar="FILE", show_default=False, help="Worlds, planners and limits from a file."),
+    ] = None,
+    runs: Annotated[
+        str | None, typer.Option("--runs", metavar="N", help="Runs of each planner on each problem.", show_default="10")
+    ] = None,
+    time_limit: Annotated[
+        str | None, typer.Option("--time-limit", metavar="SECONDS", help="Planning time of a run.", show_default="1.0")
+    ] = None,
+    memory_limit: Annotated[
+        str | None,
+        typer.Option("--memory-limit", metavar="MB", help="Memory that a run may take.", show_default="4096"),
+    ] = None,
+    seed: Annotated[
+        str | None, typer.Option("--seed", metavar="N", help="Seed of the first run; they count up.", show_default="0")
+    ] = None,
+    query: Annotated[
+        list[str] | None,
+        typer.Option("--query", metavar="NAME", help="A query of the worlds; default: all.", show_default=False),
+    ] = None,
+    robot: RobotOption = None,
+    resolution: Annotated[
+        str | None,
+        typer.Option(
+            "--resolution",
+            metavar="METRES",
+            show_default=False,
+            help="Distance between the states that OMPL's discrete motion validation looks at; default: half the "
+            "robot's inscribed radius.",
+        ),
+    ] = None,
+    workers: Annotated[
+        str | None, typer.Option("--workers", metavar="N", help="Runs at once on this machine.", show_default="1")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", show_default=False, help="Run on this Dask cluster instead."),
+    ] = None,
+    log: Annotated[
+        str | None,
+        typer.Option("--log", metavar="FILE.log", show_default=False, help="Write all results as OMPL's log too."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Run planners on problems, each run in a process of its own, and keep every result.
+
+    The same command again makes the runs that are missing. Read the results with 'trailmark report', Planner Arena or
+    any SQLite program. A run's time is planning alone: no start of a process, no set-up of world and checker.
+    """
+    from trailmark.benchmark.planners import read_planners
+    from trailmark.benchmark.runner import Benchmark
+    from trailmark.benchmark.store import Store
+    from trailmark.benchmark.suites import read_suite
+
+    if workers is not None and scheduler is not None:
+        raise UsageError(f"--workers {workers!r} given with --scheduler, allowed: one or the other")
+    if output is None:
+        raise UsageError("--output is missing, allowed: --output RESULTS.db")
+    given = None if suite is None else read_suite(Path(suite))
+    file = output_file(output, ())
+    log_file = output_file(log, (".log",))
+    with console.progress("loading worlds"):
+        problems = _problems(worlds or [], given, robot, query or [])
+        plan = Benchmark(
+            problems=problems,
+            planners=read_planners(planners or (list(given.planners) if given else [])),
+            runs=read_count(runs or _setting(given, "runs"), "--runs", 1, 1_000_000),
+            time_limit=read_duration(time_limit or _setting(given, "time_limit"), "--time-limit"),
+            memory_limit=read_count(memory_limit or _setting(given, "memory_limit"), "--memory-limit", 1, 2**30),
+            seed=read_count(seed or "0", "--seed", 0, 2**31 - 1),
+            resolution=None if resolution is None else _length(resolution, "--resolution"),
+        )
+        slots = read_count(workers or "1", "--workers", 1, 1024)
+    assert file is not None  # noqa: S101  # --output was given
+    with Store(file) as store, _pool(slots, scheduler) as pool:
+        tally = _run(plan, store, pool, file)
+    if log_file is not None:
+        from trailmark.benchmark.log_export import export_log
+
+        export_log(file, log_file)
+    _print(tally, file, as_json=as_json)
+
+
+def _setting(suite: Suite | None, name: str) -> str:
+    given = None if suite is None else getattr(suite, name)
+    return DEFAULTS[name.replace("_", " ")] if given is None else str(given)
+
+
+def _length(text: str, option: str) -> float:
+    try:
+        length = float(text)
+    except ValueError:
+        length = 0.0
+    if not 0.0 < length < 1e7:
+        raise UsageError(f"{option} {text!r} given, allowed: a finite number of metres above 0")
+    return length
+
+
+def _problems(worlds: list[str], suite: Suite | None, robot: str | None, queries: list[str]) -> list[Problem]:
+    """Return the problems that the words and the suite name, each once.
+
+    Raises:
+        UsageError: none.
+    """
+    from dataclasses import replace
+
+    from trailmark.benchmark.problems import problems_of
+    from trailmark.library import shipped_worlds
+
+    given = read_robot(robot)
+    found = [problem for text in worlds for problem in problems_of(load_world(text), given, queries)]
+    for entry in suite.entries if suite is not None else ():
+        if entry.missing:
+            console.note(f"left out, for it is not there: {entry.world}")
+            continue
+        world = load_world(entry.world)
+        names = [*entry.names, *(query.name for query in entry.queries)]
+        world = replace(world, queries=(*entry.queries, *world.queries))
+        found += problems_of(world, given or read_robot(entry.robot), queries or names)
+    if not found:
+        raise UsageError(f"no world given, allowed: files, or {', '.join(shipped_worlds())}, or --suite FILE")
+    return list({problem.key: problem for problem in found}.values())
+
+
+@contextmanager
+def _pool(workers: int, scheduler: str | None) -> Iterator[Any]:
+    from trailmark.benchmark.executors import cluster, local
+
+    with ExitStack() as stack:
+        yield stack.enter_context(local(workers) if scheduler is None else cluster(scheduler))
+
+
+def _run(plan: Benchmark, store: Any, pool: Any, file: Path) -> Tally:
+    last: list[Tally] = []
+    with _bar() as show:
+
+        def follow(tally: Tally) -> None:
+            last[:] = [tally]
+            show(tally)
+
+        try:
+            return plan.run(store, pool, follow)
+        except KeyboardInterrupt:
+            if last:
+                typer.echo(
+                    f"{last[0].done} of {last[0].total} runs are in {file}; the same command makes the others", err=True
+                )
+            raise
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[Tally], None]]:
+    """Show a bar with the time left while the block runs, if stderr is a terminal."""
+    import sys
+
+    if not sys.stderr.isatty():
+        yield lambda tally: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+    columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("starting workers")
+
+        def show(tally: Tally) -> None:
+            words = [tally.latest or "starting workers"]
+            if tally.made and tally.left is not None:
+                words.append(f"{_clock(tally.left)} left")
+            if tally.failed:
+                words.append(f"{tally.failed} without a solution")
+            progress.update(task, total=tally.total, completed=tally.done, description=" · ".join(words))
+
+        yield show
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+
+
+def _print(tally: Tally, file: Path, *, as_json: bool) -> None:
+    if as_json:
+        record = {"database": str(file), "runs": tally.total, "made": tally.made, "without_solution": tally.failed}
+        console.say(console.json_text(record))
+        return
+    before = tally.total - tally.made
+    there = f", {before:,} were there already" if before else ""
+    console.say(f"{tally.made:,} runs made, {tally.failed:,} of them without a correct solution{there}")
+    console.say(f"written: {file}")

@@ -1,0 +1,248 @@
+"""Measured runs of OMPL's planners: when the first solution came, how the cost fell, what was checked, what was built.
+
+The bindings hand out no progress properties, so the best cost is read where Python is called anyway: in every
+``WATCHED_CALLS``-th validity or motion check, from the planner's own thread. PRM and PRM* do not tell their best cost;
+they are run in slices, between which their roadmap is kept (:func:`_in_slices`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import isfinite
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from ompl import base as ob
+from ompl import geometric as og
+from ompl import util as ou
+
+from trailmark import se2
+from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
+from trailmark.ompl_bridge.guard import planning
+from trailmark.ompl_bridge.problem import SE2Problem
+from trailmark.ompl_bridge.states import path_to_ompl, states_of
+from trailmark.path import Path
+
+__all__ = ["Measurement", "graph_size", "measure", "seed_ompl", "silence_ompl", "simplify"]
+
+WATCHED_CALLS = 16
+"""A look at the clock takes a tenth of a check, so only one check in so many looks at it."""
+
+WATCH_PERIOD = 0.0005
+"""Seconds between two looks at the best cost."""
+
+GROWING, EXPANDING = 0.4, 0.2
+"""Seconds after which one ``PRM.solve`` turns from growing its roadmap to expanding it, and back."""
+
+SLICED = ("PRM", "PRMstar")
+
+
+@dataclass
+class Measurement:
+    """One run of one of OMPL's planners. Times are seconds from the call, costs metres of SE2 distance.
+
+    Attributes:
+        status: OMPL's number.
+        time: until the planner was done.
+        path: states (n, 3) of the path returned, exact or not; None without one.
+        exact: whether it reaches the goal, by the planner's word.
+        difference: distance from its end to the goal, by the planner's word.
+        curve: (time, cost) of each better exact solution.
+        states_checked: calls of the validity checker; for OMPL's discrete validator also those along motions.
+        motions_checked: motions checked.
+    """
+
+    status: int
+    time: float
+    path: se2.FloatArray | None
+    exact: bool
+    difference: float | None
+    curve: list[tuple[float, float]]
+    states_checked: int
+    motions_checked: int
+
+
+def seed_ompl(seed: int) -> None:
+    """Seed OMPL's random numbers; only a process that has not drawn any yet can be seeded."""
+    # OMPL ignores 0.
+    ou.RNG.setSeed(seed + 1)
+
+
+def silence_ompl() -> None:
+    """Keep OMPL from printing messages."""
+    ou.noOutputHandler()
+
+
+def measure(problem: SE2Problem, name: str, limit: float, *, on_step: Callable[[], None] | None = None) -> Measurement:
+    """Run a planner on a problem, whose objective becomes the path's length.
+
+    Args:
+        problem: as set up; its checkers are replaced by ones that also watch.
+        name: of one of OMPL's planners.
+        limit: seconds.
+        on_step: called now and then while it plans.
+
+    Raises:
+        PlannerNameError: the installed OMPL has no planner of that name.
+    """
+    watch = _Watch(on_step)
+    _watch_checks(problem, watch)
+    problem.setup.setOptimizationObjective(ob.PathLengthOptimizationObjective(problem.information))
+    watch.begin = begin = perf_counter()
+    planner = problem.set_planner(name)
+    problem.setup.setup()
+    watch.cost = getattr(planner, "bestCost", None)
+    solve = _in_slices if name in SLICED else _at_once
+    status = solve(problem, planner, watch, limit)
+    time = perf_counter() - begin
+    return _measurement(problem, watch, status, time)
+
+
+def graph_size(problem: SE2Problem) -> tuple[int, int]:
+    """Return the number of nodes and edges of the roadmap or tree of the planner that was run last."""
+    data = ob.PlannerData(problem.information)
+    problem.setup.getPlannerData(data)
+    return int(data.numVertices()), int(data.numEdges())
+
+
+def simplify(problem: SE2Problem, states: se2.FloatArray, limit: float) -> tuple[se2.FloatArray, float]:
+    """Return what OMPL's ``PathSimplifier`` makes of a path, shape (n, 3), and the seconds that it took.
+
+    Args:
+        problem: whose checker and motion validator decide.
+        states: shape (n, 3).
+        limit: seconds.
+    """
+    path = path_to_ompl(problem.information, states)
+    simplifier = og.PathSimplifier(problem.information)
+    begin = perf_counter()
+    with planning():
+        simplifier.simplify(path, limit)
+    return states_of(path), perf_counter() - begin
+
+
+@dataclass
+class _Watch:
+    """Reads the planner's best cost while it plans."""
+
+    on_step: Callable[[], None] | None
+    begin: float = 0.0
+    cost: Callable[[], Any] | None = None
+    curve: list[tuple[float, float]] = field(default_factory=list)
+    _next: float = 0.0
+
+    def look(self) -> None:
+        """Read the best cost if the time for it has come."""
+        now = perf_counter()
+        if now < self._next:
+            return
+        self._next = now + WATCH_PERIOD
+        if self.on_step is not None:
+            self.on_step()
+        if self.cost is not None:
+            self.note(now - self.begin, float(self.cost().value()))
+
+    def note(self, time: float, cost: float) -> None:
+        """Take note of a cost if it is better than the last one."""
+        # OMPL's planners start from an infinite cost or none.
+        if isfinite(cost) and cost > 0.0 and (not self.curve or cost < self.curve[-1][1]):
+            self.curve.append((time, cost))
+
+
+class _WatchedChecker(StateValidityChecker):
+    def __init__(self, problem: SE2Problem, watch: _Watch) -> None:
+        super().__init__(problem.information, problem.checker)
+        self.watch = watch
+
+    def isValid(self, state: Any) -> bool:  # noqa: N802  # OMPL's name
+        valid = super().isValid(state)
+        if not self.checked % WATCHED_CALLS:
+            self.watch.look()
+        return valid
+
+
+class _WatchedValidator(MotionValidator):
+    def __init__(self, problem: SE2Problem, watch: _Watch) -> None:
+        super().__init__(problem.information, problem.checker)
+        self.watch = watch
+
+    def checkMotion(self, first: Any, second: Any, last_valid: Any = None) -> bool:  # noqa: N802  # OMPL's name
+        valid = super().checkMotion(first, second, last_valid)
+        if not self.checked % WATCHED_CALLS:
+            self.watch.look()
+        return valid
+
+
+def _watch_checks(problem: SE2Problem, watch: _Watch) -> None:
+    problem.validity = _WatchedChecker(problem, watch)
+    problem.setup.setStateValidityChecker(problem.validity)
+    if problem.motions is not None:
+        problem.motions = _WatchedValidator(problem, watch)
+        problem.information.setMotionValidator(problem.motions)
+
+
+def _at_once(problem: SE2Problem, planner: Any, watch: _Watch, limit: float) -> Any:
+    """Solve once, for as long as is left."""
+    return _solve(planner, limit - (perf_counter() - watch.begin))
+
+
+def _in_slices(problem: SE2Problem, planner: Any, watch: _Watch, limit: float) -> Any:
+    """Solve slice by slice, with the roadmap kept, and read the best path's cost after each.
+
+    One ``PRM.solve`` grows the roadmap for 0.4 s, expands it for 0.2 s, and so on. A slice is shorter and would only
+    ever grow it, so the turns are taken here.
+    """
+    status, definition = None, problem.setup.getProblemDefinition()
+    while True:
+        elapsed = perf_counter() - watch.begin
+        left = limit - elapsed
+        if left <= 0.0 and status is not None:
+            return status
+        turn = elapsed % (GROWING + EXPANDING)
+        to_turn = (GROWING if turn < GROWING else GROWING + EXPANDING) - turn
+        # A tenth of the time so far: the first solution's time is as exact as that.
+        step = max(1e-4, min(max(0.005, 0.1 * elapsed), 0.05, left, to_turn))
+        if turn >= GROWING:
+            condition = ob.timedPlannerTerminationCondition(step)
+            with planning(condition):
+                planner.expandRoadmapPtc(condition)
+            # A look at what has come of it.
+            step = 1e-3
+        status = _solve(planner, step)
+        if watch.on_step is not None:
+            watch.on_step()
+        if definition.hasExactSolution():
+            cost = float(definition.getSolutionPath().length())
+            watch.note(perf_counter() - watch.begin, cost)
+        if int(status.getStatus().value) in (1, 2, 3, 9):  # invalid ends, an unknown kind of goal, infeasible
+            return status
+
+
+def _solve(planner: Any, limit: float) -> Any:
+    condition = ob.timedPlannerTerminationCondition(max(limit, 1e-4))
+    with planning(condition):
+        return planner.solve(condition)
+
+
+def _measurement(problem: SE2Problem, watch: _Watch, status: Any, time: float) -> Measurement:
+    definition = problem.setup.getProblemDefinition()
+    exact = bool(definition.hasExactSolution())
+    path = states_of(definition.getSolutionPath()) if definition.hasSolution() else None
+    if path is None or not exact:
+        watch.curve.clear()
+    else:
+        watch.note(time, Path(path).cost)
+    # The validator that looks at states one by one counts motions itself.
+    motions = problem.motions.checked if problem.motions is not None else problem.information.getCheckedMotionCount()
+    return Measurement(
+        status=int(status.getStatus().value),
+        time=time,
+        path=None if path is None else np.asarray(path),
+        exact=exact,
+        difference=None if path is None else max(0.0, float(definition.getSolutionDifference())),
+        curve=watch.curve,
+        states_checked=problem.validity.checked,
+        motions_checked=int(motions),
+    )
