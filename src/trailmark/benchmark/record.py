@@ -42,9 +42,9 @@ class RunRecord:
         path: states [x, y, theta] of the returned path, also of an approximate one.
         simplified_path: states after the simplifier.
         failure: one line that says why there is no answer, or why it was refused.
-        correct_solution: the referee's word on ``path``; filled in by the runner.
-        overhead: wall time of the job less ``time``, ``simplification_time`` and ``setup_time``; filled in by the
-            runner.
+        correct_solution: the referee's word on ``path``; filled in by the worker.
+        overhead: wall time of the job less ``time``, ``simplification_time`` and what preparing the problem took, if
+            it was not ready: forking, counting the graph, judging the path, handing over; filled in by the worker.
     """
 
     status: int = Status.UNKNOWN

@@ -104,36 +104,42 @@ class Referee:
         if held:
             yield np.concatenate(held)
 
-    def _robots(self, states: FloatArray) -> Any:
-        """Return the robot at each state: a polygon, or a disc's centre."""
-        if self._outline is None:
-            return shapely.points(states[:, :2])
+    def _corners(self, states: FloatArray, outline: FloatArray) -> FloatArray:
+        """Return the robot's outline at each state, shape (m, n, 2)."""
         cos, sin = np.cos(states[:, 2:]), np.sin(states[:, 2:])
-        x, y = self._outline.T
-        corners = np.stack([states[:, :1] + cos * x - sin * y, states[:, 1:2] + sin * x + cos * y], axis=-1)
-        return shapely.polygons(corners)
+        x, y = outline.T
+        return np.stack([states[:, :1] + cos * x - sin * y, states[:, 1:2] + sin * x + cos * y], axis=-1)
 
     def _outside(self, states: FloatArray) -> NDArray[np.bool_]:
-        robots = self._robots(states)
-        boxes = shapely.bounds(robots) + np.array([-1.0, -1.0, 1.0, 1.0]) * self._radius
         low, high = np.array(self._world.bounds[:2]) - TOUCHING, np.array(self._world.bounds[2:]) + TOUCHING
-        outside = (boxes[:, :2] < low).any(axis=1) | (boxes[:, 2:] > high).any(axis=1)
+        if self._outline is None:
+            places, reach = states[:, None, :2], self._radius
+        else:
+            places, reach = self._corners(states, self._outline), 0.0
+        outside = (places.min(axis=1) - reach < low).any(axis=1) | (places.max(axis=1) + reach > high).any(axis=1)
         if self._boundary is not None:
+            robots = shapely.points(places[:, 0]) if self._outline is None else shapely.polygons(places)
             outside |= ~shapely.covers(self._boundary, robots)
             if self._outline is None:
-                outside |= shapely.distance(self._boundary.exterior, robots) < self._radius
+                outside |= shapely.distance(self._boundary.exterior, robots) < reach
         return np.asarray(outside)
 
     def _hit(self, states: FloatArray) -> NDArray[np.bool_]:
-        robots = self._robots(states)
         hit = np.zeros(len(states), dtype=np.bool_)
+        points = shapely.points(states[:, :2])
+        reach = self._reach if self._outline is not None else self._radius
+        robots, near = points, np.unique(self._solid.query(points, predicate="dwithin", distance=reach)[0])
         if self._outline is None:
-            hit[self._solid.query(robots, predicate="dwithin", distance=self._radius)[0]] = True
+            hit[near] = True
         else:
-            hit[self._solid.query(robots, predicate="intersects")[0]] = True
+            # Farther from all obstacles than the robot reaches: nothing more to look at.
+            about = self._centers.query(points, predicate="dwithin", distance=reach + self._radii.max(initial=0.0))[0]
+            either = np.union1d(near, about)
+            robots[either] = shapely.polygons(self._corners(states[either], self._outline))
+            hit[near[self._solid.query(robots[near], predicate="intersects")[0]]] = True
         if len(self._radii):
-            reach = self._radius + float(self._radii.max())
-            which, disc = self._centers.query(robots, predicate="dwithin", distance=reach)
+            most = self._radius + float(self._radii.max())
+            which, disc = self._centers.query(robots, predicate="dwithin", distance=most)
             apart = shapely.distance(robots[which], self._centers.geometries[disc])
             hit[which[apart < self._radius + self._radii[disc] - TOUCHING]] = True
         return hit

@@ -47,8 +47,7 @@ class Worker:
             begin = perf_counter()
             # The zygote keeps the problems; the text is sent once.
             message = dict(job)
-            fresh = job["problem"] not in self._known
-            if not fresh:
+            if job["problem"] in self._known:
                 del message["text"]
             try:
                 self._send(message)
@@ -61,8 +60,7 @@ class Worker:
                 continue
             self._known.append(str(job["problem"]))
             record = RunRecord.from_json(answer)
-            setup = (record.setup_time or 0.0) if fresh else 0.0
-            spent = (record.time or 0.0) + (record.simplification_time or 0.0) + setup
+            spent = (record.time or 0.0) + (record.simplification_time or 0.0) + float(answer.get("preparing", 0.0))
             record.overhead = max(0.0, perf_counter() - begin - spent)
             return record.to_json()
         raise WorkerError(f"planner {job['planner']}, seed {job['seed']}: the worker process died over it twice")

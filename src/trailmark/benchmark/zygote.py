@@ -36,6 +36,9 @@ PATIENCE = (3.0, 0.5)
 """Seconds, and share of the time limit, that a child gets beyond it before it is killed; then as much again for what
 comes after planning."""
 
+NATIVE_PATIENCE = (30.0, 2.0)
+"""The same for a native program, which has to prepare first and is itself watched by its child."""
+
 READ = 1 << 16
 
 Answer = dict[str, Any]
@@ -54,12 +57,15 @@ class Zygote:
 
     def run(self, job: dict[str, Any]) -> Answer:
         """Return a job's answer: fields of a :class:`~trailmark.benchmark.record.RunRecord`."""
+        begin = perf_counter()
         try:
             prepared = self._prepared(job)
         except TrailmarkError as error:
             return {"status": int(Status.ABORT), "seed": job["seed"], "failure": str(error)}
-        answer: Answer = {"status": int(Status.UNKNOWN), "setup_time": prepared.setup_time}
+        answer: Answer = {"setup_time": prepared.setup_time, "preparing": perf_counter() - begin}
         answer |= self._fork(prepared, job)
+        if answer["setup_time"] != prepared.setup_time:
+            answer["preparing"] += answer["setup_time"]  # a native program prepares for each run
         answer["seed"] = job["seed"]
         answer.setdefault("time", 0.0)
         self._referee(prepared, answer)
@@ -89,7 +95,7 @@ class Zygote:
                 _be_child(prepared, job, writer, complaints)
             os.close(writer)
             try:
-                answer, hung = self._collect(reader, child, begin, float(job["time_limit"]))
+                answer, hung = self._collect(reader, child, begin, _patience(job))
             finally:
                 os.close(reader)
                 with contextlib.suppress(ProcessLookupError):
@@ -102,10 +108,10 @@ class Zygote:
             said = complaints.read()[-4000:].decode(errors="replace")
         return _verdict(answer, status, said, hung=hung, elapsed=elapsed, memory_limit=float(job["memory_limit"]))
 
-    def _collect(self, reader: int, child: int, begin: float, limit: float) -> tuple[Answer, bool]:
+    def _collect(self, reader: int, child: int, begin: float, limits: tuple[float, float]) -> tuple[Answer, bool]:
         """Return the parts that a child wrote, as one, and whether it had to be stopped."""
-        patience = PATIENCE[0] + PATIENCE[1] * limit
-        deadline = begin + limit + patience
+        first, patience = limits
+        deadline = begin + first
         answer: Answer = {}
         pending = b""
         while True:
@@ -171,6 +177,13 @@ def _return_free_memory() -> None:
     """Give unused heap back to the system, so that what a child takes of it counts as the child's."""
     with contextlib.suppress(AttributeError, OSError):  # only glibc has it
         ctypes.CDLL(None).malloc_trim(0)
+
+
+def _patience(job: dict[str, Any]) -> tuple[float, float]:
+    """Return the seconds that a child gets until its first answer, and from one part of the answer to the next."""
+    fixed, share = NATIVE_PATIENCE if str(job["planner"]).startswith("native:") else PATIENCE
+    limit = float(job["time_limit"])
+    return limit + fixed + share * limit, fixed + share * limit
 
 
 def _say(replies: IO[str], answer: Answer) -> None:
@@ -243,7 +256,8 @@ def _verdict(answer: Answer, status: int, said: str, *, hung: bool, elapsed: flo
     elif os.WIFSIGNALED(status):
         name = signal.Signals(os.WTERMSIG(status)).name
         last = said.strip().splitlines()[-1:] or [""]
-        ended, why = Status.CRASH, f"{name} {last[0].strip()}".strip()[:500]
+        ended = Status.ABORT if name == "SIGABRT" else Status.CRASH
+        why = f"{name} {last[0].strip()}".strip()[:500]
     elif os.WEXITSTATUS(status) != 0 or not planned:
         ended, why = Status.CRASH, f"ended with status {os.WEXITSTATUS(status)} and no answer"
     else:
