@@ -32,6 +32,7 @@ __all__ = [
     "field_value",
     "motion",
     "motions_certified",
+    "state",
     "states_free",
     "workspace",
 ]
@@ -135,7 +136,7 @@ def _exact_clearance(
 
 
 @njit(cache=True)
-def _state(
+def state(
     grid: ObstacleGrid,
     field: ClearanceField,
     robot: Footprint,
@@ -181,7 +182,7 @@ def states_free(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: 
     placed = workspace(robot)
     result = np.empty(len(q), np.uint8)
     for i in range(len(q)):
-        result[i] = _state(grid, field, robot, placed, q[i, 0], q[i, 1], q[i, 2])
+        result[i] = state(grid, field, robot, placed, q[i, 0], q[i, 1], q[i, 2])
     return result
 
 

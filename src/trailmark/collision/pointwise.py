@@ -36,7 +36,12 @@ class PointwiseChecker:
         self.checker = checker
         self._arrays = _arrays(checker)
         rows = [(array.ctypes.data, *array.shape, 1)[:3] for array in self._arrays]
-        self._places: IntArray = np.array([*np.ravel(rows), checker.grid.columns, checker.grid.rows], dtype=np.int64)
+        # Room for the kernels to work in; one call at a time uses it, since none lets go of the interpreter's lock.
+        self._scratch = [kernels.workspace(checker.footprint), np.empty((128, 2)), np.empty((2, 3))]
+        room = [len(self._scratch[0]), *(array.ctypes.data for array in self._scratch)]
+        self._places: IntArray = np.array(
+            [*np.ravel(rows), checker.grid.columns, checker.grid.rows, *room], dtype=np.int64
+        )
         self._numbers: FloatArray = np.array(_numbers(checker))
         self._by_fcl = checker.exact == "fcl"
 
@@ -152,12 +157,20 @@ def _unpacked(places: IntArray, numbers: FloatArray) -> tuple[ObstacleGrid, Clea
     return grid, field, robot
 
 
+@njit(cache=True, inline="always")
+def _room(places: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return room for the placed outline, for the queue of a motion's gaps, and for a motion's ends."""
+    return (
+        carray(_pointer(places[33]), (places[32], 2), np.float64),
+        carray(_pointer(places[34]), (128, 2), np.float64),
+        carray(_pointer(places[35]), (2, 3), np.float64),
+    )
+
+
 @njit(cache=True)
 def _valid(places: IntArray, numbers: FloatArray, x: float, y: float, theta: float) -> int:
     grid, field, robot = _unpacked(places, numbers)
-    q = np.empty((1, 3))
-    q[0, 0], q[0, 1], q[0, 2] = x, y, theta
-    return int(kernels.states_free(grid, field, robot, q)[0])
+    return int(kernels.state(grid, field, robot, _room(places)[0], x, y, theta))
 
 
 @njit(cache=True)
@@ -173,10 +186,10 @@ def _motion(
     places: IntArray, numbers: FloatArray, ax: float, ay: float, at: float, bx: float, by: float, bt: float
 ) -> int:
     grid, field, robot = _unpacked(places, numbers)
-    ends = np.empty((2, 3))
+    placed, queue, ends = _room(places)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    return int(kernels.motions_certified(grid, field, robot, ends[:1], ends[1:], True)[0])
+    return int(kernels.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))
 
 
 @njit(cache=True)
@@ -185,10 +198,10 @@ def _step(
 ) -> int:
     """Return FREE or BLOCKED for the end b and the motion to it; UNDECIDED where b is left to FCL."""
     grid, field, robot = _unpacked(places, numbers)
-    ends = np.empty((2, 3))
-    ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
-    ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    answer = int(kernels.states_free(grid, field, robot, ends[1:])[0])
+    placed, queue, ends = _room(places)
+    answer = int(kernels.state(grid, field, robot, placed, bx, by, bt))
     if answer != kernels.FREE:
         return answer
-    return int(kernels.motions_certified(grid, field, robot, ends[:1], ends[1:], True)[0])
+    ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
+    ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
+    return int(kernels.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))
