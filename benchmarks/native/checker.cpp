@@ -6,18 +6,7 @@
 namespace trailmark {
 namespace {
 
-// Flat triangles at z = 0 that fill their regions: so FCL is exact, containment included (a surface alone would miss
-// a robot wholly inside an obstacle, and primitives against meshes give wrong answers).
-std::shared_ptr<fcl::BVHModel<fcl::OBBRSSd>> mesh_of(const std::vector<Triangle>& triangles) {
-  auto mesh = std::make_shared<fcl::BVHModel<fcl::OBBRSSd>>();
-  mesh->beginModel(static_cast<int>(triangles.size()), static_cast<int>(3 * triangles.size()));
-  for (const Triangle& t : triangles) {
-    mesh->addTriangle({t[0][0], t[0][1], 0.0}, {t[1][0], t[1][1], 0.0}, {t[2][0], t[2][1], 0.0});
-  }
-  mesh->endModel();
-  mesh->computeLocalAABB();
-  return mesh;
-}
+constexpr std::size_t kMostTiles = 64;  // along each side
 
 fcl::Transform3d pose(double x, double y, double cos, double sin) {
   fcl::Transform3d transform;
@@ -27,15 +16,16 @@ fcl::Transform3d pose(double x, double y, double cos, double sin) {
 
 }  // namespace
 
-Checker::Checker(const Problem& problem, bool use_grid)
+Checker::Checker(const Problem& problem, bool plain)
     : bounds_{problem.bounds[0] - problem.tolerance, problem.bounds[1] - problem.tolerance,
               problem.bounds[2] + problem.tolerance, problem.bounds[3] + problem.tolerance},
       circumradius_(problem.robot.circumradius),
       round_(problem.robot.round),
       inscribed_(problem.robot.inscribed),
       centred_(inscribed_.center[0] == 0.0 && inscribed_.center[1] == 0.0),
-      hull_(problem.robot.hull) {
-  if (use_grid) {
+      hull_(problem.robot.hull),
+      polygons_(problem, plain ? 1 : kMostTiles) {
+  if (!plain) {
     grid_.emplace(problem);
   }
   if (round_) {
@@ -43,9 +33,6 @@ Checker::Checker(const Problem& problem, bool use_grid)
     robot_->computeLocalAABB();
   } else {
     robot_ = mesh_of(problem.robot.triangles);
-  }
-  if (!problem.triangles.empty()) {
-    polygons_ = mesh_of(problem.triangles);
   }
   if (!problem.discs.empty()) {
     // Spheres: exact against flat triangles and against one another.
@@ -99,10 +86,10 @@ bool Checker::within_bounds(double x, double y, double cos, double sin) const {
 
 bool Checker::overlaps(double x, double y, double cos, double sin) const {
   const fcl::Transform3d robot = pose(x, y, cos, sin);
-  if (polygons_) {
+  if (const Mesh* polygons = polygons_.near(x, y)) {
     const fcl::CollisionRequestd request(1);
     fcl::CollisionResultd result;
-    if (fcl::collide(robot_.get(), robot, polygons_.get(), fcl::Transform3d::Identity(), request, result) > 0) {
+    if (fcl::collide(robot_.get(), robot, polygons, fcl::Transform3d::Identity(), request, result) > 0) {
       return true;
     }
   }

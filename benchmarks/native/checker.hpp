@@ -10,13 +10,14 @@
 
 #include "placement_grid.hpp"
 #include "problem.hpp"
+#include "triangle_tiles.hpp"
 
 namespace trailmark {
 
 class Checker {
  public:
-  // use_grid: false leaves all that is within the bounds to FCL (to compare with).
-  explicit Checker(const Problem& problem, bool use_grid = true);
+  // plain: all that is within the bounds goes to FCL, in a single model of all triangles (to compare with).
+  explicit Checker(const Problem& problem, bool plain = false);
 
   // Whether the robot at (x, y, theta) overlaps no obstacle and stays within the bounds; touching is allowed.
   bool valid(double x, double y, double theta) const;
@@ -25,8 +26,6 @@ class Checker {
   std::uint64_t checked() const { return checked_.load(std::memory_order_relaxed); }
 
  private:
-  using Mesh = fcl::BVHModel<fcl::OBBRSSd>;
-
   bool within_bounds(double x, double y, double cos, double sin) const;
   bool overlaps(double x, double y, double cos, double sin) const;
 
@@ -38,7 +37,7 @@ class Checker {
   std::vector<Point> hull_;
   std::optional<PlacementGrid> grid_;
   std::shared_ptr<fcl::CollisionGeometryd> robot_;
-  std::shared_ptr<Mesh> polygons_;  // one model of all triangles; null without any
+  TriangleTiles polygons_;
   std::vector<std::unique_ptr<fcl::CollisionObjectd>> discs_;
   std::unique_ptr<fcl::DynamicAABBTreeCollisionManagerd> disc_manager_;
   mutable std::atomic<std::uint64_t> checked_{0};

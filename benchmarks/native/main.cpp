@@ -2,7 +2,7 @@
 //
 //   trailmark_native planners                        names and versions
 //   trailmark_native plan  PLANNER [OPTION VALUE]... problem on standard input
-//   trailmark_native check FILE [grid|fcl]           problem on standard input; FILE holds rows "x y theta"
+//   trailmark_native check FILE [plain]           problem on standard input; FILE holds rows "x y theta"
 //
 // Options of plan: --resolution METRES --time-limit SECONDS --simplify-limit SECONDS --memory-limit MB --seed N.
 // The answer is one JSON object on standard output. Bad input: one line on standard error, status 2.
@@ -82,7 +82,7 @@ Json plan(const Words& words) {
 
 Json check(const Words& words) {
   const trailmark::Problem problem = trailmark::read_problem(std::cin);
-  const trailmark::Checker checker(problem, words.size() < 2 || words[1] != "fcl");
+  const trailmark::Checker checker(problem, words.size() > 1 && words[1] == "plain");
   std::ifstream file(words.at(0));
   if (!file) {
     throw std::runtime_error("states: " + words[0] + " cannot be read");
@@ -110,7 +110,7 @@ Json answer(const Words& words) {
   if (words.size() >= 2 && words[0] == "check") {
     return check({words.begin() + 1, words.end()});
   }
-  throw std::runtime_error("arguments: allowed are planners, plan PLANNER [OPTION VALUE]..., check FILE [grid|fcl]");
+  throw std::runtime_error("arguments: allowed are planners, plan PLANNER [OPTION VALUE]..., check FILE [plain]");
 }
 
 }  // namespace
