@@ -118,7 +118,7 @@ def test_no_way_for_the_robot_at_all_is_proven() -> None:
 def test_what_is_too_tight_for_a_car_ends_in_time_with_how_far_it_got() -> None:
     # Out of a dead end that is entered forwards only: a car that does not reverse never comes out again.
     walls = (Rectangle((5.0, 3.9), 10.0, 0.4), Rectangle((5.0, 6.1), 10.0, 0.4), Rectangle((10.2, 5.0), 0.4, 2.6))
-    world = World("dead end", (0.0, 0.0, 20.0, 10.0), walls, Robot.rectangle(2.0, 1.0).steered(3.0, reverse=False))
+    world = World("dead end", (-8.0, -4.0, 20.0, 14.0), walls, Robot.rectangle(2.0, 1.0).steered(3.0, reverse=False))
     query = Query("out", (7.0, 5.0, 0.0), (15.0, 5.0, 0.0))
     _, result = planned(world, query, time_limit=1.0, max_iterations=None)
     assert result.status == "timeout"

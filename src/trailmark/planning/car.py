@@ -34,10 +34,10 @@ from trailmark.roadmap.curve_roadmap import CurveRoadmap
 
 __all__ = ["CarAttempt"]
 
-LONGEST_DRIVE, SHORTEST_DRIVE = 0.4, 0.01
+LONGEST_DRIVE, SHORTEST_DRIVE = 0.1, 0.005
 """Turning radii: drives tried first, and those that no shorter ones follow."""
 
-DRIVES, KEPT = 4000, 80
+DRIVES, KEPT = 6000, 80
 """Configurations that drives from one part of the roadmap reach at first, and landmarks among them."""
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from trailmark.collision.curve_motions import CurveChecker, curve_free
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import FREE, _state, workspace
+from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves.shortest import MOST_WORDS, curve_length, shortest_word
 from trailmark.curves.words import PIECES, walk
@@ -250,7 +250,7 @@ def _move(
             if before - first - second < GAIN:
                 continue
             if (
-                _state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE
+                state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE
                 and curve_free(grid, field, robot, placed, queue, words, a, q, radius, reverse) == FREE
                 and curve_free(grid, field, robot, placed, queue, words, q, b, radius, reverse) == FREE
             ):

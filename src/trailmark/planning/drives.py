@@ -20,7 +20,7 @@ from trailmark import se2
 from trailmark.collision.curve_motions import CurveChecker, curve_motion
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import FREE, _state, workspace
+from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves.words import PIECES, walk
 from trailmark.heap import heap_grow, heap_pop, heap_push
@@ -212,7 +212,7 @@ def _grow(
                     ahead = _cost_at(cost, x0, y0, size, center, end)
                     if (
                         ahead < np.inf
-                        and _state(grid, field, robot, placed, end[0], end[1], end[2]) == FREE
+                        and state(grid, field, robot, placed, end[0], end[1], end[2]) == FREE
                         and curve_motion(grid, field, robot, placed, queue, q[at], word, radius) == FREE
                     ):
                         if n < capacity and not _entered(table, _cell_of(end, x0, y0, cell, columns, headings)):

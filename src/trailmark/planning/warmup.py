@@ -27,6 +27,8 @@ def warm_up() -> None:
 @lru_cache(maxsize=1)
 def warm_up_curves() -> None:
     """Run every kernel that only cars need once, as :func:`warm_up` does the others."""
+    from trailmark.collision.curve_motions import CurveChecker
+    from trailmark.planning.drives import drives_from
     from trailmark.planning.planner import LandmarkPlanner
     from trailmark.shapes import Rectangle
 
@@ -37,3 +39,15 @@ def warm_up_curves() -> None:
     planner.roadmap.certify_all()
     if found.path is not None:
         found.path.at(0.5)
+    # Which queries need drives nobody knows beforehand.
+    drives_from(
+        CurveChecker(planner.checker),
+        planner.relaxation,
+        planner.relaxation.costs_from(goal),
+        start[None],
+        into=False,
+        step=0.1,
+        most=50,
+        landmarks=5,
+        rng=np.random.default_rng(0),
+    )

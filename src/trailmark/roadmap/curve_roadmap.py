@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CurveRoadmap"]
 
-CANDIDATES = 4
+CANDIDATES = 3
 """Times as many nodes near in the embedding as neighbours are wanted: those with the shortest curves are taken."""
 
 DRAWN = 12
@@ -106,10 +106,10 @@ class CurveRoadmap(Roadmap):
         k = min(len(nodes) - 1, neighbour_count(len(nodes)) if neighbours is None else neighbours)
         near = min(len(nodes), CANDIDATES * k + 1)
         found = np.asarray(cKDTree(points).query(points[first:], near)[1])
-        pairs = [self._shortest(np.broadcast_to(added[:, None], found.shape), found, k)]
-        if self.directed:
-            pairs.append(self._shortest(found, np.broadcast_to(added[:, None], found.shape), k))
-        self._connect(np.concatenate(pairs), UNDECIDED)
+        each = np.broadcast_to(added[:, None], found.shape)
+        ways = [(each, found), (found, each)] if self.directed else [(each, found)]
+        pairs, lengths = zip(*(self._shortest(a, b, k) for a, b in ways), strict=True)
+        self._connect(np.concatenate(pairs), UNDECIDED, np.concatenate(lengths))
         return added
 
     def add_path(self, states: se2.FloatArray, first: int, last: int) -> NDArray[np.int64]:
@@ -218,16 +218,17 @@ class CurveRoadmap(Roadmap):
             graph.add_edge(u, v, length=length, certified=certified, clearance=room)
         return graph
 
-    def _shortest(self, a: NDArray[np.int64], b: NDArray[np.int64], k: int) -> NDArray[np.int64]:
-        """Return of each row of pairs (n, c) the k with the shortest curves, as rows from, to."""
+    def _shortest(self, a: NDArray[np.int64], b: NDArray[np.int64], k: int) -> tuple[NDArray[np.int64], se2.FloatArray]:
+        """Return of each row of pairs (n, c) the k with the shortest curves, as rows from, to; and their lengths."""
         q = self.configurations
         lengths = np.asarray(self.steering.lengths(q[a.ravel()], q[b.ravel()])).reshape(a.shape)
         lengths[a == b] = np.inf
         chosen = np.argpartition(lengths, min(k, a.shape[1]) - 1, axis=1)[:, :k]
-        pairs = np.stack([np.take_along_axis(a, chosen, 1), np.take_along_axis(b, chosen, 1)], axis=-1).reshape(-1, 2)
-        return np.asarray(pairs[pairs[:, 0] != pairs[:, 1]])
+        first, second, ways = (np.take_along_axis(rows, chosen, 1).ravel() for rows in (a, b, lengths))
+        other = first != second
+        return np.column_stack([first[other], second[other]]), np.asarray(ways[other])
 
-    def _connect(self, pairs: NDArray[np.int64], status: int) -> None:
+    def _connect(self, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None = None) -> None:
         """Add edges, shape (m, 2), that are not there yet; mark the given ones FREE if that is their status."""
         if not self.directed:
             pairs = np.sort(pairs, axis=1)
@@ -236,11 +237,11 @@ class CurveRoadmap(Roadmap):
         if status == FREE:
             self.status[np.isin(there, wanted)] = FREE
         wanted, first = np.unique(wanted, return_index=True)
-        new = pairs[first[~np.isin(wanted, there)]]
-        q = self.configurations
-        self.edges = np.vstack([self.edges, new.astype(np.int32)])
-        lengths = np.asarray(self.steering.lengths(q[new[:, 0]], q[new[:, 1]])) if len(new) else np.empty(0)
-        self.lengths = np.concatenate([self.lengths, lengths])
+        new = first[~np.isin(wanted, there)]
+        q, fresh = self.configurations, pairs[new]
+        ways = self.steering.lengths(q[fresh[:, 0]], q[fresh[:, 1]]) if lengths is None else lengths[new]
+        self.edges = np.vstack([self.edges, fresh.astype(np.int32)])
+        self.lengths = np.concatenate([self.lengths, ways])
         self.status = np.concatenate([self.status, np.full(len(new), status, np.uint8)])
         self._index()
 
