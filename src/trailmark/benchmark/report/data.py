@@ -1,0 +1,297 @@
+"""Results: what a results database holds, as arrays, a problem at a time."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.benchmark.errors import StoreError
+from trailmark.benchmark.schema import APPLICATION, MEASURED, VERSION
+from trailmark.benchmark.status import Status
+from trailmark.errors import FormatError
+
+__all__ = ["Curve", "Problem", "Results", "Runs", "load_results"]
+
+FloatArray = NDArray[np.float64]
+Curve = tuple[FloatArray, FloatArray]
+"""Seconds, ascending, and the cost of the best path so far; both of shape (n,)."""
+
+ALLOWED = "allowed: a results database that 'trailmark benchmark' wrote"
+NUMBERS = tuple(name for name, kind in MEASURED.items() if kind != "TEXT")
+BUSY = 5.0
+
+
+@dataclass(frozen=True)
+class Runs:
+    """All runs of one planner on one problem, in the order of their seeds.
+
+    Attributes:
+        columns: for each numeric column of the table ``runs`` an array of shape (n,), NaN where it is null.
+        ids: the runs' keys, shape (n,).
+        failures: why a run gave no answer or was refused, None where it did neither; n of them.
+        curves: the best cost over time of each run; n of them, of which any may be empty.
+    """
+
+    columns: Mapping[str, FloatArray]
+    ids: NDArray[np.int64]
+    failures: Sequence[str | None]
+    curves: Sequence[Curve]
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __getitem__(self, name: str) -> FloatArray:
+        return self.columns[name]
+
+    @property
+    def claimed(self) -> NDArray[np.bool_]:
+        """Which runs the planner calls solved, exactly; shape (n,)."""
+        return self["solved"] == 1.0
+
+    @property
+    def success(self) -> NDArray[np.bool_]:
+        """Which of them the referee calls correct too: only these count as solved; shape (n,)."""
+        return self.claimed & (self["correct_solution"] == 1.0)
+
+    @property
+    def refused(self) -> int:
+        """How many paths the planner called solutions and the referee did not."""
+        return int((self.claimed & ~self.success).sum())
+
+    @property
+    def first_times(self) -> FloatArray:
+        """Seconds to the first solution, shape (n,); infinity for a failed run."""
+        first = self["time_to_first_solution"]
+        # A planner that tells only of its end had its first solution no later.
+        return np.where(self.success, np.where(np.isnan(first), self["time"], first), np.inf)
+
+    @property
+    def costs(self) -> FloatArray:
+        """Cost of the returned path (metres), shape (n,); infinity for a failed run."""
+        cost = self["solution_length"]
+        return np.where(self.success & ~np.isnan(cost), cost, np.inf)
+
+    @property
+    def simplified_costs(self) -> FloatArray:
+        """Cost of the path after the common simplifier, shape (n,); infinity where there is none."""
+        cost = self["simplified_solution_length"]
+        return np.where(self.success & ~np.isnan(cost), cost, np.inf)
+
+    @property
+    def best_costs(self) -> FloatArray:
+        """The lower of :attr:`costs` and :attr:`simplified_costs`, shape (n,)."""
+        return np.minimum(self.costs, self.simplified_costs)
+
+    def endings(self) -> dict[str, int]:
+        """Return how many runs ended without success, by how they ended; most frequent first."""
+        counts: dict[str, int] = {}
+        for status, claimed, success in zip(self["status"], self.claimed, self.success, strict=True):
+            if not success:
+                words = "refused by the referee" if claimed else _ending(status)
+                counts[words] = counts.get(words, 0) + 1
+        return dict(sorted(counts.items(), key=lambda item: (-item[1], item[0])))
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One experiment of the database: a world, a robot, a query, and the limits of a run.
+
+    Attributes:
+        key: the experiment's id.
+        name: for people.
+        time_limit: seconds a run.
+        memory_limit: MB a run; None if there is none.
+        wanted: runs asked for, of each planner.
+        facts: every other column, and what ``setup`` holds, one level deep.
+        runs: for each planner that has any.
+    """
+
+    key: int
+    name: str
+    time_limit: float
+    memory_limit: float | None
+    wanted: int
+    facts: Mapping[str, Any]
+    runs: Mapping[str, Runs]
+
+    @property
+    def best_cost(self) -> float:
+        """Cost of the best path that the referee accepted, of any planner, simplified or not; infinity without any."""
+        return min((float(runs.best_costs.min()) for runs in self.runs.values()), default=float("inf"))
+
+
+@dataclass(frozen=True)
+class Results:
+    """What a results database holds.
+
+    Attributes:
+        file: the database.
+        problems: in the order in which they were begun; those without a run are left out.
+        planners: names, in the order of the problems' tables; each occurs in at least one problem.
+        settings: what is known of each planner's settings, by its name.
+        empty: names of problems that no run is finished of.
+    """
+
+    file: Path
+    problems: Sequence[Problem]
+    planners: Sequence[str]
+    settings: Mapping[str, str] = field(default_factory=dict)
+    empty: Sequence[str] = ()
+
+    @property
+    def runs(self) -> int:
+        """How many runs there are in all."""
+        return sum(len(runs) for problem in self.problems for runs in problem.runs.values())
+
+    def paths(self, ids: Sequence[int]) -> dict[int, FloatArray]:
+        """Return the paths of some runs, states of shape (n, 3), by their ids; runs without a path are left out."""
+        found: dict[int, FloatArray] = {}
+        with _opened(self.file) as db:
+            for start in range(0, len(ids), 500):
+                some = [int(i) for i in ids[start : start + 500]]
+                marks = ", ".join("?" * len(some))
+                rows = db.execute(f"SELECT id, path FROM runs WHERE id IN ({marks})", some)  # noqa: S608  # marks only
+                for key, text in rows:
+                    states = _states(text)
+                    if states is not None:
+                        found[key] = states
+        return found
+
+
+def load_results(file: Path) -> Results:
+    """Read a results database.
+
+    Raises:
+        FormatError: the file is missing or no SQLite database.
+        StoreError: a database of another schema, damaged, locked, or without a finished run.
+    """
+    with _opened(file) as db:
+        names = _planner_names(db)
+        settings = {names[key]: text or "" for key, text in db.execute("SELECT id, settings FROM plannerConfigs")}
+        rows = db.execute(
+            "SELECT id, name, timelimit, memorylimit, runcount, version, hostname, cpuinfo, date, seed, setup "
+            "FROM experiments ORDER BY id"
+        ).fetchall()
+        problems = [_problem(db, row, names) for row in rows]
+    done = [problem for problem in problems if problem.runs]
+    if not done:
+        raise StoreError(f"{file}: holds no finished run, allowed: a database with at least one")
+    present = {planner for problem in done for planner in problem.runs}
+    planners = [name for name in names.values() if name in present]
+    empty = [problem.name for problem in problems if not problem.runs]
+    return Results(file, done, planners, {name: settings[name] for name in planners}, empty)
+
+
+def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, str]) -> Problem:
+    key, name, time_limit, memory_limit, wanted = row[:5]
+    facts: dict[str, Any] = dict(zip(("version", "hostname", "cpuinfo", "date", "seed"), row[5:10], strict=True))
+    facts["setup"] = _json_object(row[10])
+    curves: dict[int, list[tuple[float, float]]] = {}
+    progress = "SELECT runid, time, best_cost FROM progress WHERE runid IN (SELECT id FROM runs WHERE experimentid = ?)"
+    for run, seconds, cost in db.execute(f"{progress} ORDER BY runid, time", (key,)):
+        if cost is not None:
+            curves.setdefault(run, []).append((seconds, cost))
+    by_planner: dict[str, list[tuple[Any, ...]]] = {}
+    wanted_columns = ", ".join(("plannerid", "id", "failure", *NUMBERS))
+    query = f"SELECT {wanted_columns} FROM runs WHERE experimentid = ? ORDER BY plannerid, seed, id"  # noqa: S608  # our own names
+    for run_row in db.execute(query, (key,)):
+        by_planner.setdefault(names.get(run_row[0], f"planner {run_row[0]}"), []).append(run_row[1:])
+    runs = {planner: _runs(found, curves) for planner, found in by_planner.items()}
+    return Problem(key, str(name or f"problem {key}"), float(time_limit), memory_limit, int(wanted or 0), facts, runs)
+
+
+def _runs(rows: Sequence[tuple[Any, ...]], curves: Mapping[int, list[tuple[float, float]]]) -> Runs:
+    table = np.array([row[2:] for row in rows], dtype=np.float64).reshape(len(rows), len(NUMBERS))
+    ids = np.array([row[0] for row in rows], dtype=np.int64)
+    steps = [np.array(curves.get(int(i), []), dtype=np.float64).reshape(-1, 2) for i in ids]
+    columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(NUMBERS)}
+    return Runs(columns, ids, [row[1] for row in rows], [(step[:, 0], step[:, 1]) for step in steps])
+
+
+def _planner_names(db: sqlite3.Connection) -> dict[int, str]:
+    """Return a name for each planner's id, in the order of the ids; one that occurs twice gets its id behind it."""
+    rows = db.execute("SELECT id, name FROM plannerConfigs ORDER BY id").fetchall()
+    names = [str(name) for _, name in rows]
+    return {key: str(name) if names.count(str(name)) == 1 else f"{name} ({key})" for key, name in rows}
+
+
+def _ending(status: float) -> str:
+    try:
+        return Status(int(status)).description.lower()
+    except ValueError:  # also a status that is not there: NaN
+        return "unknown status"
+
+
+def _json_object(text: object) -> dict[str, Any]:
+    try:
+        data = json.loads(str(text))
+    except ValueError:
+        return {}
+    return data if isinstance(data, dict) else {}
+
+
+def _states(text: object) -> FloatArray | None:
+    try:
+        states = np.array(json.loads(str(text)), dtype=np.float64)
+    except (ValueError, TypeError):
+        return None
+    return states if states.ndim == 2 and states.shape[1] == 3 and len(states) and np.isfinite(states).all() else None
+
+
+@contextmanager
+def _opened(file: Path) -> Iterator[sqlite3.Connection]:
+    """Open the database for reading, check its schema, and turn SQLite's errors into one line."""
+    if not file.is_file():
+        raise FormatError(file, f"{'is no file' if file.exists() else 'does not exist'}; {ALLOWED}")
+    try:
+        with file.open("rb") as opened:
+            head = opened.read(16)
+    except OSError as error:
+        raise FormatError(file, f"cannot be read: {error.strerror}") from None
+    if head and head != b"SQLite format 3\0":
+        raise FormatError(file, f"not an SQLite database; {ALLOWED}")
+    try:
+        with closing(_connect(file)) as db:
+            _check_schema(db, file)
+            yield db
+    except sqlite3.Error as error:
+        problem = "locked by another program" if "locked" in str(error) else str(error)
+        raise StoreError(f"{file}: cannot be read: {problem}; {ALLOWED}") from None
+
+
+def _connect(file: Path) -> sqlite3.Connection:
+    address = file.resolve().as_uri()
+    try:
+        db = sqlite3.connect(f"{address}?mode=ro", uri=True, timeout=BUSY)
+        db.execute("SELECT count(*) FROM sqlite_master").fetchone()
+    except sqlite3.OperationalError:
+        # A benchmark that was killed leaves a journal, which only a writer may roll back.
+        db = sqlite3.connect(f"{address}?mode=rw", uri=True, timeout=BUSY)
+    return db
+
+
+def _check_schema(db: sqlite3.Connection, file: Path) -> None:
+    application = db.execute("PRAGMA application_id").fetchone()[0]
+    version = db.execute("PRAGMA user_version").fetchone()[0]
+    tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    if not tables:
+        raise StoreError(f"{file}: an empty database, {ALLOWED}")
+    if application != APPLICATION:
+        raise StoreError(f"{file}: an SQLite database of another program; {ALLOWED}")
+    if version != VERSION:
+        raise StoreError(f"{file}: schema version {version} given, allowed: {VERSION}")
+    missing = sorted({"experiments", "plannerConfigs", "runs", "progress"} - tables)
+    if missing:
+        raise StoreError(f"{file}: the table {missing[0]!r} is missing; {ALLOWED}")
+    columns = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
+    absent = sorted({"id", "experimentid", "plannerid", *MEASURED} - columns)
+    if absent:
+        raise StoreError(f"{file}: the table 'runs' has no column {absent[0]!r}; {ALLOWED}")

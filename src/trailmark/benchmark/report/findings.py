@@ -1,0 +1,235 @@
+"""Findings: what a benchmark shows, as a few sentences, each with its certainty; and what it cannot show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from trailmark.benchmark.report.data import Results
+from trailmark.benchmark.report.numbers import count, factor, percent, probability, seconds
+from trailmark.benchmark.report.summary import LEAST_RUNS, SHIFT, Comparison, PlannerSummary, Summary
+
+__all__ = ["Finding", "findings", "limitations", "method", "warnings_of"]
+
+LATE = 1.1  # of the limit: a run that took longer is worth a word
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One result: a question, who or what is the answer, the number, and how certain that is."""
+
+    question: str
+    answer: str
+    value: str
+    detail: str
+
+
+def findings(results: Results, summary: Summary) -> list[Finding]:
+    """Return what the benchmark shows: who is soonest, cheapest, most reliable, and the referee's word."""
+    if not any(s.success for s in summary.planners):
+        nobody = Finding("Solved", "no run of any planner", "0 %", "No path was returned that the referee accepts.")
+        return [nobody, _referee(summary)]
+    return [_soonest(summary), _cheapest(summary), _reliable(summary), _referee(summary)]
+
+
+def warnings_of(results: Results, summary: Summary) -> list[str]:
+    """Return what keeps the numbers from being taken at their face value; empty if nothing does."""
+    found = []
+    fewer = [
+        (problem, name, len(problem.runs.get(name, ())))
+        for problem in results.problems
+        for name in results.planners
+        if len(problem.runs.get(name, ())) < problem.wanted
+    ]
+    if fewer or results.empty:
+        missing = sum(problem.wanted - done for problem, _, done in fewer)
+        text = f"The benchmark is not finished: {count(missing)} of the runs asked for are not in the database"
+        text += f", and nothing is of {_some(results.empty)}" if results.empty else ""
+        found.append(text + ". Means over problems compare planners only as far as these ran on the same ones.")
+    least = min(len(runs) for problem in results.problems for runs in problem.runs.values())
+    if least < LEAST_RUNS:
+        found.append(
+            f"As few as {least} run{'s' if least > 1 else ''} of a planner on a problem: intervals are wide, and few "
+            "differences can be told from chance."
+        )
+    late = {
+        name: n
+        for name in results.planners
+        if (
+            n := sum(
+                int((p.runs[name]["time"] > LATE * p.time_limit).sum()) for p in results.problems if name in p.runs
+            )
+        )
+    }
+    if late:
+        found.append(
+            f"Some runs went on for more than {100 * (LATE - 1):.0f} % beyond the limit before they stopped "
+            f"({_counts(late)}); their times stand as measured."
+        )
+    return found
+
+
+def limitations(results: Results) -> list[str]:
+    """Return, in plain words, what the numbers include and what they do not."""
+    limits = sorted({problem.time_limit for problem in results.problems})
+    resolutions = sorted(
+        {
+            float(r)
+            for p in results.problems
+            if isinstance(r := p.facts["setup"].get("identity", {}).get("resolution"), float)
+        }
+    )
+    span = "the stated resolution"
+    if resolutions:
+        span = (
+            f"{resolutions[0]:.3g} m"
+            if len(resolutions) == 1
+            else f"{resolutions[0]:.3g} to {resolutions[-1]:.3g} m, by world"
+        )
+    return [
+        "Planning time is wall-clock time from the call of the planner to its end. Starting the process, importing "
+        "libraries, loading the world and building the checker are not in it; set-up is measured apart. Building "
+        "landmarks and roadmap is in the landmark planner's own time, and so is building their graphs in the others'.",
+        "Every run has a process of its own and a fresh planner: no planner profits here from an earlier query on the "
+        "same world, which is what roadmaps are for.",
+        f"“Discrete” is OMPL's usual motion check, a state every {span} (half the robot's inscribed radius unless set "
+        "otherwise): quicker and less strict than the certified check, and it may accept motions that collide. The "
+        "referee then refuses the path, and the run counts as a failure. “+certified” is OMPL with trailmark's certified "
+        "check, “native” is OMPL and FCL in C++.",
+        "OMPL's planners are called from Python and call back into Python's checker; what that costs is in their times. "
+        "Anytime planners run in short slices to read the best cost in between, so the time to the first solution "
+        "is known to a slice (5 ms at first, 50 ms later), not to the microsecond.",
+        f"A run that failed counts as its time limit ({_range(limits)}) in means of times, whenever it failed, and as "
+        "worse than any that succeeded in ranks, medians and quartiles. Means of costs are of runs that succeeded "
+        "only: read them beside the share that did.",
+        "The referee judges the path at the end of a run; paths before that, in the curves, have the planner's word only.",
+        "The best known cost is that of the best path of this database, of any planner, simplified or not: not "
+        "the optimum. More runs or more planners may lower it, and raise every ratio.",
+        "Intervals and tests speak of chance between runs on these very problems, not of other worlds. All planners "
+        "have their default settings; another tuning may turn the order round.",
+        "Runs that went on side by side shared the machine's memory bandwidth and caches, and its clock rate.",
+    ]
+
+
+def method() -> list[str]:
+    """Return how the numbers were made from the runs."""
+    return [
+        "Success: the planner says “solved” and the referee, which shares no code with any planner, finds the path free "
+        "of collisions, within the bounds, and between the query's ends. Intervals of shares are Wilson's, 95 %.",
+        f"Means of times are geometric, shifted by {1e3 * SHIFT:g} ms, first over the runs on a problem and then over the "
+        "problems, so that each problem has the same weight.",
+        "“Ahead of”: Mann–Whitney test of the runs on one problem; over several problems van Elteren's test, which adds up "
+        "the rank sums of the problems. Two-sided; exact up to 40 runs of the two planners together, normal above. Probabilities are "
+        "adjusted by Holm's method for all pairs in the table, and a planner is called ahead where p < 0.05.",
+        "Factors between planners have 95 % bootstrap intervals (1,000 resamples of the runs within each problem).",
+    ]
+
+
+def _soonest(summary: Summary) -> Finding:
+    best = summary.planners[0]
+    value = seconds(best.first_mean)
+    detail = "Shifted geometric mean of the time to the first path; a failure counts as the limit."
+
+    def words(pair: Comparison) -> str:
+        return f"{factor(pair.factor)} sooner"
+
+    return Finding(
+        "Soonest first path", best.planner, value, f"{detail} {_lead(best, summary.planners, summary.times, words)}"
+    )
+
+
+def _cheapest(summary: Summary) -> Finding:
+    ranked = summary.by_cost()
+    best = ranked[0]
+    if math.isinf(best.ratio[2]):
+        return Finding("Cheapest path", "none", "–", "No planner solved half of its runs: no median can be told.")
+    value = f"{best.ratio[2]:.3f}× the best known"
+
+    def words(pair: Comparison) -> str:
+        return f"{100 * (pair.factor - 1):.2g} % cheaper where both succeed"
+
+    detail = "Median final cost over the best known path."
+    return Finding(
+        "Cheapest path at the limit", best.planner, value, f"{detail} {_lead(best, ranked, summary.costs, words)}"
+    )
+
+
+def _reliable(summary: Summary) -> Finding:
+    top = max(s.success / s.runs for s in summary.planners)
+    best = [s for s in summary.planners if s.success / s.runs == top]
+    rest = [s for s in summary.planners if s.success / s.runs < top]
+    low = min(s.interval.low for s in best)
+    detail = (
+        f"{best[0].success:,} of {best[0].runs:,} runs solved and correct" if len(best) == 1 else "Solved and correct"
+    )
+    detail += f" (95 % interval from {100 * low:.1f} %)."
+    if rest:
+        worst = min(rest, key=lambda s: s.success / s.runs)
+        following = max(rest, key=lambda s: s.success / s.runs)
+        detail += f" Next: {following.planner} with {percent(following.success / following.runs)}"
+        detail += (
+            f"; last: {worst.planner} with {percent(worst.success / worst.runs)}." if worst is not following else "."
+        )
+    return Finding("Most runs solved", _some([s.planner for s in best]), percent(top), detail)
+
+
+def _referee(summary: Summary) -> Finding:
+    claimed = sum(s.claimed for s in summary.planners)
+    refused = {s.planner: s.claimed - s.success for s in summary.planners if s.claimed > s.success}
+    if claimed == 0:
+        return Finding("Referee", "nothing to judge", "0", "No planner returned a path.")
+    if not refused:
+        return Finding(
+            "Referee",
+            "every path is right",
+            f"{claimed:,} of {claimed:,}",
+            "No returned path collides or misses its ends.",
+        )
+    wrong = sum(refused.values())
+    ordered = dict(sorted(refused.items(), key=lambda item: -item[1]))
+    detail = f"Paths that planners called solutions and that collide or miss their ends: {_counts(ordered)}. They count as failures."
+    return Finding("Referee", "paths refused", f"{wrong:,} of {claimed:,}", detail)
+
+
+def _lead(
+    best: PlannerSummary,
+    ranked: Sequence[PlannerSummary],
+    pairs: Mapping[frozenset[str], Comparison],
+    words: Callable[[Comparison], str],
+) -> str:
+    """Return how far the best is ahead of the next, and which planners it cannot be told from."""
+    if len(ranked) == 1:
+        return "It is the only planner."
+    against = [pairs[frozenset((best.planner, s.planner))].seen_from(best.planner) for s in ranked if s is not best]
+    behind = [pair for pair in against if pair.winner == best.planner]
+    unsure = [pair for pair in against if pair.winner is None]
+    text = f"Ahead of {len(behind)} of {len(against)} other{'s' if len(against) > 1 else ''}"
+    if behind and math.isfinite(behind[0].factor) and behind[0].factor > 1.0:
+        text += f"; {words(behind[0])} than {behind[0].b}{_interval(behind[0])}"
+    text += "."
+    if unsure:
+        text += f" Not told apart by these runs: {_some([f'{pair.b} (p {probability(pair.p)})' for pair in unsure])}."
+    ahead = [pair for pair in against if pair.winner == pair.b]
+    if ahead:
+        text += f" By ranks, run against run, {_some([pair.b for pair in ahead])} is ahead of it."
+    return text
+
+
+def _interval(pair: Comparison) -> str:
+    spread = "" if pair.interval is None else f"factor {pair.interval.low:.3g} to {pair.interval.high:.3g}, 95 %; "
+    return f" ({spread}p {probability(pair.p)})"
+
+
+def _some(names: Sequence[str], most: int = 4) -> str:
+    if len(names) > most:
+        return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} others"
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def _counts(counts: Mapping[str, int]) -> str:
+    return _some([f"{name} {n:,}" for name, n in counts.items()], most=6)
+
+
+def _range(limits: Sequence[float]) -> str:
+    return f"{limits[0]:g} s" if len(limits) == 1 else f"{limits[0]:g} to {limits[-1]:g} s, by problem"

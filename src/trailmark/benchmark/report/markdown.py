@@ -1,0 +1,51 @@
+"""The report's tables as Markdown, to be committed beside the code that made them."""
+
+from __future__ import annotations
+
+from trailmark.benchmark.report.conditions import conditions_table, hash_table, settings_table
+from trailmark.benchmark.report.data import Results
+from trailmark.benchmark.report.findings import findings, limitations, method, warnings_of
+from trailmark.benchmark.report.summary import summarise
+from trailmark.benchmark.report.tables import overall_table, pair_table, problem_table
+
+__all__ = ["markdown_report"]
+
+MOST_PAIRS = 12
+"""Planners up to which the tables of pairs are written: wider ones nobody reads as text."""
+
+
+def markdown_report(results: Results) -> str:
+    """Return the tables with what it takes to read them; the same database gives the same text."""
+    summary = summarise(results)
+    parts = [f"# Benchmark: {results.file.stem}", "Written by `trailmark report`; not to be changed by hand."]
+    parts += [f"**Note.** {warning}" for warning in warnings_of(results, summary)]
+    parts.append(
+        "\n".join(
+            f"- **{f.question}: {_escaped(f.answer)}, {f.value}.** {_escaped(f.detail)}"
+            for f in findings(results, summary)
+        )
+    )
+    parts += ["## All problems", overall_table(summary, "").markdown()]
+    if 1 < len(summary.planners) <= MOST_PAIRS:
+        parts.append("Time to the first path, row against column (▲ ahead, ▼ behind, ≈ not told apart):")
+        parts.append(pair_table(summary, "times", "").markdown())
+        parts.append("Final cost, row against column (factors where both succeed):")
+        parts.append(pair_table(summary, "costs", "").markdown())
+    for problem in results.problems:
+        parts += [
+            f"## {_escaped(problem.name)}",
+            f"Limit {problem.time_limit:g} s.",
+            problem_table(problem, "").markdown(),
+        ]
+    parts += ["## Environment", conditions_table(results).markdown(), settings_table(results).markdown()]
+    parts += [hash_table(results).markdown(), "## How the numbers are made", _list(method())]
+    parts += ["## Limitations", _list(limitations(results))]
+    return "\n\n".join(parts) + "\n"
+
+
+def _list(lines: list[str]) -> str:
+    return "\n".join(f"- {line}" for line in lines)
+
+
+def _escaped(words: str) -> str:
+    return words.replace("*", "\\*").replace("<", "&lt;").replace("`", "\\`")

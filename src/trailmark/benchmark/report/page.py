@@ -1,0 +1,162 @@
+"""The page: one HTML file with everything in it, that asks for nothing else and runs no script."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+
+from trailmark.benchmark.report.charts import legend_mark
+from trailmark.benchmark.report.conditions import conditions_table, hash_table, settings_table
+from trailmark.benchmark.report.data import Problem, Results
+from trailmark.benchmark.report.figures import Figures
+from trailmark.benchmark.report.findings import findings, limitations, method, warnings_of
+from trailmark.benchmark.report.palette import FAMILIES, Style, family_of, styles_of
+from trailmark.benchmark.report.style import STYLE
+from trailmark.benchmark.report.summary import Summary, summarise
+from trailmark.benchmark.report.tables import effort_table, overall_table, pair_table, problem_table
+
+__all__ = ["html_report"]
+
+OPEN_PROBLEMS = 2
+OPEN_PAIRS = 8
+
+
+def html_report(results: Results) -> str:
+    """Return the report as HTML; the same database gives the same text."""
+    summary = summarise(results)
+    styles = styles_of(results.planners)
+    figures = Figures(results, summary, styles, itertools.count())
+    several = len(results.problems) > 1
+    parts = [
+        _head(results),
+        _section("summary", "Summary", _summary(results, summary, styles)),
+        *([_section("all", "All problems together", _together(figures, summary, styles))] if several else []),
+        _section("problems", "Problems" if several else "The problem", _problems(results, figures, styles)),
+        _section("ahead", "Who is ahead of whom", _pairs(summary, styles)),
+        _section("environment", "Environment", _environment(results, styles)),
+        _section("limitations", "How to read this, and its limits", _limits(results)),
+    ]
+    title = escape(f"Benchmark {results.file.stem}")
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        # Whatever a database holds, the page asks for nothing and runs nothing.
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">\n"
+        '<link rel="icon" href="data:,">\n'
+        f"<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n" + "\n".join(parts) + "\n</body>\n</html>\n"
+    )
+
+
+def _head(results: Results) -> str:
+    problems, planners = len(results.problems), len(results.planners)
+    facts = results.problems[0].facts
+    sizes = f"{_plural(problems, 'problem')} × {_plural(planners, 'planner')}, {_plural(results.runs, 'run')}"
+    machine = " · ".join(escape(str(facts[name])) for name in ("version", "cpuinfo", "date") if facts.get(name))
+    several = '<a href="#all">All problems</a>' if problems > 1 else ""
+    return (
+        f"<header><h1>Motion planners compared: {escape(results.file.stem)}</h1>"
+        f'<p class="sub">{sizes}<br>{machine}</p></header>'
+        f'<nav aria-label="Sections"><a href="#summary">Summary</a>{several}<a href="#problems">Problems</a>'
+        '<a href="#ahead">Who is ahead</a><a href="#environment">Environment</a><a href="#limitations">Limits</a></nav>'
+    )
+
+
+def _section(key: str, title: str, parts: Iterator[str]) -> str:
+    return f'<section id="{key}"><h2>{escape(title)}</h2>\n' + "\n".join(parts) + "</section>"
+
+
+def _summary(results: Results, summary: Summary, styles: Mapping[str, Style]) -> Iterator[str]:
+    for warning in warnings_of(results, summary):
+        yield f'<p class="warning"><b>Note.</b> {escape(warning)}</p>'
+    cards = [
+        f'<div class="card"><div class="question">{escape(f.question)}</div><div class="answer">{escape(f.answer)}</div>'
+        f'<div class="value">{escape(f.value)}</div><p>{escape(f.detail)}</p></div>'
+        for f in findings(results, summary)
+    ]
+    yield f'<div class="cards">{"".join(cards)}</div>'
+    yield _legend(results.planners, styles)
+    yield overall_table(summary, "All runs, the quickest planner first").html(styles)
+    yield (
+        '<p class="note">A path counts only if planner and referee agree on it. Times: to the first path, a failure as '
+        "the limit. Costs: metres of way plus half a metre a radian of turning; over the best known, medians over all "
+        "runs, a failure as infinite (“none”: half of the runs or more failed). “Ahead of”: adjusted p &lt; 0.05.</p>"
+    )
+
+
+def _together(figures: Figures, summary: Summary, styles: Mapping[str, Style]) -> Iterator[str]:
+    yield f'<div class="figures">{"".join(figures.overall_rows())}</div>'
+    yield "<h3>Time to the first path</h3>"
+    yield f'<div class="figures">{"".join(figures.overall_ecdfs())}</div>'
+    yield "<h3>Cost against time</h3>"
+    yield (
+        '<p class="note">Cost of the best path so far over the best known of its problem: medians (lines) and quartiles '
+        "(shaded) over all runs. A line begins where half of the runs have a path; the strip below shows the share "
+        "that have none.</p>"
+    )
+    yield f'<div class="figures">{"".join(figures.overall_costs())}</div>'
+
+
+def _problems(results: Results, figures: Figures, styles: Mapping[str, Style]) -> Iterator[str]:
+    for i, problem in enumerate(results.problems):
+        opened = " open" if len(results.problems) <= OPEN_PROBLEMS or i == 0 else ""
+        solved = sum(int(runs.success.sum()) for runs in problem.runs.values())
+        total = sum(len(runs) for runs in problem.runs.values())
+        note = f"{solved} of {_plural(total, 'run')} solved, limit {problem.time_limit:g} s"
+        body = "\n".join(_problem(problem, figures, styles))
+        yield (
+            f'<details class="problem"{opened}><summary>{escape(problem.name)} '
+            f'<span class="note">{escape(note)}</span></summary>\n{body}</details>'
+        )
+
+
+def _problem(problem: Problem, figures: Figures, styles: Mapping[str, Style]) -> Iterator[str]:
+    yield f'<div class="figures">{"".join(figures.scenes(problem))}</div>'
+    yield problem_table(
+        problem, f"{problem.name}: p is of the test against the best of the column before it, adjusted by Holm"
+    ).html(styles)
+    yield f'<div class="figures">{"".join(figures.problem_charts(problem))}</div>'
+    effort = effort_table(problem, f"{problem.name}: what the runs took, medians over all runs").html(styles)
+    yield f"<details><summary>Effort: checks, graphs, memory</summary>{effort}</details>"
+
+
+def _pairs(summary: Summary, styles: Mapping[str, Style]) -> Iterator[str]:
+    yield (
+        "<p>Each row against each column, over all problems that both ran on. ▲ 4.31×: the row is ahead, and by this "
+        "factor in the mean; ▼: it is behind; ≈: these runs cannot tell (adjusted p of 0.05 or more).</p>"
+    )
+    many = len(summary.planners) > OPEN_PAIRS
+    for what, title in (("times", "Time to the first path"), ("costs", "Final cost (factors where both succeed)")):
+        table = pair_table(summary, what, f"{title}: row against column").html(styles)
+        yield f"<details{'' if many else ' open'}><summary>{title}</summary>{table}</details>"
+
+
+def _environment(results: Results, styles: Mapping[str, Style]) -> Iterator[str]:
+    yield conditions_table(results).html(styles)
+    opened = "" if len(results.planners) > OPEN_PAIRS else " open"
+    yield f"<details{opened}><summary>Settings of the planners</summary>{settings_table(results).html(styles)}</details>"
+    opened = "" if len(results.problems) > OPEN_PAIRS else " open"
+    yield f"<details{opened}><summary>Problems and their hashes</summary>{hash_table(results).html(styles)}</details>"
+
+
+def _limits(results: Results) -> Iterator[str]:
+    yield "<h3>How the numbers are made</h3>"
+    yield f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in method())}</ul>"
+    yield "<h3>What they do not say</h3>"
+    yield f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in limitations(results))}</ul>"
+
+
+def _legend(planners: Sequence[str], styles: Mapping[str, Style]) -> str:
+    parts = []
+    for family, title in FAMILIES.items():
+        names = [name for name in planners if family_of(name) == family]
+        if names:
+            entries = "".join(f"<li>{legend_mark(styles[name])}{escape(name)}</li>" for name in names)
+            parts.append(
+                f'<ul class="legend" aria-label="{escape(title)}"><li class="note">{escape(title)}:</li>{entries}</ul>'
+            )
+    return "".join(parts)
+
+
+def _plural(n: int, noun: str) -> str:
+    return f"{n:,} {noun}{'' if n == 1 else 's'}"

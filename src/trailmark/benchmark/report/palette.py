@@ -1,0 +1,82 @@
+"""Styles: which colour, dash and mark tells a planner from the others, in every chart of a report alike.
+
+The colour (and, after eight, the mark) tells the algorithm, the dash tells which of the baselines it runs in. The
+colours are of the palettes by Okabe & Ito and by Paul Tol, chosen for readers with any kind of colour vision and for
+white paper; landmark is black.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["FAMILIES", "Style", "algorithm_of", "family_of", "styles_of"]
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#b8860b", "#4aa3df", "#882255", "#7a7a1f")
+DASHES = {"landmark": "", "certified": "", "discrete": "6 3", "native": "1.5 3", "own": "9 2 2 2"}
+
+FAMILIES = {
+    "landmark": "trailmark's landmark planner",
+    "discrete": "OMPL from Python, discrete motion checks",
+    "certified": "OMPL from Python, certified motion checks",
+    "native": "OMPL and FCL in C++ (native)",
+    "own": "functions of the user's own",
+}
+"""The groups that planners are shown in, and what to call them."""
+
+_KNOWN = (
+    *("PRM", "RRTstar", "RRTConnect", "BITstar", "PRMstar", "InformedRRTstar", "RRT", "AITstar"),
+    *("LazyPRMstar", "FMT", "BFMT", "KPIECE1", "BKPIECE1", "LBKPIECE1", "SORRTstar", "AORRTC"),
+)
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a planner is drawn.
+
+    Attributes:
+        colour: of lines and marks, ``#rrggbb``.
+        dash: SVG's ``stroke-dasharray``; empty for a whole line.
+        hollow: whether marks are rings, not dots.
+        width: of lines.
+    """
+
+    colour: str
+    dash: str
+    hollow: bool
+    width: float
+
+
+def family_of(planner: str) -> str:
+    """Return the group of a planner, a key of :data:`FAMILIES`."""
+    if planner.startswith("native:"):
+        return "native"
+    if planner.split(" ")[0] == "landmark":
+        return "landmark"
+    if ":" in planner:
+        return "own"
+    return "certified" if "+certified" in planner else "discrete"
+
+
+def algorithm_of(planner: str) -> str:
+    """Return a planner's name without what tells its group."""
+    return planner.removeprefix("native:").replace("+certified", "")
+
+
+def styles_of(planners: Sequence[str]) -> dict[str, Style]:
+    """Return a style for each planner; one algorithm has one colour in all groups."""
+    algorithms = sorted({algorithm_of(p) for p in planners if family_of(p) != "landmark"}, key=_rank)
+    found = {}
+    for planner in planners:
+        family = family_of(planner)
+        if family == "landmark":
+            found[planner] = Style("#111111", "", False, 2.6)
+            continue
+        place = algorithms.index(algorithm_of(planner))
+        hollow = (place // len(COLOURS)) % 2 == 1
+        found[planner] = Style(COLOURS[place % len(COLOURS)], DASHES[family], hollow, 1.7)
+    return found
+
+
+def _rank(algorithm: str) -> tuple[int, str]:
+    return (_KNOWN.index(algorithm) if algorithm in _KNOWN else len(_KNOWN), algorithm)

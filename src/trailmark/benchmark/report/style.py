@@ -1,0 +1,79 @@
+"""The page's style: dark on white, one column on a phone, tables that scroll, and what printing needs."""
+
+__all__ = ["STYLE"]
+
+STYLE = """
+:root { color-scheme: light; --ink: #16191d; --soft: #535a64; --line: #d5d9df; --pale: #f4f5f7; }
+* { box-sizing: border-box; }
+html { -webkit-text-size-adjust: 100%; scroll-behavior: smooth; }
+body { margin: 0 auto; padding: 0 clamp(12px, 3vw, 32px) 64px; max-width: 1240px; background: #fff; color: var(--ink);
+  font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; }
+h1 { font-size: clamp(1.5rem, 4vw, 2.1rem); line-height: 1.2; margin: 28px 0 4px; overflow-wrap: anywhere; }
+h2 { font-size: 1.35rem; margin: 44px 0 8px; padding-top: 10px; border-top: 2px solid var(--ink); }
+h3 { font-size: 1.05rem; margin: 26px 0 4px; }
+p, li { max-width: 78ch; }
+p { margin: 6px 0 10px; }
+.sub, figcaption, caption, .note { color: var(--soft); }
+.sub { margin-top: 0; }
+nav { display: flex; flex-wrap: wrap; gap: 4px 18px; margin: 14px 0; font-size: .95rem; }
+a { color: #004f86; }
+.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 260px), 1fr)); gap: 12px; margin: 16px 0; }
+.card { border: 1px solid var(--line); border-top: 4px solid var(--ink); border-radius: 4px; padding: 12px 14px; }
+.card p { margin: 4px 0 0; font-size: .92rem; }
+.card .question { font-size: .8rem; letter-spacing: .04em; text-transform: uppercase; color: var(--soft); }
+.card .answer { font-size: 1.12rem; font-weight: 650; overflow-wrap: anywhere; line-height: 1.25; }
+.card .value { font-size: 1.5rem; font-weight: 650; line-height: 1.3; font-variant-numeric: tabular-nums; }
+.warning { border-left: 4px solid #b35900; background: #fdf4e9; padding: 8px 12px; max-width: none; }
+.figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 345px), 1fr)); gap: 22px 28px; align-items: start; }
+figure { margin: 10px 0; max-width: 600px; min-width: 0; }
+figcaption { font-size: .9rem; margin-bottom: 6px; }
+figcaption b { color: var(--ink); display: block; font-size: 1rem; }
+svg.chart { display: block; width: 100%; height: auto; overflow: visible; font: 12px system-ui, "Segoe UI", Roboto, Arial, sans-serif; }
+svg.key { width: 28px; height: 14px; vertical-align: -2px; margin-right: 6px; }
+svg path, svg circle, svg rect { fill: none; }
+svg text { fill: var(--soft); }
+svg text.name, svg text.value { fill: var(--ink); }
+svg text.value, svg text.tick { font-variant-numeric: tabular-nums; }
+svg .halo { paint-order: stroke; stroke: #fff; stroke-width: 3px; }
+svg .grid { stroke: #e6e8ec; } svg .axis { stroke: #6b727c; }
+svg .line { stroke-linejoin: round; stroke-linecap: round; } svg .line:hover { stroke-width: 4.5; }
+svg .halo-line { stroke: #fff; stroke-opacity: .85; stroke-linejoin: round; }
+svg .outside { fill: #e3e6ea; } svg .free { fill: #fff; stroke: #4a5059; } svg .solid { fill: #565c66; fill-rule: nonzero; }
+svg .solid circle { fill: #565c66; }
+svg .body { fill: #16191d; fill-opacity: .05; stroke: #16191d; stroke-opacity: .35; stroke-width: .8; }
+svg .refused { stroke: #c00; stroke-width: 1.2; stroke-dasharray: 2 2; }
+svg .end { fill: #fff; stroke: #16191d; stroke-width: 1.6; } svg .end.goal { fill: #16191d; }
+svg .heading { stroke: #16191d; stroke-width: 1.8; } svg .tip { fill: #16191d; }
+svg .heading.goal { stroke: #16191d; }
+svg text.letter { fill: #000; font-weight: 700; font-size: 13px; paint-order: stroke; stroke: #fff; stroke-width: 4px; }
+.defs { position: absolute; width: 0; height: 0; }
+.scroll { overflow-x: auto; margin: 10px 0 18px; border-bottom: 1px solid var(--line); -webkit-overflow-scrolling: touch; }
+table { border-collapse: collapse; font-size: .86rem; min-width: 100%; }
+caption { text-align: left; padding: 4px 0; font-size: .92rem; }
+th, td { padding: 4px 10px; text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; vertical-align: baseline; }
+thead th { border-bottom: 2px solid var(--ink); white-space: normal; min-width: 4.6em; vertical-align: bottom; line-height: 1.25; }
+tbody tr:nth-child(even) > * { background: var(--pale); }
+th.words, td.words, tbody th { text-align: left; }
+tbody th { font-weight: 550; position: sticky; left: 0; background: #fff; border-right: 1px solid var(--line); }
+td.words { max-width: 46em; white-space: normal; min-width: 11em; overflow-wrap: anywhere; }
+.legend { display: flex; flex-wrap: wrap; gap: 2px 18px; list-style: none; padding: 0; margin: 2px 0 8px; font-size: .9rem; }
+details { margin: 8px 0; border: 1px solid var(--line); border-radius: 4px; padding: 0 12px; }
+details[open] { padding-bottom: 12px; }
+summary { cursor: pointer; padding: 9px 0; font-weight: 650; overflow-wrap: anywhere; }
+summary .note { font-weight: 400; font-size: .9rem; }
+@media (max-width: 600px) { body { font-size: 15px; } th, td { padding: 4px 7px; } tbody th { max-width: 42vw; white-space: normal; overflow-wrap: anywhere; } }
+@media print {
+  @page { margin: 14mm; }
+  body { max-width: none; padding: 0; font-size: 10pt; }
+  nav { display: none; }
+  h2 { break-after: avoid; } h3, summary { break-after: avoid; }
+  figure, .card, tr, .warning { break-inside: avoid; }
+  .figures { grid-template-columns: 1fr 1fr; gap: 4mm 8mm; }
+  .cards { grid-template-columns: 1fr 1fr; }
+  details { border: 0; padding: 0; } details.problem { break-before: page; }
+  details::details-content { content-visibility: visible; display: block; height: auto; }
+  .scroll { overflow: visible; } table { font-size: 6.6pt; } th, td { padding: 1.2pt 3pt; white-space: normal; }
+  tbody th { position: static; } td.words { min-width: 0; overflow-wrap: anywhere; }
+  tbody tr:nth-child(even) > *, svg * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
+}
+"""

@@ -1,0 +1,238 @@
+"""Statistics of repeated runs: intervals of shares, means of times with failures, rank tests, their correction.
+
+A run that failed has no time and no cost: in means of times it counts as the time limit, in ranks and quantiles as
+infinity, that is, as worse than every run that succeeded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from statistics import NormalDist
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "EXACT_RUNS",
+    "Interval",
+    "RankTest",
+    "bootstrap_log_means",
+    "holm",
+    "midranks",
+    "quantiles",
+    "rank_test",
+    "shifted_geometric_mean",
+    "step_values",
+    "wilson",
+]
+
+FloatArray = NDArray[np.float64]
+
+EXACT_RUNS = 40
+"""Up to so many runs in all, a rank test counts every permutation; above, it takes the normal distribution."""
+
+_EXACT_SUMS = 20_000  # no exact test over more different rank sums than this
+
+
+class Interval(NamedTuple):
+    """An interval that holds the true value with a stated confidence."""
+
+    low: float
+    high: float
+
+
+class RankTest(NamedTuple):
+    """What a rank test says of planner a against planner b, smaller values being better.
+
+    Attributes:
+        p: two-sided probability of ranks as uneven as these if the two do not differ.
+        superiority: share of pairs in which the run of a is the smaller, ties counting half; mean over the problems.
+    """
+
+    p: float
+    superiority: float
+
+
+def wilson(successes: int, n: int, confidence: float = 0.95) -> Interval:
+    """Return Wilson's score interval of a share.
+
+    E. B. Wilson (1927), Probable inference, the law of succession, and statistical inference, JASA 22.
+
+    Args:
+        successes: 0 to n.
+        n: runs; with none the share may be anything from 0 to 1.
+        confidence: above 0 and below 1.
+    """
+    if n == 0:
+        return Interval(0.0, 1.0)
+    z = NormalDist().inv_cdf(0.5 + confidence / 2.0)
+    share, weight = successes / n, z * z / n
+    middle = (share + weight / 2.0) / (1.0 + weight)
+    half = z / (1.0 + weight) * math.sqrt(share * (1.0 - share) / n + weight / (4.0 * n))
+    # Rounding must not carry the ends beyond what is known.
+    low = 0.0 if successes == 0 else max(0.0, middle - half)
+    return Interval(low, 1.0 if successes == n else min(1.0, middle + half))
+
+
+def shifted_geometric_mean(values: ArrayLike, shift: float) -> float:
+    """Return exp(mean log(v + shift)) − shift; NaN of no values.
+
+    The shift keeps values much smaller than it from deciding the mean (H. Mittelmann's benchmarks of solvers).
+
+    Args:
+        values: shape (n,), above −shift.
+        shift: in the unit of the values, 0 or more.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    if not array.size:
+        return math.nan
+    if shift == 0.0:
+        return float(np.exp(np.log(array).mean()))
+    return float(np.expm1(np.log1p(array / shift).mean()) * shift)
+
+
+def quantiles(values: ArrayLike, shares: Sequence[float]) -> FloatArray:
+    """Return quantiles along the first axis; values may be infinite.
+
+    Definition 2 of R. J. Hyndman and Y. Fan (1996), Sample quantiles in statistical packages: a value of the sample,
+    or the mean of two neighbours. Interpolating ones would mix infinity into quantiles far from it.
+
+    Args:
+        values: shape (n, ...), without NaN, n >= 1.
+        shares: m numbers from 0 to 1.
+
+    Returns:
+        Shape (m, ...).
+    """
+    ordered = np.sort(np.asarray(values, dtype=np.float64), axis=0)
+    n = len(ordered)
+    found = []
+    for share in shares:
+        at = share * n
+        whole = abs(at - round(at)) < 1e-9
+        upper = min(n - 1, round(at) if whole else math.floor(at))
+        lower = max(0, upper - 1) if whole and 0 < round(at) < n else upper
+        # Halves first: the sum of two large numbers is not one.
+        found.append(0.5 * ordered[lower] + 0.5 * ordered[upper] if lower != upper else ordered[upper])
+    return np.array(found)
+
+
+def step_values(times: ArrayLike, values: ArrayLike, at: ArrayLike) -> FloatArray:
+    """Return the lowest value reached until each moment; infinity before the first.
+
+    Args:
+        times: shape (n,), seconds, ascending.
+        values: shape (n,), what was reached then.
+        at: shape (m,), seconds.
+
+    Returns:
+        Shape (m,).
+    """
+    lowest = np.minimum.accumulate(np.concatenate([[np.inf], np.asarray(values, dtype=np.float64)]))
+    return np.asarray(lowest[np.searchsorted(np.asarray(times, dtype=np.float64), at, side="right")])
+
+
+def midranks(values: ArrayLike) -> FloatArray:
+    """Return ranks from 1, shape (n,); equal values share the mean of their ranks."""
+    array = np.asarray(values, dtype=np.float64)
+    _, inverse, counts = np.unique(array, return_inverse=True, return_counts=True)
+    last = np.cumsum(counts)
+    return np.asarray((last - (counts - 1) / 2.0)[inverse])
+
+
+def rank_test(pairs: Sequence[tuple[ArrayLike, ArrayLike]]) -> RankTest:
+    """Test whether two planners differ, by the ranks of their runs within each problem.
+
+    With one problem this is the Mann–Whitney test (Wilcoxon's rank sum); with more, van Elteren's: the rank sums of
+    the problems, each divided by its number of runs plus 1, added up. Up to :data:`EXACT_RUNS` runs in all the
+    probability is exact (every way to share out the ranks, ties included); above, it is normal with the variance
+    that the ties leave.
+
+    Source: P. H. van Elteren (1960), On the combination of independent two-sample tests of Wilcoxon, Bull. Inst.
+    Internat. Statist. 37.
+
+    Args:
+        pairs: for each problem the values of a, shape (n,), and of b, shape (m,); failures are infinity. Problems in
+            which either has none are left out.
+    """
+    strata = [(np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)) for a, b in pairs]
+    strata = [(a, b) for a, b in strata if len(a) and len(b)]
+    if not strata:
+        return RankTest(1.0, 0.5)
+    ranks = [midranks(np.concatenate([a, b])) for a, b in strata]
+    sizes = [(len(a), len(b)) for a, b in strata]
+    wins = [1.0 - (rank[:n].sum() - n * (n + 1) / 2.0) / (n * m) for rank, (n, m) in zip(ranks, sizes, strict=True)]
+    p = _exact(ranks, sizes)
+    return RankTest(_normal(ranks, sizes) if p is None else p, float(np.mean(wins)))
+
+
+def holm(p: ArrayLike) -> FloatArray:
+    """Return probabilities adjusted for testing them all, shape (n,): S. Holm (1979), Scand. J. Statist. 6."""
+    array = np.asarray(p, dtype=np.float64)
+    order = np.argsort(array, kind="stable")
+    steps = np.maximum.accumulate(array[order] * (len(array) - np.arange(len(array))))
+    adjusted = np.empty_like(array)
+    adjusted[order] = np.minimum(steps, 1.0)
+    return adjusted
+
+
+def bootstrap_log_means(values: ArrayLike, replicates: int, generator: np.random.Generator) -> FloatArray:
+    """Return the mean logarithm of resampled values, shape (replicates,).
+
+    Args:
+        values: shape (n,), n >= 1, positive.
+        replicates: how often n values are drawn with replacement.
+        generator: draws them.
+    """
+    logs = np.log(np.asarray(values, dtype=np.float64))
+    return np.asarray(logs[generator.integers(len(logs), size=(replicates, len(logs)))].mean(axis=1))
+
+
+def _normal(ranks: list[FloatArray], sizes: list[tuple[int, int]]) -> float:
+    difference = variance = 0.0
+    for rank, (n, m) in zip(ranks, sizes, strict=True):
+        weight = 1.0 / (n + m + 1)
+        difference += weight * (rank[:n].sum() - n * (n + m + 1) / 2.0)
+        if n + m > 1:
+            # Of a sum of n ranks drawn without putting back: with ties it is smaller than without.
+            variance += weight**2 * n * m / (n + m) * rank.var(ddof=1)
+    if variance <= 0.0:
+        return 1.0
+    # A rank sum goes in steps of half a rank with ties, of one without: half a step of slack for one problem.
+    slack = 0.5 / (sum(sizes[0]) + 1) if len(ranks) == 1 else 0.0
+    return math.erfc(max(0.0, abs(difference) - slack) / math.sqrt(2.0 * variance))
+
+
+def _exact(ranks: list[FloatArray], sizes: list[tuple[int, int]]) -> float | None:
+    """Return the exact probability, or None where there are too many ways to count."""
+    if sum(map(len, ranks)) > EXACT_RUNS:
+        return None
+    common = math.lcm(*(n + m + 1 for n, m in sizes))
+    whole = np.ones(1)
+    observed = 0
+    for rank, (n, m) in zip(ranks, sizes, strict=True):
+        step = common // (n + m + 1)
+        doubled = np.round(2.0 * rank).astype(np.int64)  # midranks are halves
+        counts = _rank_sums(doubled, n)
+        if (len(whole) + step * len(counts)) > _EXACT_SUMS:
+            return None
+        spread = np.zeros(step * (len(counts) - 1) + 1)
+        spread[::step] = counts / counts.sum()
+        whole = np.convolve(whole, spread)
+        observed += step * int(doubled[:n].sum())
+    sums = np.arange(len(whole))
+    middle = float(whole @ sums)
+    extreme = np.abs(sums - middle) >= abs(observed - middle) - 1e-6 * max(1.0, middle)
+    return min(1.0, float(whole[extreme].sum()))
+
+
+def _rank_sums(ranks: NDArray[np.int64], n: int) -> FloatArray:
+    """Return in how many ways n of the ranks add up to 0, 1, 2, …"""
+    ways = np.zeros((n + 1, int(ranks.sum()) + 1))
+    ways[0, 0] = 1.0
+    for rank in ranks:
+        for k in range(n, 0, -1):
+            ways[k, rank:] += ways[k - 1, : ways.shape[1] - rank]
+    return np.asarray(ways[n])
