@@ -7,15 +7,14 @@ a crash in a later part (counting the graph, simplifying the path) does not take
 from __future__ import annotations
 
 import importlib
-import resource
 from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path as FilePath
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trailmark import se2
+from trailmark.benchmark.memory import MemoryPeak
 from trailmark.benchmark.prepared import CountingChecker, Prepared
 from trailmark.benchmark.status import Status
 from trailmark.path import Path
@@ -23,15 +22,13 @@ from trailmark.path import Path
 if TYPE_CHECKING:
     from trailmark.planning import PlanProgress
 
-__all__ = ["Answer", "answers", "latest", "private_memory"]
+__all__ = ["Answer", "answers", "latest"]
 
 GRACE = (0.02, 0.05)
 """Seconds, and share of the time limit (the larger counts), after which a solution comes too late for any planner."""
 
 SIMPLIFYING = 0.5
 """Seconds that the simplifier gets at most."""
-
-MB = 2.0**20
 
 Answer = dict[str, Any]
 Graph = Callable[[], tuple[int, int]]
@@ -70,23 +67,6 @@ def latest(time_limit: float) -> float:
     return time_limit + max(GRACE[0], GRACE[1] * time_limit)
 
 
-def private_memory() -> float:
-    """Return the MB of memory in use that belong to this process alone: no files, no code."""
-    _, resident, shared = FilePath("/proc/self/statm").read_text(encoding="ascii").split()[:3]
-    return (int(resident) - int(shared)) * resource.getpagesize() / MB
-
-
-class _Peak:
-    """The most memory (MB) that was held at any look, above that at the beginning."""
-
-    def __init__(self) -> None:
-        self._begin = private_memory()
-        self.most = 0.0
-
-    def look(self) -> None:
-        self.most = max(self.most, private_memory() - self._begin)
-
-
 def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
     from trailmark.ompl_bridge import measured
     from trailmark.ompl_bridge.problem import SE2Problem
@@ -102,7 +82,7 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
         certified=variant == "certified",
         resolution=float(job["resolution"]),
     )
-    peak = _Peak()
+    peak = MemoryPeak()
     run = measured.measure(problem, name, float(job["time_limit"]))
     peak.look()
     answer = {
@@ -123,7 +103,7 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
 def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
     from trailmark.planning import LandmarkPlanner
 
-    limit, peak = float(job["time_limit"]), _Peak()
+    limit, peak = float(job["time_limit"]), MemoryPeak()
     best: list[PlanProgress] = []
 
     def follow(progress: PlanProgress) -> None:
@@ -167,7 +147,7 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
     """
     module, _, function = str(job["planner"]).partition(":")
     plan = getattr(importlib.import_module(module), function)
-    checker, peak = CountingChecker(prepared.checker), _Peak()
+    checker, peak = CountingChecker(prepared.checker), MemoryPeak()
     begin = perf_counter()
     found = plan(checker, *prepared.ends, float(job["time_limit"]), int(job["seed"]))
     time = perf_counter() - begin

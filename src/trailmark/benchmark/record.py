@@ -36,7 +36,8 @@ class RunRecord:
         motions_checked: checks of motions.
         graph_states: nodes of the roadmap or tree at the end.
         graph_motions: its edges.
-        memory: MB (2^20 bytes) at the peak above what the process held when planning began.
+        memory: MB (2^20 bytes) of heap in use above what was in use when planning began: the most at any look, after
+            each of the landmark planner's steps, at the end of OMPL's planners.
         setup_time: loading the world and building the checker; shared by all runs on the problem.
         curve: (seconds, cost) of the best solution so far, in the order of time, a row for each better one.
         path: states [x, y, theta] of the returned path, also of an approximate one.

@@ -8,7 +8,6 @@ process is part of no planner's time. The zygote kills a child that does not end
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import gc
 import json
 import os
@@ -18,11 +17,11 @@ import signal
 import sys
 import tempfile
 from collections import OrderedDict
-from pathlib import Path as FilePath
 from time import perf_counter
 from typing import IO, Any, NoReturn
 
 from trailmark.benchmark.child import answers
+from trailmark.benchmark.memory import address_space
 from trailmark.benchmark.prepared import Prepared
 from trailmark.benchmark.status import Status
 from trailmark.errors import TrailmarkError
@@ -81,7 +80,6 @@ class Zygote:
             self._problems[key] = Prepared(job["text"])
             gc.collect()
             gc.freeze()  # what is here already need not be copied when a child's collector looks at it
-            _return_free_memory()
         self._problems.move_to_end(key)
         return self._problems[key]
 
@@ -173,12 +171,6 @@ def main() -> None:
             _say(replies, zygote.run(json.loads(line)))
 
 
-def _return_free_memory() -> None:
-    """Give unused heap back to the system, so that what a child takes of it counts as the child's."""
-    with contextlib.suppress(AttributeError, OSError):  # only glibc has it
-        ctypes.CDLL(None).malloc_trim(0)
-
-
 def _patience(job: dict[str, Any]) -> tuple[float, float]:
     """Return the seconds that a child gets until its first answer, and from one part of the answer to the next."""
     fixed, share = NATIVE_PATIENCE if str(job["planner"]).startswith("native:") else PATIENCE
@@ -231,8 +223,7 @@ def _be_child(prepared: Prepared, job: dict[str, Any], writer: int, complaints: 
 
 
 def _limit(time_limit: float, memory_limit: float) -> None:
-    pages = int(FilePath("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    space = pages * resource.getpagesize() + int(memory_limit * 2**20)
+    space = address_space() + int(memory_limit * 2**20)
     resource.setrlimit(resource.RLIMIT_AS, (space, space))
     # Should the zygote itself be killed, a child that hangs does not live for ever.
     seconds = int(4.0 * time_limit + 60.0)

@@ -128,7 +128,8 @@ def benchmark(
         )
         slots = read_count(workers or "1", "--workers", 1, 1024)
     assert file is not None  # noqa: S101  # --output was given
-    with Store(file) as store, _pool(slots, scheduler) as pool:
+    # The scheduler first: if it does not answer, no database is made.
+    with _pool(slots, scheduler) as pool, Store(file) as store:
         tally = _run(plan, store, pool, file)
     if log_file is not None:
         from trailmark.benchmark.log_export import export_log
