@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 
 from trailmark.collision import StateChecker
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
@@ -17,8 +18,10 @@ from trailmark.world import Robot, World
 CHECKER = StateChecker(World("empty", (0.0, 0.0, 10.0, 10.0)), Robot.rectangle(0.2, 0.1))
 
 
-def nearby(landmarks: object = (), seed: int = 0) -> Nearby:
-    return Nearby(LandmarkSource(CHECKER, np.reshape(landmarks, (-1, 3))), np.random.default_rng(seed))
+def nearby(landmarks: ArrayLike = (), seed: int = 0) -> Nearby:
+    return Nearby(
+        LandmarkSource(CHECKER, np.asarray(landmarks, dtype=np.float64).reshape(-1, 3)), np.random.default_rng(seed)
+    )
 
 
 def apart(a: tuple[float, ...], b: tuple[float, ...]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -23,16 +24,19 @@ SAMPLES_PER_LANDMARK, LLOYD_STEPS = 5, 3
 FIRST, GROWTH, MOST = 120, 1.4, 600
 """Landmarks of the first round, growth from round to round, and most: a callback must not take long."""
 
-ROUNDS_PER_GRID = 2
-"""Rounds after which the relaxed problem is looked at on a grid twice as fine."""
+MOST_GUIDES = 240
+"""Most guides of a round: where many tries were valid, their centres do."""
+
+STEPS_PER_GRID, MOST_REFINEMENTS = 2, 3
+"""Bands after which the relaxed problem is looked at on a grid twice as fine, and guides are sought anew; how often."""
 
 
 class LandmarkSource:
     """Landmarks in rounds, each made when it is first asked for and kept.
 
-    Made for a query, they are the guides along the relaxed problem's shortest way and the K-means centres of samples
-    in a band around it (:class:`trailmark.landmarks.informed.Band`), a wider one each round. Without a query they are
-    the centres of samples over all free space.
+    Made for a query, they are the K-means centres of samples in a band around the relaxed problem's shortest way
+    (:class:`trailmark.landmarks.informed.Band`), in wider and wider ones, and between them the guides along that way.
+    Without a query they are the centres of samples over all free space.
 
     Args:
         checker: decides what is valid.
@@ -107,24 +111,28 @@ class LandmarkSource:
         return rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi), (n, 3))
 
     def _informed(self, start: se2.FloatArray, goal: se2.FloatArray) -> Iterator[se2.FloatArray]:
-        """Yield the landmarks of each round for a query."""
+        """Yield the landmarks of each round for a query: centres, which are quick to make, and guides in turns."""
         band = Band(self.checker, Relaxation(self.checker), start, goal)
-        count, rounds = float(FIRST), 0
-        while np.isfinite(band.shortest):
-            guides, whole = band.guides(self._rng)
-            if rounds == 0 and not whole and band.relaxation.size > band.relaxation.radius and band.refine():
-                # Cells larger than the disc may have led to where it does not fit.
-                if not np.isfinite(band.shortest):
-                    break
-                guides, _ = band.guides(self._rng)
-            widening = WIDENINGS[rounds] if rounds < len(WIDENINGS) else np.inf
-            samples = band.samples(SAMPLES_PER_LANDMARK * int(count), widening, self._rng)
-            yield self._with_headings(np.vstack([guides, self._centres(samples, int(count))]), band)
-            count = min(GROWTH * count, MOST)
-            rounds += 1
-            if rounds % ROUNDS_PER_GRID == 0:
+        count = float(FIRST)
+        for step in itertools.count():
+            if step and step % STEPS_PER_GRID == 0 and step // STEPS_PER_GRID <= MOST_REFINEMENTS:
                 band.refine()
-        self.infeasible = True
+            if not np.isfinite(band.shortest):
+                self.infeasible = True
+                return
+            widening = WIDENINGS[step] if step < len(WIDENINGS) else np.inf
+            # A manoeuvre takes about as much room as the robot, however short the way.
+            widening = max(widening, step * self.checker.footprint.circumradius / max(band.shortest, 1e-9))
+            samples = band.samples(SAMPLES_PER_LANDMARK * int(count), widening, self._rng)
+            yield self._with_headings(self._centres(samples, int(count)), band)
+            count = min(GROWTH * count, MOST)
+            if step % STEPS_PER_GRID:
+                continue
+            guides, whole = band.guides(self._rng)
+            if step == 0 and not whole and band.relaxation.size > band.relaxation.radius and band.refine():
+                # Cells larger than the disc may have led to where it does not fit.
+                guides = band.guides(self._rng)[0] if np.isfinite(band.shortest) else guides[:0]
+            yield self._with_headings(self._centres(guides, MOST_GUIDES), band)
 
     def _spread(self) -> Iterator[se2.FloatArray]:
         """Yield the landmarks of each round over all free space."""
@@ -166,7 +174,7 @@ class LandmarkSource:
             raise LandmarkError(
                 f"landmark {outside[0]}: {q[outside[0]].tolist()} given, allowed: within {list(self.bounds)}"
             )
-        wrong = np.flatnonzero(~self.checker.valid(q)) if len(q) else []
+        wrong = np.flatnonzero(~self.checker.valid(q))
         if len(wrong):
             try:
                 self.checker.require_valid(q[wrong[0]], f"landmark {wrong[0]}")

@@ -27,10 +27,10 @@ KINDS = ("landmark", "around", "between", "uniform", "landmark near", "near")
 
 LANDMARK, AROUND, BETWEEN, UNIFORM, LANDMARK_NEAR, NEAR = range(len(KINDS))
 
-BATCH = 256
+BATCH = 128
 """Configurations drawn at a time."""
 
-FOLLOWERS = 2
+FOLLOWERS = 1
 """Configurations of the mixture for each landmark of a round, before the next round's landmarks are asked for."""
 
 NEIGHBOURS = 8
@@ -107,13 +107,14 @@ class LandmarkStream:
         self._valid = valid
         self._shares = mixture.shares()
         self._round, self._follow = 0, 0
-        self._around = _Around(self.checker, np.empty((0, 3)))
+        self._landmarks: se2.FloatArray = np.empty((0, 3))
+        self._around: _Around | None = None
         self._rows: list[tuple[float, float, float, int]] = []
 
     @property
     def landmarks(self) -> se2.FloatArray:
         """The landmarks of the rounds so far, shape (k, 3)."""
-        return self._around.landmarks
+        return self._landmarks
 
     def take(self) -> tuple[float, float, float] | None:
         """Return the next configuration x, y, theta; None if a whole batch held no valid one."""
@@ -159,7 +160,8 @@ class LandmarkStream:
             if fresh is not None:
                 self._round += 1
             if fresh is not None and len(fresh):
-                self._around = _Around(self.checker, np.vstack([self._around.landmarks, fresh]))
+                self._landmarks = np.vstack([self._landmarks, fresh])
+                self._around = None
                 return fresh, np.full(len(fresh), LANDMARK)
         q, kinds = self._mixed(BATCH)
         good = self.source.inside(q)
@@ -171,16 +173,13 @@ class LandmarkStream:
 
     def _mixed(self, n: int) -> tuple[se2.FloatArray, NDArray[np.int64]]:
         """Return n configurations of the mixture in random order, valid or not, and their kinds."""
-        count = self._rng.multinomial(n, self._shares)
-        if len(self._around.landmarks) == 0:
-            count = np.array([0, 0, 0, n])
-        around = self._around
-        parts = [
-            around.landmarks[self._rng.integers(0, max(1, len(around.landmarks)), count[LANDMARK])],
-            around.around(count[AROUND], self._rng),
-            around.between(count[BETWEEN], self._rng),
-            self.source.uniform(count[UNIFORM], self._rng),
-        ]
+        count = self._rng.multinomial(n, self._shares if len(self._landmarks) else (0.0, 0.0, 0.0, 1.0))
+        parts = [self.source.uniform(count[UNIFORM], self._rng)]
+        if len(self._landmarks):
+            # Not before the landmarks are handed out: a planner that needs no more does not wait for this.
+            around = self._around = self._around or _Around(self.checker, self._landmarks)
+            again = self._landmarks[self._rng.integers(0, len(self._landmarks), count[LANDMARK])]
+            parts = [again, around.around(count[AROUND], self._rng), around.between(count[BETWEEN], self._rng), *parts]
         order = self._rng.permutation(n)
         return np.vstack(parts)[order], np.repeat(np.arange(len(count)), count)[order]
 
@@ -190,15 +189,13 @@ class _Around:
 
     Args:
         checker: decides which neighbours no certified motion joins.
-        landmarks: valid configurations, shape (k, 3).
+        landmarks: valid configurations, shape (k, 3), k >= 1.
     """
 
     def __init__(self, checker: StateChecker, landmarks: se2.FloatArray) -> None:
         self.checker = checker
         self.landmarks = landmarks
         self._turning = checker.footprint.sweep_radius
-        if len(landmarks) == 0:
-            return
         first, second, length = self._neighbours()
         total = np.bincount(first, length, len(landmarks))
         self._spacing = total / np.maximum(1, np.bincount(first, minlength=len(landmarks)))

@@ -33,8 +33,12 @@ VALID_STATES = frozenset(
 OWN_SAMPLERS = frozenset(("ABITstar", "AITstar", "BITstar", "EITstar", "InformedRRTstar", "SORRTstar"))
 """OMPL's planners that draw from an informed sampler of OMPL's own, made of the space's default one."""
 
+SPACE_TIME = frozenset(("STRRTstar",))
+"""OMPL's planners that take a ``SpaceTimeStateSpace`` only."""
+
 NOT_BOUND = "this OMPL's Python bindings have no StateSpace.setStateSamplerAllocator"
 INFORMED = "it draws from an informed sampler of OMPL's own, whatever the space's sampler is"
+NOT_SE2 = "it plans in space and time"
 
 
 @dataclass(frozen=True)
@@ -115,15 +119,11 @@ def plug_landmark_sampler(
     source = LandmarkSource(checker, landmarks, query=query, bounds=(xmin, ymin, xmax, ymax), seed=seed)
     names = planner_names()
     takes_states = hasattr(space, "setStateSamplerAllocator")
-    others = [name for name in names if name not in VALID_STATES]
+    cannot = {name: reason for name in names if (reason := _obstacle(name, takes_states))}
     plugged = PluggedSampler(
         valid_states=tuple(name for name in names if name in VALID_STATES),
-        states=tuple(name for name in others if takes_states and name not in OWN_SAMPLERS),
-        cannot={
-            name: INFORMED if name in OWN_SAMPLERS else NOT_BOUND
-            for name in others
-            if not takes_states or name in OWN_SAMPLERS
-        },
+        states=tuple(name for name in names if name not in VALID_STATES and name not in cannot),
+        cannot=cannot,
         source=source,
     )
     # Kernels are loaded now, not in the planner's time.
@@ -156,6 +156,17 @@ class _Allocator:
         except BaseException as error:  # nothing may pass through OMPL's C++
             caught(error)
             return self._otherwise(owner)
+
+
+def _obstacle(planner: str, takes_states: bool) -> str | None:
+    """Return why a planner cannot draw from the landmarks, or None if it can."""
+    if planner in VALID_STATES:
+        return None
+    if planner in OWN_SAMPLERS:
+        return INFORMED
+    if planner in SPACE_TIME:
+        return NOT_SE2
+    return None if takes_states else NOT_BOUND
 
 
 def _default_sampler(space: Any) -> Any:
