@@ -2,13 +2,22 @@
 
 #include <fstream>
 #include <malloc.h>
+#include <new>
 #include <string>
 #include <sys/resource.h>
+#include <unistd.h>
 
 namespace trailmark {
 namespace {
 
 constexpr double kSecondThread = 16.0;  // MB for the stack of the second thread that PRM starts
+
+// Says why the program ends, should the exception not be caught: OMPL's PRM ends it when one passes its threads.
+void out_of_memory() {
+  static constexpr char kText[] = "bad_alloc: out of memory\n";
+  [[maybe_unused]] const auto written = write(STDERR_FILENO, kText, sizeof kText - 1);
+  throw std::bad_alloc();
+}
 
 // A row of /proc/self/status, in MB.
 double status_row(const std::string& name) {
@@ -42,6 +51,7 @@ void limit_memory(double megabytes) {
   const auto bytes = static_cast<rlim_t>((mapped + megabytes + kSecondThread) * 1024.0 * 1024.0);
   const rlimit limit{bytes, bytes};
   setrlimit(RLIMIT_AS, &limit);
+  std::set_new_handler(out_of_memory);
 }
 
 }  // namespace trailmark

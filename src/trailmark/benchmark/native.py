@@ -33,7 +33,7 @@ SIMPLIFYING = 0.5
 """Seconds that the program's simplifier gets at most, as for the other planners."""
 
 PATIENCE = (5.0, 2.0)
-"""Seconds, and share of the time limit, that the program may take beyond planning and simplifying before it is ended."""
+"""Seconds, and share of the time limit, that the program gets beyond planning and simplifying before it is ended."""
 
 Answer = dict[str, Any]
 
@@ -110,7 +110,8 @@ def _answer(done: subprocess.CompletedProcess[str], file: Path) -> Answer:
     if done.returncode < 0:
         ended = signal.Signals(-done.returncode)
         status = Status.ABORT if ended == signal.SIGABRT else Status.CRASH
-        return {"status": int(status), "solved": False, "failure": f"{ended.name} {said[0]}".strip()[:500]}
+        why = "out of memory: " if "bad_alloc" in done.stderr else ""
+        return {"status": int(status), "solved": False, "failure": f"{why}{ended.name} {said[0]}".strip()[:500]}
     try:
         answer: Answer = json.loads(done.stdout)
     except ValueError:

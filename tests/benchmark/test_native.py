@@ -1,0 +1,276 @@
+"""The native program: its checker against trailmark's, its planners' paths before the referee, its failures."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks.oracle import Oracle
+from numpy.typing import NDArray
+
+from trailmark.benchmark import native
+from trailmark.benchmark.export import problem_text
+from trailmark.benchmark.native import NativeError, native_planners, native_program, native_versions, run_native
+from trailmark.benchmark.problems import Problem
+from trailmark.benchmark.record import RunRecord
+from trailmark.benchmark.referee import Referee
+from trailmark.benchmark.status import Status
+from trailmark.collision import StateChecker
+from trailmark.path import Path as StatePath
+from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.world import Query, Robot, World
+
+built = pytest.mark.skipif(
+    native_program() is None, reason="native program not built (see benchmarks/native/README.md)"
+)
+
+STATES = 20_000
+
+RESOLUTION = 0.02
+
+ROOM = World(
+    "room",
+    (0.0, 0.0, 10.0, 6.0),
+    (Rectangle((3.0, 2.0), 1.0, 4.0), Disc((6.5, 4.5), 1.0), Polygon(np.array([[6.0, 0.0], [7.0, 0.0], [6.5, 2.0]]))),
+    Robot.rectangle(0.6, 0.4),
+    queries=(Query("across", (1.0, 1.0, 0.0), (9.0, 1.0, np.pi)),),
+)
+
+JOB = {"seed": 3, "time_limit": 0.3, "memory_limit": 500.0, "resolution": RESOLUTION}
+
+
+def native_valid(
+    world: World, robot: Robot, states: NDArray[np.float64], folder: Path, *more: str
+) -> NDArray[np.bool_]:
+    """Return the program's verdicts on configurations, shape (n, 3)."""
+    rows = folder / "states.txt"
+    np.savetxt(rows, states, fmt="%.17g")
+    query = Query("none", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    program = str(native_program())
+    text = problem_text(world, robot, query)
+    done = subprocess.run([program, "check", str(rows), *more], input=text, capture_output=True, text=True, check=True)
+    verdicts: NDArray[np.bool_] = np.array(list(json.loads(done.stdout)["valid"])) == "1"
+    assert verdicts.shape == (len(states),)
+    return verdicts
+
+
+def random_states(world: World, seed: int) -> NDArray[np.float64]:
+    rng = np.random.default_rng(seed)
+    low, high = np.array([*world.bounds[:2], -np.pi]), np.array([*world.bounds[2:], np.pi])
+    # A little over the bounds too.
+    return rng.uniform(low - 0.1, high + 0.1, (STATES, 3))
+
+
+def assert_same_answers(world: World, robot: Robot, folder: Path) -> None:
+    q = random_states(world, seed=len(world.obstacles))
+    theirs, ours = native_valid(world, robot, q, folder), StateChecker(world, robot).valid(q)
+    assert 0.05 < ours.mean() < 0.95
+    differ = theirs != ours
+    # Where the two differ, shapely must find the robot within 1e-6 m of touching: there both are right.
+    assert differ.mean() < 1e-3
+    assert not Oracle(world, robot).disagrees(q[differ], theirs[differ]).any()
+
+
+@built
+@pytest.mark.parametrize("name", ["office", "clutter", "maze", "narrow", "discs", "environment1", "lake"])
+def test_checker_answers_as_trailmarks_does(name: str, worlds: Path, tmp_path: Path) -> None:
+    world = World.load(worlds / f"{name}.yaml")
+    assert world.robot is not None
+    assert_same_answers(world, world.robot, tmp_path)
+
+
+@built
+@pytest.mark.parametrize("name", ["office", "environment1", "discs"])
+def test_checker_answers_for_a_polygon_off_its_reference_point(name: str, worlds: Path, tmp_path: Path) -> None:
+    world = World.load(worlds / f"{name}.yaml")
+    assert world.robot is not None
+    r = world.robot.circumradius
+    hook = Robot.polygon(np.array([[0.3, -0.2], [1.5, -0.2], [1.5, 1.0], [1.1, 1.0], [1.1, 0.2], [0.3, 0.2]]) * r)
+    assert_same_answers(world, hook, tmp_path)
+
+
+@built
+def test_checker_answers_for_a_round_robot_among_polygons(worlds: Path, tmp_path: Path) -> None:
+    assert_same_answers(World.load(worlds / "clutter.yaml"), Robot.disc(0.7), tmp_path)
+
+
+@built
+@pytest.mark.parametrize("name", ["Maze", "RandomPolygons"])
+def test_checker_answers_on_ompl_apps_problems(name: str, shared_data: Path, tmp_path: Path) -> None:
+    world = World.load(shared_data / "omplapp" / f"{name}_planar.cfg")
+    assert world.robot is not None
+    assert_same_answers(world, world.robot, tmp_path)
+
+
+@built
+def test_grid_and_tiles_change_no_answer(worlds: Path, tmp_path: Path) -> None:
+    world = World.load(worlds / "office.yaml")
+    assert world.robot is not None
+    q = random_states(world, seed=5)
+    plain = native_valid(world, world.robot, q, tmp_path, "plain")
+    assert np.array_equal(plain, native_valid(world, world.robot, q, tmp_path))
+
+
+@built
+def test_touching_is_allowed_and_the_inside_of_obstacles_is_not_free(tmp_path: Path) -> None:
+    world = World("wall", (0.0, 0.0, 4.0, 4.0), (Rectangle((3.0, 2.0), 1.0, 4.0),))
+    robot = Robot.rectangle(0.6, 0.4)
+    q = np.array(
+        [
+            [0.3, 0.2, 0.0],  # in the corner of the bounds, on both
+            [0.2, 0.3, np.pi / 2],
+            [2.2, 2.0, 0.0],  # against the wall
+            [2.2 + 1e-5, 2.0, 0.0],
+            [0.3 - 1e-5, 2.0, 0.0],
+            [3.0, 2.0, 0.7],  # wholly inside the wall
+            [9.0, 2.0, 0.0],  # far outside
+            [-1e9, 1e9, 0.0],
+        ]
+    )
+    assert native_valid(world, robot, q, tmp_path).tolist() == [True] * 3 + [False] * 5
+
+
+@built
+@pytest.mark.parametrize("name", native_planners() or ["none"])
+def test_paths_and_figures_of_every_planner(name: str) -> None:
+    record = RunRecord.from_json(run_native(Problem(ROOM), JOB | {"planner": name}))
+    assert record.status in (Status.EXACT_SOLUTION, Status.APPROXIMATE_SOLUTION, Status.TIMEOUT)
+    assert record.seed == 3
+    assert record.time is not None
+    assert 0.0 < record.time < 2.0
+    assert record.states_checked
+    assert record.motions_checked
+    assert record.graph_states
+    assert record.memory is not None
+    assert record.memory >= 0.0
+    assert record.solved, "an open room takes every planner a few milliseconds"
+    # A discrete validator looks at states that are so near to one another that no point of the robot between them is
+    # farther than the resolution from where it was seen free: of a robot less that much, all of the path is right.
+    small = Robot.rectangle(0.6 - 2.0 * RESOLUTION, 0.4 - 2.0 * RESOLUTION)
+    referee, (query,) = Referee(ROOM, small), ROOM.queries
+    assert record.path is not None
+    assert record.simplified_path is not None
+    assert referee.fault(record.path, query.start, query.goal) is None
+    assert referee.fault(record.simplified_path, query.start, query.goal) is None
+    assert record.solution_length == pytest.approx(StatePath(np.array(record.path)).cost)
+    assert record.simplified_solution_length == pytest.approx(StatePath(np.array(record.simplified_path)).cost)
+    times, costs = np.array(record.curve).T
+    assert (np.diff(times) >= 0.0).all()
+    assert (np.diff(costs) < 0.0).all()
+    assert (times[0], costs[0]) == (record.time_to_first_solution, record.first_solution_length)
+    assert costs[-1] == pytest.approx(record.solution_length, abs=1e-5)
+
+
+@built
+def test_the_same_seed_gives_the_same_path() -> None:
+    runs = [run_native(Problem(ROOM), JOB | {"planner": "native:RRTConnect", "seed": seed}) for seed in (0, 0, 1)]
+    assert runs[0]["path"] == runs[1]["path"] != runs[2]["path"]
+
+
+@built
+def test_an_invalid_start_is_a_result() -> None:
+    world = replace(ROOM, queries=(Query("inside", (3.0, 2.0, 0.0), (9.0, 1.0, 0.0)),))
+    record = RunRecord.from_json(run_native(Problem(world), JOB | {"planner": "native:RRTConnect"}))
+    assert record.status == Status.INVALID_START
+    assert not record.solved
+    assert record.path is None
+
+
+@built
+def test_the_memory_limit_ends_a_run_and_is_a_result() -> None:
+    # LazyPRM* joins many pairs of states; it may take what the program sets aside for a second thread, and no more.
+    job = JOB | {"planner": "native:LazyPRMstar", "time_limit": 20.0, "memory_limit": 1e-3}
+    open_field = World("field", (0.0, 0.0, 10.0, 10.0), (), Robot.disc(0.1), queries=ROOM.queries)
+    answer = run_native(Problem(open_field), job)
+    assert answer["status"] == Status.ABORT
+    assert "out of memory" in answer["failure"]
+
+
+@built
+def test_planners_and_versions_are_named() -> None:
+    assert {"native:PRM", "native:RRTstar", "native:RRTConnect", "native:BITstar"} <= set(native_planners())
+    assert all(version[0].isdigit() for version in native_versions().values())
+    with pytest.raises(NativeError, match="did you mean 'native:PRMstar'"):
+        run_native(Problem(ROOM), JOB | {"planner": "native:PRMstars"})
+
+
+@built
+@pytest.mark.parametrize(
+    ("arguments", "text", "message"),
+    [
+        (["plan", "PRM"], "{}", "problem: "),
+        (["plan", "PRM"], "\n[", "problem: "),
+        (["plan", "PRM"], '{"trailmark_native": 2}', "version 2 given, allowed: 1"),
+        (["plan", "XYZ"], None, "planner 'XYZ' given, allowed: AITstar"),
+        (["plan", "PRM", "--seed", "0"], None, "--seed 0 given"),
+        (["plan", "PRM", "--time-limit"], None, "--time-limit given without a value"),
+        (["plan", "PRM", "--speed", "1"], None, "--speed 1 given, allowed: --resolution"),
+        (["check", "/no/such/file"], None, "cannot be read"),
+        ([], None, "arguments: allowed are planners"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], text: str | None, message: str) -> None:
+    assert ROOM.robot is not None
+    given = problem_text(ROOM, ROOM.robot, ROOM.queries[0]) if text is None else text
+    done = subprocess.run([str(native_program()), *arguments], input=given, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
+    """Make a shell script the native program: it knows one planner and does ``body`` when it is to plan."""
+    script = folder / "program"
+    names = '{"planners": ["PRM"], "ompl": "1", "fcl": "2"}'
+    script.write_text(
+        f"#!/bin/sh\nif [ \"$1\" = planners ]; then echo '{names}'; exit 0; fi\ncat > /dev/null\n{body}\n"
+    )
+    script.chmod(0o755)
+    monkeypatch.setenv(native.VARIABLE, str(script))
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "failure"),
+    [
+        ("echo oh >&2; kill -SEGV $$", Status.CRASH, "SIGSEGV oh"),
+        ("echo what: std::bad_alloc >&2; kill -ABRT $$", Status.ABORT, "out of memory: SIGABRT"),
+        ("exec sleep 60", Status.TIMEOUT, "did not end by itself: killed after"),
+    ],
+)
+def test_a_program_that_dies_or_hangs_is_a_result(
+    body: str, status: Status, failure: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(native, "PATIENCE", (0.2, 0.0))
+    stand_in(tmp_path, monkeypatch, body)
+    record = RunRecord.from_json(run_native(Problem(ROOM), JOB | {"planner": "native:PRM"}))
+    assert record.status == status
+    assert record.failure is not None
+    assert failure in record.failure
+    assert not record.solved
+
+
+def test_a_program_that_says_nothing_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in(tmp_path, monkeypatch, "echo what is this >&2; exit 2")
+    with pytest.raises(NativeError, match=r"program: what is this"):
+        run_native(Problem(ROOM), JOB | {"planner": "native:PRM"})
+
+
+def test_where_it_is_not_built_it_has_no_planners_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(native.VARIABLE, str(tmp_path / "nowhere"))
+    assert native_planners() == []
+    assert native_versions() == {}
+    with pytest.raises(NativeError, match=r"TRAILMARK_NATIVE names .*README.md says how it is built"):
+        run_native(Problem(ROOM), JOB | {"planner": "native:PRM"})
+
+
+def test_another_program_is_not_taken_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = tmp_path / "other"
+    script.write_text("#!/bin/sh\necho hello\n")
+    script.chmod(0o755)
+    monkeypatch.setenv(native.VARIABLE, str(script))
+    with pytest.raises(NativeError, match="other: does not name its planners"):
+        native_planners()
