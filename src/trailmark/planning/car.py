@@ -34,8 +34,8 @@ from trailmark.roadmap.curve_roadmap import CurveRoadmap
 
 __all__ = ["CarAttempt"]
 
-LONGEST_DRIVE, SHORTEST_DRIVE = 0.1, 0.005
-"""Turning radii: drives tried first, and those that no shorter ones follow."""
+LONGEST_DRIVE = 0.1
+"""Turning radii: drives of the first round; those of later ones are half as long each time."""
 
 DRIVES, KEPT = 6000, 80
 """Configurations that drives from one part of the roadmap reach at first, and landmarks among them."""
@@ -114,7 +114,7 @@ class CarAttempt:
             self._search(self.roadmap, band, nodes)
             if self.best is None and self._go_on_driving():
                 self._drive(band, nodes, drive, DRIVES << min(rounds, 6))
-                drive = max(0.5 * drive, SHORTEST_DRIVE * self.steering.radius)
+                drive *= 0.5
                 self.nearest = None if self.best is not None else self._approach(nodes)
             rounds += 1
             if self.best is None and rounds % ROUNDS_PER_GRID == 0:

@@ -32,6 +32,9 @@ __all__ = ["Drives", "drives_from"]
 GREED = 1.5
 """How much a metre still to go counts against one driven already."""
 
+FINEST = 0.005
+"""Turning radii: drives that no shorter ones follow."""
+
 LONGEST_ARC = 0.5 * pi
 """Radians: drives on one side are put together up to this arc, which is the shortest curve between its ends."""
 
@@ -71,29 +74,34 @@ def drives_from(
         costs: its costs to where the drives should lead.
         sources: valid configurations, shape (m, 3).
         into: whether the drives are to lead to the sources, not away from them.
-        step: longest drive, metres; cells are half as large.
+        step: longest drive, metres; cells are half as large. Both are halved until so many configurations are reached.
         most: configurations reached at most.
         landmarks: about so many of them are kept.
         rng: source of randomness.
     """
     checker, steering = motions.checker, motions.steering
     directions = np.array([1.0, -1.0] if steering.reverse else [-1.0 if into else 1.0])
-    q, parents, controls, to_go = _grow(
-        checker.grid,
-        checker.field,
-        checker.footprint,
-        steering.radius,
-        directions,
-        np.array(sources, order="C"),
-        step,
-        costs.cost,
-        relaxation.x0,
-        relaxation.y0,
-        relaxation.size,
-        relaxation.center,
-        most,
-    )
     m = len(sources)
+    while True:
+        q, parents, controls, to_go = _grow(
+            checker.grid,
+            checker.field,
+            checker.footprint,
+            steering.radius,
+            directions,
+            np.array(sources, order="C"),
+            step,
+            costs.cost,
+            relaxation.x0,
+            relaxation.y0,
+            relaxation.size,
+            relaxation.center,
+            most,
+        )
+        if len(q) >= m + most or step <= FINEST * steering.radius:
+            break
+        # All cells that these drives lead to are entered: smaller ones may lead farther.
+        step *= 0.5
     if len(q) == m:
         return Drives(np.empty((0, 3)), np.empty(0, np.int64))
     from scipy.spatial import cKDTree
