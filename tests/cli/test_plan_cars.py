@@ -1,0 +1,86 @@
+"""trailmark plan for cars: what is asked of the planner, what is printed, written and drawn, what is refused."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trailmark.curves import CurvePath, Steering
+from trailmark.formats.path_files import read_path
+from trailmark.world import Robot
+
+Shell = Callable[..., Any]
+
+
+@pytest.fixture
+def cars(yard: Path) -> Path:
+    text = yard.read_text()
+    yard.write_text(text.replace("width: 0.4}", "width: 0.4, turning_radius: 0.9}"))
+    return yard
+
+
+def test_options_make_the_robot_a_car(shell: Shell, yard: Path, planner: Any) -> None:
+    box = Robot.rectangle(0.8, 0.4)
+    for words, robot in (
+        ([], box),
+        (["--turning-radius", "1.5"], box.steered(1.5)),
+        (["--turning-radius", "1.5", "--forward-only"], box.steered(1.5, reverse=False)),
+        (["--robot", "disc:0.2", "--turning-radius", "2"], Robot.disc(0.2).steered(2.0)),
+    ):
+        assert shell("plan", yard, *words).status == 0
+        assert planner.calls[-1]["robot"] == robot
+
+
+def test_options_override_the_files_car(shell: Shell, cars: Path, planner: Any) -> None:
+    box = Robot.rectangle(0.8, 0.4)
+    for words, robot in (
+        ([], box.steered(0.9)),
+        (["--forward-only"], box.steered(0.9, reverse=False)),
+        (["--turning-radius", "1.5"], box.steered(1.5)),
+        # Another robot is another robot.
+        (["--robot", "disc:0.2"], Robot.disc(0.2)),
+    ):
+        assert shell("plan", cars, *words).status == 0
+        assert planner.calls[-1]["robot"] == robot
+
+
+@pytest.mark.parametrize("radius", ["0", "-1", "nan", "inf", "1e9", "wide"])
+def test_a_radius_that_is_none(shell: Shell, yard: Path, planner: Any, radius: str) -> None:
+    run = shell("plan", yard, f"--turning-radius={radius}")
+    assert run.status == 2
+    assert f"--turning-radius '{radius}' given, allowed: a number above 0" in run.problem
+    assert planner.calls == []
+
+
+def test_forward_only_needs_a_turning_radius(shell: Shell, yard: Path, planner: Any) -> None:
+    run = shell("plan", yard, "--forward-only")
+    assert run.status == 2
+    assert "--forward-only given for a robot without turning radius" in run.problem
+
+
+def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
+    files = {suffix: tmp_path / f"path{suffix}" for suffix in (".json", ".csv", ".path")}
+    picture = tmp_path / "plan.svg"
+    for file in files.values():
+        run = shell("plan", cars, "--json", "--output", file, "--plot", picture, "--time-limit", "20")
+        assert run.status == 0
+    record = json.loads(run.out)
+    curve = record["curve"]
+    path = CurvePath(np.array(curve["knots"]), Steering(curve["turning_radius"], curve["kind"] == "reeds-shepp"))
+    assert curve["turning_radius"] == 0.9
+    assert record["cost"] == record["length"] == path.length
+    assert record["lower_bound"] <= record["cost"] + 1e-9
+    for file in files.values():
+        assert np.array_equal(read_path(file).states, path.states)
+    assert picture.stat().st_size > 10_000
+
+
+def test_the_summary_tells_of_the_curves(shell: Shell, cars: Path) -> None:
+    run = shell("plan", cars, "--forward-only", "--time-limit", "20")
+    assert run.status == 0
+    assert "Dubins, turning radius 0.9 m, 0 changes of direction" in run.out
