@@ -1,6 +1,7 @@
 // Checker: is a configuration valid? The bounds first, then what the grid is sure of, then FCL.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <fcl/fcl.h>

@@ -60,14 +60,16 @@ trailmark::Settings settings_of(const Words& words) {
     } else if (option == "--seed" && value < 4294967296.0) {
       settings.seed = static_cast<unsigned>(value);
     } else {
-      throw std::runtime_error(option + " " + words[i + 1] +
-                               " given, allowed: --resolution, --time-limit, --simplify-limit, --memory-limit, --seed (below 2^32)");
+      throw std::runtime_error(option + " " + words[i + 1] + " given, allowed: --resolution, --time-limit, " +
+                               "--simplify-limit, --memory-limit, --seed (below 2^32)");
     }
   }
   return settings;
 }
 
-Json planners() { return {{"planners", trailmark::planner_names()}, {"ompl", OMPL_VERSION_TEXT}, {"fcl", FCL_VERSION_TEXT}}; }
+Json planners() {
+  return {{"planners", trailmark::planner_names()}, {"ompl", OMPL_VERSION_TEXT}, {"fcl", FCL_VERSION_TEXT}};
+}
 
 Json plan(const Words& words) {
   const trailmark::Settings settings = settings_of(words);

@@ -7,6 +7,7 @@ namespace trailmark {
 namespace {
 
 constexpr double kMaxCells = 1 << 18;
+constexpr double kMaxSide = 8192;    // cells along a side
 constexpr double kRounding = 1e-9;  // relative; keeps verdicts on the safe side
 
 double squared_distance_to_segment(const Point& p, const Point& a, const Point& b) {
@@ -52,8 +53,8 @@ Box box_of(const Disc& disc) {
 
 PlacementGrid::PlacementGrid(const Problem& problem) {
   const double width = problem.bounds[2] - problem.bounds[0], height = problem.bounds[3] - problem.bounds[1];
-  const double size =
-      std::max({0.25 * problem.robot.inscribed.radius, std::sqrt(width * height / kMaxCells), std::max(width, height) / 8192});
+  const double size = std::max({0.25 * problem.robot.inscribed.radius, std::sqrt(width * height / kMaxCells),
+                                std::max(width, height) / kMaxSide});
   x0_ = problem.bounds[0];
   y0_ = problem.bounds[1];
   per_metre_ = 1.0 / size;

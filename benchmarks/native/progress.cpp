@@ -23,7 +23,9 @@ Progress::Progress(ob::ProblemDefinitionPtr problem, ob::PlannerPtr planner, dou
     }
   }
   problem_->setIntermediateSolutionCallback(
-      [this](const ob::Planner*, const std::vector<const ob::State*>&, const ob::Cost cost) { note(cost.value()); });
+      [this](const ob::Planner*, const std::vector<const ob::State*>&, const ob::Cost cost) {
+        note(cost.value(), elapsed());
+      });
   begin_ = Clock::now();
 }
 
@@ -38,15 +40,15 @@ ob::PlannerTerminationCondition Progress::condition() {
   });
 }
 
-void Progress::poll() { note(std::strtod(best_cost_().c_str(), nullptr)); }
+void Progress::poll() { note(std::strtod(best_cost_().c_str(), nullptr), elapsed()); }
 
-void Progress::note(double cost) {
+void Progress::note(double cost, double seconds) {
   if (!std::isfinite(cost)) {
     return;
   }
   const std::lock_guard<std::mutex> lock(mutex_);
   if (curve_.empty() || cost < curve_.back().second - kSame) {
-    curve_.emplace_back(elapsed(), cost);
+    curve_.emplace_back(seconds, cost);
   }
 }
 

@@ -23,8 +23,8 @@ class Progress {
   // Ends the planning when the limit is reached. It must not outlive this object.
   ompl::base::PlannerTerminationCondition condition();
 
-  // Takes note of a solution, if it is better than those before.
-  void note(double cost);
+  // Takes note of a solution found `seconds` after the start, if it is better than those before.
+  void note(double cost, double seconds);
 
   double elapsed() const { return std::chrono::duration<double>(Clock::now() - begin_).count(); }
 

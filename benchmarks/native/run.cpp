@@ -90,7 +90,8 @@ void solve(og::SimpleSetup& setup, const ob::PlannerPtr& planner, const Checker&
   Progress progress(setup.getProblemDefinition(), planner, limit);
   setup.setup();
   const ob::PlannerStatus status = planner->solve(progress.condition());
-  record["time"] = progress.elapsed();
+  const double time = progress.elapsed();
+  record["time"] = time;
   const double peak = memory_peak();
   record["memory"] = memory < 0.0 || peak < 0.0 ? Json() : Json(std::max(0.0, peak - memory));
   record["status"] = static_cast<int>(static_cast<ob::PlannerStatus::StatusType>(status));
@@ -106,7 +107,7 @@ void solve(og::SimpleSetup& setup, const ob::PlannerPtr& planner, const Checker&
     record["path"] = states_of(path);
     if (exact) {
       record["solution_length"] = path.length();
-      progress.note(path.length());
+      progress.note(path.length(), time);
     }
   }
   record["curve"] = Json::array();

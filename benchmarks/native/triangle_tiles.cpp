@@ -21,7 +21,8 @@ std::shared_ptr<Mesh> mesh_of(const std::vector<Triangle>& triangles) {
   return mesh;
 }
 
-TriangleTiles::TriangleTiles(const Problem& problem, std::size_t most) : x0_(problem.bounds[0]), y0_(problem.bounds[1]) {
+TriangleTiles::TriangleTiles(const Problem& problem, std::size_t most)
+    : x0_(problem.bounds[0]), y0_(problem.bounds[1]) {
   const double width = problem.bounds[2] - x0_, height = problem.bounds[3] - y0_;
   const double size = std::max(problem.robot.circumradius, std::max(width, height) / static_cast<double>(most));
   per_metre_ = 1.0 / size;

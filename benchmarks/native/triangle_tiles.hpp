@@ -3,6 +3,7 @@
 // the whole world spends most of its time on the upper part of its tree of oriented boxes.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <fcl/fcl.h>
 #include <memory>
@@ -20,7 +21,7 @@ std::shared_ptr<Mesh> mesh_of(const std::vector<Triangle>& triangles);
 
 class TriangleTiles {
  public:
-  // most: tiles along each side at most; 1 makes a single model. No tile is smaller than the robot's reach.
+  // most: tiles along each side at most; 1 makes a single model. No tile is smaller than the robot's circumradius.
   TriangleTiles(const Problem& problem, std::size_t most);
 
   // The triangles near (x, y), which lies within the bounds; null if there are none.
