@@ -29,6 +29,7 @@ __all__ = [
     "read_count",
     "read_duration",
     "read_robot",
+    "read_share",
     "read_turning_radius",
     "robot_of",
     "steered",
@@ -107,6 +108,21 @@ def read_duration(text: str, option: str) -> float:
     if not (math.isfinite(seconds) and seconds > 0.0):
         raise UsageError(f"{option} {text!r} given, allowed: a finite number of seconds above 0")
     return seconds
+
+
+def read_share(text: str, option: str) -> float:
+    """Return the share, 0 or more, that an option gives.
+
+    Raises:
+        UsageError: anything but a finite number of 0 or more.
+    """
+    try:
+        share = float(text)
+    except ValueError:
+        share = math.nan
+    if not 0.0 <= share < math.inf:
+        raise UsageError(f"{option} {text!r} given, allowed: a finite number of 0 or more")
+    return share
 
 
 def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:

@@ -28,6 +28,7 @@ from trailmark.cli.options import (
     read_count,
     read_duration,
     read_robot,
+    read_share,
     read_turning_radius,
     robot_of,
     steered,
@@ -66,6 +67,21 @@ def plan(
             "--landmarks", metavar="K", help="Number of landmarks; default: by the world.", show_default=False
         ),
     ] = None,
+    gap: Annotated[
+        str,
+        typer.Option(
+            "--gap", metavar="SHARE", help="End once the path is proven to be this near the optimum: 0.001 is 0.1 %."
+        ),
+    ] = "0.001",
+    max_iterations: Annotated[
+        str | None,
+        typer.Option(
+            "--max-iterations",
+            metavar="N",
+            show_default=False,
+            help="Rounds of landmarks at most; with a generous time limit the seed alone then decides the path.",
+        ),
+    ] = None,
     output: Annotated[
         str | None,
         typer.Option(
@@ -87,6 +103,8 @@ def plan(
     limit = read_duration(time_limit, "--time-limit")
     number = read_count(seed, "--seed", 0)
     count = None if landmarks is None else read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
+    rounds = None if max_iterations is None else read_count(max_iterations, "--max-iterations", 1)
+    share = read_share(gap, "--gap")
     given = read_robot(robot)
     radius = read_turning_radius(turning_radius)
     ends = _given_ends(query, start, goal)
@@ -110,7 +128,7 @@ def plan(
         progress.stage("preparing (compiles on first use)")
         planner = LandmarkPlanner(loaded, body, seed=number, landmarks=count)
         progress.stage("planning", limit)
-        result = planner.plan(a, b, time_limit=limit, on_progress=follow)
+        result = planner.plan(a, b, time_limit=limit, on_progress=follow, max_iterations=rounds, gap=share)
 
         record = result.to_dict(world=loaded.name, query=name)
         record["time"]["load"] = loading

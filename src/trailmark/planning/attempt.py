@@ -12,6 +12,7 @@ from trailmark import se2
 from trailmark.landmarks import Relaxation, k_means_landmarks
 from trailmark.landmarks.informed import Band
 from trailmark.path import Path
+from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.result import PlanProgress, Status
 from trailmark.planning.shortening import shorten
 from trailmark.roadmap import Roadmap
@@ -40,6 +41,9 @@ BRIDGE_MISSES, BRIDGE_TRIES = 6, 40
 SWEEPS, FIRST_SWEEPS, PROMISING = 40, 5, 1.03
 """Sweeps of shortening at most; another path gets all only if the first few bring it within this factor of the best."""
 
+PROOF_SHARE = 0.2
+"""Share of the time left that a proof may be expected to take, unless nothing else is left to do."""
+
 PATIENCE = 4
 """Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
 IMPROVEMENT = 1e-3
@@ -58,6 +62,8 @@ class Attempt:
         max_iterations: rounds of landmarks at most.
         on_progress: called after every step and with every better path.
         stop: asked between steps whether to end early.
+        bound: proves lower bounds in this world.
+        gap: how far above the proven lower bound a path may be to end the search, as a share of it.
 
     Attributes:
         start: shape (3,).
@@ -66,6 +72,7 @@ class Attempt:
         first_cost: the first path's cost, metres.
         history: (seconds, cost in metres) of each better path.
         nearest: without a path, the states (n, 3) of one from the start to where it comes nearest to the goal.
+        lower_bound: proven lower bound on any path's cost, metres; infinite if it proves that there is none.
     """
 
     def __init__(
@@ -80,6 +87,8 @@ class Attempt:
         max_iterations: int | None,
         on_progress: OnProgress | None,
         stop: Callable[[], bool] | None = None,
+        bound: LowerBound | None = None,
+        gap: float = 0.0,
     ) -> None:
         self.checker, self.roadmap, self.relaxation, self.rng = roadmap.checker, roadmap, relaxation, rng
         self.start, self.goal = ends
@@ -87,6 +96,9 @@ class Attempt:
         self.rounds_left = max_iterations
         self.on_progress, self.stop = on_progress, stop
         self.nearest: se2.FloatArray | None = None
+        self.bound, self.gap = bound, gap
+        self.lower_bound = float(se2.distance(self.start, self.goal))
+        self._proven = bound is None
         self.turning = self.roadmap.turning
         self.best: se2.FloatArray | None = None
         self.best_cost = np.inf
@@ -128,13 +140,18 @@ class Attempt:
             rounds += 1
             if self.best is None and rounds % ROUNDS_PER_GRID == 0:
                 # What keeps failing may need a closer look, or be impossible.
+                self._prove(PROOF_SHARE)
+                if not np.isfinite(self.lower_bound):
+                    return "infeasible", None
                 band.refine()
             if self.best is None and np.isfinite(band.shortest):
                 guides, _ = band.guides(self.rng)
             landmarks *= GROWTH
         if not np.isfinite(band.shortest):
             return "infeasible", None
+        self._prove(PROOF_SHARE)
         self._improve(band, ends, landmarks)
+        self._prove(1.0)
         if self.best is not None:
             self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
         return self._answer()
@@ -215,7 +232,7 @@ class Attempt:
         roadmap = Roadmap(self.checker)
         nodes = roadmap.add(ends)
         marked = np.zeros(0, dtype=np.int64)
-        while self.best is not None and settled < PATIENCE and self._go_on("improving"):
+        while settled < PATIENCE and self.best is not None and not self._close_enough() and self._go_on("improving"):
             before = self.best_cost
             widening = max(0.02, self.best_cost / max(band.shortest, 1e-9) - 1.0)
             self._grow(roadmap, band, widening, int(landmarks))
@@ -230,6 +247,24 @@ class Attempt:
             if self._time_left() > 0.0:
                 self._offer(self._shortened(self.best))
             settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0
+
+    def _prove(self, share: float) -> None:
+        """Prove a lower bound if that is expected to take no more than a share of the time left."""
+        if self.bound is None or self._proven:
+            return
+        most = np.inf if self.best is None else self._cost_with_headings()
+        if self.bound.seconds(self.start, self.goal, most) < share * self._time_left():
+            self._proven = True
+            self.lower_bound = max(self.lower_bound, self.bound.of(self.start, self.goal, most).cost)
+
+    def _close_enough(self) -> bool:
+        """Return whether the best path is proven to be within the gap."""
+        if self.best is None or not self._proven:
+            return False
+        return self._cost_with_headings() <= (1.0 + self.gap) * self.lower_bound + 1e-9
+
+    def _cost_with_headings(self) -> float:
+        return np.inf if self.best is None else Path(self._with_headings(self.best)).cost
 
     def _offer(self, states: se2.FloatArray) -> None:
         """Keep a path if it is the best so far."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from time import perf_counter
 from typing import Any
 
@@ -17,6 +18,7 @@ from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
 from trailmark.path import Path
 from trailmark.planning.attempt import LLOYD_STEPS, SAMPLES_PER_LANDMARK, Attempt, OnProgress
 from trailmark.planning.car import CarAttempt
+from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.result import PlanResult, Status
 from trailmark.planning.warmup import warm_up, warm_up_curves
 from trailmark.roadmap import CurveRoadmap, Roadmap
@@ -26,6 +28,9 @@ __all__ = ["LandmarkPlanner"]
 
 MAX_LANDMARKS = 20_000
 """Most landmarks that may be asked for: clustering more takes longer than anybody waits."""
+
+GAP = 1e-3
+"""A path within a thousandth of the optimum is as good as any."""
 
 CONVERGED_LANDMARKS = 2_000
 """Landmarks up to which :meth:`LandmarkPlanner.build` lets K-means run to its end."""
@@ -43,7 +48,7 @@ class LandmarkPlanner:
     settles or the time is up.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
-    reverse (:mod:`trailmark.curves`); costs are the curves' lengths, and a path is a :class:`trailmark.curves.CurvePath`.
+    reverse (:mod:`trailmark.curves`); costs are the curves' lengths, a path is a :class:`trailmark.curves.CurvePath`.
 
     Args:
         world: obstacles and bounds.
@@ -121,6 +126,7 @@ class LandmarkPlanner:
         max_iterations: int | None = None,
         on_progress: OnProgress | None = None,
         stop: Callable[[], bool] | None = None,
+        gap: float = GAP,
     ) -> PlanResult:
         """Return a path from start to goal, or why there is none.
 
@@ -132,10 +138,13 @@ class LandmarkPlanner:
                 the seed alone.
             on_progress: called after every step and with every better path.
             stop: asked between steps whether to end early, as if the time were up.
+            gap: end as soon as the path is proven to cost no more than (1 + gap) times the optimum.
 
         Raises:
-            ConfigurationError: start or goal is not valid, or the time limit is not above 0.
+            ConfigurationError: start or goal is not valid, the time limit is not above 0, or the gap is negative.
         """
+        if not gap >= 0.0:
+            raise ConfigurationError(f"gap: {gap} given, allowed: 0 or more")
         if not time_limit > 0.0:
             raise ConfigurationError(f"time limit: {time_limit} s given, allowed: more than 0")
         if max_iterations is not None and max_iterations < 1:
@@ -146,7 +155,8 @@ class LandmarkPlanner:
         if self._landmarks is not None and len(self.roadmap) == 0:
             self.build()
             build = self._build_time
-        kind: Any = CarAttempt if isinstance(self.roadmap, CurveRoadmap) else Attempt
+        car = isinstance(self.roadmap, CurveRoadmap)
+        kind: Any = CarAttempt if car else Attempt
         attempt: Attempt | CarAttempt = kind(
             self.roadmap,
             self.relaxation,
@@ -157,10 +167,16 @@ class LandmarkPlanner:
             max_iterations=max_iterations,
             on_progress=on_progress,
             stop=stop,
+            **({} if car else {"bound": self.bound, "gap": gap}),
         )
         status, states = attempt.run()
         self._build_time = 0.0
         return self._result(attempt, status, states, build)
+
+    @cached_property
+    def bound(self) -> LowerBound:
+        """Proves lower bounds; what it computes is kept from query to query."""
+        return LowerBound(self.world, self.robot)
 
     @property
     def relaxation(self) -> Relaxation:
@@ -174,9 +190,11 @@ class LandmarkPlanner:
             return None
         return Path(states) if self.steering is None else CurvePath(states, self.steering)
 
-    def _bound(self, start: se2.FloatArray, goal: se2.FloatArray) -> float:
-        """Return what the cheapest motion would cost if there were no obstacles (metres)."""
-        return float(se2.distance(start, goal) if self.steering is None else self.steering.lengths(start, goal))
+    def _bound(self, attempt: Attempt | CarAttempt) -> float:
+        """Return the proven lower bound (metres): for a car also what its shortest curve would cost in the open."""
+        if isinstance(attempt, CarAttempt):
+            return float(attempt.steering.lengths(attempt.start, attempt.goal))
+        return attempt.lower_bound
 
     def _result(
         self, attempt: Attempt | CarAttempt, status: Status, states: se2.FloatArray | None, build: float
@@ -191,7 +209,7 @@ class LandmarkPlanner:
             status=status,
             path=path,
             seed=self.seed,
-            lower_bound=None if status == "infeasible" else self._bound(attempt.start, attempt.goal),
+            lower_bound=None if status == "infeasible" else self._bound(attempt),
             first_cost=attempt.first_cost,
             min_clearance=clearance,
             landmarks=len(self.roadmap),

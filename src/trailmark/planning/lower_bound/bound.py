@@ -12,13 +12,20 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.planning.lower_bound.mesh import Mesh, triangulated
 from trailmark.planning.lower_bound.polyanya import shortest_way
-from trailmark.planning.lower_bound.region import free_region
+from trailmark.planning.lower_bound.region import MARGIN, QUARTER, free_region
+from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
 __all__ = ["Bound", "LowerBound"]
 
 ROUNDING = 1e-9
 """Relative error that lengths may have; taken off."""
+
+LARGE = 20_000
+"""Vertices of a region from which on it is looked at only as far as a query needs."""
+
+SECONDS_A_VERTEX, SECONDS_A_WAY = 3e-5, 0.003
+"""What cutting a region into triangles takes, and a query once that is done, with some to spare."""
 
 FloatArray = NDArray[np.float64]
 
@@ -50,13 +57,23 @@ class LowerBound:
     def __init__(self, world: World, robot: Robot) -> None:
         self.world, self.robot = world, robot
 
-    def of(self, start: FloatArray, goal: FloatArray) -> Bound:
-        """Return the bound for a query; ends of shape (3,), valid."""
+    def of(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> Bound:
+        """Return the bound for a query.
+
+        Args:
+            start: valid, shape (3,).
+            goal: valid, shape (3,).
+            most: cost (metres) of a path that is known; in a large world only ways no longer than that are looked at.
+        """
         straight = Bound(float(se2.distance(start, goal)), np.empty((0, 2)))
-        center = np.array(self.robot.inscribed_disc.center)
-        offset = float(np.hypot(*center))
+        center, offset = self._center
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
-        found = self._way(a, b)
+        # What a path of that cost can make the disc's centre go at most; longer ways are no rivals.
+        longest = most * max(1.0, offset / se2.ROTATION_WEIGHT)
+        if self._whole or self._size <= LARGE or not np.isfinite(longest):
+            found = self._way(a, b)
+        else:
+            found = self._way_within(a, b, longest)
         if found is None:
             return straight
         length, way = found
@@ -64,6 +81,48 @@ class LowerBound:
         w = se2.ROTATION_WEIGHT
         cost = length + (w - offset) * turn if offset <= w else (w / offset) * length
         return Bound(max(straight.cost, cost), way)
+
+    def seconds(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> float:
+        """Return how long :meth:`of` is expected to take."""
+        if self._whole or self._size <= LARGE or not np.isfinite(most):
+            return SECONDS_A_WAY if self._whole else SECONDS_A_VERTEX * self._size
+        xmin, ymin, xmax, ymax = self.world.bounds
+        center, offset = self._center
+        a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
+        longest = most * max(1.0, offset / se2.ROTATION_WEIGHT)
+        share = min(1.0, _ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
+        return float(SECONDS_A_VERTEX * self._size * share)
+
+    @cached_property
+    def _center(self) -> tuple[FloatArray, float]:
+        """The disc's centre in the robot's frame, shape (2,), and its distance from the reference point, metres."""
+        center = np.array(self.robot.inscribed_disc.center)
+        return center, float(np.hypot(*center))
+
+    @cached_property
+    def _size(self) -> int:
+        """About how many vertices the region has."""
+        corners = 0
+        for shape in self.world.obstacles:
+            corners += 8 * QUARTER if isinstance(shape, Disc) else 4 * sum(len(r) for r in shape.polygon().rings())
+        return corners + 4
+
+    @property
+    def _whole(self) -> bool:
+        """Whether the region of the whole world is there already."""
+        return "_parts" in self.__dict__ and bool(self._meshes)
+
+    def _way_within(self, a: FloatArray, b: FloatArray, longest: float) -> tuple[float, FloatArray] | None:
+        """Return what :meth:`_way` does, as far as it is below ``longest``: all such ways lie within an ellipse."""
+        ellipse = _ellipse(a, b, longest)
+        parts = shapely.get_parts(free_region(self.world, self.robot.inscribed_disc.radius, ellipse))
+        at = [np.flatnonzero(shapely.intersects_xy(parts, *point)) for point in (a, b)]
+        if len(at[0]) == 0 or len(at[1]) == 0:
+            return None
+        if at[0][0] != at[1][0]:
+            return longest, np.empty((0, 2))
+        length, way = shortest_way(triangulated(parts[at[0][0]]), a, b)
+        return (min(length, longest) * (1.0 - ROUNDING), way) if np.isfinite(length) else None
 
     def _way(self, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
         """Return the length of the disc centre's shortest way and its bends; None if that cannot be told."""
@@ -92,3 +151,15 @@ class LowerBound:
     @cached_property
     def _meshes(self) -> dict[int, Mesh]:
         return {}
+
+
+def _ellipse(a: FloatArray, b: FloatArray, longest: float) -> Any:
+    """Return a polygon around all points whose distances to a and b add up to no more than ``longest``."""
+    apart = float(np.hypot(*(b - a)))
+    major = 0.5 * max(longest, apart) + MARGIN
+    minor = float(np.sqrt(max(major**2 - 0.25 * apart**2, MARGIN**2)))
+    angle = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    # Around the ellipse, not in it.
+    u, v = (size * f(angle) / np.cos(np.pi / 64) for size, f in ((major, np.cos), (minor, np.sin)))
+    c, s = (b - a) / apart if apart > 0.0 else (1.0, 0.0)
+    return shapely.Polygon(np.column_stack([c * u - s * v, s * u + c * v]) + 0.5 * (a + b))

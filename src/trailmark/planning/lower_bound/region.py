@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import shapely
 
-from trailmark.shapes import Disc
+from trailmark.shapes import Disc, Shape
 from trailmark.world import World
 
 __all__ = ["MARGIN", "free_region"]
@@ -38,20 +39,22 @@ def free_region(world: World, radius: float, within: Any = None) -> Any:
         region = shapely.intersection(region, shapely.buffer(inside, -r, quad_segs=QUARTER) if r > 0.0 else inside)
     if within is not None:
         region = shapely.intersection(region, within)
-    grown = [*_polygons(world, r), *_discs(world, r)]
+    shapes = world.obstacles
     if within is not None:
-        near = np.array(grown, dtype=object)
-        grown = list(near[shapely.intersects(near, within)]) if grown else []
+        boxes = shapely.box(*np.array([s.bounding_box() for s in shapes]).reshape(-1, 4).T)
+        near = shapely.dwithin(boxes, within, r + MARGIN)
+        shapes = tuple(s for s, close in zip(shapes, near, strict=True) if close)
+    grown = [*_polygons(shapes, r), *_discs(shapes, r)]
     return shapely.difference(region, shapely.union_all(grown)) if grown else region
 
 
-def _polygons(world: World, r: float) -> list[Any]:
-    shapes = np.array([s.polygon().shapely() for s in world.obstacles if not isinstance(s, Disc)], dtype=object)
-    if len(shapes) == 0:
+def _polygons(shapes: Sequence[Shape], r: float) -> list[Any]:
+    regions = np.array([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], dtype=object)
+    if len(regions) == 0:
         return []
-    return list(shapely.buffer(shapes, r, quad_segs=QUARTER)) if r > 0.0 else list(shapes)
+    return list(shapely.buffer(regions, r, quad_segs=QUARTER)) if r > 0.0 else list(regions)
 
 
-def _discs(world: World, r: float) -> list[Any]:
-    rows = [(*s.center, s.radius - MARGIN + r) for s in world.obstacles if isinstance(s, Disc)]
+def _discs(shapes: Sequence[Shape], r: float) -> list[Any]:
+    rows = [(*s.center, s.radius - MARGIN + r) for s in shapes if isinstance(s, Disc)]
     return [shapely.Point(x, y).buffer(size, quad_segs=2 * QUARTER) for x, y, size in rows if size > 0.0]
