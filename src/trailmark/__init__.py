@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from trailmark.collision import StateChecker as StateChecker
+    from trailmark.curves import CurvePath as CurvePath
+    from trailmark.curves import Steering as Steering
     from trailmark.errors import ConfigurationError as ConfigurationError
     from trailmark.errors import FormatError as FormatError
     from trailmark.errors import OutputError as OutputError
@@ -31,6 +33,8 @@ __version__ = "0.1.0"
 
 _HOME = {
     "StateChecker": "collision",
+    "CurvePath": "curves",
+    "Steering": "curves",
     "ConfigurationError": "errors",
     "FormatError": "errors",
     "OutputError": "errors",
