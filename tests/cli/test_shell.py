@@ -33,7 +33,9 @@ def test_help_names_every_command(shell: Shell) -> None:
     assert shell("-h").out == run.out
 
 
-@pytest.mark.parametrize("command", [["plan"], ["map"], ["worlds"], ["worlds", "show"], ["worlds", "convert"]])
+@pytest.mark.parametrize(
+    "command", [["plan"], ["map"], ["benchmark"], ["worlds"], ["worlds", "show"], ["worlds", "convert"]]
+)
 def test_every_command_has_help(shell: Shell, command: list[str]) -> None:
     run = shell(*command, "--help")
     assert run.status == 0
@@ -47,7 +49,7 @@ def test_version(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        ([], "Missing command, allowed: plan, landmarks, map, worlds"),
+        ([], "Missing command, allowed: plan, landmarks, map, benchmark, worlds"),
         (["paln"], "No such command 'paln'"),
         (["--verison"], "No such option: --verison"),
         (["plan"], "Missing argument 'WORLD' (see 'trailmark plan --help')"),

@@ -141,7 +141,7 @@ class Referee:
             most = self._radius + float(self._radii.max())
             which, disc = self._centers.query(robots, predicate="dwithin", distance=most)
             apart = shapely.distance(robots[which], self._centers.geometries[disc])
-            hit[which[apart < self._radius + self._radii[disc] - TOUCHING]] = True
+            hit[which[apart < self._radius + self._radii[disc]]] = True
         return hit
 
 

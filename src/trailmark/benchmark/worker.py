@@ -35,6 +35,7 @@ class Worker:
         self._known: list[str] = []
         self._pending = b""
         self._stopped = False
+        self._running = threading.RLock()
 
     def run(self, job: Mapping[str, Any]) -> Answer:
         """Return a job's answer, as fields of a :class:`~trailmark.benchmark.record.RunRecord`.
@@ -42,6 +43,29 @@ class Worker:
         Raises:
             WorkerError: the zygote died over it, twice, or does not start.
         """
+        with self._running:
+            return self._run(job)
+
+    def stop(self, *, for_good: bool = True) -> None:
+        """End the zygote and the run under way."""
+        self._stopped = self._stopped or for_good
+        process, self._process = self._process, None
+        if process is None:
+            return
+        if process.stdin is not None:
+            with contextlib.suppress(OSError):
+                process.stdin.close()  # which the zygote takes for its end, and its child's
+        try:
+            process.wait(2.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        # Whoever reads from it comes to its end now.
+        with self._running:
+            if process.stdout is not None:
+                process.stdout.close()
+
+    def _run(self, job: Mapping[str, Any]) -> Answer:
         for _ in range(2):
             self._start()
             begin = perf_counter()
@@ -64,21 +88,6 @@ class Worker:
             record.overhead = max(0.0, perf_counter() - begin - spent)
             return record.to_json()
         raise WorkerError(f"planner {job['planner']}, seed {job['seed']}: the worker process died over it twice")
-
-    def stop(self, *, for_good: bool = True) -> None:
-        """End the zygote and the run under way."""
-        self._stopped = self._stopped or for_good
-        process, self._process = self._process, None
-        if process is None:
-            return
-        if process.stdin is not None:
-            with contextlib.suppress(OSError):
-                process.stdin.close()  # which the zygote takes for its end, and its child's
-        try:
-            process.wait(2.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
 
     def _start(self) -> None:
         if self._stopped:

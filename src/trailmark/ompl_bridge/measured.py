@@ -38,6 +38,10 @@ GROWING, EXPANDING = 0.4, 0.2
 
 SLICED = ("PRM", "PRMstar")
 
+EXACT = 6
+FINAL = (1, 2, 3, 9)
+"""OMPL's numbers for an exact solution, and for what more time does not change: invalid ends, infeasible."""
+
 
 @dataclass
 class Measurement:
@@ -97,6 +101,7 @@ def measure(problem: SE2Problem, name: str, limit: float, *, on_step: Callable[[
     solve = _in_slices if name in SLICED else _at_once
     status = solve(problem, planner, watch, limit)
     time = perf_counter() - begin
+    watch.cost = None  # else planner, checker and watch would keep each other
     return _measurement(problem, watch, status, time)
 
 
@@ -216,7 +221,7 @@ def _in_slices(problem: SE2Problem, planner: Any, watch: _Watch, limit: float) -
         if definition.hasExactSolution():
             cost = float(definition.getSolutionPath().length())
             watch.note(perf_counter() - watch.begin, cost)
-        if int(status.getStatus().value) in (1, 2, 3, 9):  # invalid ends, an unknown kind of goal, infeasible
+        if int(status.getStatus().value) in FINAL:
             return status
 
 
@@ -237,7 +242,8 @@ def _measurement(problem: SE2Problem, watch: _Watch, status: Any, time: float) -
     # The validator that looks at states one by one counts motions itself.
     motions = problem.motions.checked if problem.motions is not None else problem.information.getCheckedMotionCount()
     return Measurement(
-        status=int(status.getStatus().value),
+        # A later slice may end without finding the path anew.
+        status=EXACT if exact else int(status.getStatus().value),
         time=time,
         path=None if path is None else np.asarray(path),
         exact=exact,

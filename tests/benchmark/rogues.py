@@ -1,0 +1,67 @@
+"""Planners that misbehave, named ``tests.benchmark.rogues:NAME`` to the benchmark."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+__all__ = ["abort", "crash", "eat", "fail", "hang", "honest", "leave", "lie", "shout", "stray"]
+
+
+def honest(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
+    """Go straight, as tests choose problems where that is right; take a while."""
+    time.sleep(0.02)
+    return np.array([start, goal])
+
+
+def abort(*args: Any) -> None:
+    os.abort()
+
+
+def crash(*args: Any) -> None:
+    ctypes.string_at(0)
+
+
+def hang(*args: Any) -> None:
+    # Also what an orderly end would be asked for with.
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    while True:
+        time.sleep(0.1)
+
+
+def eat(*args: Any) -> Any:
+    held = []
+    while True:
+        held.append(np.ones(2**20))
+
+
+def fail(*args: Any) -> None:
+    raise ValueError("no idea\nat all")
+
+
+def leave(*args: Any) -> None:
+    os._exit(7)
+
+
+def lie(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
+    """Stop short of the goal and call it a solution."""
+    return np.array([start, (np.asarray(start) + goal) / 2.0])
+
+
+def stray(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
+    """Leave the world on the way."""
+    return np.array([start, [5.0, -3.0, 0.0], goal])
+
+
+def shout(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
+    """Print what must not be taken for an answer, through C as well."""
+    sys.stdout.write('{"status": 6}\n')
+    sys.stdout.flush()
+    os.write(1, b'{"ready": 1}\n')
+    return None

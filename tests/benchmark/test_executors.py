@@ -1,0 +1,102 @@
+"""A real Dask scheduler with two workers, one of which is killed half-way."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+import pytest
+from tests.benchmark.conftest import small_world
+
+from trailmark.benchmark.errors import WorkerError
+from trailmark.benchmark.executors import cluster
+
+pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+
+ROOT = Path(__file__).resolve().parents[2]
+RUNS = 24
+
+
+@contextmanager
+def process(*words: object) -> Iterator[subprocess.Popen[bytes]]:
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__DIAGNOSTICS__NVML": "False"}
+    started = subprocess.Popen(
+        [sys.executable, "-W", "ignore", "-m", *map(str, words)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+    )
+    try:
+        yield started
+    finally:
+        started.kill()
+        started.wait()
+
+
+def runs_in(file: Path) -> list[tuple[int, int]]:
+    with closing(sqlite3.connect(file)) as db:
+        try:
+            return db.execute("SELECT plannerid, seed FROM runs WHERE correct_solution").fetchall()
+        except sqlite3.OperationalError:  # not made yet
+            return []
+
+
+def test_a_killed_worker_only_repeats_its_runs(tmp_path: Path) -> None:
+    world, results, address = tmp_path / "room.yaml", tmp_path / "results.db", tmp_path / "scheduler.json"
+    small_world().save(world)
+    worker = ("distributed.cli.dask_worker", "--scheduler-file", address, "--nthreads", 1, "--no-nanny")
+    quiet = ("--no-dashboard", "--local-directory", tmp_path)
+    with (
+        process("distributed.cli.dask_scheduler", "--port", 0, "--scheduler-file", address, "--no-dashboard"),
+        process(*worker, *quiet) as first,
+        process(*worker, *quiet),
+    ):
+        deadline = time.perf_counter() + 30.0
+        while not address.exists() and time.perf_counter() < deadline:
+            time.sleep(0.05)
+        command = [
+            *(sys.executable, "-m", "trailmark.cli", "benchmark", str(world), "--query", "ahead"),
+            *("-p", "tests.benchmark.rogues:honest", "--runs", str(RUNS), "--time-limit", "5"),
+            *("--scheduler", json.loads(address.read_text())["address"], "--output", str(results)),
+        ]
+        with subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+        ) as benchmark:
+            while (not results.exists() or len(runs_in(results)) < 4) and benchmark.poll() is None:
+                time.sleep(0.02)
+            first.send_signal(signal.SIGKILL)
+            out, err = benchmark.communicate(timeout=60)
+    assert (benchmark.returncode, err) == (0, "")
+    assert f"{RUNS} runs made, 0 of them without" in out
+    assert sorted(runs_in(results)) == [(1, seed) for seed in range(RUNS)]
+
+
+def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("trailmark.benchmark.executors.ANSWERING", 0.5)
+    with closing(socket.socket()) as taken:
+        taken.bind(("127.0.0.1", 0))  # and nobody listens
+        address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(WorkerError, match="does not answer") as told, cluster(address):
+            pass
+    assert "\n" not in str(told.value)
+    with pytest.raises(WorkerError, match="does not answer"), cluster("no address"):
+        pass
+
+
+def test_without_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(WorkerError, match=r"pip install 'trailmark\[cluster\]'"), cluster("tcp://127.0.0.1:1"):
+        pass

@@ -1,0 +1,71 @@
+"""Planners by name."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from trailmark.benchmark import planners
+from trailmark.benchmark.errors import SuiteError
+from trailmark.benchmark.planners import known_planners, read_planners, settings_of
+from trailmark.ompl_bridge import planner_names
+
+
+@pytest.fixture
+def no_native(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planners, "_native", list)
+
+
+@pytest.mark.usefixtures("no_native")
+def test_all_is_landmark_and_ompls_in_both_baselines() -> None:
+    wanted = {"landmark", *planner_names(), *(f"{name}+certified" for name in planner_names())}
+    assert set(read_planners(["all"])) == set(known_planners()) == wanted
+    assert {"PRM", "RRTstar+certified"} <= wanted
+
+
+def test_native_planners_are_known_where_they_are_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = SimpleNamespace(native_planners=lambda: ["native:PRM"], __spec__=SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "trailmark.benchmark.native", module)
+    assert read_planners(["native:prm"]) == ["native:PRM"]
+    assert known_planners()[-1] == "native:PRM"
+
+
+@pytest.mark.usefixtures("no_native")
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        (["PMR"], "planner 'PMR' given, did you mean 'PRM'"),
+        (["PRM+certain"], "did you mean 'PRM.certified'"),
+        (["landmark+certified"], "given"),
+        (["native:PRM"], "the native program is not built"),
+        (["nosuchmodule:plan"], "there is no module 'nosuchmodule'"),
+        ([], "no planner given"),
+    ],
+)
+def test_other_names_are_refused(given: list[str], problem: str) -> None:
+    with pytest.raises(SuiteError, match=problem):
+        read_planners(given)
+
+
+@pytest.mark.usefixtures("no_native")
+def test_each_counts_once_as_it_is_spelt() -> None:
+    assert read_planners(["prm", "Landmark", "PRM", "rrtconnect+CERTIFIED"]) == [
+        "PRM",
+        "landmark",
+        "RRTConnect+certified",
+    ]
+
+
+def test_a_function_of_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "my_planner.py").write_text("def plan(*args): pass\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    assert read_planners(["my_planner:plan"]) == ["my_planner:plan"]
+
+
+def test_settings_tell_the_baselines_apart() -> None:
+    texts = {settings_of(name) for name in ("landmark", "PRM", "PRM+certified", "native:PRM", "my:plan")}
+    assert len(texts) == 5

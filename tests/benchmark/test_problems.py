@@ -1,0 +1,48 @@
+"""Problem and Job."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from tests.benchmark.conftest import small_world
+
+from trailmark.benchmark.problems import Problem, problems_of, read_problem
+from trailmark.errors import FormatError, WorldError
+from trailmark.world import Robot
+
+
+def test_a_world_poses_one_problem_a_query() -> None:
+    world = small_world()
+    assert [p.query.name for p in problems_of(world)] == ["ahead", "around"]
+    assert [p.query.name for p in problems_of(world, queries=["around"])] == ["around"]
+    assert [p.robot for p in problems_of(world, Robot.disc(0.2))] == [Robot.disc(0.2)] * 2
+    assert next(problems_of(world)).name == "room-ahead"
+
+
+def test_what_is_missing_is_told() -> None:
+    world = small_world()
+    with pytest.raises(WorldError, match="names no robot"):
+        next(problems_of(replace(world, robot=None)))
+    with pytest.raises(WorldError, match="holds no query"):
+        next(problems_of(replace(world, queries=())))
+    with pytest.raises(WorldError, match="did you mean 'ahead'"):
+        next(problems_of(world, queries=["ahed"]))
+
+
+def test_a_problem_travels_as_text(ahead: Problem) -> None:
+    there = read_problem(ahead.text)
+    assert there.world == ahead.world
+    assert there.key == ahead.key
+    with pytest.raises(FormatError):
+        read_problem("- no\n- world\n")
+
+
+def test_only_the_same_problem_has_the_same_key(ahead: Problem, around: Problem) -> None:
+    assert next(problems_of(small_world())).key == ahead.key
+    assert around.key != ahead.key
+    assert Problem(ahead.world.with_robot(Robot.disc(0.3))).key != ahead.key
+
+
+def test_the_resolution_goes_by_the_robot(ahead: Problem) -> None:
+    assert ahead.resolution() == pytest.approx(0.1, rel=1e-5)

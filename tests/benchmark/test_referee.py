@@ -1,0 +1,107 @@
+"""Referee: against hand-made paths, a disc's geometry on paper, and the certified checker that it must not know."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.benchmark.conftest import GOAL, START, small_world
+
+from trailmark import se2
+from trailmark.benchmark.referee import Referee
+from trailmark.collision import StateChecker
+from trailmark.shapes import Disc, Polygon
+from trailmark.world import Robot, World
+
+ROOM = small_world()
+ROBOT = Robot.rectangle(0.8, 0.4)
+
+
+def fault(path: object, start: object = START, goal: object = GOAL) -> str | None:
+    return Referee(ROOM, ROBOT).fault(np.asarray(path, dtype=float), start, goal)  # type: ignore[arg-type]  # also wrong ones
+
+
+@pytest.mark.parametrize(
+    ("path", "problem"),
+    [
+        ([START, GOAL], None),
+        ([START, (5.0, 2.0, 3.0), GOAL], None),
+        ([START, (5.0, 4.0, 0.0), GOAL], "meets an obstacle"),
+        ([START, (5.0, 2.8, math.pi / 2), GOAL], "meets an obstacle"),
+        ([START, (5.0, 0.1, 0.0), GOAL], "is out of bounds"),
+        ([START, (8.0, 1.0, 0.0)], r"path's end \(8, 1, 0\) is not the goal"),
+        ([(1.0, 1.0, 0.001), GOAL], "is not the start"),
+        ([START, (math.nan, 1.0, 0.0), GOAL], "not a finite number"),
+        ([START[:2], GOAL[:2]], "shape"),
+        ([], "shape"),
+        ([START, (1e9, 1.0, 0.0), GOAL], "steps"),
+    ],
+)
+def test_faults(path: list[tuple[float, ...]], problem: str | None) -> None:
+    found = fault(path)
+    if problem is None:
+        assert found is None
+    else:
+        assert found is not None
+        import re
+
+        assert re.search(problem, found), found
+
+
+def test_a_whole_turn_apart_is_the_same_end() -> None:
+    assert fault([START, (GOAL[0], GOAL[1], 2.0 * math.pi)]) is None
+
+
+def test_an_obstacle_thinner_than_a_planners_step_is_seen() -> None:
+    wall = Polygon(np.array([[5.0, 0.0], [5.001, 0.0], [5.001, 6.0], [5.0, 6.0]]))
+    world = World("wall", (0.0, 0.0, 10.0, 6.0), (wall,))
+    assert Referee(world, Robot.disc(0.2)).fault([START, GOAL], START, GOAL) is not None
+
+
+@pytest.mark.parametrize("robot", [Robot.disc(0.4), Robot.rectangle(0.8, 0.8)])
+@pytest.mark.parametrize(("room", "right"), [(0.0, True), (-2e-6, False), (2e-6, True)])
+def test_touching_is_allowed(robot: Robot, room: float, right: bool) -> None:
+    # Between a disc above and the bound below: the robot's width and a little more, or less.
+    world = World("slit", (0.0, 0.6, 10.0, 6.0), (Disc((5.0, 2.4 + room), 1.0),))
+    assert (Referee(world, robot).fault([START, GOAL], START, GOAL) is None) == right
+
+
+def test_the_boundary_is_not_left() -> None:
+    bent = Polygon(np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 6.0], [5.0, 2.0], [0.0, 6.0]]))
+    world = World("bent", (0.0, 0.0, 10.0, 6.0), boundary=bent)
+    for robot in (Robot.disc(0.3), Robot.rectangle(0.6, 0.6)):
+        judge = Referee(world, robot)
+        assert judge.fault([START, GOAL], START, GOAL) is None
+        over = judge.fault([START, (2.0, 3.5, 0.0), (8.0, 3.5, 0.0), GOAL], START, GOAL)
+        assert over is not None
+        assert "out of bounds" in over
+
+
+@settings(max_examples=40)
+@given(st.floats(0.0, 4.0), st.floats(0.05, 1.5), st.floats(0.05, 1.0))
+def test_a_disc_passing_a_disc_is_plain_geometry(height: float, radius: float, robot: float) -> None:
+    world = World("discs", (-100.0, -100.0, 100.0, 100.0), (Disc((0.0, height), radius),))
+    start, goal = (-10.0, 0.0, 0.0), (10.0, 0.0, 0.0)
+    apart = height - radius - robot
+    if abs(apart) < 1e-3 * robot:
+        return  # between two samples the disc may be missed by a hair
+    assert (Referee(world, Robot.disc(robot)).fault([start, goal], start, goal) is None) == (apart > 0.0)
+
+
+def test_it_agrees_with_the_certified_checker() -> None:
+    rng = np.random.default_rng(5)
+    checker, judge = StateChecker(ROOM, ROBOT), Referee(ROOM, ROBOT)
+    q = rng.uniform((0.0, 0.0, -np.pi), (10.0, 6.0, np.pi), (600, 3))
+    a, b = np.split(q[checker.valid(q)][: 2 * (int(checker.valid(q).sum()) // 2)], 2)
+    certified = checker.motions_valid(a, b)
+    judged = np.array([judge.fault([x, y], x, y) is None for x, y in zip(a, b, strict=True)])
+    assert 20 < certified.sum() < len(a) - 20
+    # A certified motion is right. One that is not certified is wrong, but for grazes between two samples.
+    assert judged[certified].all()
+    grazes = judged & ~certified
+    for x, y in zip(a[grazes], b[grazes], strict=True):
+        along = se2.interpolate(x, y, np.linspace(0.0, 1.0, 20_000))
+        assert checker.clearance(along).min() < 1e-3

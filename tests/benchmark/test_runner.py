@@ -1,0 +1,171 @@
+"""Runner: which runs are made, in which order; lost workers; interrupts. Its jobs are answered by a stand-in."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.benchmark.conftest import solved
+
+from trailmark.benchmark.environment import versions
+from trailmark.benchmark.errors import StoreError, WorkerError
+from trailmark.benchmark.executors import Pool
+from trailmark.benchmark.problems import Problem
+from trailmark.benchmark.runner import Benchmark, Tally
+from trailmark.benchmark.store import Store
+
+
+class AtOnce(Executor):
+    """Runs what it is given in this thread, when it is given; keeps what it was given."""
+
+    def __init__(self, answer: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
+        self.answer = answer
+        self.given: list[tuple[str, str, int]] = []
+
+    def submit(self, _: Any, /, job: dict[str, Any]) -> Future[dict[str, Any]]:  # type: ignore[override]  # ours alone
+        self.given.append((job["problem"], job["planner"], job["seed"]))
+        future: Future[dict[str, Any]] = Future()
+        try:
+            future.set_result(self.answer(job))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+def well(job: dict[str, Any]) -> dict[str, Any]:
+    return solved(job["seed"]).to_json()
+
+
+def plan(*problems: Problem, runs: int = 2, **changes: Any) -> Benchmark:
+    given: dict[str, Any] = {"planners": ["landmark", "PRM"], "time_limit": 0.5, "memory_limit": 512.0} | changes
+    return Benchmark(problems=list(problems), runs=runs, **given)
+
+
+def make(file: Path, benchmark: Benchmark, executor: Executor, **how: Any) -> Tally:
+    with Store(file) as store:
+        return benchmark.run(store, Pool(executor, lambda: 1), **how)
+
+
+def runs_in(file: Path) -> list[tuple[str, str, int]]:
+    with closing(sqlite3.connect(file)) as db:
+        return db.execute(
+            "SELECT e.name, p.name, r.seed FROM runs r JOIN experiments e ON e.id = experimentid "
+            "JOIN plannerConfigs p ON p.id = plannerid ORDER BY r.id"
+        ).fetchall()
+
+
+def test_problem_by_problem_and_seed_by_seed_through_all_planners(
+    tmp_path: Path, ahead: Problem, around: Problem
+) -> None:
+    executor, file = AtOnce(well), tmp_path / "results.db"
+    seen: list[int] = []
+    tally = make(file, plan(ahead, around, seed=7), executor, on_progress=lambda tally: seen.append(tally.done))
+    assert executor.given == [
+        (problem.key, planner, seed)
+        for problem in (ahead, around)
+        for seed in (7, 8)
+        for planner in ("landmark", "PRM")
+    ]
+    assert len(runs_in(file)) == 8
+    assert (tally.total, tally.done, tally.made, tally.failed, tally.left) == (8, 8, 8, 0, 0.0)
+    assert seen[0] == 0
+    assert seen == sorted(seen)
+
+
+def test_only_what_is_missing_is_made(tmp_path: Path, ahead: Problem) -> None:
+    file = tmp_path / "results.db"
+    make(file, plan(ahead), AtOnce(well))
+    again = AtOnce(well)
+    assert make(file, plan(ahead), again).done == 4
+    assert again.given == []
+    more = AtOnce(well)
+    tally = make(file, plan(ahead, runs=3, planners=["landmark", "PRM", "RRT"]), more)
+    assert (tally.total, tally.done, tally.made) == (9, 9, 5)
+    assert [(planner, seed) for _, planner, seed in more.given] == [
+        ("RRT", 0),
+        ("RRT", 1),
+        ("landmark", 2),
+        ("PRM", 2),
+        ("RRT", 2),
+    ]
+
+
+def test_other_limits_are_another_experiment(tmp_path: Path, ahead: Problem) -> None:
+    file = tmp_path / "results.db"
+    changes: list[dict[str, Any]] = [{}, {"time_limit": 1.0}, {"memory_limit": 64.0}, {"resolution": 0.01}]
+    for limits in changes:
+        assert make(file, plan(ahead, **limits), AtOnce(well)).made == 4
+    with closing(sqlite3.connect(file)) as db:
+        assert db.execute("SELECT timelimit, memorylimit FROM experiments").fetchall() == [
+            (0.5, 512.0),
+            (1.0, 512.0),
+            (0.5, 64.0),
+            (0.5, 512.0),
+        ]
+
+
+def test_another_version_is_refused(tmp_path: Path, ahead: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "results.db"
+    make(file, plan(ahead), AtOnce(well))
+    now = versions() | {"ompl": "9.9"}
+    monkeypatch.setattr("trailmark.benchmark.runner.versions", lambda: now)
+    with pytest.raises(StoreError, match=r"made with ompl .*, now it is 9\.9"):
+        make(file, plan(ahead), AtOnce(well))
+
+
+def test_a_lost_worker_only_repeats_its_runs(tmp_path: Path, ahead: Problem) -> None:
+    losses = iter([False, True, True])
+
+    def lossy(job: dict[str, Any]) -> dict[str, Any]:
+        if next(losses, False):
+            raise ConnectionResetError("worker lost")
+        return well(job)
+
+    executor, file = AtOnce(lossy), tmp_path / "results.db"
+    assert make(file, plan(ahead), executor).made == 4
+    assert len(executor.given) == 6
+    assert len(set(runs_in(file))) == len(runs_in(file)) == 4
+
+
+def test_a_run_that_costs_every_worker_is_told(tmp_path: Path, ahead: Problem) -> None:
+    def cursed(job: dict[str, Any]) -> dict[str, Any]:
+        if (job["planner"], job["seed"]) == ("PRM", 0):
+            raise ConnectionResetError("worker lost")
+        return well(job)
+
+    file = tmp_path / "results.db"
+    with pytest.raises(WorkerError, match="planner PRM, seed 0: lost 3 times with its worker: worker lost"):
+        make(file, plan(ahead), AtOnce(cursed))
+    assert ("room-ahead", "landmark", 0) in runs_in(file)
+
+
+def test_an_interrupt_keeps_what_came_in(tmp_path: Path, ahead: Problem) -> None:
+    def interrupt(tally: Tally) -> None:
+        if tally.made:
+            raise KeyboardInterrupt
+
+    file, executor = tmp_path / "results.db", AtOnce(well)
+    with pytest.raises(KeyboardInterrupt):
+        make(file, plan(ahead, runs=20), executor, on_progress=interrupt)
+    # Those written before, and those that had been handed out and were done by then.
+    assert len(runs_in(file)) == len(executor.given) < 40
+    assert make(file, plan(ahead, runs=20), AtOnce(well)).made == 40 - len(executor.given)
+
+
+def test_the_time_left_goes_by_what_runs_took(tmp_path: Path, ahead: Problem) -> None:
+    told: list[float] = []
+
+    def follow(tally: Tally) -> None:
+        if tally.made:
+            told.append(tally.left or 0.0)
+
+    make(tmp_path / "results.db", plan(ahead, runs=8, planners=["landmark"]), AtOnce(well), on_progress=follow)
+    # A run with seed s takes 1 + s seconds, and the same more for simplifying and overhead each.
+    done = [1.0 + s + 0.1875 for s in range(8)]
+    assert told[1] == pytest.approx(4 * sum(done[:4]) / 4)
+    assert told[-1] == 0.0

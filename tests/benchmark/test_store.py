@@ -1,0 +1,182 @@
+"""Store: Planner Arena's schema, one writer, nothing lost, nothing overwritten."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sqlite3
+import subprocess
+import sys
+import textwrap
+import time
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ompl.tools import readBenchmarkLog
+from tests.benchmark.conftest import experiment, solved
+
+from trailmark.benchmark.errors import StoreError
+from trailmark.benchmark.record import RunRecord
+from trailmark.benchmark.schema import MEASURED
+from trailmark.benchmark.store import Store
+from trailmark.errors import OutputError
+
+
+def rows(file: Path, query: str) -> list[tuple[Any, ...]]:
+    with closing(sqlite3.connect(file)) as db:
+        return db.execute(query).fetchall()
+
+
+def columns(file: Path, table: str) -> dict[str, str]:
+    return {name: kind for _, name, kind, *_ in rows(file, f"PRAGMA table_info({table})")}
+
+
+def test_the_tables_are_those_that_ompls_own_script_makes(database: Path, tmp_path: Path) -> None:
+    theirs = tmp_path / "theirs.db"
+    readBenchmarkLog(str(theirs), [], False)
+    for table in ("experiments", "plannerConfigs", "enums", "runs", "progress"):
+        wanted = columns(theirs, table)
+        assert wanted, table
+        assert wanted.items() <= columns(database, table).items()
+    assert columns(database, "runs") == columns(theirs, "runs") | MEASURED
+    assert rows(database, "SELECT value, description FROM enums WHERE name = 'status' AND value = 6") == [
+        (6, "Exact solution")
+    ]
+
+
+def test_a_run_is_written_with_all_that_it_holds(database: Path) -> None:
+    with closing(sqlite3.connect(database)) as db:
+        db.row_factory = sqlite3.Row
+        row = dict(db.execute("SELECT * FROM runs WHERE plannerid = 1 AND seed = 1").fetchone())
+    wanted = solved(1).to_json()
+    for name in MEASURED:
+        value = row[name] if name not in ("path", "simplified_path") else json.loads(row[name])
+        assert value == wanted[name], name
+    assert (row["id"], *wanted["curve"][1]) in rows(database, "SELECT runid, time, best_cost FROM progress")
+    # 1 + 2 s of the first planner, 1 + 0.5 s of the second, simplifying and overhead.
+    assert rows(database, "SELECT totaltime FROM experiments") == [(4.5 + 3 * (0.125 + 0.0625),)]
+
+
+def test_the_same_again_changes_nothing(database: Path) -> None:
+    before = rows(database, "SELECT * FROM runs")
+    with Store(database) as store:
+        row = store.experiment(experiment(runs=1))
+        assert row == 1
+        planner = store.planner("landmark", "default")
+        assert store.finished(row) == {(1, 0), (1, 1), (2, 0), (2, 1)}
+        assert not store.add(row, planner, RunRecord(seed=1))
+    assert rows(database, "SELECT * FROM runs") == before
+    assert rows(database, "SELECT runcount FROM experiments") == [(2,)]
+
+
+def test_another_problem_or_limit_is_another_experiment(database: Path) -> None:
+    with Store(database) as store:
+        other = store.experiment(experiment(identity={"problem": "abc", "time_limit": 2.0}))
+        assert store.finished(other) == set()
+        assert store.planner("landmark", "other settings") == 3
+
+
+def test_runs_under_other_conditions_are_not_mixed(database: Path) -> None:
+    with Store(database) as store, pytest.raises(StoreError, match=r"made with ompl 2\.0\.1, now it is 3\.0") as told:
+        store.experiment(experiment(conditions={"ompl": "3.0"}))
+    assert "allowed: the same, or another --output" in str(told.value)
+
+
+def test_one_writer_at_a_time_and_readers_at_any(database: Path) -> None:
+    with Store(database), pytest.raises(StoreError, match="another benchmark is writing to it"):
+        Store(database)
+    with Store(database):
+        assert rows(database, "SELECT count(*) FROM runs") == [(4,)]
+    with Store(database):
+        pass
+
+
+def test_a_database_that_another_program_has_locked(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("trailmark.benchmark.store.BUSY", 0.05)
+    with closing(sqlite3.connect(database, isolation_level=None)) as db:
+        db.execute("BEGIN EXCLUSIVE")
+        with pytest.raises(StoreError, match="locked by another program"):
+            Store(database)
+
+
+def foreign_database(file: Path) -> None:
+    with closing(sqlite3.connect(file)) as db:
+        db.execute("CREATE TABLE runs (id INTEGER)")
+        db.commit()
+
+
+def future_database(file: Path) -> None:
+    Store(file).close()
+    with closing(sqlite3.connect(file)) as db:
+        db.execute("PRAGMA user_version = 99")
+
+
+def damaged_database(file: Path) -> None:
+    Store(file).close()
+    file.write_bytes(file.read_bytes()[:100] + b"\xff" * 6000)
+
+
+def text_file(file: Path) -> None:
+    file.write_text("my thesis\n" * 100)
+
+
+@pytest.mark.parametrize(
+    ("make", "problem"),
+    [
+        (foreign_database, "that trailmark benchmark did not write"),
+        (future_database, "schema version 99 given, allowed: 1"),
+        (damaged_database, "malformed"),
+        (text_file, "no SQLite database"),
+    ],
+)
+def test_what_is_no_results_database_is_left_alone(make: Any, problem: str, tmp_path: Path) -> None:
+    file = tmp_path / "results.db"
+    make(file)
+    before = file.read_bytes()
+    with pytest.raises(StoreError, match=problem) as told:
+        Store(file)
+    assert "\n" not in str(told.value)
+    assert file.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="does not exist"):
+        Store(tmp_path / "nowhere" / "results.db")
+
+
+WRITER = """
+    import sys
+    from pathlib import Path
+    from tests.benchmark.conftest import experiment, solved
+    from trailmark.benchmark.store import Store
+
+    with Store(Path(sys.argv[1])) as store:
+        row, planner = store.experiment(experiment()), store.planner("landmark", "default")
+        for seed in range(len(store.finished(row)), 100_000):
+            store.add(row, planner, solved(seed))
+            print(seed, flush=True)
+"""
+
+
+def test_what_was_told_to_be_written_survives_a_kill(tmp_path: Path) -> None:
+    file, last = tmp_path / "results.db", -1
+    for delay in (0.0, 0.02, 0.05):
+        command = [sys.executable, "-c", textwrap.dedent(WRITER), str(file)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            told = [int(process.stdout.readline())]
+            time.sleep(delay)
+            process.send_signal(signal.SIGKILL)
+            told += [int(line) for line in process.stdout if line.endswith("\n")]
+        assert told[0] > last
+        last = told[-1]
+        with Store(file) as store:
+            there = sorted(seed for _, seed in store.finished(1))
+        # All that was told, and at most the one that was under way.
+        assert there in (list(range(last + 1)), list(range(last + 2)))
+        last = there[-1]
+        assert rows(file, "PRAGMA integrity_check") == [("ok",)]
+        assert rows(file, "SELECT count(*) FROM progress") == [(2 * len(there),)]

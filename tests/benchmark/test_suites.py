@@ -1,0 +1,86 @@
+"""Suites, and the ones in benchmarks/suites."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from trailmark.benchmark.errors import SuiteError
+from trailmark.benchmark.planners import read_planners
+from trailmark.benchmark.suites import read_suite
+from trailmark.errors import FormatError
+from trailmark.world import Query
+
+SUITES = Path(__file__).resolve().parents[2] / "benchmarks" / "suites"
+
+TEXT = """\
+planners: [landmark, PRM]
+runs: 3
+time_limit: 0.5
+data: real
+worlds:
+  - office
+  - {world: yard.yaml, robot: "disc:0.2", queries: [door, {name: new, start: [1, 2, 0], goal: [3, 4, 0]}]}
+  - {world: "data:maps/town.map"}
+"""
+
+
+def test_a_suite_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("TRAILMARK_DATA", raising=False)
+    (tmp_path / "yard.yaml").touch()
+    (tmp_path / "suite.yaml").write_text(TEXT)
+    suite = read_suite(tmp_path / "suite.yaml")
+    office, yard, town = suite.entries
+    assert (suite.planners, suite.runs, suite.time_limit, suite.memory_limit) == (("landmark", "PRM"), 3, 0.5, None)
+    assert (office.world, office.optional, office.names, office.queries) == ("office", False, (), ())
+    assert yard.world == str(tmp_path / "yard.yaml")
+    assert yard.robot == "disc:0.2"
+    assert yard.names == ("door",)
+    assert yard.queries == (Query("new", (1.0, 2.0, 0.0), (3.0, 4.0, 0.0)),)
+    assert town.world == str(tmp_path / "real" / "maps" / "town.map")
+    assert town.missing
+    assert not office.missing
+
+
+def test_the_data_may_lie_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TRAILMARK_DATA", str(tmp_path / "there"))
+    (tmp_path / "suite.yaml").write_text(TEXT)
+    assert read_suite(tmp_path / "suite.yaml").entries[2].world == str(tmp_path / "there" / "maps" / "town.map")
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("- a\n", "allowed: a mapping with planners"),
+        ("planers: [PRM]\nworlds: [office]\n", "'planers' given, did you mean 'planners'"),
+        ("planners: [PRM]\n", "worlds: None given"),
+        ("worlds: []\n", "a list of worlds"),
+        ("worlds: [office]\nruns: many\n", "runs: 'many' given"),
+        ("worlds: [office]\nplanners: PRM\n", "planners: 'PRM' given"),
+        ("worlds: [{robot: disc}]\n", r"worlds\[0\]: world: None given"),
+        ("worlds: [{world: office, robot: 3}]\n", "robot: 3 given"),
+        ("worlds: [{world: office, queries: door}]\n", "queries: 'door' given"),
+        ("worlds: [{world: office, queries: [{name: a, start: [0, 0, 0]}]}]\n", "goal is missing"),
+        ("worlds: [{world: office, queries: [{name: a, start: [0, 0], goal: [1, 1, 0]}]}]\n", "start"),
+    ],
+)
+def test_what_is_no_suite_is_told_in_one_line(text: str, problem: str, tmp_path: Path) -> None:
+    (tmp_path / "suite.yaml").write_text(text)
+    with pytest.raises(SuiteError, match=problem) as told:
+        read_suite(tmp_path / "suite.yaml")
+    assert "\n" not in str(told.value)
+
+
+def test_no_file(tmp_path: Path) -> None:
+    with pytest.raises(FormatError):
+        read_suite(tmp_path / "nowhere.yaml")
+
+
+@pytest.mark.parametrize("file", sorted(SUITES.glob("*.yaml")), ids=lambda file: file.stem)
+def test_the_suites_that_ship_can_be_run(file: Path) -> None:
+    suite = read_suite(file)
+    assert read_planners(suite.planners)
+    assert all(Path(entry.world).suffix == "" for entry in suite.entries if not entry.optional), (
+        "shipped worlds by name"
+    )

@@ -1,0 +1,168 @@
+"""Worker, zygote and child as one: honest runs, rogues, limits, and processes that die."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from typing import Any
+
+import pytest
+from tests.benchmark.conftest import job
+
+from trailmark.benchmark.errors import WorkerError
+from trailmark.benchmark.problems import Problem
+from trailmark.benchmark.status import Status
+from trailmark.benchmark.worker import Worker
+from trailmark.path import Path
+
+ROGUES = "tests.benchmark.rogues:"
+
+
+def check_curve(answer: dict[str, Any]) -> None:
+    times, costs = zip(*answer["curve"], strict=True)
+    assert list(times) == sorted(set(times))
+    assert list(costs) == sorted(set(costs), reverse=True)
+    assert answer["time_to_first_solution"] == times[0] <= answer["time"]
+    assert answer["first_solution_length"] == costs[0]
+    assert answer["solution_length"] == costs[-1]
+
+
+@pytest.mark.parametrize("planner", ["landmark", "PRM", "RRTConnect+certified", "BITstar+certified"])
+def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: Problem) -> None:
+    answer = worker.run(job(around, planner, seed=5, limit=0.3))
+    assert (answer["status"], answer["solved"], answer["seed"]) == (Status.EXACT_SOLUTION, True, 5), answer
+    assert answer["correct_solution"], answer["failure"]
+    check_curve(answer)
+    assert Path(answer["path"]).cost == pytest.approx(answer["solution_length"], rel=1e-5)
+    assert Path(answer["simplified_path"]).cost == pytest.approx(answer["simplified_solution_length"])
+    assert answer["simplified_solution_length"] < 1.05 * answer["solution_length"]
+    for name in ("states_checked", "motions_checked", "graph_states", "graph_motions", "memory", "setup_time"):
+        assert answer[name] > 0, name
+    if planner != "RRTConnect+certified":
+        assert 0.05 < answer["time"] < 0.6
+    assert answer["overhead"] < 1.0
+
+
+def test_no_run_knows_of_those_before_it(worker: Worker, around: Problem) -> None:
+    first, other, again = (worker.run(job(around, "RRTConnect", seed=seed)) for seed in (1, 2, 1))
+    assert first["path"] == again["path"] != other["path"]
+    assert first["states_checked"] == again["states_checked"]
+    assert first["graph_states"] == again["graph_states"]
+
+
+@pytest.mark.parametrize(
+    ("rogue", "status", "why"),
+    [
+        ("abort", Status.ABORT, "SIGABRT"),
+        ("crash", Status.CRASH, "SIGSEGV"),
+        ("leave", Status.CRASH, "ended with status 7 and no answer"),
+        ("fail", Status.ABORT, "ValueError: no idea at all"),
+        ("nothing", Status.ABORT, "AttributeError"),
+        ("hang", Status.TIMEOUT, "did not end by itself"),
+    ],
+)
+def test_whatever_becomes_of_a_run_is_its_result(
+    rogue: str, status: Status, why: str, worker: Worker, ahead: Problem
+) -> None:
+    answer = worker.run(job(ahead, ROGUES + rogue, seed=3))
+    assert (answer["status"], answer["solved"], answer["correct_solution"]) == (status, False, False)
+    assert (answer["seed"], answer["path"]) == (3, None)
+    assert why in answer["failure"]
+    assert "\n" not in answer["failure"]
+    # The worker is none the worse for it.
+    assert worker.run(job(ahead, ROGUES + "honest"))["correct_solution"]
+
+
+def test_memory_is_limited(worker: Worker, ahead: Problem) -> None:
+    answer = worker.run(job(ahead, ROGUES + "eat", memory=64.0, limit=5.0))
+    assert answer["status"] == Status.ABORT
+    assert answer["failure"].startswith("out of memory (limit 64 MB)")
+    assert answer["time"] < 2.0
+
+
+@pytest.mark.parametrize(("rogue", "why"), [("lie", "is not the goal"), ("stray", "out of bounds")])
+def test_the_referee_has_the_last_word(rogue: str, why: str, worker: Worker, ahead: Problem) -> None:
+    answer = worker.run(job(ahead, ROGUES + rogue))
+    assert (answer["solved"], answer["correct_solution"]) == (True, False)
+    assert answer["failure"].startswith("refused: ")
+    assert why in answer["failure"]
+    assert answer["path"] is not None, "kept for replay"
+
+
+def test_what_a_planner_prints_is_no_answer(worker: Worker, ahead: Problem) -> None:
+    assert worker.run(job(ahead, ROGUES + "shout"))["status"] == Status.TIMEOUT
+
+
+def test_a_solution_that_comes_late_is_none(worker: Worker, ahead: Problem) -> None:
+    late = worker.run(job(ahead, ROGUES + "honest", limit=1e-4))
+    assert not late["solved"] or late["time"] < 0.03
+    slow = worker.run(job(ahead, "tests.benchmark.rogues:honest", limit=0.2))
+    assert slow["solved"]
+
+
+def test_ends_that_are_not_valid(worker: Worker, around: Problem) -> None:
+    from dataclasses import replace
+
+    from trailmark.world import Query
+
+    for start, goal, status in (
+        ((5.0, 4.0, 0.0), (9.0, 1.0, 0.0), Status.INVALID_START),
+        ((9.0, 1.0, 0.0), (5.0, 4.0, 0.0), Status.INVALID_GOAL),
+    ):
+        problem = Problem(replace(around.world, queries=(Query("bad", start, goal),)))
+        for planner in ("landmark", "PRM"):
+            assert worker.run(job(problem, planner))["status"] == status
+
+
+def test_a_worker_process_that_dies_is_replaced_and_its_run_repeated(worker: Worker, ahead: Problem) -> None:
+    worker.run(job(ahead, ROGUES + "honest"))
+    before = worker._process
+    assert before is not None
+    killer = threading.Timer(0.3, os.kill, (before.pid, signal.SIGKILL))
+    killer.start()
+    begin = time.perf_counter()
+    answer = worker.run(job(ahead, "RRTstar", limit=0.6))
+    killer.join()
+    assert answer["correct_solution"]
+    assert time.perf_counter() - begin > 0.9
+    assert worker._process is not None
+    assert worker._process.pid != before.pid
+
+
+def test_a_stopped_worker_ends_its_process_and_run(ahead: Problem) -> None:
+    from trailmark.benchmark.problems import Job
+
+    made = Worker()
+    caught: list[Exception] = []
+
+    def run() -> None:
+        try:
+            made.run(Job(ahead.key, ahead.text, "RRTstar", 0, 30.0, 512.0, 0.1).to_dict())
+        except WorkerError as error:
+            caught.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    deadline = time.perf_counter() + 20.0
+    while (made._process is None or not made._known) and time.perf_counter() < deadline and not children(made):
+        time.sleep(0.05)
+    process = made._process
+    assert process is not None
+    made.stop()
+    thread.join(10.0)
+    assert not thread.is_alive()
+    assert process.returncode is not None
+    assert len(caught) == 1
+
+
+def children(worker: Worker) -> list[str]:
+    """Return the processes that a worker's process has forked."""
+    from pathlib import Path as FilePath
+
+    if worker._process is None:
+        return []
+    pid = worker._process.pid
+    listed = FilePath(f"/proc/{pid}/task/{pid}/children")
+    return listed.read_text().split() if listed.exists() else []

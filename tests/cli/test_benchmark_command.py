@@ -1,0 +1,211 @@
+"""``trailmark benchmark``: end to end, bad input, and what a kill or Ctrl-C leaves behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trailmark.benchmark.store import Store
+
+Shell = Callable[..., Any]
+Terminal = Callable[..., Any]
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = [sys.executable, "-m", "trailmark.cli", "benchmark"]
+HONEST = "tests.benchmark.rogues:honest"
+
+
+@pytest.fixture(autouse=True)
+def _rogues_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+
+
+def rows(file: Path, query: str) -> list[tuple[Any, ...]]:
+    with closing(sqlite3.connect(file)) as db:
+        return db.execute(query).fetchall()
+
+
+def count(file: Path) -> int:
+    try:
+        return int(rows(file, "SELECT count(*) FROM runs")[0][0]) if file.exists() else 0
+    except sqlite3.OperationalError:  # its tables are not made yet
+        return 0
+
+
+def test_planners_on_problems_and_again(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    results, log = tmp_path / "results.db", tmp_path / "results.log"
+    words = ["benchmark", yard, "-p", "landmark", "-p", "RRTConnect+certified", "--runs", 1, "--time-limit", 0.2]
+    words += ["--seed", 4, "--output", results]
+    run = shell(*words, "--log", log)
+    assert (run.status, run.err) == (0, "")
+    assert run.out == f"4 runs made, 0 of them without a correct solution\nwritten: {results}\n"
+    found = rows(
+        results,
+        "SELECT e.name, p.name, r.seed, r.correct_solution FROM runs r JOIN experiments e ON e.id = experimentid "
+        "JOIN plannerConfigs p ON p.id = plannerid ORDER BY 1, 2",
+    )
+    assert found == [(f"yard-{q}", p, 4, 1) for q in ("across", "back") for p in ("RRTConnect+certified", "landmark")]
+    setup = json.loads(rows(results, "SELECT setup FROM experiments")[0][0])
+    assert "trailmark: 1\nname: yard" in setup["facts"]["text"]
+    assert setup["facts"]["robot"] == "rectangle 0.8 x 0.4 m"
+    assert len(setup["identity"]["problem"]) == 64
+    assert {"ompl", "numpy", "Python", "processor"} <= set(setup["conditions"])
+    assert log.read_text().count("Experiment yard-") == 1
+    assert log.with_name("results-2.log").exists()
+    before = results.read_bytes()
+    again = shell(*words, "--json")
+    assert json.loads(again.out) == {"database": str(results), "runs": 4, "made": 0, "without_solution": 0}
+    assert rows(results, "SELECT count(*) FROM runs") == [(4,)]
+    assert len(before) == len(results.read_bytes())
+
+
+def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    suite = tmp_path / "suite.yaml"
+    suite.write_text(
+        f"planners: [{HONEST!r}]\nruns: 5\ntime_limit: 0.2\nworlds:\n"
+        "  - {world: yard.yaml, queries: [{name: along, start: [1, 1, 0], goal: [9, 1, 0]}]}\n"
+        '  - {world: "data:nowhere.map"}\n'
+    )
+    run = shell("benchmark", "--suite", suite, "--runs", 2, "--output", tmp_path / "results.db")
+    assert (run.status, run.err) == (0, "")
+    assert rows(tmp_path / "results.db", "SELECT name, runcount, timelimit FROM experiments") == [
+        ("yard-along", 2, 0.2)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["YARD", "-p", "PMR"], "planner 'PMR' given, did you mean 'PRM'"),
+        (["YARD"], "no planner given, allowed: landmark"),
+        (["-p", "PRM"], "no world given, allowed: files, or "),
+        (["nowhere", "-p", "PRM"], "nowhere: no such file or shipped world"),
+        (["YARD", "-p", "PRM", "--query", "acros"], "query 'acros' is not in world 'yard'; did you mean 'across'"),
+        (["YARD", "-p", "PRM", "--runs", "0"], "--runs '0' given, allowed: an integer from 1"),
+        (["YARD", "-p", "PRM", "--time-limit", "-1"], "--time-limit '-1' given"),
+        (["YARD", "-p", "PRM", "--memory-limit", "x"], "--memory-limit 'x' given"),
+        (["YARD", "-p", "PRM", "--resolution", "0"], "--resolution '0' given"),
+        (["YARD", "-p", "PRM", "--workers", "0"], "--workers '0' given"),
+        (["YARD", "-p", "PRM", "--workers", "2", "--scheduler", "a"], "--workers '2' given with --scheduler"),
+        (["YARD", "-p", "PRM", "--robot", "ball"], "robot 'ball' given"),
+        (["YARD", "-p", "PRM", "--suite", "nowhere.yaml"], "nowhere.yaml: cannot be read"),
+        (["YARD", "-p", "PRM", "--log", "out.txt"], "out.txt: suffix '.txt' given"),
+        (["YARD", "-p", "PRM", "--scheduler", "nowhere"], "scheduler 'nowhere' does not answer"),
+    ],
+)
+def test_bad_input_is_one_line_and_makes_no_file(
+    words: list[str], problem: str, shell: Shell, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("trailmark.benchmark.executors.ANSWERING", 0.2)
+    given = [str(yard) if word == "YARD" else word for word in words]
+    run = shell("benchmark", *given, "--output", tmp_path / "results.db")
+    assert run.status == 2
+    assert run.problem.startswith(problem)
+    assert not (tmp_path / "results.db").exists()
+
+
+def test_without_an_output(shell: Shell, yard: Path) -> None:
+    run = shell("benchmark", yard, "-p", "PRM")
+    assert run.status == 2
+    assert run.problem.startswith("--output is missing")
+
+
+def test_a_database_that_is_not_ours_or_in_use(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.db"
+    with closing(sqlite3.connect(other)) as db:
+        db.execute("CREATE TABLE runs (id)")
+    before = other.read_bytes()
+    run = shell("benchmark", yard, "-p", "PRM", "--output", other)
+    assert (run.status, other.read_bytes()) == (2, before)
+    assert "did not write" in run.problem
+    with Store(tmp_path / "used.db"):
+        run = shell("benchmark", yard, "-p", "PRM", "--output", tmp_path / "used.db")
+    assert run.status == 2
+    assert "another benchmark is writing to it" in run.problem
+
+
+def start(yard: Path, results: Path, runs: int) -> subprocess.Popen[str]:
+    words = [
+        *COMMAND,
+        yard,
+        "--query",
+        "across",
+        "-p",
+        HONEST,
+        "--runs",
+        runs,
+        "--time-limit",
+        "5",
+        "--output",
+        results,
+    ]
+    return subprocess.Popen(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for(results: Path, runs: int, process: subprocess.Popen[str]) -> None:
+    while count(results) < runs and process.poll() is None:
+        time.sleep(0.01)
+
+
+def left_behind(mark: str) -> list[int]:
+    """Return the processes whose environment holds a mark."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/environ"):
+        try:
+            if mark.encode() in entry.read_bytes():
+                found.append(int(entry.parent.name))
+        except OSError:  # ended meanwhile, or another user's
+            continue
+    return [pid for pid in found if pid != os.getpid()]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_stopped_at_once_and_continued(
+    number: signal.Signals, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results, runs, mark = tmp_path / "results.db", 12, secrets.token_hex(16)
+    monkeypatch.setenv("TRAILMARK_TEST_MARK", mark)
+    with start(yard, results, runs) as process:
+        wait_for(results, 3, process)
+        kept = count(results)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=20)
+    there = count(results)
+    assert kept <= there < runs
+    if number == signal.SIGINT:
+        assert process.returncode == 130
+        said = f"{there} of {runs} runs are in {results}; the same command makes the others\n"
+        assert err == said + "trailmark: error: interrupted\n"
+        assert out == ""
+    with start(yard, results, runs) as process:
+        out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (0, "")
+    assert f"{runs - there} runs made" in out
+    assert sorted(rows(results, "SELECT seed FROM runs")) == [(seed,) for seed in range(runs)]
+    assert rows(results, "PRAGMA integrity_check") == [("ok",)]
+    assert sorted(file.name for file in tmp_path.iterdir()) == [results.name, yard.name]
+    deadline = time.perf_counter() + 5.0
+    while left_behind(mark) and time.perf_counter() < deadline:
+        time.sleep(0.05)
+    assert left_behind(mark) == []
+
+
+def test_progress_on_a_terminal(terminal: Terminal, yard: Path, tmp_path: Path) -> None:
+    words = [*COMMAND, yard, "--query", "across", "-p", HONEST, "--runs", 8, "--output", tmp_path / "results.db"]
+    run = terminal(*words)
+    assert run.status == 0
+    assert "8 runs made" in run.out
+    assert "starting workers" in run.err
+    assert " left" in run.err
+    assert "/8" in run.err
