@@ -117,7 +117,7 @@ def by_ompl(problem: Problem, planner: str, seeds: Sequence[int], limit: float) 
 def in_process(problem: Problem, planner: str, seeds: Sequence[int], limit: float) -> list[dict[str, Any]]:
     """Return the runs of one of OMPL's planners in a process of its own; none of them solved if it fails."""
     job = json.dumps([problem, planner, list(seeds), limit])
-    nothing = [{"seed": seed, "first": None, "total": limit, "knots": []} for seed in seeds]
+    nothing: list[dict[str, Any]] = [{"seed": seed, "first": None, "total": limit, "knots": []} for seed in seeds]
     try:
         done = subprocess.run(
             [sys.executable, "-m", "benchmarks.car", "--child", job],

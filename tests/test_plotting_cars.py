@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
 
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
@@ -40,7 +41,7 @@ def test_a_roadmap_of_curves_is_drawn_as_curves() -> None:
     roadmap.add(KNOTS)
     roadmap.certify_all()
     draw_plan(drawn, CAR, roadmap=roadmap)
-    patches = [artist for artist in drawn.get_children() if type(artist).__name__ == "PathPatch"]
+    patches = [artist for artist in drawn.get_children() if isinstance(artist, PathPatch)]
     points = max(len(patch.get_path().vertices) for patch in patches)
     # Two points for each of twelve lines an edge, not two for an edge.
     assert points >= 24 * np.count_nonzero(roadmap.certified) > 0

@@ -3,8 +3,8 @@
 Over an arc of length Δs the robot turns by Δs/ρ about a centre that no point of it is farther from than ρ + R (R: the
 largest distance of its outline from the reference point), so that no point moves by more than Δs·(1 + R/ρ); on a
 straight piece none moves by more than Δs. A configuration with clearance d therefore certifies the curve for as far, in
-either direction, as these bounds add up to d. As a straight motion (:func:`trailmark.collision.kernels.motion`), a curve
-is covered from its middle outwards and accepted only once it is covered whole.
+either direction, as these bounds add up to d. As a straight motion (:func:`trailmark.collision.kernels.motion`), a
+curve is covered from its middle outwards and accepted only once it is covered whole.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from trailmark.collision import kernels
 from trailmark.collision.checker import StateChecker
 from trailmark.collision.curve_motions import CurveChecker, every_curve_free
-from trailmark.collision.pointwise import PointwiseChecker, _unpacked
+from trailmark.collision.pointwise import PointwiseChecker, _room, _unpacked
 from trailmark.curves import Steering
 from trailmark.curves.shortest import MOST_WORDS
 from trailmark.curves.words import PIECES
@@ -58,8 +58,8 @@ def _curve(
     reverse: bool,
 ) -> int:
     grid, field, robot = _unpacked(places, numbers)
-    ends, words = np.empty((2, 3)), np.empty((MOST_WORDS, 2, PIECES))
+    placed, queue, ends = _room(places)
+    words = np.empty((MOST_WORDS, 2, PIECES))
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    placed, queue = kernels.workspace(robot), np.empty((128, 2))
     return int(every_curve_free(grid, field, robot, placed, queue, words, ends[0], ends[1], radius, reverse))
