@@ -42,6 +42,6 @@ def test_a_roadmap_of_curves_is_drawn_as_curves() -> None:
     roadmap.certify_all()
     draw_plan(drawn, CAR, roadmap=roadmap)
     patches = [artist for artist in drawn.get_children() if isinstance(artist, PathPatch)]
-    points = max(len(patch.get_path().vertices) for patch in patches)
+    points = max(len(np.asarray(patch.get_path().vertices)) for patch in patches)
     # Two points for each of twelve lines an edge, not two for an edge.
     assert points >= 24 * np.count_nonzero(roadmap.certified) > 0
