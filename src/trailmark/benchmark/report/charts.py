@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from trailmark.benchmark.report.palette import Style
 from trailmark.benchmark.report.svg import Scale, drawing, element, points, text, text_width
 
-__all__ = ["WIDTH", "BoxRow", "ShareRow", "box_chart", "legend_mark", "share_chart"]
+__all__ = ["WIDTH", "BoxRow", "ShareRow", "box_chart", "legend_mark", "legend_marks", "share_chart"]
 
-WIDTH = 420.0
+WIDTH = 400.0
 ROW, HEAD, FOOT = 21.0, 22.0, 40.0
 GAP = 8.0
 
@@ -44,22 +44,16 @@ class BoxRow:
 
 def share_chart(rows: Sequence[ShareRow], label: str) -> str:
     """Return a chart of shares: a dot with its interval for the referee's, a ring for the planner's own."""
-    scale, height, parts = _frame(rows, "solved and correct", lambda v: f"{100 * v:.0f}", "runs [%]", 0.0, 1.0, False)
+    scale, height, parts = _frame(rows, "solved", lambda v: f"{100 * v:.0f}", "runs [%]", 0.0, 1.0, False)
     for i, row in enumerate(rows):
         y = HEAD + (i + 0.5) * ROW
         x, low, high, claimed = scale.at([row.share, row.low, row.high, row.claimed]).tolist()
-        parts.append(
-            element(
-                "path", d=f"{points([low, high], [y, y])}", stroke=row.style.colour, stroke_width=2.4, class_="mark"
-            )
-        )
-        caps = "".join(points([c, c], [y - 3.5, y + 3.5]) for c in (low, high))
-        parts.append(element("path", d=caps, stroke=row.style.colour, stroke_width=1.4))
+        bar = points([low, high], [y, y]) + "".join(points([c, c], [y - 3.5, y + 3.5]) for c in (low, high))
+        drawn = element("path", d=bar, class_="mark")
         if row.claimed != row.share:
-            parts.append(
-                element("circle", cx=claimed, cy=y, r=4.4, fill="#fff", stroke=row.style.colour, stroke_width=1.6)
-            )
-        parts.append(element("circle", cx=x, cy=y, r=4.2, fill=row.style.colour, class_="mark"))
+            drawn += element("circle", cx=claimed, cy=y, r=4.2, fill="#fff")
+        drawn += element("circle", cx=x, cy=y, r=3.6, fill=row.style.colour)
+        parts.append(element("g", drawn, stroke=row.style.colour, class_="share"))
     return drawing(WIDTH, height, label, parts, "chart rows")
 
 
@@ -84,25 +78,27 @@ def box_chart(rows: Sequence[BoxRow], label: str, axis: str, log: bool, head: st
         low, high = min(1.0, low), 1.0 + 1.08 * max(0.02, min(high, 2.5 * usual - 1.5) - 1.0)
     scale, height, parts = _frame(rows, head, _tick, axis, low, high, log)
     for i, row in enumerate(rows):
-        parts += _box(row, scale, HEAD + (i + 0.5) * ROW, high)
+        parts.append(_box(row, scale, HEAD + (i + 0.5) * ROW, high))
     return drawing(WIDTH, height, label, parts, "chart rows")
 
 
 def legend_mark(style: Style) -> str:
     """Return a small picture of a planner's line, for legends and tables; it says nothing to a screen reader."""
-    line = element(
-        "path", d="M1 7H27", stroke=style.colour, stroke_width=style.width, stroke_dasharray=style.dash or None
-    )
-    return f'<svg class="key" viewBox="0 0 28 14" aria-hidden="true">{line}{_dot(14.0, 7.0, style)}</svg>'
+    return f'<svg class="key" viewBox="0 0 28 14" aria-hidden="true"><use href="#k{style.number}"/></svg>'
 
 
-def _dot(x: float, y: float, style: Style) -> str:
-    fill = "#fff" if style.hollow else style.colour
-    return element("circle", cx=x, cy=y, r=3.2, fill=fill, stroke=style.colour, stroke_width=1.4)
+def legend_marks(styles: Iterable[Style]) -> str:
+    """Return the definitions that :func:`legend_mark` refers to; once a page."""
+    marks = []
+    for s in styles:
+        dot = element("circle", cx=14.0, cy=7.0, r=3.2, fill="#fff" if s.hollow else s.colour, stroke_width=1.4)
+        line = element("path", d="M1 7H27", stroke_width=s.width, stroke_dasharray=s.dash or None)
+        marks.append(element("g", line + dot, stroke=s.colour, id=f"k{s.number}"))
+    return f'<svg class="defs" aria-hidden="true"><defs>{"".join(marks)}</defs></svg>'
 
 
 def _frame(
-    rows: Sequence[ShareRow] | Sequence[BoxRow],
+    rows: Sequence[ShareRow | BoxRow],
     head: str,
     shown: Callable[[float], str],
     axis: str,
@@ -132,23 +128,21 @@ def _frame(
     return scale, bottom + FOOT, parts
 
 
-def _box(row: BoxRow, scale: Scale, y: float, high: float) -> list[str]:
+def _box(row: BoxRow, scale: Scale, y: float, high: float) -> str:
     if not math.isfinite(row.five[0]):
-        return [text(scale.begin + 4.0, y + 4.0, "no path", class_="tick")]
-    colour = row.style.colour
+        return text(scale.begin + 4.0, y + 4.0, "no path", class_="tick")
     least, lower, median, upper, most = scale.at(row.five).tolist()
-    parts = [element("path", d=points([least, most], [y, y]), stroke=colour, stroke_width=1.4, class_="mark")]
     box = {"x": lower, "y": y - 6.0, "width": max(0.8, upper - lower), "height": 12.0}
-    parts.append(element("rect", **box, fill="#fff"))
-    parts.append(
-        element("rect", **box, fill=colour, fill_opacity="0.28", stroke=colour, stroke_width=1.4, class_="mark")
-    )
+    drawn = element("path", d=points([least, most], [y, y]), class_="mark")
+    drawn += element("rect", **box, fill=row.style.tint, class_="mark")
     if row.five[2] <= high:
-        parts.append(element("path", d=points([median, median], [y - 6.0, y + 6.0]), stroke=colour, stroke_width=3.0))
+        drawn += element("path", d=points([median, median], [y - 6.0, y + 6.0]), class_="median")
     if row.five[4] > high:  # an arrow: more lies beyond
         end = scale.end + 5.0
-        parts.append(element("path", d=f"{points([end - 5, end, end - 5], [y - 4, y, y + 4])}Z", fill=colour))
-    return parts
+        drawn += element(
+            "path", d=points([end - 5, end, end - 5], [y - 4, y, y + 4], closed=True), fill=row.style.colour
+        )
+    return element("g", drawn, stroke=row.style.colour, class_="box")
 
 
 def _tick(value: float) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 from trailmark.benchmark.report.data import Problem, Results
 from trailmark.benchmark.report.tables import Table
 
-__all__ = ["conditions_table", "hash_table", "settings_table", "world_text_of"]
+__all__ = ["conditions_table", "hash_table", "settings_table", "setup_of", "world_text_of"]
 
 _WORDS = {"cpuinfo": "processor", "hostname": "machine", "date": "first begun"}
 _OWN = frozenset(
@@ -41,7 +41,7 @@ def hash_table(results: Results) -> Table:
     columns += ["seeds", "SHA-256 of the problem"]
     rows = []
     for problem in results.problems:
-        setup = _flat(problem)
+        setup = setup_of(problem)
         seeds = {int(s) for runs in problem.runs.values() for s in runs["seed"] if s == s}
         rows.append(
             [
@@ -59,11 +59,12 @@ def hash_table(results: Results) -> Table:
 
 def world_text_of(problem: Problem) -> str | None:
     """Return the problem's world file as the database keeps it; None where it does not."""
-    text = _flat(problem).get("text")
+    text = setup_of(problem).get("text")
     return text if isinstance(text, str) else None
 
 
-def _flat(problem: Problem) -> dict[str, Any]:
+def setup_of(problem: Problem) -> dict[str, Any]:
+    """Return all that the column ``setup`` holds of a problem, in one mapping."""
     parts = problem.facts["setup"]
     return {name: value for part in parts.values() if isinstance(part, dict) for name, value in part.items()}
 
@@ -75,7 +76,7 @@ def _conditions(problem: Problem) -> dict[str, Any]:
     found["time limit of a run"] = f"{problem.time_limit:g} s"
     if problem.memory_limit is not None:
         found["memory limit of a run"] = f"{problem.memory_limit:g} MB"
-    rest = {name: value for name, value in _flat(problem).items() if name not in _OWN}
+    rest = {name: value for name, value in setup_of(problem).items() if name not in _OWN}
     return found | {name.replace("_", " "): value for name, value in rest.items()}
 
 

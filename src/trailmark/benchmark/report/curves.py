@@ -76,7 +76,7 @@ def _costs(runs: Runs, times: FloatArray) -> FloatArray:
     """Return the best cost of each run at each moment, shape (n, m); infinity before it and for failed runs."""
     costs = np.full((len(runs), len(times)), np.inf)
     first_times, first_costs = runs.first_times, runs["first_solution_length"]
-    for i in np.flatnonzero(runs.success):
+    for i in np.flatnonzero(runs.success).tolist():
         seconds, reached = runs.curves[i]
         if len(seconds) == 0 and np.isfinite(first_costs[i]):
             seconds, reached = np.array([first_times[i]]), np.array([first_costs[i]])

@@ -7,6 +7,7 @@ import sqlite3
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -51,41 +52,41 @@ class Runs:
     def __getitem__(self, name: str) -> FloatArray:
         return self.columns[name]
 
-    @property
+    @cached_property
     def claimed(self) -> NDArray[np.bool_]:
         """Which runs the planner calls solved, exactly; shape (n,)."""
-        return self["solved"] == 1.0
+        return np.asarray(self["solved"] == 1.0)
 
-    @property
+    @cached_property
     def success(self) -> NDArray[np.bool_]:
         """Which of them the referee calls correct too: only these count as solved; shape (n,)."""
-        return self.claimed & (self["correct_solution"] == 1.0)
+        return np.asarray(self.claimed & (self["correct_solution"] == 1.0))
 
-    @property
+    @cached_property
     def refused(self) -> int:
         """How many paths the planner called solutions and the referee did not."""
         return int((self.claimed & ~self.success).sum())
 
-    @property
+    @cached_property
     def first_times(self) -> FloatArray:
         """Seconds to the first solution, shape (n,); infinity for a failed run."""
         first = self["time_to_first_solution"]
         # A planner that tells only of its end had its first solution no later.
         return np.where(self.success, np.where(np.isnan(first), self["time"], first), np.inf)
 
-    @property
+    @cached_property
     def costs(self) -> FloatArray:
         """Cost of the returned path (metres), shape (n,); infinity for a failed run."""
         cost = self["solution_length"]
         return np.where(self.success & ~np.isnan(cost), cost, np.inf)
 
-    @property
+    @cached_property
     def simplified_costs(self) -> FloatArray:
         """Cost of the path after the common simplifier, shape (n,); infinity where there is none."""
         cost = self["simplified_solution_length"]
         return np.where(self.success & ~np.isnan(cost), cost, np.inf)
 
-    @property
+    @cached_property
     def best_costs(self) -> FloatArray:
         """The lower of :attr:`costs` and :attr:`simplified_costs`, shape (n,)."""
         return np.minimum(self.costs, self.simplified_costs)
@@ -122,7 +123,7 @@ class Problem:
     facts: Mapping[str, Any]
     runs: Mapping[str, Runs]
 
-    @property
+    @cached_property
     def best_cost(self) -> float:
         """Cost of the best path that the referee accepted, of any planner, simplified or not; infinity without any."""
         return min((float(runs.best_costs.min()) for runs in self.runs.values()), default=float("inf"))

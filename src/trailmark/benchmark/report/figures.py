@@ -12,9 +12,9 @@ from trailmark.benchmark.report.charts import BoxRow, ShareRow, box_chart, share
 from trailmark.benchmark.report.conditions import world_text_of
 from trailmark.benchmark.report.curves import CostCurve, cost_curves, overall_curves
 from trailmark.benchmark.report.data import Problem, Results
+from trailmark.benchmark.report.digits import number, percent, seconds
 from trailmark.benchmark.report.lines import CostLine, EcdfLine, cost_chart, ecdf_chart
-from trailmark.benchmark.report.numbers import number, percent, seconds
-from trailmark.benchmark.report.palette import FAMILIES, Style, family_of
+from trailmark.benchmark.report.palette import FAMILIES, Style, algorithm_of, family_of
 from trailmark.benchmark.report.summary import PlannerSummary, Summary, summarise_runs
 from trailmark.benchmark.report.worlds import scene_of
 
@@ -95,21 +95,16 @@ class Figures:
         ids = {name: int(problem.runs[name].ids[i]) for name, i in middle.items()}
         paths = self._results.paths([*ids.values(), *wrong, *([] if best is None else [best])])
         yield f'<svg class="defs" aria-hidden="true"><defs>{scene.background()}</defs></svg>'
-        for title, names in panels(list(problem.runs)):
+        caption = "Each planner's middle run by cost; the robot along the best path."
+        caption += " Red: refused paths." if wrong else ""
+        for family, names in panels(list(problem.runs)):
             # The landmark planner's path last, so that it lies on top.
             shown = {name: paths[ids[name]] for name in reversed(names) if name in ids and ids[name] in paths}
-            caption = "The path of each planner's middle run by cost; the robot along the best path of all."
-            if wrong:
-                caption += " Red dots: paths that the referee refused."
             label = f"{problem.name}: world with start S, goal G and the paths of {', '.join(shown) or 'no planner'}"
-            drawn = scene.picture(
-                shown,
-                self._styles,
-                None if best is None else paths.get(best),
-                [paths[i] for i in wrong if i in paths],
-                label,
-            )
-            yield _figure(title or f"World and paths: {problem.name}", caption, drawn)
+            along = None if best is None else paths.get(best)
+            refused = [paths[i] for i in wrong if i in paths]
+            drawn = scene.picture(shown, self._styles, along, refused, label)
+            yield _figure(_titled("Paths", family), caption, drawn, wide=not family)
 
     def _rows(self, found: Sequence[PlannerSummary], where: str) -> Iterator[str]:
         shares = [
@@ -125,43 +120,55 @@ class Figures:
             for s in sorted(found, key=lambda s: -s.success / s.runs)
         ]
         drawn = share_chart(shares, f"Success rate of {len(found)} planners, {where}, with 95 % Wilson intervals")
-        caption = "Dot: solved and correct by the referee, with its 95 % Wilson interval. Ring: what the planner claims, where it differs."
+        caption = (
+            "Dot: solved and correct, with its 95 % Wilson interval. Ring: the planner's own claim, where it differs."
+        )
         yield _figure("Success rate", caption, drawn)
         rows = [BoxRow(s.planner, self._styles[s.planner], s.first, seconds(s.first_mean)) for s in found]
         drawn = box_chart(rows, f"Time to the first path, {where}", "time to the first path [s]", True, "mean")
-        caption = "Box: quartiles and median; whiskers: 5 and 95 % of all runs; an arrow: more failed. Right: shifted geometric mean, failures at the limit."
+        caption = (
+            "Box: quartiles, median; whiskers: 5 and 95 % of all runs; arrow: the rest failed. Right: shifted "
+            "geometric mean, failures at the limit."
+        )
         yield _figure("Time to the first path", caption, drawn)
         ordered = sorted(found, key=lambda s: (s.ratio[2], s.missing, s.mean_ratio))
         rows = [BoxRow(s.planner, self._styles[s.planner], s.ratio, percent(s.missing)) for s in ordered]
         drawn = box_chart(rows, f"Final cost over the best known, {where}", "final cost / best known", False, "no path")
-        caption = "As before, of the cost at the end of planning; right: share of runs without a correct path."
+        caption = "The same of the cost at the end of planning. Right: share of runs without a correct path."
         yield _figure("Cost ratio to the best known", caption, drawn)
 
     def _ecdfs(self, times: Mapping[str, FloatArray], limit: float, where: str) -> Iterator[str]:
         finite = np.concatenate([t[np.isfinite(t)] for t in times.values()])
         low = max(1e-4, 0.8 * float(finite.min())) if len(finite) else 0.01 * limit
-        for title, names in panels(list(times)):
-            lines = [EcdfLine(name, self._styles[name], times[name]) for name in names]
+        for family, names in panels(list(times)):
+            lines = [EcdfLine(_short(name, family), self._styles[name], times[name]) for name in names]
             label = f"Share of runs that have a path over time, {where}: {', '.join(names)}"
             drawn = ecdf_chart(lines, min(low, 0.5 * limit), limit, label)
-            yield _figure(
-                title or "Runs with a path by time", "Share of all runs whose first path was there by then.", drawn
-            )
+            yield _figure(_titled("Runs with a path", family), "Share whose first path was there by then.", drawn)
 
     def _costs(self, curves: Mapping[str, CostCurve], best: float, axis: str, where: str) -> Iterator[str]:
         high = _highest(curves, best)
-        for title, names in panels(list(curves)):
-            lines = [CostLine(name, self._styles[name], curves[name]) for name in names]
+        known = f"Best known: {number(best, 4)}{' m' if '[m]' in axis else ''}."
+        for family, names in panels(list(curves)):
+            lines = [CostLine(_short(name, family), self._styles[name], curves[name]) for name in names]
             label = f"{axis} over planning time, {where}: {', '.join(names)}"
             drawn = cost_chart(lines, best - 0.03 * (high - best), high, axis, label, next(self._numbers))
-            caption = (
-                f"Best path so far: median and quartiles. Best known: {number(best, 4)}{' m' if '[m]' in axis else ''}."
-            )
-            yield _figure(title or "Cost against time", caption, drawn)
+            caption = f"Best path so far, median and quartiles. {known}"
+            yield _figure(_titled("Cost against time", family), caption, drawn)
 
 
-def _figure(title: str, caption: str, drawn: str) -> str:
-    return f"<figure><figcaption><b>{escape(title)}</b>{escape(caption)}</figcaption>{drawn}</figure>"
+def _titled(title: str, family: str) -> str:
+    return f"{title}: {family}" if family else title
+
+
+def _short(name: str, family: str) -> str:
+    """Return what a planner is called in a chart: where the title names the family, its name need not."""
+    return algorithm_of(name) if family else name
+
+
+def _figure(title: str, caption: str, drawn: str, wide: bool = False) -> str:
+    kind = ' class="wide"' if wide else ""
+    return f"<figure{kind}><figcaption><b>{escape(title)}</b>{escape(caption)}</figcaption>{drawn}</figure>"
 
 
 def _middle(costs: FloatArray) -> int | None:

@@ -1,4 +1,4 @@
-"""Findings: what a benchmark shows, as a few sentences, each with its certainty; and what it cannot show."""
+"""Findings: what a benchmark shows, as a few sentences, each with its certainty."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from trailmark.benchmark.report.data import Results
-from trailmark.benchmark.report.numbers import count, factor, percent, probability, seconds
-from trailmark.benchmark.report.summary import LEAST_RUNS, SHIFT, Comparison, PlannerSummary, Summary
+from trailmark.benchmark.report.digits import count, factor, percent, probability, seconds
+from trailmark.benchmark.report.summary import LEAST_RUNS, Comparison, PlannerSummary, Summary
 
-__all__ = ["Finding", "findings", "limitations", "method", "warnings_of"]
+__all__ = ["Finding", "findings", "warnings_of"]
 
 LATE = 1.1  # of the limit: a run that took longer is worth a word
 
@@ -70,62 +70,6 @@ def warnings_of(results: Results, summary: Summary) -> list[str]:
     return found
 
 
-def limitations(results: Results) -> list[str]:
-    """Return, in plain words, what the numbers include and what they do not."""
-    limits = sorted({problem.time_limit for problem in results.problems})
-    resolutions = sorted(
-        {
-            float(r)
-            for p in results.problems
-            if isinstance(r := p.facts["setup"].get("identity", {}).get("resolution"), float)
-        }
-    )
-    span = "the stated resolution"
-    if resolutions:
-        span = (
-            f"{resolutions[0]:.3g} m"
-            if len(resolutions) == 1
-            else f"{resolutions[0]:.3g} to {resolutions[-1]:.3g} m, by world"
-        )
-    return [
-        "Planning time is wall-clock time from the call of the planner to its end. Starting the process, importing "
-        "libraries, loading the world and building the checker are not in it; set-up is measured apart. Building "
-        "landmarks and roadmap is in the landmark planner's own time, and so is building their graphs in the others'.",
-        "Every run has a process of its own and a fresh planner: no planner profits here from an earlier query on the "
-        "same world, which is what roadmaps are for.",
-        f"“Discrete” is OMPL's usual motion check, a state every {span} (half the robot's inscribed radius unless set "
-        "otherwise): quicker and less strict than the certified check, and it may accept motions that collide. The "
-        "referee then refuses the path, and the run counts as a failure. “+certified” is OMPL with trailmark's certified "
-        "check, “native” is OMPL and FCL in C++.",
-        "OMPL's planners are called from Python and call back into Python's checker; what that costs is in their times. "
-        "Anytime planners run in short slices to read the best cost in between, so the time to the first solution "
-        "is known to a slice (5 ms at first, 50 ms later), not to the microsecond.",
-        f"A run that failed counts as its time limit ({_range(limits)}) in means of times, whenever it failed, and as "
-        "worse than any that succeeded in ranks, medians and quartiles. Means of costs are of runs that succeeded "
-        "only: read them beside the share that did.",
-        "The referee judges the path at the end of a run; paths before that, in the curves, have the planner's word only.",
-        "The best known cost is that of the best path of this database, of any planner, simplified or not: not "
-        "the optimum. More runs or more planners may lower it, and raise every ratio.",
-        "Intervals and tests speak of chance between runs on these very problems, not of other worlds. All planners "
-        "have their default settings; another tuning may turn the order round.",
-        "Runs that went on side by side shared the machine's memory bandwidth and caches, and its clock rate.",
-    ]
-
-
-def method() -> list[str]:
-    """Return how the numbers were made from the runs."""
-    return [
-        "Success: the planner says “solved” and the referee, which shares no code with any planner, finds the path free "
-        "of collisions, within the bounds, and between the query's ends. Intervals of shares are Wilson's, 95 %.",
-        f"Means of times are geometric, shifted by {1e3 * SHIFT:g} ms, first over the runs on a problem and then over the "
-        "problems, so that each problem has the same weight.",
-        "“Ahead of”: Mann–Whitney test of the runs on one problem; over several problems van Elteren's test, which adds up "
-        "the rank sums of the problems. Two-sided; exact up to 40 runs of the two planners together, normal above. Probabilities are "
-        "adjusted by Holm's method for all pairs in the table, and a planner is called ahead where p < 0.05.",
-        "Factors between planners have 95 % bootstrap intervals (1,000 resamples of the runs within each problem).",
-    ]
-
-
 def _soonest(summary: Summary) -> Finding:
     best = summary.planners[0]
     value = seconds(best.first_mean)
@@ -144,12 +88,12 @@ def _cheapest(summary: Summary) -> Finding:
     best = ranked[0]
     if math.isinf(best.ratio[2]):
         return Finding("Cheapest path", "none", "–", "No planner solved half of its runs: no median can be told.")
-    value = f"{best.ratio[2]:.3f}× the best known"
+    value = f"{best.ratio[2]:.3f}×"
 
     def words(pair: Comparison) -> str:
         return f"{100 * (pair.factor - 1):.2g} % cheaper where both succeed"
 
-    detail = "Median final cost over the best known path."
+    detail = "Median final cost over that of the best known path."
     return Finding(
         "Cheapest path at the limit", best.planner, value, f"{detail} {_lead(best, ranked, summary.costs, words)}"
     )
@@ -188,7 +132,7 @@ def _referee(summary: Summary) -> Finding:
         )
     wrong = sum(refused.values())
     ordered = dict(sorted(refused.items(), key=lambda item: -item[1]))
-    detail = f"Paths that planners called solutions and that collide or miss their ends: {_counts(ordered)}. They count as failures."
+    detail = f"Paths called solutions that collide or miss their ends: {_counts(ordered)}. They count as failures."
     return Finding("Referee", "paths refused", f"{wrong:,} of {claimed:,}", detail)
 
 
@@ -229,7 +173,3 @@ def _some(names: Sequence[str], most: int = 4) -> str:
 
 def _counts(counts: Mapping[str, int]) -> str:
     return _some([f"{name} {n:,}" for name, n in counts.items()], most=6)
-
-
-def _range(limits: Sequence[float]) -> str:
-    return f"{limits[0]:g} s" if len(limits) == 1 else f"{limits[0]:g} to {limits[-1]:g} s, by problem"

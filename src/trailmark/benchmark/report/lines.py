@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,7 +19,7 @@ __all__ = ["CostLine", "EcdfLine", "cost_chart", "ecdf_chart"]
 FloatArray = NDArray[np.float64]
 
 LEFT, TOP, PLOT, FOOT = 46.0, 12.0, 220.0, 42.0
-STRIP, BETWEEN = 48.0, 16.0
+STRIP, BETWEEN = 48.0, 26.0
 LABEL = 14.0  # height of a line of labels
 MOST_STEPS = 120
 MOST_BANDS = 6
@@ -93,21 +94,21 @@ def cost_chart(lines: Sequence[CostLine], low: float, high: float, axis: str, la
     parts += _level_axis(y, y.ticks(5), right, lambda v: f"{v:g}")
     parts += _level_axis(strip, [0.0, 1.0], right, _per_cent)
     parts.append(_upright(axis, TOP + PLOT / 2.0))
-    parts.append(text(LEFT + 4.0, top + 12.0, "no path yet [%]", class_="tick halo"))
     bands, medians, ends = [], [], []
     for line in lines:
         lower, median, upper = (_height(values, y) for values in line.curve.quartiles)
         known = np.isfinite(line.curve.quartiles[2])
         if len(lines) <= MOST_BANDS and known.sum() > 1:
             at = x.at(times[known])
-            outline = points(np.append(at, at[::-1]), np.append(lower[known], upper[known][::-1]))
-            bands.append(element("path", d=f"{outline}Z", fill=line.style.colour, fill_opacity="0.13"))
+            outline = points(np.append(at, at[::-1]), np.append(lower[known], upper[known][::-1]), closed=True)
+            bands.append(element("path", d=outline, fill=line.style.colour, fill_opacity="0.13"))
         known = np.isfinite(line.curve.quartiles[1])
         medians.append(_stroke(points(x.at(times[known]), median[known]), line.style, line.name))
         parts.append(_stroke(points(x.at(times), strip.at(line.curve.missing)), line.style, line.name))
         last = line.curve.quartiles[1][-1]
-        ends.append(float(y.at(last)) if np.isfinite(last) else TOP)
+        ends.append(float(y.at(last)) if np.isfinite(last) else -math.inf)
     parts.append(element("g", "".join(bands + medians), clip_path=f"url(#{clip})"))
+    parts.append(text(right, top - 5.0, "runs without a path [%]", class_="tick", text_anchor="end"))
     parts += _labels(lines, ends, right, TOP, TOP + PLOT)
     return drawing(WIDTH, top + STRIP + FOOT, label, parts, "chart lines")
 
@@ -168,26 +169,34 @@ def _stroke(data: str, style: Style, name: str) -> str:
 
 
 def _stairs(x: FloatArray, y: FloatArray, scale: Scale, floor: float) -> str:
-    steps = [f"M{coordinate(scale.begin)} {coordinate(floor)}"]
-    for at, level in zip(x.tolist(), y.tolist(), strict=True):
-        steps.append(f"H{coordinate(at)}V{coordinate(level)}")
-    return "".join([*steps, f"H{coordinate(scale.end)}"])
+    if len(x) == 0:
+        return points([scale.begin, scale.end], [floor, floor])
+    return points(np.append(np.repeat(x, 2), scale.end), np.append(floor, np.repeat(y, 2)))
 
 
 def _labels(
     lines: Sequence[EcdfLine] | Sequence[CostLine], ends: Sequence[float], right: float, top: float, bottom: float
 ) -> list[str]:
-    """Return a label at the end of each line, moved apart where they would lie upon each other."""
+    """Return a label at the end of each line, moved apart where they would lie upon each other.
+
+    Lines that have no end, being at infinity, are named at the top.
+    """
     order = sorted(range(len(lines)), key=lambda i: ends[i])
-    places = _apart([ends[i] for i in order], min(LABEL, (bottom - top) / max(1, len(lines) - 1)), top, bottom)
+    places = _apart(
+        [max(top, ends[i]) for i in order], min(LABEL, (bottom - top) / max(1, len(lines) - 1)), top, bottom
+    )
     parts = []
     for i, place in zip(order, places, strict=True):
         style, name = lines[i].style, lines[i].name
-        leader = points([right, right + 8.0], [ends[i], place])
-        parts.append(element("path", d=leader, stroke=style.colour, stroke_width=1.0))
+        if math.isinf(ends[i]):
+            name += " (none)"
+        else:
+            leader = points([right, right + 8.0], [ends[i], place])
+            parts.append(element("path", d=leader, stroke=style.colour, stroke_width=1.0))
         fill = "#fff" if style.hollow else style.colour
-        mark = {"cx": right + 11.0, "cy": place, "r": 3.2, "fill": fill, "stroke": style.colour, "stroke_width": 1.4}
-        parts.append(element("circle", **mark))
+        parts.append(
+            element("circle", cx=right + 11.0, cy=place, r=3.2, fill=fill, stroke=style.colour, stroke_width=1.4)
+        )
         room = WIDTH - right - 19.0
         squeeze = {"textLength": room, "lengthAdjust": "spacingAndGlyphs"} if text_width(name) > room + 1.0 else {}
         parts.append(text(right + 18.0, place + 4.0, name, class_="name", **squeeze))

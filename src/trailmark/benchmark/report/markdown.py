@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from trailmark.benchmark.report.conditions import conditions_table, hash_table, settings_table
 from trailmark.benchmark.report.data import Results
-from trailmark.benchmark.report.findings import findings, limitations, method, warnings_of
+from trailmark.benchmark.report.findings import findings, warnings_of
+from trailmark.benchmark.report.limits import limitations, method
 from trailmark.benchmark.report.summary import summarise
 from trailmark.benchmark.report.tables import overall_table, pair_table, problem_table
 

@@ -6,11 +6,12 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
-from trailmark.benchmark.report.charts import legend_mark
+from trailmark.benchmark.report.charts import legend_mark, legend_marks
 from trailmark.benchmark.report.conditions import conditions_table, hash_table, settings_table
 from trailmark.benchmark.report.data import Problem, Results
 from trailmark.benchmark.report.figures import Figures
-from trailmark.benchmark.report.findings import findings, limitations, method, warnings_of
+from trailmark.benchmark.report.findings import findings, warnings_of
+from trailmark.benchmark.report.limits import limitations, method
 from trailmark.benchmark.report.palette import FAMILIES, Style, family_of, styles_of
 from trailmark.benchmark.report.style import STYLE
 from trailmark.benchmark.report.summary import Summary, summarise
@@ -20,6 +21,7 @@ __all__ = ["html_report"]
 
 OPEN_PROBLEMS = 2
 OPEN_PAIRS = 8
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 def html_report(results: Results) -> str:
@@ -29,6 +31,7 @@ def html_report(results: Results) -> str:
     figures = Figures(results, summary, styles, itertools.count())
     several = len(results.problems) > 1
     parts = [
+        legend_marks(styles.values()),
         _head(results),
         _section("summary", "Summary", _summary(results, summary, styles)),
         *([_section("all", "All problems together", _together(figures, summary, styles))] if several else []),
@@ -42,7 +45,7 @@ def html_report(results: Results) -> str:
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         # Whatever a database holds, the page asks for nothing and runs nothing.
-        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">\n"
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         '<link rel="icon" href="data:,">\n'
         f"<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n" + "\n".join(parts) + "\n</body>\n</html>\n"
     )
@@ -70,8 +73,9 @@ def _summary(results: Results, summary: Summary, styles: Mapping[str, Style]) ->
     for warning in warnings_of(results, summary):
         yield f'<p class="warning"><b>Note.</b> {escape(warning)}</p>'
     cards = [
-        f'<div class="card"><div class="question">{escape(f.question)}</div><div class="answer">{escape(f.answer)}</div>'
-        f'<div class="value">{escape(f.value)}</div><p>{escape(f.detail)}</p></div>'
+        f'<div class="card"><div class="question">{escape(f.question)}</div>'
+        f'<div class="answer">{escape(f.answer)}</div><div class="value">{escape(f.value)}</div>'
+        f"<p>{escape(f.detail)}</p></div>"
         for f in findings(results, summary)
     ]
     yield f'<div class="cards">{"".join(cards)}</div>'
@@ -90,9 +94,9 @@ def _together(figures: Figures, summary: Summary, styles: Mapping[str, Style]) -
     yield f'<div class="figures">{"".join(figures.overall_ecdfs())}</div>'
     yield "<h3>Cost against time</h3>"
     yield (
-        '<p class="note">Cost of the best path so far over the best known of its problem: medians (lines) and quartiles '
-        "(shaded) over all runs. A line begins where half of the runs have a path; the strip below shows the share "
-        "that have none.</p>"
+        '<p class="note">Cost of the best path so far over the best known of its problem: medians (lines) and '
+        "quartiles (shaded) over all runs. A line begins where half of the runs have a path; the strip below shows "
+        "the share that have none.</p>"
     )
     yield f'<div class="figures">{"".join(figures.overall_costs())}</div>'
 
@@ -113,7 +117,7 @@ def _problems(results: Results, figures: Figures, styles: Mapping[str, Style]) -
 def _problem(problem: Problem, figures: Figures, styles: Mapping[str, Style]) -> Iterator[str]:
     yield f'<div class="figures">{"".join(figures.scenes(problem))}</div>'
     yield problem_table(
-        problem, f"{problem.name}: p is of the test against the best of the column before it, adjusted by Holm"
+        problem, f"{problem.name}: p tells whether a planner differs from the best, adjusted by Holm"
     ).html(styles)
     yield f'<div class="figures">{"".join(figures.problem_charts(problem))}</div>'
     effort = effort_table(problem, f"{problem.name}: what the runs took, medians over all runs").html(styles)
@@ -134,7 +138,8 @@ def _pairs(summary: Summary, styles: Mapping[str, Style]) -> Iterator[str]:
 def _environment(results: Results, styles: Mapping[str, Style]) -> Iterator[str]:
     yield conditions_table(results).html(styles)
     opened = "" if len(results.planners) > OPEN_PAIRS else " open"
-    yield f"<details{opened}><summary>Settings of the planners</summary>{settings_table(results).html(styles)}</details>"
+    settings = settings_table(results).html(styles)
+    yield f"<details{opened}><summary>Settings of the planners</summary>{settings}</details>"
     opened = "" if len(results.problems) > OPEN_PAIRS else " open"
     yield f"<details{opened}><summary>Problems and their hashes</summary>{hash_table(results).html(styles)}</details>"
 

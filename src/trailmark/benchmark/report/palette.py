@@ -16,11 +16,11 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#b8860b", "#4aa3df", "#8
 DASHES = {"landmark": "", "certified": "", "discrete": "6 3", "native": "1.5 3", "own": "9 2 2 2"}
 
 FAMILIES = {
-    "landmark": "trailmark's landmark planner",
-    "discrete": "OMPL from Python, discrete motion checks",
-    "certified": "OMPL from Python, certified motion checks",
-    "native": "OMPL and FCL in C++ (native)",
-    "own": "functions of the user's own",
+    "landmark": "trailmark",
+    "discrete": "OMPL, discrete checks",
+    "certified": "OMPL, certified checks",
+    "native": "OMPL and FCL in C++",
+    "own": "the user's own",
 }
 """The groups that planners are shown in, and what to call them."""
 
@@ -39,12 +39,20 @@ class Style:
         dash: SVG's ``stroke-dasharray``; empty for a whole line.
         hollow: whether marks are rings, not dots.
         width: of lines.
+        number: tells it from all others of a report.
     """
 
     colour: str
     dash: str
     hollow: bool
     width: float
+    number: int
+
+    @property
+    def tint(self) -> str:
+        """The colour with much white in it."""
+        parts = (int(self.colour[i : i + 2], 16) for i in (1, 3, 5))
+        return "#" + "".join(f"{round(255 - 0.3 * (255 - part)):02x}" for part in parts)
 
 
 def family_of(planner: str) -> str:
@@ -67,14 +75,14 @@ def styles_of(planners: Sequence[str]) -> dict[str, Style]:
     """Return a style for each planner; one algorithm has one colour in all groups."""
     algorithms = sorted({algorithm_of(p) for p in planners if family_of(p) != "landmark"}, key=_rank)
     found = {}
-    for planner in planners:
+    for number, planner in enumerate(planners):
         family = family_of(planner)
         if family == "landmark":
-            found[planner] = Style("#111111", "", False, 2.6)
+            found[planner] = Style("#111111", "", False, 2.6, number)
             continue
         place = algorithms.index(algorithm_of(planner))
         hollow = (place // len(COLOURS)) % 2 == 1
-        found[planner] = Style(COLOURS[place % len(COLOURS)], DASHES[family], hollow, 1.7)
+        found[planner] = Style(COLOURS[place % len(COLOURS)], DASHES[family], hollow, 1.7, number)
     return found
 
 

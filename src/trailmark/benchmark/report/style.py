@@ -17,51 +17,65 @@ p { margin: 6px 0 10px; }
 .sub { margin-top: 0; }
 nav { display: flex; flex-wrap: wrap; gap: 4px 18px; margin: 14px 0; font-size: .95rem; }
 a { color: #004f86; }
-.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 260px), 1fr)); gap: 12px; margin: 16px 0; }
+.cards { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 260px), 1fr)); gap: 12px;
+  margin: 16px 0; }
 .card { border: 1px solid var(--line); border-top: 4px solid var(--ink); border-radius: 4px; padding: 12px 14px; }
 .card p { margin: 4px 0 0; font-size: .92rem; }
 .card .question { font-size: .8rem; letter-spacing: .04em; text-transform: uppercase; color: var(--soft); }
 .card .answer { font-size: 1.12rem; font-weight: 650; overflow-wrap: anywhere; line-height: 1.25; }
 .card .value { font-size: 1.5rem; font-weight: 650; line-height: 1.3; font-variant-numeric: tabular-nums; }
 .warning { border-left: 4px solid #b35900; background: #fdf4e9; padding: 8px 12px; max-width: none; }
-.figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 345px), 1fr)); gap: 22px 28px; align-items: start; }
-figure { margin: 10px 0; max-width: 600px; min-width: 0; }
-figcaption { font-size: .9rem; margin-bottom: 6px; }
+.figures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 360px), 1fr)); gap: 6px 22px; }
+figure { display: grid; grid-row: span 2; grid-template-rows: subgrid; align-content: start; margin: 8px 0;
+  min-width: 0; }
+figcaption { font-size: .9rem; align-self: end; }
 figcaption b { color: var(--ink); display: block; font-size: 1rem; }
-svg.chart { display: block; width: 100%; height: auto; overflow: visible; font: 12px system-ui, "Segoe UI", Roboto, Arial, sans-serif; }
+svg.chart { display: block; width: 100%; height: auto; overflow: visible;
+  font: 12px system-ui, "Segoe UI", Roboto, Arial, sans-serif; }
 svg.key { width: 28px; height: 14px; vertical-align: -2px; margin-right: 6px; }
-svg path, svg circle, svg rect { fill: none; }
+/* On the root only: a rule for shapes would win over their own fill. */
+svg { fill: none; }
 svg text { fill: var(--soft); }
 svg text.name, svg text.value { fill: var(--ink); }
 svg text.value, svg text.tick { font-variant-numeric: tabular-nums; }
 svg .halo { paint-order: stroke; stroke: #fff; stroke-width: 3px; }
 svg .grid { stroke: #e6e8ec; } svg .axis { stroke: #6b727c; }
+.share { stroke-width: 1.8; }
+.box { stroke-width: 1.4; }
+.median { stroke-width: 3; }
 svg .line { stroke-linejoin: round; stroke-linecap: round; } svg .line:hover { stroke-width: 4.5; }
 svg .halo-line { stroke: #fff; stroke-opacity: .85; stroke-linejoin: round; }
-svg .outside { fill: #e3e6ea; } svg .free { fill: #fff; stroke: #4a5059; } svg .solid { fill: #565c66; fill-rule: nonzero; }
-svg .solid circle { fill: #565c66; }
+.outside { fill: #e3e6ea; }
+.free { fill: #fff; stroke: #4a5059; }
+.solid, .solid circle { fill: #565c66; }
 svg .body { fill: #16191d; fill-opacity: .05; stroke: #16191d; stroke-opacity: .35; stroke-width: .8; }
 svg .refused { stroke: #c00; stroke-width: 1.2; stroke-dasharray: 2 2; }
 svg .end { fill: #fff; stroke: #16191d; stroke-width: 1.6; } svg .end.goal { fill: #16191d; }
-svg .heading { stroke: #16191d; stroke-width: 1.8; } svg .tip { fill: #16191d; }
+svg .heading { stroke: #16191d; stroke-width: 1.8; } svg .tip { fill: #16191d; stroke: #fff; stroke-width: 1; }
 svg .heading.goal { stroke: #16191d; }
-svg text.letter { fill: #000; font-weight: 700; font-size: 13px; paint-order: stroke; stroke: #fff; stroke-width: 4px; }
+svg text.letter { fill: #000; font-weight: 700; font-size: 13px; paint-order: stroke; stroke: #fff;
+  stroke-width: 4px; }
 .defs { position: absolute; width: 0; height: 0; }
-.scroll { overflow-x: auto; margin: 10px 0 18px; border-bottom: 1px solid var(--line); -webkit-overflow-scrolling: touch; }
+.scroll { overflow-x: auto; margin: 10px 0 18px; border-bottom: 1px solid var(--line);
+  -webkit-overflow-scrolling: touch; }
 table { border-collapse: collapse; font-size: .86rem; min-width: 100%; }
 caption { text-align: left; padding: 4px 0; font-size: .92rem; }
-th, td { padding: 4px 10px; text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; vertical-align: baseline; }
-thead th { border-bottom: 2px solid var(--ink); white-space: normal; min-width: 4.6em; vertical-align: bottom; line-height: 1.25; }
+th, td { padding: 4px 10px; text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums;
+  vertical-align: baseline; }
+thead th { border-bottom: 2px solid var(--ink); white-space: normal; min-width: 4.6em; vertical-align: bottom;
+  line-height: 1.25; }
 tbody tr:nth-child(even) > * { background: var(--pale); }
 th.words, td.words, tbody th { text-align: left; }
 tbody th { font-weight: 550; position: sticky; left: 0; background: #fff; border-right: 1px solid var(--line); }
-td.words { max-width: 46em; white-space: normal; min-width: 11em; overflow-wrap: anywhere; }
-.legend { display: flex; flex-wrap: wrap; gap: 2px 18px; list-style: none; padding: 0; margin: 2px 0 8px; font-size: .9rem; }
+td.words { max-width: 46em; white-space: normal; min-width: 18em; overflow-wrap: anywhere; }
+.legend { display: flex; flex-wrap: wrap; gap: 2px 18px; list-style: none; padding: 0; margin: 2px 0 8px;
+  font-size: .9rem; }
 details { margin: 8px 0; border: 1px solid var(--line); border-radius: 4px; padding: 0 12px; }
 details[open] { padding-bottom: 12px; }
 summary { cursor: pointer; padding: 9px 0; font-weight: 650; overflow-wrap: anywhere; }
 summary .note { font-weight: 400; font-size: .9rem; }
-@media (max-width: 600px) { body { font-size: 15px; } th, td { padding: 4px 7px; } tbody th { max-width: 42vw; white-space: normal; overflow-wrap: anywhere; } }
+@media (max-width: 600px) { body { font-size: 15px; } th, td { padding: 4px 7px; } tbody th { white-space: normal; } }
+@media (min-width: 800px) { figure.wide { grid-column: span 2; } }
 @media print {
   @page { margin: 14mm; }
   body { max-width: none; padding: 0; font-size: 10pt; }

@@ -21,7 +21,17 @@ from trailmark.benchmark.statistics import (
     wilson,
 )
 
-__all__ = ["LEVEL", "SHIFT", "Comparison", "PlannerSummary", "Summary", "summarise", "summarise_runs"]
+__all__ = [
+    "LEAST_RUNS",
+    "LEVEL",
+    "REPLICATES",
+    "SHIFT",
+    "Comparison",
+    "PlannerSummary",
+    "Summary",
+    "summarise",
+    "summarise_runs",
+]
 
 FloatArray = NDArray[np.float64]
 

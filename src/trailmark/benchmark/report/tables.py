@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trailmark.benchmark.report.charts import legend_mark
 from trailmark.benchmark.report.data import Problem
-from trailmark.benchmark.report.numbers import NOTHING, count, factor, milliseconds, number, percent, probability
+from trailmark.benchmark.report.digits import NOTHING, count, factor, milliseconds, number, percent, probability
 from trailmark.benchmark.report.palette import Style
 from trailmark.benchmark.report.summary import Comparison, PlannerSummary, Summary, summarise_runs
 from trailmark.benchmark.statistics import holm, quantiles, rank_test
@@ -47,7 +47,7 @@ class Table:
         for row in self.rows:
             mark = legend_mark(styles[row[0]]) if self.planners and row[0] in styles else ""
             cells = "".join(f"<td{self._class(i)}>{escape(cell)}</td>" for i, cell in enumerate(row) if i)
-            body.append(f'<tr><th scope="row">{mark}{escape(row[0])}</th>{cells}</tr>')
+            body.append(f'<tr><th scope="row">{mark}{_breakable(row[0])}</th>{cells}</tr>')
         caption = f"<caption>{escape(self.caption)}</caption>"
         table = f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
         return f'<div class="scroll" role="region" aria-label="{escape(self.caption)}" tabindex="0">{table}</div>'
@@ -77,19 +77,18 @@ def overall_table(summary: Summary, caption: str) -> Table:
     columns = ["planner", "problems", "runs", "solved, says planner", "solved and correct", "95 % interval"]
     columns += ["first path: mean [ms]", "median [ms]", "first cost / best", "final cost / best", "quartiles"]
     columns += ["ahead of, in time", "behind", "ahead of, in cost", "behind", "runs without success"]
-    rows = []
-    for s in summary.planners:
-        rows.append(
-            [
-                *(s.planner, str(s.problems), str(s.runs), percent(s.claimed / s.runs), percent(s.success / s.runs)),
-                _interval(s),
-                *(milliseconds(s.first_mean), milliseconds(s.first[2]), _ratio(s.first_ratio[2]), _ratio(s.ratio[2])),
-                f"{_ratio(s.ratio[1])} to {_ratio(s.ratio[3])}",
-                *_ahead(s.planner, summary.times),
-                *_ahead(s.planner, summary.costs),
-                _endings(s),
-            ]
-        )
+    rows = [
+        [
+            *(s.planner, str(s.problems), str(s.runs), percent(s.claimed / s.runs), percent(s.success / s.runs)),
+            _interval(s),
+            *(milliseconds(s.first_mean), _median_time(s), _ratio(s.first_ratio[2]), _ratio(s.ratio[2])),
+            f"{_ratio(s.ratio[1])} to {_ratio(s.ratio[3])}",
+            *_ahead(s.planner, summary.times),
+            *_ahead(s.planner, summary.costs),
+            _endings(s),
+        ]
+        for s in summary.planners
+    ]
     return Table(caption, columns, rows, frozenset({15}))
 
 
@@ -116,8 +115,8 @@ def pair_table(summary: Summary, what: str, caption: str) -> Table:
 def problem_table(problem: Problem, caption: str) -> Table:
     """Return a row for each planner on one problem, the quickest first, tested against the best of them."""
     columns = ["planner", "runs", "solved, says planner", "solved and correct", "95 % interval"]
-    columns += ["first path: mean [ms]", "median [ms]", "p", "first cost [m]", "final cost [m]", "quartiles [m]"]
-    columns += ["/ best", "p", "simplified [m]", "runs without success"]
+    columns += ["first path: mean [ms]", "median [ms]", "p, time", "first cost [m]", "final cost [m]", "quartiles [m]"]
+    columns += ["final / best", "p, cost", "simplified [m]", "runs without success"]
     found = sorted((summarise_runs(problem, name) for name in problem.runs), key=lambda s: s.first_mean)
     quickest = found[0].planner
     cheapest = min(found, key=lambda s: (s.ratio[2], s.missing, s.mean_ratio)).planner
@@ -133,7 +132,7 @@ def problem_table(problem: Problem, caption: str) -> Table:
         rows.append(
             [
                 *(s.planner, str(s.runs), percent(s.claimed / s.runs), percent(s.success / s.runs), _interval(s)),
-                *(milliseconds(s.first_mean), milliseconds(s.first[2]), time_p[s.planner]),
+                *(milliseconds(s.first_mean), _median_time(s), time_p[s.planner]),
                 *(_cost(quantiles(first, (0.5,))[0]), _cost(median), f"{_cost(quarter)} to {_cost(three)}"),
                 *(_ratio(s.ratio[2]), cost_p[s.planner], _cost(quantiles(runs.simplified_costs, (0.5,))[0])),
                 _endings(s),
@@ -160,6 +159,11 @@ def effort_table(problem: Problem, caption: str) -> Table:
     return Table(caption, columns, rows, frozenset({10}))
 
 
+def _breakable(name: str) -> str:
+    """Return a planner's name as HTML that a narrow page may break before or after what tells its family."""
+    return escape(name).replace("+", "<wbr>+").replace(":", ":<wbr>")
+
+
 def _pair_cell(pair: Comparison) -> str:
     if pair.winner is None:
         return "≈"
@@ -177,7 +181,7 @@ def _ahead(planner: str, pairs: Mapping[frozenset[str], Comparison]) -> tuple[st
 def _against(best: str, values: Mapping[str, FloatArray]) -> dict[str, str]:
     """Return Holm's probabilities of each planner being as good as the best, as words."""
     others = [name for name in values if name != best]
-    adjusted = holm([rank_test([(values[best], values[name])]).p for name in others]) if others else []
+    adjusted = holm([rank_test([(values[best], values[name])]).p for name in others])
     return {best: "best"} | {
         name: probability(float(p)).removeprefix("= ") for name, p in zip(others, adjusted, strict=True)
     }
@@ -190,6 +194,10 @@ def _median(values: FloatArray) -> float:
 
 def _interval(s: PlannerSummary) -> str:
     return f"{100 * s.interval.low:.0f} to {100 * s.interval.high:.0f} %"
+
+
+def _median_time(s: PlannerSummary) -> str:
+    return "none" if math.isinf(s.first[2]) else milliseconds(s.first[2])
 
 
 def _cost(value: float) -> str:

@@ -14,7 +14,7 @@ from trailmark import se2
 from trailmark.benchmark.problems import Problem, read_problem
 from trailmark.benchmark.report.charts import WIDTH
 from trailmark.benchmark.report.palette import Style
-from trailmark.benchmark.report.svg import drawing, element, text
+from trailmark.benchmark.report.svg import drawing, element, points, text
 from trailmark.errors import TrailmarkError
 from trailmark.shapes import Disc
 
@@ -102,8 +102,7 @@ class Scene:
         parts = [element("use", href=f"#w{self.key}")]
         if best is not None:
             parts.append(self._bodies(best))
-        for states in refused:
-            parts.append(element("path", d=self._way(states), class_="refused mark"))
+        parts += [element("path", d=self._way(states), class_="refused mark") for states in refused]
         for name, states in paths.items():
             style = styles[name]
             title = element("title", name.replace("&", "&amp;").replace("<", "&lt;"))
@@ -134,18 +133,18 @@ class Scene:
         line = self._at(states[:, :2])
         if len(line) > 2:
             line = shapely.get_coordinates(shapely.simplify(shapely.LineString(line), 0.25))
-        return _relative(line, closed=False)
+        return points(*line.T)
 
     def _region(self, shapes: Sequence[shapely.Geometry]) -> str:
         rings = shapely.get_rings(shapely.get_parts(np.array(shapes, dtype=object)))
-        return "".join(_relative(self._at(shapely.get_coordinates(ring))[:-1], closed=True) for ring in rings)
+        return "".join(points(*self._at(shapely.get_coordinates(ring))[:-1].T, closed=True) for ring in rings)
 
     def _bodies(self, states: FloatArray) -> str:
         from trailmark.path import Path
 
         along = Path(states).at(np.linspace(0.0, 1.0, BODIES)[1:-1])
         outlines = se2.transform(along, self.problem.robot.outline.vertices)
-        return element("path", d="".join(_relative(self._at(o), closed=True) for o in outlines), class_="body")
+        return element("path", d="".join(points(*self._at(o).T, closed=True) for o in outlines), class_="body")
 
     def _end(self, configuration: tuple[float, float, float], letter: str, kind: str) -> list[str]:
         """Return the robot at an end, an arrow along its heading, and a letter beside it."""
@@ -155,7 +154,7 @@ class Scene:
         outline = self._at(se2.transform(q, robot.outline.vertices))
         x, y = self._at(q[None, :2])[0].tolist()
         size = robot.circumradius * scale
-        parts = [element("path", d=_relative(outline, closed=True), class_=f"end {kind}")]
+        parts = [element("path", d=points(*outline.T, closed=True), class_=f"end {kind}")]
         if size < REACH:
             parts.append(element("circle", cx=x, cy=y, r=REACH - 2.0, class_=f"end {kind}"))
         reach = max(size, REACH) + 5.0
@@ -165,14 +164,15 @@ class Scene:
         parts.append(
             element(
                 "path",
-                d=_relative(np.array([[x, y], tip - 3.0 * np.array([cos, sin])]), closed=False),
+                d=points(*np.array([[x, y], tip - 3.0 * np.array([cos, sin])]).T),
                 class_=f"heading {kind}",
             )
         )
-        parts.append(element("path", d=_relative(np.array([tip, *wings]), closed=True), class_=f"tip {kind}"))
-        aside = max(size, REACH) + 7.0
-        place = min(max(x, 8.0), self._view[2] * scale - 8.0)
-        below = y + aside + 8.0 if y - aside - 10.0 < 0.0 else y - aside + 3.0
+        parts.append(element("path", d=points(*np.array([tip, *wings]).T, closed=True), class_=f"tip {kind}"))
+        # Behind the robot, where no arrow is.
+        aside = max(size, REACH) + 8.0
+        place = min(max(x - aside * cos, 8.0), self._view[2] * scale - 8.0)
+        below = min(max(y - aside * sin + 4.0, 13.0), self._view[3] * scale - 4.0)
         parts.append(text(place, below, letter, class_=f"letter {kind}", text_anchor="middle"))
         return parts
 
@@ -192,21 +192,3 @@ def scene_of(text_of_world: str, key: int) -> Scene | None:
         return Scene(read_problem(text_of_world), key)
     except (TrailmarkError, IndexError):
         return None
-
-
-def _relative(line: FloatArray, closed: bool) -> str:
-    """Return path data with steps relative to the point before, in tenths: less than half of absolute numbers."""
-    tenths = np.round(10.0 * line).astype(np.int64)
-    steps = np.diff(tenths, axis=0)
-    steps = steps[np.any(steps != 0, axis=1)]
-    if closed and len(steps) < 2:
-        return ""
-    numbers = [_tenths(int(v)) for v in steps.ravel()]
-    moves = "".join(n if n.startswith("-") or i == 0 else f" {n}" for i, n in enumerate(numbers))
-    return f"M{_tenths(int(tenths[0, 0]))} {_tenths(int(tenths[0, 1]))}{'l' if moves else ''}{moves}{'z' if closed else ''}"
-
-
-def _tenths(value: int) -> str:
-    whole, rest = divmod(abs(value), 10)
-    digits = f"{whole or ''}.{rest}" if rest else str(whole)
-    return f"-{digits}" if value < 0 else digits
