@@ -24,6 +24,8 @@ def test_what_is_missing_is_told() -> None:
     world = small_world()
     with pytest.raises(WorldError, match="names no robot"):
         next(problems_of(replace(world, robot=None)))
+    with pytest.raises(WorldError, match="drives in curves, allowed here: robots that move straight"):
+        next(problems_of(world, Robot.disc(0.2).steered(1.0)))
     with pytest.raises(WorldError, match="holds no query"):
         next(problems_of(replace(world, queries=())))
     with pytest.raises(WorldError, match="did you mean 'ahead'"):

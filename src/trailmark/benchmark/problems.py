@@ -94,11 +94,16 @@ def problems_of(world: World, robot: Robot | None = None, queries: Iterable[str]
         queries: their names; all of the world's if empty.
 
     Raises:
-        WorldError: no robot, no query, or none of a given name.
+        WorldError: no robot, or a car; no query, or none of a given name.
     """
     chosen = robot or world.robot
     if chosen is None:
         raise WorldError(f"world {world.name!r} names no robot, allowed: --robot with disc:RADIUS or another shape")
+    if chosen.turning_radius is not None:
+        raise WorldError(
+            f"world {world.name!r}: robot ({chosen.describe()}) drives in curves, allowed here: robots that move "
+            "straight in any direction, such as --robot rectangle:LENGTHxWIDTH"
+        )
     for query in [world.query(name) for name in queries] or world.queries or [world.query()]:
         yield Problem(replace(world, robot=chosen, queries=(query,)))
 
