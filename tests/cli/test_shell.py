@@ -34,7 +34,8 @@ def test_help_names_every_command(shell: Shell) -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [["plan"], ["map"], ["benchmark"], ["worlds"], ["worlds", "show"], ["worlds", "convert"]]
+    "command",
+    [["plan"], ["map"], ["benchmark"], ["report"], ["worlds"], ["worlds", "show"], ["worlds", "convert"]],
 )
 def test_every_command_has_help(shell: Shell, command: list[str]) -> None:
     run = shell(*command, "--help")
@@ -49,7 +50,7 @@ def test_version(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        ([], "Missing command, allowed: plan, landmarks, map, benchmark, worlds"),
+        ([], "Missing command, allowed: plan, landmarks, map, benchmark, report, worlds"),
         (["paln"], "No such command 'paln'"),
         (["--verison"], "No such option: --verison"),
         (["plan"], "Missing argument 'WORLD' (see 'trailmark plan --help')"),

@@ -17,7 +17,7 @@ from typing import Annotated, Any
 import typer
 
 import trailmark
-from trailmark.cli import benchmark, console, landmarks, map, plan, worlds  # noqa: A004 # a command's file has its name
+from trailmark.cli import benchmark, console, landmarks, map, plan, report, worlds  # noqa: A004 # a command's file has its name
 from trailmark.cli.options import UsageError
 from trailmark.errors import TrailmarkError
 
@@ -34,6 +34,7 @@ app.command("plan")(plan.plan)
 app.command("landmarks")(landmarks.landmarks)
 app.command("map")(map.map_log)
 app.command("benchmark")(benchmark.benchmark)
+app.command("report")(report.report)
 app.add_typer(worlds.app, name="worlds")
 
 

@@ -75,6 +75,7 @@ details[open] { padding-bottom: 12px; }
 summary { cursor: pointer; padding: 9px 0; font-weight: 650; overflow-wrap: anywhere; }
 summary .note { font-weight: 400; font-size: .9rem; }
 @media (max-width: 600px) { body { font-size: 15px; } th, td { padding: 4px 7px; } tbody th { white-space: normal; } }
+@media (min-width: 601px) { wbr { display: none; } }
 @media (min-width: 800px) { figure.wide { grid-column: span 2; } }
 @media print {
   @page { margin: 14mm; }

@@ -133,18 +133,18 @@ class Scene:
         line = self._at(states[:, :2])
         if len(line) > 2:
             line = shapely.get_coordinates(shapely.simplify(shapely.LineString(line), 0.25))
-        return points(*line.T)
+        return _drawn(line)
 
     def _region(self, shapes: Sequence[shapely.Geometry]) -> str:
         rings = shapely.get_rings(shapely.get_parts(np.array(shapes, dtype=object)))
-        return "".join(points(*self._at(shapely.get_coordinates(ring))[:-1].T, closed=True) for ring in rings)
+        return "".join(_drawn(self._at(shapely.get_coordinates(ring))[:-1], closed=True) for ring in rings)
 
     def _bodies(self, states: FloatArray) -> str:
         from trailmark.path import Path
 
         along = Path(states).at(np.linspace(0.0, 1.0, BODIES)[1:-1])
         outlines = se2.transform(along, self.problem.robot.outline.vertices)
-        return element("path", d="".join(points(*self._at(o).T, closed=True) for o in outlines), class_="body")
+        return element("path", d="".join(_drawn(self._at(o), closed=True) for o in outlines), class_="body")
 
     def _end(self, configuration: tuple[float, float, float], letter: str, kind: str) -> list[str]:
         """Return the robot at an end, an arrow along its heading, and a letter beside it."""
@@ -154,7 +154,7 @@ class Scene:
         outline = self._at(se2.transform(q, robot.outline.vertices))
         x, y = self._at(q[None, :2])[0].tolist()
         size = robot.circumradius * scale
-        parts = [element("path", d=points(*outline.T, closed=True), class_=f"end {kind}")]
+        parts = [element("path", d=_drawn(outline, closed=True), class_=f"end {kind}")]
         if size < REACH:
             parts.append(element("circle", cx=x, cy=y, r=REACH - 2.0, class_=f"end {kind}"))
         reach = max(size, REACH) + 5.0
@@ -164,11 +164,11 @@ class Scene:
         parts.append(
             element(
                 "path",
-                d=points(*np.array([[x, y], tip - 3.0 * np.array([cos, sin])]).T),
+                d=_drawn(np.array([[x, y], tip - 3.0 * np.array([cos, sin])])),
                 class_=f"heading {kind}",
             )
         )
-        parts.append(element("path", d=points(*np.array([tip, *wings]).T, closed=True), class_=f"tip {kind}"))
+        parts.append(element("path", d=_drawn(np.array([tip, *wings]), closed=True), class_=f"tip {kind}"))
         # Behind the robot, where no arrow is.
         aside = max(size, REACH) + 8.0
         place = min(max(x - aside * cos, 8.0), self._view[2] * scale - 8.0)
@@ -192,3 +192,8 @@ def scene_of(text_of_world: str, key: int) -> Scene | None:
         return Scene(read_problem(text_of_world), key)
     except (TrailmarkError, IndexError):
         return None
+
+
+def _drawn(line: FloatArray, closed: bool = False) -> str:
+    """Return path data of points, shape (n, 2), in the picture's coordinates."""
+    return points(line[:, 0], line[:, 1], closed)
