@@ -49,7 +49,14 @@ def test_planners_on_problems_and_again(shell: Shell, yard: Path, tmp_path: Path
     words += ["--seed", 4, "--output", results]
     run = shell(*words, "--log", log)
     assert (run.status, run.err) == (0, "")
-    assert run.out == f"4 runs made, 0 of them without a correct solution\nwritten: {results}\n"
+    first, *table, last = run.out.splitlines()
+    assert first == "4 runs made, 0 of them without a correct solution"
+    assert [row.split()[:2] for row in table] == [
+        ["planner", "correct"],
+        ["landmark", "2/2"],
+        ["RRTConnect+certified", "2/2"],
+    ]
+    assert last == f"written: {results}"
     found = rows(
         results,
         "SELECT e.name, p.name, r.seed, r.correct_solution FROM runs r JOIN experiments e ON e.id = experimentid "

@@ -7,6 +7,8 @@ a crash in a later part (counting the graph, simplifying the path) does not take
 from __future__ import annotations
 
 import importlib
+import os
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -146,6 +148,8 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
     It returns a path's states, shape (n, 3), or None.
     """
     module, _, function = str(job["planner"]).partition(":")
+    # Last, so that no file of the user's takes a library's place.
+    sys.path.append(os.getcwd())  # noqa: PTH109  # sys.path holds strings
     plan = getattr(importlib.import_module(module), function)
     checker, peak = CountingChecker(prepared.checker), MemoryPeak()
     begin = perf_counter()

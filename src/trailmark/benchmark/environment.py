@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-__all__ = ["cpu_name", "system", "versions"]
+__all__ = ["cpu_name", "source_digest", "system", "versions"]
 
 PACKAGES = (
     "trailmark",
@@ -47,3 +48,11 @@ def cpu_name() -> str:
 def system() -> str:
     """Return the operating system and its kernel."""
     return platform.platform()
+
+
+def source_digest() -> str:
+    """Return the SHA-256 of trailmark's own source files: what ran, where the version does not tell."""
+    digest, root = hashlib.sha256(), Path(__file__).resolve().parents[1]
+    for file in sorted(root.rglob("*.py")):
+        digest.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())
+    return digest.hexdigest()

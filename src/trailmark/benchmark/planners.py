@@ -61,7 +61,9 @@ def settings_of(name: str) -> str:
     if name == "landmark":
         return "trailmark's LandmarkPlanner, default settings; motions certified"
     if name.startswith("native:"):
-        return "OMPL in C++, default settings; states and motions checked by FCL in C++, discretely"
+        native = importlib.import_module("trailmark.benchmark.native")
+        made = ", ".join(f"{what} {version}" for what, version in native.native_versions().items())
+        return f"OMPL in C++, default settings; states and motions checked by FCL in C++, discretely; {made}"
     if ":" in name:
         return "a function of the user's own"
     motions = "certified by trailmark" if name.endswith(CERTIFIED) else "discrete, at the experiment's resolution"

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
 
-from trailmark.benchmark.environment import cpu_name, system, versions
+from trailmark.benchmark.environment import cpu_name, source_digest, system, versions
 from trailmark.benchmark.errors import WorkerError
 from trailmark.benchmark.executors import Pool
 from trailmark.benchmark.planners import settings_of
@@ -168,6 +168,7 @@ class Benchmark:
                 "robot": problem.robot.describe(),
                 "text": problem.text,
                 "system": system(),
+                "source": source_digest(),
                 "isolation": "a process of its own for each run, forked from a warm one; its start is no one's time",
             },
             time_limit=self.time_limit,

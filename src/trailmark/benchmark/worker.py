@@ -8,6 +8,7 @@ import os
 import select
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Mapping
 from time import perf_counter
@@ -97,24 +98,29 @@ class Worker:
         self.stop(for_good=False)
         self._known, self._pending = [], b""
         environment = os.environ | dict.fromkeys(SINGLE_THREADED, "1")
+        complaints = tempfile.TemporaryFile()  # noqa: SIM115  # closed below, with the process started
         self._process = subprocess.Popen(  # this interpreter and a module of our own
-            [sys.executable, "-m", "trailmark.benchmark.zygote"],
+            # -P: a file of the user's in the working directory must not take a library's place.
+            [sys.executable, "-P", "-m", "trailmark.benchmark.zygote"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
+            stderr=complaints,
             env=environment,
             start_new_session=True,  # Ctrl-C is for us, not for it
         )
-        try:
-            ready = "ready" in self._receive(STARTING)
-        except (OSError, EOFError):
-            ready = False
-        if not ready:
-            self.stop(for_good=False)
-            raise WorkerError(
-                "a worker process does not start, allowed: an environment in which "
-                f"'{sys.executable} -m trailmark.benchmark.zygote' does"
-            )
+        with complaints:
+            try:
+                ready = "ready" in self._receive(STARTING)
+            except (OSError, EOFError):
+                ready = False
+            if not ready:
+                self.stop(for_good=False)
+                complaints.seek(0)
+                said = complaints.read().decode(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
+                raise WorkerError(
+                    f"a worker process does not start: {said[0][:300]}; allowed: an environment in which "
+                    f"'{sys.executable} -m trailmark.benchmark.zygote' runs"
+                )
 
     def _send(self, message: Answer) -> None:
         assert self._process is not None  # noqa: S101  # started by run

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -135,7 +135,7 @@ def benchmark(
         from trailmark.benchmark.log_export import export_log
 
         export_log(file, log_file)
-    _print(tally, file, as_json=as_json)
+    _print(tally, file, plan.planners, as_json=as_json)
 
 
 def _setting(suite: Suite | None, name: str) -> str:
@@ -237,7 +237,9 @@ def _clock(seconds: float) -> str:
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
-def _print(tally: Tally, file: Path, *, as_json: bool) -> None:
+def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) -> None:
+    from trailmark.benchmark.summary import summary_rows
+
     if as_json:
         record = {"database": str(file), "runs": tally.total, "made": tally.made, "without_solution": tally.failed}
         console.say(console.json_text(record))
@@ -245,4 +247,5 @@ def _print(tally: Tally, file: Path, *, as_json: bool) -> None:
     before = tally.total - tally.made
     there = f", {before:,} were there already" if before else ""
     console.say(f"{tally.made:,} runs made, {tally.failed:,} of them without a correct solution{there}")
+    console.print_table(summary_rows(file, planners), indent="  ")
     console.say(f"written: {file}")
