@@ -229,7 +229,7 @@ class Attempt:
         comes of it, the path, is added to the planner's.
         """
         settled = 0
-        roadmap = Roadmap(self.checker)
+        roadmap = type(self.roadmap)(self.checker)
         nodes = roadmap.add(ends)
         marked = np.zeros(0, dtype=np.int64)
         while settled < PATIENCE and self.best is not None and not self._close_enough() and self._go_on("improving"):

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,25 +11,25 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision.curve_motions import CurveChecker
 from trailmark.curves import CurvePath
-from trailmark.landmarks import Relaxation, k_means_landmarks
+from trailmark.landmarks import k_means_landmarks
 from trailmark.landmarks.informed import Band
 from trailmark.planning.attempt import (
     FIRST_LANDMARKS,
     FIRST_SWEEPS,
     GROWTH,
-    IMPROVEMENT,
     LLOYD_STEPS,
-    PATIENCE,
     PROMISING,
+    PROOF_SHARE,
     ROUNDS_PER_GRID,
     SAMPLES_PER_LANDMARK,
     SWEEPS,
     WIDENINGS,
-    OnProgress,
+    Attempt,
 )
 from trailmark.planning.curve_shortening import shorten_curves
 from trailmark.planning.drives import drives_from
 from trailmark.planning.result import PlanProgress, Status
+from trailmark.roadmap import Roadmap
 from trailmark.roadmap.curve_roadmap import CurveRoadmap
 
 __all__ = ["CarAttempt"]
@@ -41,57 +41,21 @@ DRIVES, KEPT = 6000, 80
 """Configurations that drives from one part of the roadmap reach at first, and landmarks among them."""
 
 
-class CarAttempt:
+class CarAttempt(Attempt):
     """One query of a car-like robot under way: its ends, its best path so far, its clock.
 
-    As :class:`trailmark.planning.attempt.Attempt`, with curves in place of straight motions; and where landmarks alone
-    do not join the ends, drives from both of them do (:mod:`trailmark.planning.drives`).
-
-    Args:
-        roadmap: where to search first, and to leave what joins the ends.
-        relaxation: the relaxed problem's grid.
-        rng: source of randomness.
-        ends: valid start and goal, shape (2, 3).
-        begin: reading of ``time.perf_counter`` that times are counted from, seconds.
-        time_limit: seconds.
-        max_iterations: rounds of landmarks at most.
-        on_progress: called after every step and with every better path.
-        stop: asked between steps whether to end early.
-
-    Attributes:
-        start: shape (3,).
-        goal: shape (3,).
-        begin: as given.
-        first_cost: the first path's length, metres.
-        history: (seconds, length in metres) of each better path.
-        nearest: without a path, the knots (n, 3) of one from the start to where it comes nearest to the goal.
+    Curves take the place of straight motions; and where landmarks alone do not join the ends, drives from both of them
+    do (:mod:`trailmark.planning.drives`). Paths are told by their knots. Arguments are those of
+    :class:`trailmark.planning.attempt.Attempt`, with a roadmap of curves.
     """
 
-    def __init__(
-        self,
-        roadmap: CurveRoadmap,
-        relaxation: Relaxation,
-        rng: np.random.Generator,
-        ends: se2.FloatArray,
-        *,
-        begin: float,
-        time_limit: float,
-        max_iterations: int | None,
-        on_progress: OnProgress | None,
-        stop: Callable[[], bool] | None = None,
-    ) -> None:
-        self.checker, self.roadmap, self.relaxation, self.rng = roadmap.checker, roadmap, relaxation, rng
-        self.steering = roadmap.steering
+    roadmap: CurveRoadmap
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.steering = self.roadmap.steering
         self.motions = CurveChecker(self.checker, self.steering)
-        self.start, self.goal = ends
-        self.begin, self.deadline = begin, begin + time_limit
-        self.rounds_left = max_iterations
-        self.on_progress, self.stop = on_progress, stop
-        self.best: se2.FloatArray | None = None
-        self.best_cost = np.inf
-        self.first_cost: float | None = None
-        self.history: list[tuple[float, float]] = []
-        self.nearest: se2.FloatArray | None = None
+        self.lower_bound = float(self.steering.lengths(self.start, self.goal))
 
     def run(self) -> tuple[Status, se2.FloatArray | None]:
         """Return the status and the best path's knots, shape (n, 3), or None."""
@@ -112,23 +76,29 @@ class CarAttempt:
             self.roadmap.add(band.guides(self.rng)[0])
             self._grow(self.roadmap, band, ε, int(landmarks))
             self._search(self.roadmap, band, nodes)
-            if self.best is None and self._go_on_driving():
+            if self.best is None and self._time_left() > 0.0:
                 self._drive(band, nodes, drive, DRIVES << min(rounds, 6))
                 drive *= 0.5
-                self.nearest = None if self.best is not None else self._approach(nodes)
+            if self.best is None:
+                self.nearest = self._approach(nodes)
             rounds += 1
             if self.best is None and rounds % ROUNDS_PER_GRID == 0:
                 # What keeps failing may need a closer look, or be impossible.
+                self._prove(PROOF_SHARE)
+                if not np.isfinite(self.lower_bound):
+                    return "infeasible", None
                 band.refine()
             landmarks *= GROWTH
         if not np.isfinite(band.shortest):
             return "infeasible", None
+        self._prove(PROOF_SHARE)
         self._improve(band, ends, landmarks)
+        self._prove(1.0)
         if self.best is not None:
             self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
         return self._answer()
 
-    def _grow(self, roadmap: CurveRoadmap, band: Band, widening: float, landmarks: int) -> None:
+    def _grow(self, roadmap: Roadmap, band: Band, widening: float, landmarks: int) -> None:
         """Cluster samples of the band into landmarks and join them to a roadmap."""
         samples = band.samples(SAMPLES_PER_LANDMARK * landmarks, widening, self.rng)
         if len(samples):
@@ -138,6 +108,7 @@ class CarAttempt:
 
     def _drive(self, band: Band, nodes: NDArray[np.int64], step: float, most: int) -> None:
         """Drive on from what the start leads to, and towards what leads to the goal, and search again."""
+        self._report("driving")
         band.widen(np.inf)
         for into in (False, True):
             reached = np.flatnonzero(self.roadmap.reached(int(nodes[int(into)]), against=into))
@@ -159,7 +130,7 @@ class CarAttempt:
                 return
 
     def _search(
-        self, roadmap: CurveRoadmap, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
+        self, roadmap: Roadmap, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
     ) -> None:
         """Offer a roadmap's shortest path, shortened."""
         to_go = roadmap.distances_to(int(nodes[1]))
@@ -185,67 +156,28 @@ class CarAttempt:
         last = int(reached[np.argmin(se2.distance(q[reached], q[goal]))])
         return np.asarray(q[self.roadmap.shortest_path(start, last).nodes])
 
-    def _shortened(self, knots: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
-        return shorten_curves(self.motions, knots, self.rng, sweeps=sweeps, stop=lambda: self._time_left() <= 0.0)
-
-    def _improve(self, band: Band, ends: se2.FloatArray, landmarks: float) -> None:
-        """Place landmarks where better paths might run and search again, until nothing is gained any more.
-
-        This goes on in a roadmap of its own, so that the planner's stays small enough for many queries; what
-        comes of it, the path, is added to the planner's.
-        """
-        settled = 0
-        roadmap = CurveRoadmap(self.checker, self.steering)
-        nodes = roadmap.add(ends)
-        marked = np.zeros(0, dtype=np.int64)
-        while self.best is not None and settled < PATIENCE and self._go_on("improving"):
-            before = self.best_cost
-            widening = max(0.02, self.best_cost / max(band.shortest, 1e-9) - 1.0)
-            self._grow(roadmap, band, widening, int(landmarks))
-            # Once without the best path's own knots, for the other ways around the obstacles ...
-            banned = np.zeros(len(roadmap), dtype=np.bool_)
-            banned[marked] = True
-            self._search(roadmap, band, nodes, banned)
-            # ... and once with them, for what can be put together from both.
-            if self._time_left() > 0.0:
-                marked = np.concatenate([marked, roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))])
-                self._search(roadmap, band, nodes)
-            if self._time_left() > 0.0:
-                self._offer(self._shortened(self.best))
-            settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0
+    def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
+        return shorten_curves(self.motions, states, self.rng, sweeps=sweeps, stop=lambda: self._time_left() <= 0.0)
 
     def _length(self, knots: se2.FloatArray) -> float:
         return float(np.sum(self.steering.lengths(knots[:-1], knots[1:])))
 
-    def _offer(self, knots: se2.FloatArray) -> None:
+    def _offer(self, states: se2.FloatArray) -> None:
         """Keep a path if it is the best so far."""
-        cost = self._length(knots)
+        cost = self._length(states)
         if cost >= self.best_cost:
             return
-        self.best, self.best_cost = knots, cost
+        self.best, self.best_cost = states, cost
         if self.first_cost is None:
             self.first_cost = cost
         self.history.append((perf_counter() - self.begin, cost))
         self._report("shortening")
 
-    def _answer(self) -> tuple[Status, se2.FloatArray | None]:
-        return ("timeout", None) if self.best is None else ("solved", self.best)
+    def _with_headings(self, states: se2.FloatArray) -> se2.FloatArray:
+        return states
 
-    def _go_on(self, phase: str) -> bool:
-        """Report, and say whether another round may begin."""
-        self._report(phase)
-        if self.rounds_left is not None:
-            self.rounds_left -= 1
-            if self.rounds_left < 0:
-                return False
-        return self._time_left() > 0.0
-
-    def _go_on_driving(self) -> bool:
-        self._report("driving")
-        return self._time_left() > 0.0
-
-    def _time_left(self) -> float:
-        return -np.inf if self.stop is not None and self.stop() else self.deadline - perf_counter()
+    def _cost_with_headings(self) -> float:
+        return self.best_cost
 
     def _report(self, phase: str) -> None:
         if self.on_progress is None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cached_property
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -155,9 +154,7 @@ class LandmarkPlanner:
         if self._landmarks is not None and len(self.roadmap) == 0:
             self.build()
             build = self._build_time
-        car = isinstance(self.roadmap, CurveRoadmap)
-        kind: Any = CarAttempt if car else Attempt
-        attempt: Attempt | CarAttempt = kind(
+        attempt = (Attempt if self.steering is None else CarAttempt)(
             self.roadmap,
             self.relaxation,
             self._rng,
@@ -167,7 +164,8 @@ class LandmarkPlanner:
             max_iterations=max_iterations,
             on_progress=on_progress,
             stop=stop,
-            **({} if car else {"bound": self.bound, "gap": gap}),
+            bound=self.bound,
+            gap=gap,
         )
         status, states = attempt.run()
         self._build_time = 0.0
@@ -190,15 +188,7 @@ class LandmarkPlanner:
             return None
         return Path(states) if self.steering is None else CurvePath(states, self.steering)
 
-    def _bound(self, attempt: Attempt | CarAttempt) -> float:
-        """Return the proven lower bound (metres): for a car also what its shortest curve would cost in the open."""
-        if isinstance(attempt, CarAttempt):
-            return float(attempt.steering.lengths(attempt.start, attempt.goal))
-        return attempt.lower_bound
-
-    def _result(
-        self, attempt: Attempt | CarAttempt, status: Status, states: se2.FloatArray | None, build: float
-    ) -> PlanResult:
+    def _result(self, attempt: Attempt, status: Status, states: se2.FloatArray | None, build: float) -> PlanResult:
         path = self._path(states)
         clearance = None
         if path is not None:
@@ -209,7 +199,7 @@ class LandmarkPlanner:
             status=status,
             path=path,
             seed=self.seed,
-            lower_bound=None if status == "infeasible" else self._bound(attempt),
+            lower_bound=None if status == "infeasible" else attempt.lower_bound,
             first_cost=attempt.first_cost,
             min_clearance=clearance,
             landmarks=len(self.roadmap),

@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.curves import Steering
 from trailmark.planning.lower_bound.mesh import Mesh, triangulated
 from trailmark.planning.lower_bound.polyanya import shortest_way
 from trailmark.planning.lower_bound.region import MARGIN, QUARTER, free_region
@@ -47,7 +48,8 @@ class LowerBound:
 
     A path of length L and rotation T costs L + w·T, w = 0.5 (se2.ROTATION_WEIGHT). A disc whose centre lies c from the
     reference point goes a way of D <= L + c·T. So the cost is at least D + (w − c)·T, and T at least the turn between
-    the headings, if c <= w; otherwise L + w·T >= (w/c)·(L + c·T) >= (w/c)·D.
+    the headings, if c <= w; otherwise L + w·T >= (w/c)·(L + c·T) >= (w/c)·D. A car's path costs L, and T <= L/ρ: so
+    D <= (1 + c/ρ)·L; and L is no less than the length of the shortest curve in the open.
 
     Args:
         world: obstacles, bounds, boundary.
@@ -65,11 +67,11 @@ class LowerBound:
             goal: valid, shape (3,).
             most: cost (metres) of a path that is known; in a large world only ways no longer than that are looked at.
         """
-        straight = Bound(float(se2.distance(start, goal)), np.empty((0, 2)))
+        straight = Bound(self._in_the_open(start, goal), np.empty((0, 2)))
         center, offset = self._center
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
         # What a path of that cost can make the disc's centre go at most; longer ways are no rivals.
-        longest = most * max(1.0, offset / se2.ROTATION_WEIGHT)
+        longest = most * self._stretch
         if self._whole or self._size <= LARGE or not np.isfinite(longest):
             found = self._way(a, b)
         else:
@@ -77,9 +79,10 @@ class LowerBound:
         if found is None:
             return straight
         length, way = found
-        turn = abs(float(se2.difference(start, goal)[2]))
-        w = se2.ROTATION_WEIGHT
-        cost = length + (w - offset) * turn if offset <= w else (w / offset) * length
+        cost = length / self._stretch
+        if self.robot.turning_radius is None:
+            turn = abs(float(se2.difference(start, goal)[2]))
+            cost += max(0.0, se2.ROTATION_WEIGHT - offset) * turn
         return Bound(max(straight.cost, cost), way)
 
     def seconds(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> float:
@@ -87,11 +90,22 @@ class LowerBound:
         if self._whole or self._size <= LARGE or not np.isfinite(most):
             return SECONDS_A_WAY if self._whole else SECONDS_A_VERTEX * self._size
         xmin, ymin, xmax, ymax = self.world.bounds
-        center, offset = self._center
+        center = self._center[0]
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
-        longest = most * max(1.0, offset / se2.ROTATION_WEIGHT)
+        longest = most * self._stretch
         share = min(1.0, _ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
         return float(SECONDS_A_VERTEX * self._size * share)
+
+    def _in_the_open(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return what the way would cost without obstacles, metres."""
+        steering = Steering.of(self.robot)
+        return float(se2.distance(start, goal) if steering is None else steering.lengths(start, goal))
+
+    @property
+    def _stretch(self) -> float:
+        """How many metres the disc's centre goes at most for each metre that a path costs."""
+        offset, radius = self._center[1], self.robot.turning_radius
+        return max(1.0, offset / se2.ROTATION_WEIGHT) if radius is None else 1.0 + offset / radius
 
     @cached_property
     def _center(self) -> tuple[FloatArray, float]:
