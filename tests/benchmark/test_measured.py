@@ -40,16 +40,16 @@ def test_a_run_is_measured(name: str, certified: bool) -> None:
         assert len(run.curve) == 1
         assert run.curve[0][0] == run.time
     else:
-        assert run.time == pytest.approx(0.25, abs=0.1)
+        assert run.time == pytest.approx(0.25, abs=0.2)
         assert len(run.curve) > 1 or name.startswith("PRM")  # whose first path here may be its best
 
 
 def test_the_curve_is_read_while_it_plans() -> None:
     steps: list[None] = []
-    run = measure(problem(True), "RRTstar", 0.3, on_step=lambda: steps.append(None))
+    run = measure(problem(True), "RRTstar", 0.6, on_step=lambda: steps.append(None))
     assert len(steps) > 20
     # The first solution of so simple a problem comes long before the limit.
-    assert run.curve[0][0] < 0.15
+    assert run.curve[0][0] < 0.5
 
 
 def test_prm_takes_its_turns(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,7 @@ def check_curve(answer: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("planner", ["landmark", "PRM", "RRTConnect+certified", "BITstar+certified"])
 def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: Problem) -> None:
-    answer = worker.run(job(around, planner, seed=5, limit=0.3))
+    answer = worker.run(job(around, planner, seed=5, limit=0.6))
     assert (answer["status"], answer["solved"], answer["seed"]) == (Status.EXACT_SOLUTION, True, 5), answer
     assert answer["correct_solution"], answer["failure"]
     check_curve(answer)
@@ -41,8 +41,8 @@ def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: P
     for name in ("states_checked", "motions_checked", "graph_states", "graph_motions", "memory", "setup_time"):
         assert answer[name] > 0, name
     if planner != "RRTConnect+certified":
-        assert 0.05 < answer["time"] < 0.6
-    assert answer["overhead"] < 1.0
+        assert 0.05 < answer["time"] < 1.5
+    assert 0.0 < answer["overhead"] < 5.0
 
 
 def test_no_run_knows_of_those_before_it(worker: Worker, around: Problem) -> None:
@@ -79,7 +79,7 @@ def test_memory_is_limited(worker: Worker, ahead: Problem) -> None:
     answer = worker.run(job(ahead, ROGUES + "eat", memory=64.0, limit=5.0))
     assert answer["status"] == Status.ABORT
     assert answer["failure"].startswith("out of memory (limit 64 MB)")
-    assert answer["time"] < 2.0
+    assert answer["time"] < 4.0
 
 
 @pytest.mark.parametrize(("rogue", "why"), [("lie", "is not the goal"), ("stray", "out of bounds")])
