@@ -159,14 +159,14 @@ def _experiment(db: sqlite3.Connection, name: str, runs: int, more: dict[str, An
         "setup": json.dumps(setup),
     } | more
     marks = ", ".join("?" * len(row))
-    db.execute(f"INSERT INTO experiments ({', '.join(row)}) VALUES ({marks})", list(row.values()))
+    db.execute(f"INSERT INTO experiments ({', '.join(row)}) VALUES ({marks})", list(row.values()))  # noqa: S608  # names of columns
 
 
 def _add(db: sqlite3.Connection, experiment: int, planner: int, row: Run) -> None:
     cells = [json.dumps(v) if isinstance(v := row.get(name), list) else v for name in MEASURED]
     marks = ", ".join("?" * (2 + len(cells)))
     names = ", ".join(["experimentid", "plannerid", *MEASURED])
-    done = db.execute(f"INSERT INTO runs ({names}) VALUES ({marks})", [experiment, planner, *cells])
+    done = db.execute(f"INSERT INTO runs ({names}) VALUES ({marks})", [experiment, planner, *cells])  # noqa: S608  # names of columns
     db.executemany(
         "INSERT OR REPLACE INTO progress VALUES (?, ?, ?)", [(done.lastrowid, t, c) for t, c in row["curve"]]
     )

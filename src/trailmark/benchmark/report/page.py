@@ -34,7 +34,7 @@ def html_report(results: Results) -> str:
         legend_marks(styles.values()),
         _head(results),
         _section("summary", "Summary", _summary(results, summary, styles)),
-        *([_section("all", "All problems together", _together(figures, summary, styles))] if several else []),
+        *([_section("all", "All problems together", _together(figures))] if several else []),
         _section("problems", "Problems" if several else "The problem", _problems(results, figures, styles)),
         _section("ahead", "Who is ahead of whom", _pairs(summary, styles)),
         _section("environment", "Environment", _environment(results, styles)),
@@ -88,17 +88,20 @@ def _summary(results: Results, summary: Summary, styles: Mapping[str, Style]) ->
     )
 
 
-def _together(figures: Figures, summary: Summary, styles: Mapping[str, Style]) -> Iterator[str]:
+def _together(figures: Figures) -> Iterator[str]:
     yield f'<div class="figures">{"".join(figures.overall_rows())}</div>'
-    yield "<h3>Time to the first path</h3>"
-    yield f'<div class="figures">{"".join(figures.overall_ecdfs())}</div>'
-    yield "<h3>Cost against time</h3>"
+    for title, drawn in (
+        ("Time to the first path", list(figures.overall_ecdfs())),
+        ("Cost against time", list(figures.overall_costs())),
+    ):
+        if len(drawn) > 1:
+            yield f"<h3>{title}</h3>"
+        yield f'<div class="figures">{"".join(drawn)}</div>'
     yield (
-        '<p class="note">Cost of the best path so far over the best known of its problem: medians (lines) and '
-        "quartiles (shaded) over all runs. A line begins where half of the runs have a path; the strip below shows "
+        '<p class="note">Cost against time: the best path so far over the best known of its problem; medians (lines) '
+        "and quartiles (shaded) over all runs. A line begins where half of the runs have a path; the strip below shows "
         "the share that have none.</p>"
     )
-    yield f'<div class="figures">{"".join(figures.overall_costs())}</div>'
 
 
 def _problems(results: Results, figures: Figures, styles: Mapping[str, Style]) -> Iterator[str]:

@@ -50,7 +50,7 @@ svg .halo-line { stroke: #fff; stroke-opacity: .85; stroke-linejoin: round; }
 .solid, .solid circle { fill: #565c66; }
 svg .body { fill: #16191d; fill-opacity: .05; stroke: #16191d; stroke-opacity: .35; stroke-width: .8; }
 svg .refused { stroke: #c00; stroke-width: 1.2; stroke-dasharray: 2 2; }
-svg .end { fill: #fff; stroke: #16191d; stroke-width: 1.6; } svg .end.goal { fill: #16191d; }
+svg .end { fill: #fff; stroke: #16191d; stroke-width: 1.6; } svg .end.goal { fill: #b9bfc8; }
 svg .heading { stroke: #16191d; stroke-width: 1.8; } svg .tip { fill: #16191d; stroke: #fff; stroke-width: 1; }
 svg .heading.goal { stroke: #16191d; }
 svg text.letter { fill: #000; font-weight: 700; font-size: 13px; paint-order: stroke; stroke: #fff;

@@ -162,10 +162,8 @@ def _summary(planner: str, parts: Sequence[tuple[Problem, Runs]]) -> PlannerSumm
     success = sum(int(r.success.sum()) for _, r in parts)
     logs = [math.log(shifted_geometric_mean(_at_limit(p, r), SHIFT) + SHIFT) for p, r in parts]
     first_costs = [np.where(r.success, r["first_solution_length"], np.inf) for _, r in parts]
-    first_ratios = [
-        np.where(np.isnan(c), np.inf, c) / p.best_cost for c, (p, _) in zip(first_costs, parts, strict=True)
-    ]
-    ratios = [_ratios(p, r) for p, r in parts]
+    first_ratios = [_over_best(p, cost) for cost, (p, _) in zip(first_costs, parts, strict=True)]
+    ratios = [_over_best(p, r.costs) for p, r in parts]
     endings: dict[str, int] = {}
     for _, r in parts:
         for how, n in r.endings().items():
@@ -180,7 +178,7 @@ def _summary(planner: str, parts: Sequence[tuple[Problem, Runs]]) -> PlannerSumm
         interval=wilson(success, runs),
         first_mean=math.exp(float(np.mean(logs))) - SHIFT,
         first=quantiles(np.concatenate([r.first_times for _, r in parts]), FIVE),
-        first_ratio=quantiles(np.nan_to_num(np.concatenate(first_ratios), nan=np.inf, posinf=np.inf), FIVE),
+        first_ratio=quantiles(np.concatenate(first_ratios), FIVE),
         ratio=quantiles(np.concatenate(ratios), FIVE),
         mean_ratio=math.exp(float(np.mean(solved))) if solved else math.nan,
         endings=dict(sorted(endings.items(), key=lambda item: (-item[1], item[0]))),
@@ -193,13 +191,13 @@ def _at_limit(problem: Problem, runs: Runs) -> FloatArray:
     return np.where(np.isinf(first), problem.time_limit, first)
 
 
-def _ratios(problem: Problem, runs: Runs) -> FloatArray:
-    """Return final costs over the best known cost; infinity for a failed run. A best cost of 0 is the only one."""
+def _over_best(problem: Problem, costs: FloatArray) -> FloatArray:
+    """Return costs over the best known cost; infinity for costs that are not known. A best cost of 0 is the only one."""
     best = problem.best_cost
-    costs = runs.costs
-    if not math.isfinite(best):
-        return np.full(len(runs), np.inf)
-    return costs / best if best > 0.0 else np.where(costs == 0.0, 1.0, np.inf)
+    ratios = np.full(len(costs), np.inf)
+    known = np.isfinite(costs)
+    ratios[known] = costs[known] / best if best > 0.0 else np.where(costs[known] == 0.0, 1.0, np.inf)
+    return ratios
 
 
 def _compare(results: Results, names: Sequence[str], what: str) -> dict[frozenset[str], Comparison]:
@@ -213,7 +211,7 @@ def _compare(results: Results, names: Sequence[str], what: str) -> dict[frozense
             if what == "first":
                 averaged = _at_limit(problem, runs) + SHIFT
             else:
-                ratios = _ratios(problem, runs)
+                ratios = _over_best(problem, runs.costs)
                 averaged = ratios[np.isfinite(ratios)]
             if len(averaged):
                 mean = float(np.log(averaged).mean())
