@@ -19,11 +19,12 @@ import json
 import math
 import multiprocessing
 import multiprocessing.connection
+import os
 import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from time import perf_counter, process_time
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,10 +48,11 @@ from trailmark.world import Query, Robot, World
 
 RESULTS = Path(__file__).resolve().parent / "results"
 
+RUN_COLUMNS = ("world", "query", "limit", "sampler", "seed", "seconds", "cost", "milestones")
 SAMPLERS = ("landmark", "uniform")
 SEEDS = 50
 
-PILOT_SEEDS, PILOT_LIMIT = 8, 4.0
+PILOT_SEEDS, PILOT_LIMIT = 5, 2.5
 
 GRACE = 20.0
 """Seconds after its time limit that a run's process gets before it is ended."""
@@ -203,7 +205,7 @@ def main() -> int:
     parser.add_argument("--no-write", action="store_true", help="print only")
     options = parser.parse_args()
     warm_up()
-    begin, cpu = perf_counter(), process_time()
+    begin = perf_counter()
     rows: list[dict[str, Any]] = []
     for case in CASES:
         if options.only not in (None, case.world):
@@ -217,14 +219,24 @@ def main() -> int:
         print(f"{case.world} {case.query}: {perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
     if options.pilot:
         return 0
-    page = landmark_sampler_report.page(rows, perf_counter() - begin, process_time() - cpu)
+    publish(rows, perf_counter() - begin, write=not (options.no_write or options.only))
+    return 0
+
+
+def publish(rows: list[dict[str, Any]], seconds: float, *, write: bool) -> None:
+    """Print the page, and write it and its figures."""
+    page = landmark_sampler_report.page(rows, seconds, os.getloadavg()[2])
     print(page)
-    if not (options.no_write or options.only):
-        record = {"machine": describe_machine(), "cases": landmark_sampler_report.summary(rows), "runs": rows}
+    if write:
+        record = {
+            "machine": describe_machine(),
+            "cases": landmark_sampler_report.summary(rows),
+            "columns of runs": RUN_COLUMNS,
+            "runs": [[row[column] for column in RUN_COLUMNS] for row in rows],
+        }
         RESULTS.mkdir(exist_ok=True)
         write_atomically(RESULTS / "landmark_sampler.json", json.dumps(record) + "\n")
         write_atomically(RESULTS / "landmark_sampler.md", page)
-    return 0
 
 
 if __name__ == "__main__":
