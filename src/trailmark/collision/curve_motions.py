@@ -26,9 +26,9 @@ from trailmark.collision.kernels import (
     END_ZONE,
     FREE,
     ROUNDING,
-    _exact_clearance,
-    _field_clearance,
-    _field_hit,
+    exact_clearance,
+    field_clearance,
+    field_hit,
     workspace,
 )
 from trailmark.collision.obstacles import ObstacleGrid
@@ -160,12 +160,12 @@ def curve_motion(
         part = (middle - track[k, 5]) / (1.0 + fabs(side) * robot.sweep_radius / radius)
         x, y, theta = drive(track[k, 0], track[k, 1], track[k, 2], side, part if track[k, 4] > 0.0 else -part, radius)
         c, s = cos(theta), sin(theta)
-        d = _field_clearance(field, robot, x, y, c, s, need)
+        d = field_clearance(field, robot, x, y, c, s, need)
         if d < need and d < 2.0 * field.slack:
-            if d < 0.0 and _field_hit(field, robot, x, y, c, s):
+            if d < 0.0 and field_hit(field, robot, x, y, c, s):
                 return BLOCKED
             cap = min(need + ROUNDING, max(d, 0.0) + 4.0 * field.slack)
-            d = _exact_clearance(grid, robot, placed, x, y, c, s, cap)
+            d = exact_clearance(grid, robot, placed, x, y, c, s, cap)
             if d < need and d < CONTACT and (d <= ROUNDING or min(middle, bound - middle) >= END_ZONE):
                 return BLOCKED
         if d < need:

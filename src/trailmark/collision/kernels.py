@@ -28,6 +28,9 @@ __all__ = [
     "FREE",
     "UNDECIDED",
     "clearances",
+    "exact_clearance",
+    "field_clearance",
+    "field_hit",
     "field_states",
     "field_value",
     "motion",
@@ -63,7 +66,7 @@ def field_value(field: ClearanceField, x: float, y: float) -> float:
 
 
 @njit(cache=True)
-def _field_clearance(
+def field_clearance(
     field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float, enough: float
 ) -> float:
     """Return a lower bound on the clearance, or the first one found that is at least ``enough``."""
@@ -95,7 +98,7 @@ def _field_free(field: ClearanceField, robot: Footprint, x: float, y: float, c: 
 
 
 @njit(cache=True)
-def _field_hit(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float) -> bool:
+def field_hit(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float) -> bool:
     """Return whether an inner disc proves a collision deeper than any tolerance."""
     for k in range(len(robot.inner)):
         bx, by, r = robot.inner[k, 0], robot.inner[k, 1], robot.inner[k, 2]
@@ -118,7 +121,7 @@ def _place(outline: FloatArray, c: float, s: float, placed: FloatArray) -> int:
 
 
 @njit(cache=True)
-def _exact_clearance(
+def exact_clearance(
     grid: ObstacleGrid,
     robot: Footprint,
     placed: FloatArray,
@@ -149,7 +152,7 @@ def state(
     c, s = cos(theta), sin(theta)
     if _field_free(field, robot, x, y, c, s):
         return FREE
-    if _field_hit(field, robot, x, y, c, s):
+    if field_hit(field, robot, x, y, c, s):
         return BLOCKED
     if robot.disc_radius > 0.0:
         d = point_clearance(grid, x, y, robot.disc_radius + 2.0 * ROUNDING) - robot.disc_radius
@@ -165,7 +168,7 @@ def state(
             return BLOCKED
         if d > robot.core_gap + ROUNDING:
             return FREE
-    if _exact_clearance(grid, robot, placed, x, y, c, s, 2.0 * ROUNDING) > ROUNDING:
+    if exact_clearance(grid, robot, placed, x, y, c, s, 2.0 * ROUNDING) > ROUNDING:
         return FREE
     return UNDECIDED
 
@@ -194,7 +197,7 @@ def field_states(field: ClearanceField, robot: Footprint, q: FloatArray) -> np.n
         x, y, c, s = q[i, 0], q[i, 1], cos(q[i, 2]), sin(q[i, 2])
         if _field_free(field, robot, x, y, c, s):
             result[i] = FREE
-        elif _field_hit(field, robot, x, y, c, s):
+        elif field_hit(field, robot, x, y, c, s):
             result[i] = BLOCKED
         else:
             result[i] = UNDECIDED
@@ -214,7 +217,7 @@ def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: F
             bx, by = robot.inner[k, 0], robot.inner[k, 1]
             reach = field_value(field, x + c * bx - s * by, y + s * bx + c * by) + field.slack - robot.inner[k, 2]
             limit = min(limit, max(reach, ROUNDING))
-        result[i] = _exact_clearance(grid, robot, placed, x, y, c, s, limit)
+        result[i] = exact_clearance(grid, robot, placed, x, y, c, s, limit)
     return result
 
 
@@ -267,19 +270,19 @@ def motion(
         need = 0.5 * (high - low) * bound + ROUNDING
         x, y, theta = a[0] + middle * dx, a[1] + middle * dy, a[2] + middle * dtheta
         c, s = cos(theta), sin(theta)
-        d = _field_clearance(field, robot, x, y, c, s, need)
+        d = field_clearance(field, robot, x, y, c, s, need)
         if d < need:
             if not exact:
-                if _field_hit(field, robot, x, y, c, s):
+                if field_hit(field, robot, x, y, c, s):
                     return BLOCKED
                 if d < 0.5 * field.slack:
                     answer = UNDECIDED
                     continue
             elif d < 2.0 * field.slack:
-                if d < 0.0 and _field_hit(field, robot, x, y, c, s):
+                if d < 0.0 and field_hit(field, robot, x, y, c, s):
                     return BLOCKED
                 cap = min(need + ROUNDING, max(d, 0.0) + 4.0 * field.slack)
-                d = _exact_clearance(grid, robot, placed, x, y, c, s, cap)
+                d = exact_clearance(grid, robot, placed, x, y, c, s, cap)
                 if d < need and d < CONTACT:
                     near_end = min(middle, 1.0 - middle) * bound < END_ZONE
                     if d <= ROUNDING or not near_end:

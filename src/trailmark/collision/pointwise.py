@@ -19,7 +19,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 
-__all__ = ["PointwiseChecker"]
+__all__ = ["PointwiseChecker", "room_at", "unpacked"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -76,7 +76,7 @@ class PointwiseChecker:
 
 
 def _arrays(checker: StateChecker) -> list[NDArray[Any]]:
-    """Return the arrays that the kernels read, in the order in which :func:`_unpacked` takes them."""
+    """Return the arrays that the kernels read, in the order in which :func:`unpacked` takes them."""
     grid, robot = checker.grid, checker.footprint
     return [
         grid.segments,
@@ -93,7 +93,7 @@ def _arrays(checker: StateChecker) -> list[NDArray[Any]]:
 
 
 def _numbers(checker: StateChecker) -> list[float]:
-    """Return the numbers that the kernels read, in the order in which :func:`_unpacked` takes them."""
+    """Return the numbers that the kernels read, in the order in which :func:`unpacked` takes them."""
     grid, field, robot = checker.grid, checker.field, checker.footprint
     return [
         grid.x0,
@@ -123,7 +123,7 @@ _pointer: Any = intrinsic(_to_pointer)
 
 
 @njit(cache=True, inline="always")
-def _unpacked(places: IntArray, numbers: FloatArray) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
+def unpacked(places: IntArray, numbers: FloatArray) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     """Return the kernels' arguments; of each array ``places`` has address, rows and columns."""
     grid = ObstacleGrid(
         carray(_pointer(places[0]), (places[1], places[2]), np.float64),
@@ -158,7 +158,7 @@ def _unpacked(places: IntArray, numbers: FloatArray) -> tuple[ObstacleGrid, Clea
 
 
 @njit(cache=True, inline="always")
-def _room(places: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def room_at(places: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return room for the placed outline, for the queue of a motion's gaps, and for a motion's ends."""
     return (
         carray(_pointer(places[33]), (places[32], 2), np.float64),
@@ -169,13 +169,13 @@ def _room(places: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 @njit(cache=True)
 def _valid(places: IntArray, numbers: FloatArray, x: float, y: float, theta: float) -> int:
-    grid, field, robot = _unpacked(places, numbers)
-    return int(kernels.state(grid, field, robot, _room(places)[0], x, y, theta))
+    grid, field, robot = unpacked(places, numbers)
+    return int(kernels.state(grid, field, robot, room_at(places)[0], x, y, theta))
 
 
 @njit(cache=True)
 def _clearance(places: IntArray, numbers: FloatArray, x: float, y: float, theta: float) -> float:
-    grid, field, robot = _unpacked(places, numbers)
+    grid, field, robot = unpacked(places, numbers)
     q = np.empty((1, 3))
     q[0, 0], q[0, 1], q[0, 2] = x, y, theta
     return float(kernels.clearances(grid, field, robot, q, np.inf)[0])
@@ -185,8 +185,8 @@ def _clearance(places: IntArray, numbers: FloatArray, x: float, y: float, theta:
 def _motion(
     places: IntArray, numbers: FloatArray, ax: float, ay: float, at: float, bx: float, by: float, bt: float
 ) -> int:
-    grid, field, robot = _unpacked(places, numbers)
-    placed, queue, ends = _room(places)
+    grid, field, robot = unpacked(places, numbers)
+    placed, queue, ends = room_at(places)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
     return int(kernels.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))
@@ -197,8 +197,8 @@ def _step(
     places: IntArray, numbers: FloatArray, ax: float, ay: float, at: float, bx: float, by: float, bt: float
 ) -> int:
     """Return FREE or BLOCKED for the end b and the motion to it; UNDECIDED where b is left to FCL."""
-    grid, field, robot = _unpacked(places, numbers)
-    placed, queue, ends = _room(places)
+    grid, field, robot = unpacked(places, numbers)
+    placed, queue, ends = room_at(places)
     answer = int(kernels.state(grid, field, robot, placed, bx, by, bt))
     if answer != kernels.FREE:
         return answer

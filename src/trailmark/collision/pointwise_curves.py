@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from trailmark.collision import kernels
 from trailmark.collision.checker import StateChecker
 from trailmark.collision.curve_motions import CurveChecker, every_curve_free
-from trailmark.collision.pointwise import PointwiseChecker, _room, _unpacked
+from trailmark.collision.pointwise import PointwiseChecker, room_at, unpacked
 from trailmark.curves import Steering
 from trailmark.curves.shortest import MOST_WORDS
 from trailmark.curves.words import PIECES
@@ -57,8 +57,8 @@ def _curve(
     radius: float,
     reverse: bool,
 ) -> int:
-    grid, field, robot = _unpacked(places, numbers)
-    placed, queue, ends = _room(places)
+    grid, field, robot = unpacked(places, numbers)
+    placed, queue, ends = room_at(places)
     words = np.empty((MOST_WORDS, 2, PIECES))
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt

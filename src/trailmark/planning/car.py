@@ -41,6 +41,10 @@ DRIVES, KEPT = 6000, 80
 """Configurations that drives from one part of the roadmap reach at first, and landmarks among them."""
 
 
+SECONDS_A_DRIVE = 1e-4
+"""What a configuration reached by a drive may take, with some to spare."""
+
+
 class CarAttempt(Attempt):
     """One query of a car-like robot under way: its ends, its best path so far, its clock.
 
@@ -111,6 +115,7 @@ class CarAttempt(Attempt):
         self._report("driving")
         band.widen(np.inf)
         for into in (False, True):
+            most = int(min(most, max(0.0, self._time_left()) / SECONDS_A_DRIVE))
             reached = np.flatnonzero(self.roadmap.reached(int(nodes[int(into)]), against=into))
             found = drives_from(
                 self.motions,

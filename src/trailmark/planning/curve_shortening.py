@@ -20,7 +20,7 @@ from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves.shortest import MOST_WORDS, curve_length, shortest_word
 from trailmark.curves.words import PIECES, walk
-from trailmark.planning.shortening import _random, _span
+from trailmark.planning.shortening import random_span, uniform
 from trailmark.se2 import FloatArray
 
 __all__ = ["shorten_curves"]
@@ -135,7 +135,7 @@ def _shortcut(
 ) -> tuple[FloatArray, FloatArray]:
     """Join two random places of the path by the shortest curve if that saves length and is certified."""
     n = len(path)
-    low, high = _span(lengths.sum(), n, seed)
+    low, high = random_span(lengths.sum(), n, seed)
     a, b = np.empty(3), np.empty(3)
     i, before = _locate(words, radius, reverse, path, lengths, low, a)
     j, behind = _locate(words, radius, reverse, path, lengths, high, b)
@@ -233,15 +233,15 @@ def _move(
                 share = lengths[i - 1] / max(before, 1e-12)
                 walk(a, shortest_word(a, b, radius, reverse, words), radius, share * straight, q)
             else:
-                angle, step = 2.0 * pi * _random(seed), scale * sqrt(_random(seed))
+                angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
                 if attempt == 1:
                     # Along its heading, the way that it can go.
-                    angle = path[i, 2] if _random(seed) < 0.5 else path[i, 2] + pi
+                    angle = path[i, 2] if uniform(seed) < 0.5 else path[i, 2] + pi
                 q[0], q[1], q[2] = path[i, 0] + step * cos(angle), path[i, 1] + step * sin(angle), path[i, 2]
                 if attempt == 2:
                     q[0], q[1] = path[i, 0], path[i, 1]
                 if attempt > 1:
-                    q[2] += (2.0 * _random(seed) - 1.0) * min(1.0, scale / radius)
+                    q[2] += (2.0 * uniform(seed) - 1.0) * min(1.0, scale / radius)
                     q[2] -= 2.0 * pi * floor((q[2] + pi) / (2.0 * pi))
             first = curve_length(a, q, radius, reverse, words)
             if before - first < GAIN:

@@ -20,7 +20,7 @@ from trailmark.collision.kernels import FREE, motion, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
-__all__ = ["shorten"]
+__all__ = ["random_span", "shorten", "uniform"]
 
 GAIN = 1e-7
 """Metres that a change must save at least."""
@@ -64,7 +64,7 @@ def shorten(
 
 
 @njit(cache=True)
-def _random(seed: NDArray[np.uint64]) -> float:
+def uniform(seed: NDArray[np.uint64]) -> float:
     """Return a number in [0, 1) and advance the seed (xorshift64*: Vigna 2016)."""
     s = seed[0]
     s ^= s >> np.uint64(12)
@@ -149,10 +149,10 @@ def _locate(path: FloatArray, turning: bool, where: float, q: FloatArray) -> int
 
 
 @njit(cache=True)
-def _span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[float, float]:
+def random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[float, float]:
     """Return two places along a path: at all scales alike, from the whole path down to one motion's length."""
-    span = total * 2.0 ** (-_random(seed) * log2(2.0 * pieces + 2.0))
-    low = (_random(seed) * (total + span)) - span
+    span = total * 2.0 ** (-uniform(seed) * log2(2.0 * pieces + 2.0))
+    low = (uniform(seed) * (total + span)) - span
     return max(0.0, low), min(total, low + span)
 
 
@@ -170,7 +170,7 @@ def _shortcut(
     """Join two random places of the path by a motion if that is shorter and certified."""
     n = len(path)
     total = _total(path, turning)
-    low, high = _span(total, n, seed)
+    low, high = random_span(total, n, seed)
     a, b = np.empty(3), np.empty(3)
     i, j = _locate(path, turning, low, a), _locate(path, turning, high, b)
     if i >= j or high - low - _cost(a, b, turning) < GAIN:
@@ -208,8 +208,8 @@ def _heading_shortcut(
     n = len(path)
     if n < 3:
         return path
-    i = int(_random(seed) * (n - 2))
-    j = i + 2 + int(_random(seed) * (n - i - 2))
+    i = int(uniform(seed) * (n - 2))
+    j = i + 2 + int(uniform(seed) * (n - i - 2))
     turned, way = 0.0, 0.0
     for k in range(i, j):
         turned += abs(_turn(path[k, 2], path[k + 1, 2]))
@@ -288,12 +288,12 @@ def _move(
                 q[:] = path[i]
                 q[2] = straight[2]
             else:
-                angle, step = 2.0 * pi * _random(seed), scale * sqrt(_random(seed))
+                angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
                 q[0] = path[i, 0] + step * cos(angle)
                 q[1] = path[i, 1] + step * sin(angle)
                 q[2] = path[i, 2]
                 if turning:
-                    q[2] += (_random(seed) - 0.5) * min(2.0, 2.0 * scale)
+                    q[2] += (uniform(seed) - 0.5) * min(2.0, 2.0 * scale)
                     q[2] -= 2.0 * pi * floor((q[2] + pi) / (2.0 * pi))
             if before - _cost(a, q, turning) - _cost(q, b, turning) < GAIN:
                 continue
