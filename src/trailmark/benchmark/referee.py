@@ -49,7 +49,8 @@ class Referee:
         discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
         solid = [shape.polygon().shapely() for shape in world.obstacles if not isinstance(shape, Disc)]
         self._solid = shapely.STRtree(solid)
-        self._centers = shapely.STRtree(shapely.points([disc.center for disc in discs]) if discs else [])
+        self._centers = shapely.points([disc.center for disc in discs]) if discs else []
+        self._discs = shapely.STRtree([shapely.box(*disc.bounding_box()) for disc in discs])
         self._radii = np.array([disc.radius for disc in discs])
         self._boundary = None if world.boundary is None else world.boundary.shapely().buffer(TOUCHING)
         if self._boundary is not None:
@@ -126,21 +127,17 @@ class Referee:
 
     def _hit(self, states: FloatArray) -> NDArray[np.bool_]:
         hit = np.zeros(len(states), dtype=np.bool_)
-        points = shapely.points(states[:, :2])
-        reach = self._reach if self._outline is not None else self._radius
-        robots, near = points, np.unique(self._solid.query(points, predicate="dwithin", distance=reach)[0])
         if self._outline is None:
-            hit[near] = True
+            robots = shapely.points(states[:, :2])
+            hit[self._solid.query(robots, predicate="dwithin", distance=self._radius)[0]] = True
+            (x, y), r = states[:, :2].T, self._radius
+            places = shapely.box(x - r, y - r, x + r, y + r)
         else:
-            # Farther from all obstacles than the robot reaches: nothing more to look at.
-            about = self._centers.query(points, predicate="dwithin", distance=reach + self._radii.max(initial=0.0))[0]
-            either = np.union1d(near, about)
-            robots[either] = shapely.polygons(self._corners(states[either], self._outline))
-            hit[near[self._solid.query(robots[near], predicate="intersects")[0]]] = True
+            robots = places = shapely.polygons(self._corners(states, self._outline))
+            hit[self._solid.query(robots, predicate="intersects")[0]] = True
         if len(self._radii):
-            most = self._radius + float(self._radii.max())
-            which, disc = self._centers.query(robots, predicate="dwithin", distance=most)
-            apart = shapely.distance(robots[which], self._centers.geometries[disc])
+            which, disc = self._discs.query(places)
+            apart = shapely.distance(robots[which], self._centers[disc])
             hit[which[apart < self._radius + self._radii[disc]]] = True
         return hit
 
