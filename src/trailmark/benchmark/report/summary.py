@@ -192,7 +192,7 @@ def _at_limit(problem: Problem, runs: Runs) -> FloatArray:
 
 
 def _over_best(problem: Problem, costs: FloatArray) -> FloatArray:
-    """Return costs over the best known cost; infinity for costs that are not known. A best cost of 0 is the only one."""
+    """Return costs over the best known one; infinity for those not known, and for all but 0 if the best is 0."""
     best = problem.best_cost
     ratios = np.full(len(costs), np.inf)
     known = np.isfinite(costs)

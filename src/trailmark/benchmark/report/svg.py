@@ -69,7 +69,7 @@ def text(x: float, y: float, words: str, **attributes: Any) -> str:
 
 def text_width(words: str) -> float:
     """Return about how wide a line of text is, on the safe side."""
-    return 0.56 * FONT * len(words)
+    return 0.63 * FONT * len(words)
 
 
 def drawing(width: float, height: float, label: str, parts: Iterable[str], kind: str) -> str:

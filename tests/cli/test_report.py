@@ -1,0 +1,83 @@
+"""``trailmark report``: files written whole or not at all, and bad input in one line."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.benchmark.made_results import random_results
+
+Shell = Callable[..., Any]
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    return random_results(tmp_path / "results.db", ["landmark", "PRM"], problems=1, runs=3)
+
+
+def test_both_files_are_written(shell: Shell, results: Path, tmp_path: Path) -> None:
+    page, tables = tmp_path / "report.html", tmp_path / "report.md"
+    before = results.read_bytes()
+    assert shell("report", results, "--html", page, "--markdown", tables) == (0, "", "")
+    assert page.read_text().startswith("<!DOCTYPE html>")
+    assert tables.read_text().startswith("# Benchmark: results\n")
+    assert results.read_bytes() == before
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "report.md", "results.db"]
+
+
+def test_one_of_them_is_enough(shell: Shell, results: Path, tmp_path: Path) -> None:
+    assert shell("report", results, "--markdown", tmp_path / "r.md").status == 0
+    assert shell("report", results, "--html", tmp_path / "r.htm").status == 0
+
+
+def test_bad_usage_is_one_line(shell: Shell, results: Path, tmp_path: Path) -> None:
+    cases = [
+        ([results], "neither --html nor --markdown given"),
+        ([results, "--html", tmp_path / "report.pdf"], "suffix '.pdf' given"),
+        ([results, "--html", tmp_path / "nowhere" / "r.html"], "does not exist"),
+        ([results, "--html", tmp_path], "suffix '' given"),
+        ([tmp_path / "none.db", "--html", tmp_path / "r.html"], "does not exist"),
+        (["--html", tmp_path / "r.html"], "Missing argument 'RESULTS.db'"),
+    ]
+    for words, problem in cases:
+        run = shell("report", *words)
+        assert run.status == 2
+        assert problem in run.problem
+    assert [file.name for file in tmp_path.iterdir()] == ["results.db"]
+
+
+def test_an_unwritable_folder_is_one_line(shell: Shell, results: Path) -> None:
+    run = shell("report", results, "--html", "/proc/report.html")
+    assert run.status == 2
+    assert run.problem.startswith("/proc/report.html: cannot be written")
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (b"", "empty database"),
+        (b"name,time\nPRM,0.1\n", "not an SQLite database"),
+        (b"SQLite format 3\0junk", "cannot be read"),
+    ],
+)
+def test_files_that_are_no_database(shell: Shell, tmp_path: Path, content: bytes, problem: str) -> None:
+    file = tmp_path / "results.db"
+    file.write_bytes(content)
+    run = shell("report", file, "--html", tmp_path / "r.html")
+    assert run.status == 2
+    assert problem in run.problem
+    assert [f.name for f in tmp_path.iterdir()] == ["results.db"]
+
+
+@pytest.mark.parametrize("change", ["PRAGMA user_version = 2", "PRAGMA application_id = 0", "DELETE FROM runs"])
+def test_databases_that_hold_no_results(shell: Shell, results: Path, tmp_path: Path, change: str) -> None:
+    with closing(sqlite3.connect(results)) as db, db:
+        db.execute(change)
+    run = shell("report", results, "--html", tmp_path / "r.html")
+    assert run.status == 2
+    assert "allowed: " in run.problem
+    assert not (tmp_path / "r.html").exists()
