@@ -37,6 +37,26 @@ tell(states=[si.isValid(s) for s in made] == valid.tolist(), share=float(valid.m
     assert found["counted"][1] == 1500
 
 
+def test_half_a_turn_back_is_checked_the_way_that_ompl_turns(run_ompl: Any) -> None:
+    # A bar in a corner: counter-clockwise there is room, clockwise there is a wall.
+    found = run_ompl("""
+from trailmark.shapes import Rectangle
+robot = Robot.polygon([(0.0, -0.1), (2.0, -0.1), (2.0, 0.1), (0.0, 0.1)])
+world = World("post", (0.0, 0.0, 10.0, 10.0), (Rectangle((6.2, 5.0), 0.3, 0.3),), robot)
+problem = SE2Problem(world, query=((5.0, 5.0, np.pi / 2), (5.0, 5.0, -np.pi / 2)))
+si, space = problem.information, problem.space
+a, b, middle = (state(si, (5.0, 5.0, t)) for t in (np.pi / 2, -np.pi / 2, 0.0))
+half = si.allocState()
+space.interpolate(a, b, 0.5, half)
+tell(yaw=half.getYaw(), there=si.checkMotion(a, b), back=si.checkMotion(b, a), through=si.isValid(half))
+space.interpolate(b, a, 0.5, half)
+tell(other=half.getYaw(), across=si.isValid(half))
+""")
+    # Whichever way OMPL turns, a motion through the post is refused.
+    assert found["there"] == found["through"]
+    assert found["back"] == found["across"]
+
+
 def test_the_parts_work_in_a_set_up_of_the_users_own(run_ompl: Any) -> None:
     found = run_ompl("""
 from trailmark import StateChecker

@@ -38,18 +38,19 @@ class PointwiseChecker:
         rows = [(array.ctypes.data, *array.shape, 1)[:3] for array in self._arrays]
         # Room for the kernels to work in; one call at a time uses it, since none lets go of the interpreter's lock.
         self._scratch = [kernels.workspace(checker.footprint), np.empty((128, 2)), np.empty((2, 3))]
-        room = [len(self._scratch[0]), *(array.ctypes.data for array in self._scratch)]
+        self._numbers: FloatArray = np.array(_numbers(checker))
+        room = [len(self._scratch[0]), *(array.ctypes.data for array in (*self._scratch, self._numbers))]
         self._places: IntArray = np.array(
             [*np.ravel(rows), checker.grid.columns, checker.grid.rows, *room], dtype=np.int64
         )
-        self._numbers: FloatArray = np.array(_numbers(checker))
+        self._address: int = self._places.ctypes.data
         self._by_fcl = checker.exact == "fcl"
 
     def valid(self, x: float, y: float, theta: float) -> bool:
         """Return whether a configuration is valid (metres, radians; finite)."""
         if self._by_fcl:
             return bool(self.checker.valid((x, y, theta)))
-        answer = _valid(self._places, self._numbers, x, y, theta)
+        answer = _valid(self._address, x, y, theta)
         if answer == kernels.UNDECIDED:
             return not self.checker.scene.collides(np.array([x, y, theta]))
         return bool(answer == kernels.FREE)
@@ -58,18 +59,18 @@ class PointwiseChecker:
         """Return the distance (metres) to the nearest obstacle or bound; 0 on contact or overlap."""
         if self._by_fcl:
             return float(self.checker.clearance((x, y, theta)))
-        return float(_clearance(self._places, self._numbers, x, y, theta))
+        return float(_clearance(self._address, x, y, theta))
 
     def motion_valid(self, a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
         """Return whether the motion from a to b, both known to be valid, is certified free of collision."""
         if self._by_fcl:
             return bool(self.checker.motions_between_valid(np.array([a]), np.array([b]))[0])
-        return bool(_motion(self._places, self._numbers, *a, *b) == kernels.FREE)
+        return bool(_motion(self._address, *a, *b) == kernels.FREE)
 
     def step_valid(self, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> bool:
         """Return whether b is valid and the motion from a, known to be valid, to b is certified."""
         if not self._by_fcl:
-            answer = _step(self._places, self._numbers, ax, ay, at, bx, by, bt)
+            answer = _step(self._address, ax, ay, at, bx, by, bt)
             if answer != kernels.UNDECIDED:
                 return bool(answer == kernels.FREE)
         return self.valid(bx, by, bt) and self.motion_valid((ax, ay, at), (bx, by, bt))
@@ -123,8 +124,14 @@ _pointer: Any = intrinsic(_to_pointer)
 
 
 @njit(cache=True, inline="always")
-def unpacked(places: IntArray, numbers: FloatArray) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
-    """Return the kernels' arguments; of each array ``places`` has address, rows and columns."""
+def _numbers_at(address: int) -> FloatArray:
+    return carray(_pointer(carray(_pointer(address), (37,), np.int64)[36]), (11,), np.float64)
+
+
+@njit(cache=True, inline="always")
+def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
+    """Return the kernels' arguments: of each array there are address, rows and columns, then the numbers' address."""
+    places, numbers = carray(_pointer(address), (37,), np.int64), _numbers_at(address)
     grid = ObstacleGrid(
         carray(_pointer(places[0]), (places[1], places[2]), np.float64),
         carray(_pointer(places[3]), (places[4], places[5]), np.float64),
@@ -158,8 +165,9 @@ def unpacked(places: IntArray, numbers: FloatArray) -> tuple[ObstacleGrid, Clear
 
 
 @njit(cache=True, inline="always")
-def room_at(places: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def room_at(address: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return room for the placed outline, for the queue of a motion's gaps, and for a motion's ends."""
+    places = carray(_pointer(address), (37,), np.int64)
     return (
         carray(_pointer(places[33]), (places[32], 2), np.float64),
         carray(_pointer(places[34]), (128, 2), np.float64),
@@ -168,37 +176,33 @@ def room_at(places: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 @njit(cache=True)
-def _valid(places: IntArray, numbers: FloatArray, x: float, y: float, theta: float) -> int:
-    grid, field, robot = unpacked(places, numbers)
-    return int(kernels.state(grid, field, robot, room_at(places)[0], x, y, theta))
+def _valid(address: int, x: float, y: float, theta: float) -> int:
+    grid, field, robot = unpacked(address)
+    return int(kernels.state(grid, field, robot, room_at(address)[0], x, y, theta))
 
 
 @njit(cache=True)
-def _clearance(places: IntArray, numbers: FloatArray, x: float, y: float, theta: float) -> float:
-    grid, field, robot = unpacked(places, numbers)
+def _clearance(address: int, x: float, y: float, theta: float) -> float:
+    grid, field, robot = unpacked(address)
     q = np.empty((1, 3))
     q[0, 0], q[0, 1], q[0, 2] = x, y, theta
     return float(kernels.clearances(grid, field, robot, q, np.inf)[0])
 
 
 @njit(cache=True)
-def _motion(
-    places: IntArray, numbers: FloatArray, ax: float, ay: float, at: float, bx: float, by: float, bt: float
-) -> int:
-    grid, field, robot = unpacked(places, numbers)
-    placed, queue, ends = room_at(places)
+def _motion(address: int, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
+    grid, field, robot = unpacked(address)
+    placed, queue, ends = room_at(address)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
     return int(kernels.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))
 
 
 @njit(cache=True)
-def _step(
-    places: IntArray, numbers: FloatArray, ax: float, ay: float, at: float, bx: float, by: float, bt: float
-) -> int:
+def _step(address: int, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
     """Return FREE or BLOCKED for the end b and the motion to it; UNDECIDED where b is left to FCL."""
-    grid, field, robot = unpacked(places, numbers)
-    placed, queue, ends = room_at(places)
+    grid, field, robot = unpacked(address)
+    placed, queue, ends = room_at(address)
     answer = int(kernels.state(grid, field, robot, placed, bx, by, bt))
     if answer != kernels.FREE:
         return answer

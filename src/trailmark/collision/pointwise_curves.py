@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from trailmark.collision import kernels
 from trailmark.collision.checker import StateChecker
@@ -37,7 +36,7 @@ class PointwiseCurveChecker(PointwiseChecker):
     def motion_valid(self, a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
         """Return whether the shortest curve from a to b, both known to be valid, is certified free of collision."""
         steering = self.steering
-        return bool(_curve(self._places, self._numbers, *a, *b, steering.radius, steering.reverse) == kernels.FREE)
+        return bool(_curve(self._address, *a, *b, steering.radius, steering.reverse) == kernels.FREE)
 
     def step_valid(self, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> bool:
         """Return whether b is valid and the curve from a, known to be valid, to b is certified."""
@@ -46,8 +45,7 @@ class PointwiseCurveChecker(PointwiseChecker):
 
 @njit(cache=True)
 def _curve(
-    places: NDArray[np.int64],
-    numbers: NDArray[np.float64],
+    address: int,
     ax: float,
     ay: float,
     at: float,
@@ -57,8 +55,8 @@ def _curve(
     radius: float,
     reverse: bool,
 ) -> int:
-    grid, field, robot = unpacked(places, numbers)
-    placed, queue, ends = room_at(places)
+    grid, field, robot = unpacked(address)
+    placed, queue, ends = room_at(address)
     words = np.empty((MOST_WORDS, 2, PIECES))
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt

@@ -102,11 +102,15 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
         """
         try:
             self.checked += 1
-            a = (first.getX(), first.getY(), first.getYaw())
-            b = (second.getX(), second.getY(), second.getYaw())
-            if self._single.step_valid(*a, *b):
+            ax, ay, at = first.getX(), first.getY(), first.getYaw()
+            bx, by, bt = second.getX(), second.getY(), second.getYaw()
+            if bt - at == -pi and self.steering is None:
+                # Exactly half a turn back: OMPL turns clockwise, as trailmark does from b to a.
+                return self._single.valid(bx, by, bt) and self._single.motion_valid((bx, by, bt), (ax, ay, at))
+            if self._single.step_valid(ax, ay, at, bx, by, bt):
                 return True
             if last_valid is not None:
+                a, b = (ax, ay, at), (bx, by, bt)
                 # The pair's state may be ``second`` itself, which was read above.
                 q, last_valid.second = self._last_certified(a, b)
                 if last_valid.first is not None:

@@ -61,7 +61,9 @@ def path_to_ompl(information: Any, path: Path | ArrayLike) -> Any:
     rows = path.states if isinstance(path, Path) else np.atleast_2d(se2.configurations(path))
     made = og.PathGeometric(information)
     for row in rows:
-        made.append(opened(state(information, row)))
+        # Kept in a variable: OMPL 1.7 frees a scoped state that nothing holds.
+        one = state(information, row)
+        made.append(opened(one))
     return made
 
 
