@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time
+from pathlib import Path as FilePath
 from typing import Any
 
 import pytest
@@ -157,10 +158,28 @@ def test_a_stopped_worker_ends_its_process_and_run(ahead: Problem) -> None:
     assert len(caught) == 1
 
 
+def test_a_users_file_takes_no_librarys_place(
+    ahead: Problem, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "random.py").write_text("raise SystemExit('mine')\n")
+    (tmp_path / "my_planner.py").write_text("def plan(checker, start, goal, limit, seed): return [start, goal]\n")
+    monkeypatch.chdir(tmp_path)
+    made = Worker()
+    try:
+        assert made.run(job(ahead, "my_planner:plan"))["correct_solution"]
+    finally:
+        made.stop()
+
+
+def test_a_worker_that_does_not_start_says_why(ahead: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.executable", "/bin/cat")
+    with pytest.raises(WorkerError, match=r"a worker process does not start: .+; allowed: an environment") as told:
+        Worker().run(job(ahead, "landmark"))
+    assert "\n" not in str(told.value)
+
+
 def children(worker: Worker) -> list[str]:
     """Return the processes that a worker's process has forked."""
-    from pathlib import Path as FilePath
-
     if worker._process is None:
         return []
     pid = worker._process.pid
