@@ -82,9 +82,15 @@ def test_no_chart_is_blank_to_the_eye(pages: dict[str, Path]) -> None:
         assert len(colours) >= 8, chart["label"]
 
 
-def test_it_prints_with_all_unfolded(pages: dict[str, Path], tmp_path: Path) -> None:
-    paper = tmp_path / "report.pdf"
-    browse(pages["large"], f"--print-to-pdf={paper}", "--no-pdf-header-footer")
-    content = paper.read_bytes()
-    assert content.startswith(b"%PDF")
-    assert len(re.findall(rb"/Type\s*/Page\b", content)) >= 4
+def test_it_prints_with_all_unfolded(pages: dict[str, Path]) -> None:
+    folded = pages["large"]
+    unfolded = folded.with_name("unfolded.html")
+    unfolded.write_text(folded.read_text().replace("<details", "<details open"))
+    counts = []
+    for page in (folded, unfolded):
+        paper = page.with_suffix(".pdf")
+        browse(page, f"--print-to-pdf={paper}", "--no-pdf-header-footer")
+        content = paper.read_bytes()
+        assert content.startswith(b"%PDF")
+        counts.append(len(re.findall(rb"/Type\s*/Page\b", content)))
+    assert counts[0] == counts[1] >= 6

@@ -141,7 +141,7 @@ def test_many_problems_agree_with_permutations(ties: bool) -> None:
 
     def statistic(parts: list[tuple[np.ndarray, np.ndarray]]) -> float:
         ranks = [scipy.stats.rankdata(np.concatenate(pair))[: len(pair[0])].sum() for pair in parts]
-        return abs(sum((rank - 8 * 15 / 2.0) / 15 for rank in ranks))
+        return float(abs(sum((rank - 8 * 15 / 2.0) / 15 for rank in ranks)))
 
     observed = statistic(pairs)
     drawn = []

@@ -35,7 +35,7 @@ def test_one_of_them_is_enough(shell: Shell, results: Path, tmp_path: Path) -> N
 
 
 def test_bad_usage_is_one_line(shell: Shell, results: Path, tmp_path: Path) -> None:
-    cases = [
+    cases: list[tuple[list[object], str]] = [
         ([results], "neither --html nor --markdown given"),
         ([results, "--html", tmp_path / "report.pdf"], "suffix '.pdf' given"),
         ([results, "--html", tmp_path / "nowhere" / "r.html"], "does not exist"),

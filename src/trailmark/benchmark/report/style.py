@@ -13,7 +13,7 @@ h2 { font-size: 1.35rem; margin: 44px 0 8px; padding-top: 10px; border-top: 2px 
 h3 { font-size: 1.05rem; margin: 26px 0 4px; }
 p, li { max-width: 78ch; }
 p { margin: 6px 0 10px; }
-.sub, figcaption, caption, .note { color: var(--soft); }
+.sub, figcaption, .caption, .note { color: var(--soft); }
 .sub { margin-top: 0; }
 nav { display: flex; flex-wrap: wrap; gap: 4px 18px; margin: 14px 0; font-size: .95rem; }
 a { color: #004f86; }
@@ -56,10 +56,10 @@ svg .heading.goal { stroke: #16191d; }
 svg text.letter { fill: #000; font-weight: 700; font-size: 13px; paint-order: stroke; stroke: #fff;
   stroke-width: 4px; }
 .defs { position: absolute; width: 0; height: 0; }
-.scroll { overflow-x: auto; margin: 10px 0 18px; border-bottom: 1px solid var(--line);
+.scroll { overflow-x: auto; margin: 2px 0 18px; border-bottom: 1px solid var(--line);
   -webkit-overflow-scrolling: touch; }
 table { border-collapse: collapse; font-size: .86rem; min-width: 100%; }
-caption { text-align: left; padding: 4px 0; font-size: .92rem; }
+.caption { margin: 18px 0 0; font-size: .92rem; }
 th, td { padding: 4px 10px; text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums;
   vertical-align: baseline; }
 thead th { border-bottom: 2px solid var(--ink); white-space: normal; min-width: 4.6em; vertical-align: bottom;
@@ -67,14 +67,15 @@ thead th { border-bottom: 2px solid var(--ink); white-space: normal; min-width: 
 tbody tr:nth-child(even) > * { background: var(--pale); }
 th.words, td.words, tbody th { text-align: left; }
 tbody th { font-weight: 550; position: sticky; left: 0; background: #fff; border-right: 1px solid var(--line); }
-td.words { max-width: 46em; white-space: normal; min-width: 18em; overflow-wrap: anywhere; }
+td.words { max-width: 46em; white-space: normal; min-width: 26em; overflow-wrap: anywhere; }
 .legend { display: flex; flex-wrap: wrap; gap: 2px 18px; list-style: none; padding: 0; margin: 2px 0 8px;
   font-size: .9rem; }
 details { margin: 8px 0; border: 1px solid var(--line); border-radius: 4px; padding: 0 12px; }
 details[open] { padding-bottom: 12px; }
 summary { cursor: pointer; padding: 9px 0; font-weight: 650; overflow-wrap: anywhere; }
 summary .note { font-weight: 400; font-size: .9rem; }
-@media (max-width: 600px) { body { font-size: 15px; } th, td { padding: 4px 7px; } tbody th { white-space: normal; } }
+@media (max-width: 600px) { body { font-size: 15px; } th, td { padding: 4px 7px; } tbody th { white-space: normal; }
+  .scroll .key { display: none; } }
 @media (min-width: 601px) { wbr { display: none; } }
 @media (min-width: 800px) { figure.wide { grid-column: span 2; } }
 @media print {
@@ -87,8 +88,10 @@ summary .note { font-weight: 400; font-size: .9rem; }
   .cards { grid-template-columns: 1fr 1fr; }
   details { border: 0; padding: 0; } details.problem { break-before: page; }
   details::details-content { content-visibility: visible; display: block; height: auto; }
-  .scroll { overflow: visible; } table { font-size: 6.6pt; } th, td { padding: 1.2pt 3pt; white-space: normal; }
-  tbody th { position: static; } td.words { min-width: 0; overflow-wrap: anywhere; }
+  .scroll { overflow: visible; } .scroll .key { display: none; }
+  table { font-size: 6.3pt; min-width: 0; } th, td { padding: 1.2pt 2.2pt; white-space: normal; }
+  thead th { min-width: 0; } tbody th { position: static; } wbr { display: inline; }
+  td.words { min-width: 7em; max-width: 24em; overflow-wrap: anywhere; }
   tbody tr:nth-child(even) > *, svg * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
 """

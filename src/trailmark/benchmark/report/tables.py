@@ -48,9 +48,10 @@ class Table:
             mark = legend_mark(styles[row[0]]) if self.planners and row[0] in styles else ""
             cells = "".join(f"<td{self._class(i)}>{escape(cell)}</td>" for i, cell in enumerate(row) if i)
             body.append(f'<tr><th scope="row">{mark}{_breakable(row[0])}</th>{cells}</tr>')
-        caption = f"<caption>{escape(self.caption)}</caption>"
-        table = f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
-        return f'<div class="scroll" role="region" aria-label="{escape(self.caption)}" tabindex="0">{table}</div>'
+        table = f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
+        # Not a caption element: that would scroll away with a wide table.
+        box = f'<div class="scroll" role="region" aria-label="{escape(self.caption)}" tabindex="0">{table}</div>'
+        return f'<p class="caption">{escape(self.caption)}</p>{box}'
 
     def markdown(self) -> str:
         """Return the table as Markdown whose columns line up as plain text too."""
