@@ -110,7 +110,7 @@ class FakePlanner:
         edges, status = np.array([[0, 1], [1, 2]]), np.array([1, 2])
         self.roadmap = SimpleNamespace(configurations=at, edges=edges, status=status, certified=status == 1)
 
-    def plan(self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None) -> Any:
+    def plan(self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None, **others: Any) -> Any:
         type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit})
         if start[0] < 0:
             raise ConfigurationError(f"start {start} is out of bounds by {-start[0]:g} m")

@@ -28,7 +28,7 @@ WORLDS = {
     "far": random_world(23, 100, discs=0.3, holes=0.3, boundary=True, origin=(1e5, -1e5)),
     "crowded": random_world(24, 25, size=20.0, radii=(0.1, 1.0), discs=0.3, holes=0.4),
 }
-SAMPLES = 200
+SAMPLES = 150
 
 
 def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
@@ -41,9 +41,9 @@ def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
 def test_curves_in_random_worlds(world: str, name: str, steering: Steering) -> None:
     checker, oracle = StateChecker(WORLDS[world], ROBOTS[name]), Oracle(WORLDS[world], ROBOTS[name])
     motions = CurveChecker(checker, steering)
-    a, b = short_motions(checker.world, 1200, np.random.default_rng(12), 4.0)
+    a, b = short_motions(checker.world, 800, np.random.default_rng(12), 4.0)
     # Half of the ends ahead of the car, as most are on paths.
-    b[600:, 2] = se2.wrap(a[600:, 2] + 0.5 * (b[600:, 2] - a[600:, 2]))
+    b[400:, 2] = se2.wrap(a[400:, 2] + 0.5 * (b[400:, 2] - a[400:, 2]))
     valid = checker.valid(a) & checker.valid(b)
     a, b = a[valid], b[valid]
     accepted = motions.motions_valid(a, b)
@@ -64,7 +64,7 @@ def test_curves_in_random_worlds(world: str, name: str, steering: Steering) -> N
     single = PointwiseCurveChecker(checker, steering)
     alone = np.array([single.motion_valid(tuple(p), tuple(q)) for p, q in zip(a.tolist(), b.tolist(), strict=True)])
     assert not (alone & ~accepted).any()
-    assert (alone != accepted).mean() < (0.03 if steering.reverse else 1e-9)
+    assert (alone != accepted).sum() <= (3 + 0.03 * len(a) if steering.reverse else 0)
 
 
 @pytest.mark.parametrize("steering", KINDS, ids=NAMES)
