@@ -34,7 +34,7 @@ DEFAULTS = {"runs": "10", "time limit": "1.0", "memory limit": "4096"}
 def benchmark(
     worlds: Annotated[
         list[str] | None,
-        typer.Argument(metavar="WORLD...", show_default=False, help="World files or names of shipped worlds."),
+        typer.Argument(metavar="WORLD", show_default=False, help="World files or names of shipped worlds."),
     ] = None,
     planners: Annotated[
         list[str] | None,
@@ -58,17 +58,28 @@ def benchmark(
         typer.Option("--suite", metavar="FILE", show_default=False, help="Worlds, planners and limits from a file."),
     ] = None,
     runs: Annotated[
-        str | None, typer.Option("--runs", metavar="N", help="Runs of each planner on each problem.", show_default="10")
+        str | None,
+        typer.Option(
+            "--runs", metavar="N", help="Runs of each planner on each problem; default: 10.", show_default=False
+        ),
     ] = None,
     time_limit: Annotated[
-        str | None, typer.Option("--time-limit", metavar="SECONDS", help="Planning time of a run.", show_default="1.0")
+        str | None,
+        typer.Option(
+            "--time-limit", metavar="SECONDS", help="Planning time of a run; default: 1.0.", show_default=False
+        ),
     ] = None,
     memory_limit: Annotated[
         str | None,
-        typer.Option("--memory-limit", metavar="MB", help="Memory that a run may take.", show_default="4096"),
+        typer.Option(
+            "--memory-limit", metavar="MB", help="Memory that a run may take; default: 4096.", show_default=False
+        ),
     ] = None,
     seed: Annotated[
-        str | None, typer.Option("--seed", metavar="N", help="Seed of the first run; they count up.", show_default="0")
+        str | None,
+        typer.Option(
+            "--seed", metavar="N", help="Seed of the first run; they count up; default: 0.", show_default=False
+        ),
     ] = None,
     query: Annotated[
         list[str] | None,
@@ -86,7 +97,8 @@ def benchmark(
         ),
     ] = None,
     workers: Annotated[
-        str | None, typer.Option("--workers", metavar="N", help="Runs at once on this machine.", show_default="1")
+        str | None,
+        typer.Option("--workers", metavar="N", help="Runs at once on this machine; default: 1.", show_default=False),
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -100,8 +112,10 @@ def benchmark(
 ) -> None:
     """Run planners on problems, each run in a process of its own, and keep every result.
 
-    The same command again makes the runs that are missing. Read the results with 'trailmark report', Planner Arena or
-    any SQLite program. A run's time is planning alone: no start of a process, no set-up of world and checker.
+    The same command again makes the runs that are missing. A run's time is planning alone: no start of a process, no
+    set-up of world and checker.
+
+    Read the results with 'trailmark report', Planner Arena or any SQLite program.
     """
     from trailmark.benchmark.planners import read_planners
     from trailmark.benchmark.runner import Benchmark
