@@ -141,6 +141,13 @@ def test_nothing_solved_is_reported_too(tmp_path: Path) -> None:
     assert "no run of any planner" in text
 
 
+def test_reasons_of_failures_are_told_together(tmp_path: Path) -> None:
+    rows = [run(k, None, failure="killed by signal 11") for k in range(3)]
+    text = html_report(load_results(write_results(tmp_path / "r.db", {"yard": {"A": [*rows, run(3, 0.1, 9.0)]}})))
+    assert text.count("killed by signal 11") == 1
+    assert "Reasons of failures" in text
+
+
 def test_a_path_of_cost_nothing_is_no_trouble(tmp_path: Path) -> None:
     rows = [run(k, 0.001, 0.0, path=[START, START]) for k in range(3)]
     Page(html_report(load_results(write_results(tmp_path / "r.db", {"yard": {"landmark": rows}}))))

@@ -128,7 +128,9 @@ def test_several_problems_are_counted_together() -> None:
         sums.append((sum(one) - 4) / 4.0 + (sum(two) - 2) / 4.0)
     observed = (3 - 4) / 4.0 + (1 - 2) / 4.0
     expected = np.mean([abs(s) >= abs(observed) - 1e-12 for s in sums])
-    assert rank_test(pairs).p == pytest.approx(expected)
+    found = rank_test(pairs)
+    assert found.p == pytest.approx(expected)
+    assert found.superiority == 1.0
 
 
 @pytest.mark.parametrize("ties", [False, True])
@@ -150,6 +152,23 @@ def test_many_problems_agree_with_permutations(ties: bool) -> None:
         drawn.append(statistic([(m[:8], m[8:]) for m in mixed]) >= observed - 1e-12)
     share = float(np.mean(drawn))
     assert rank_test(pairs).p == pytest.approx(share, abs=4.0 * math.sqrt(share / 1500) + 0.002)
+
+
+@given(st.lists(st.tuples(coarse, coarse), min_size=1, max_size=3))
+@settings(max_examples=40)
+def test_superiority_and_the_test_agree_on_the_side(pairs: list[tuple[list[float], list[float]]]) -> None:
+    # The sum of van Elteren's test, which is 0 where neither is ahead.
+    total = 0.0
+    for a, b in pairs:
+        ranks = scipy.stats.rankdata([*a, *b])
+        total += (len(a) * (len(ranks) + 1) / 2.0 - ranks[: len(a)].sum()) / (len(ranks) + 1)
+    found = rank_test(pairs)
+    assert (
+        found.superiority == pytest.approx(0.5, abs=1e-9)
+        if abs(total) < 1e-9
+        else (found.superiority > 0.5) == (total > 0)
+    )
+    assert rank_test([(b, a) for a, b in pairs]).p == pytest.approx(found.p)
 
 
 def test_nothing_to_compare_tells_nothing() -> None:

@@ -48,7 +48,8 @@ class RankTest(NamedTuple):
 
     Attributes:
         p: two-sided probability of ranks as uneven as these if the two do not differ.
-        superiority: share of pairs in which the run of a is the smaller, ties counting half; mean over the problems.
+        superiority: share of pairs in which the run of a is the smaller, ties counting half; over several
+            problems the mean with the weights of the test, so that the two agree on who is ahead.
     """
 
     p: float
@@ -164,8 +165,9 @@ def rank_test(pairs: Sequence[tuple[ArrayLike, ArrayLike]]) -> RankTest:
     ranks = [midranks(np.concatenate([a, b])) for a, b in strata]
     sizes = [(len(a), len(b)) for a, b in strata]
     wins = [1.0 - (rank[:n].sum() - n * (n + 1) / 2.0) / (n * m) for rank, (n, m) in zip(ranks, sizes, strict=True)]
+    weights = [n * m / (n + m + 1) for n, m in sizes]
     p = _exact(ranks, sizes)
-    return RankTest(_normal(ranks, sizes) if p is None else p, float(np.mean(wins)))
+    return RankTest(_normal(ranks, sizes) if p is None else p, float(np.average(wins, weights=weights)))
 
 
 def holm(p: ArrayLike) -> FloatArray:
@@ -229,7 +231,7 @@ def _exact(ranks: list[FloatArray], sizes: list[tuple[int, int]]) -> float | Non
 
 
 def _rank_sums(ranks: NDArray[np.int64], n: int) -> FloatArray:
-    """Return in how many ways n of the ranks add up to 0, 1, 2, …"""
+    """Return in how many ways n of the ranks add up to each whole number from 0."""
     ways = np.zeros((n + 1, int(ranks.sum()) + 1))
     ways[0, 0] = 1.0
     for rank in ranks:

@@ -15,7 +15,7 @@ from trailmark.benchmark.report.limits import limitations, method
 from trailmark.benchmark.report.palette import FAMILIES, Style, family_of, styles_of
 from trailmark.benchmark.report.style import STYLE
 from trailmark.benchmark.report.summary import Summary, summarise
-from trailmark.benchmark.report.tables import effort_table, overall_table, pair_table, problem_table
+from trailmark.benchmark.report.tables import effort_table, failure_table, overall_table, pair_table, problem_table
 
 __all__ = ["html_report"]
 
@@ -36,7 +36,7 @@ def html_report(results: Results) -> str:
         _section("summary", "Summary", _summary(results, summary, styles)),
         *([_section("all", "All problems together", _together(figures))] if several else []),
         _section("problems", "Problems" if several else "The problem", _problems(results, figures, styles)),
-        _section("ahead", "Who is ahead of whom", _pairs(summary, styles)),
+        *([_section("ahead", "Who is ahead of whom", _pairs(summary, styles))] if len(results.planners) > 1 else []),
         _section("environment", "Environment", _environment(results, styles)),
         _section("limitations", "How to read this, and its limits", _limits(results)),
     ]
@@ -57,11 +57,12 @@ def _head(results: Results) -> str:
     sizes = f"{_plural(problems, 'problem')} × {_plural(planners, 'planner')}, {_plural(results.runs, 'run')}"
     machine = " · ".join(escape(str(facts[name])) for name in ("version", "cpuinfo", "date") if facts.get(name))
     several = '<a href="#all">All problems</a>' if problems > 1 else ""
+    ahead = '<a href="#ahead">Who is ahead</a>' if planners > 1 else ""
     return (
         f"<header><h1>Motion planners compared: {escape(results.file.stem)}</h1>"
         f'<p class="sub">{sizes}<br>{machine}</p></header>'
         f'<nav aria-label="Sections"><a href="#summary">Summary</a>{several}<a href="#problems">Problems</a>'
-        '<a href="#ahead">Who is ahead</a><a href="#environment">Environment</a><a href="#limitations">Limits</a></nav>'
+        f'{ahead}<a href="#environment">Environment</a><a href="#limitations">Limits</a></nav>'
     )
 
 
@@ -125,6 +126,9 @@ def _problem(problem: Problem, figures: Figures, styles: Mapping[str, Style]) ->
     yield f'<div class="figures">{"".join(figures.problem_charts(problem))}</div>'
     effort = effort_table(problem, f"{problem.name}: what the runs took, medians over all runs").html(styles)
     yield f"<details><summary>Effort: checks, graphs, memory</summary>{effort}</details>"
+    failures = failure_table(problem, f"{problem.name}: what failed or refused runs gave as the reason")
+    if failures is not None:
+        yield f"<details><summary>Reasons of failures</summary>{failures.html(styles)}</details>"
 
 
 def _pairs(summary: Summary, styles: Mapping[str, Style]) -> Iterator[str]:

@@ -17,9 +17,11 @@ from trailmark.benchmark.report.palette import Style
 from trailmark.benchmark.report.summary import Comparison, PlannerSummary, Summary, summarise_runs
 from trailmark.benchmark.statistics import holm, quantiles, rank_test
 
-__all__ = ["Table", "effort_table", "overall_table", "pair_table", "problem_table"]
+__all__ = ["Table", "effort_table", "failure_table", "overall_table", "pair_table", "problem_table"]
 
 FloatArray = NDArray[np.float64]
+
+MOST_REASONS, MOST_REASON = 12, 200  # rows, and letters of each, of a table of failures
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,24 @@ def effort_table(problem: Problem, caption: str) -> Table:
             ]
         )
     return Table(caption, columns, rows, frozenset({10}))
+
+
+def failure_table(problem: Problem, caption: str) -> Table | None:
+    """Return what the failed runs on a problem gave as the reason, equal reasons together; None without any."""
+    found: dict[tuple[str, str], list[int]] = {}
+    for name, runs in problem.runs.items():
+        for reason, seed in zip(runs.failures, runs["seed"].tolist(), strict=True):
+            if reason:
+                found.setdefault((name, " ".join(reason.split())), []).append(int(seed))
+    if not found:
+        return None
+    ordered = sorted(found.items(), key=lambda item: -len(item[1]))
+    rows = [
+        [name, str(len(seeds)), str(seeds[0]), reason if len(reason) <= MOST_REASON else f"{reason[:MOST_REASON]}…"]
+        for (name, reason), seeds in ordered[:MOST_REASONS]
+    ]
+    more = f"; the {MOST_REASONS} most frequent of {len(found)}" if len(found) > MOST_REASONS else ""
+    return Table(caption + more, ["planner", "runs", "first seed", "reason"], rows, frozenset({3}))
 
 
 def _breakable(name: str) -> str:
