@@ -46,7 +46,9 @@ def test_every_shape_may_be_a_car(tmp_path: Path, shape: str) -> None:
 )
 def test_round_trip_is_exact(robot: Robot, radius: float, reverse: bool) -> None:
     world = World("w", (0.0, 0.0, 20.0, 10.0), robot=robot.steered(radius, reverse))
-    again = world_from_data(parse_yaml(world_text(world), Path("w.yaml")), Path("w.yaml"))
+    data = parse_yaml(world_text(world), Path("w.yaml"))
+    assert isinstance(data, dict)
+    again = world_from_data(data, Path("w.yaml"))
     assert again == world
 
 
