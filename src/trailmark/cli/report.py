@@ -49,4 +49,6 @@ def report(
                 progress.stage(f"writing {file.name}")
                 write_atomically(file, write(found))
     for file in filter(None, (page, text)):
-        console.note(f"{file}: {len(found.problems):,} problems, {len(found.planners):,} planners, {found.runs:,} runs")
+        console.say(
+            f"written: {file} ({len(found.problems):,} problems, {len(found.planners):,} planners, {found.runs:,} runs)"
+        )
