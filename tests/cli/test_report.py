@@ -22,7 +22,9 @@ def results(tmp_path: Path) -> Path:
 def test_both_files_are_written(shell: Shell, results: Path, tmp_path: Path) -> None:
     page, tables = tmp_path / "report.html", tmp_path / "report.md"
     before = results.read_bytes()
-    assert shell("report", results, "--html", page, "--markdown", tables) == (0, "", "")
+    run = shell("report", results, "--html", page, "--markdown", tables)
+    assert (run.status, run.err) == (0, "")
+    assert run.out.splitlines() == [f"written: {file} (1 problems, 2 planners, 6 runs)" for file in (page, tables)]
     assert page.read_text().startswith("<!DOCTYPE html>")
     assert tables.read_text().startswith("# Benchmark: results\n")
     assert results.read_bytes() == before
