@@ -175,7 +175,7 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
 def _native(prepared: Prepared, job: Mapping[str, Any]) -> Answer:
     native = importlib.import_module("trailmark.benchmark.native")
     answer: Answer = native.run_native(prepared.problem, job)
-    return answer
+    return _in_time(answer, latest(float(job["time_limit"]))) if "curve" in answer else answer
 
 
 def _in_time(answer: Answer, limit: float) -> Answer:

@@ -14,6 +14,7 @@ from typing import Any
 from trailmark.benchmark.environment import cpu_name, source_digest, system, versions
 from trailmark.benchmark.errors import WorkerError
 from trailmark.benchmark.executors import Pool
+from trailmark.benchmark.native import native_versions
 from trailmark.benchmark.planners import settings_of
 from trailmark.benchmark.problems import Job, Problem
 from trailmark.benchmark.record import RunRecord
@@ -149,7 +150,7 @@ class Benchmark:
         return problem.resolution() if self.resolution is None else self.resolution
 
     def _experiment(self, problem: Problem) -> Experiment:
-        found, cpu, query = versions(), cpu_name(), problem.query
+        found, cpu, query = versions() | native_versions(), cpu_name(), problem.query
         return Experiment(
             name=problem.name,
             identity={
