@@ -142,6 +142,7 @@ def ompls_own(prepared: Prepared, planner: str, seed: int, limit: float) -> floa
     benchmark.addPlanner(posed.set_planner(planner))
     request = ot.Request()
     request.maxTime, request.maxMem, request.runCount = limit, 4096.0, 1
+    request.saveConsoleOutput = False
     request.displayProgress, request.simplify, request.timeBetweenUpdates = False, False, 0.005
     benchmark.benchmark(request)
     rows = benchmark.getRecordedExperimentData().planners[0].runsProgressData[0]

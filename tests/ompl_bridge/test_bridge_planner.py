@@ -141,6 +141,7 @@ bench.addPlanner(og.RRTConnect(problem.information))
 bench.addPlanner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
 request = ot.Request()
 request.maxTime, request.maxMem, request.runCount, request.displayProgress = 0.3, 2000.0, 3, False
+request.saveConsoleOutput = False
 with planning():
     bench.benchmark(request)
 bench.saveResultsToFile({str(tmp_path / "office.log")!r})
