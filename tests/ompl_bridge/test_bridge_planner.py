@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 
 def test_it_solves_in_a_simple_setup_and_keeps_its_roadmap(run_ompl: Any) -> None:
     found = run_ompl("""
@@ -61,6 +63,17 @@ tell(late=late, words=words)
     assert sorted(found["late"])[len(found["late"]) // 2] < 0.02
     assert max(found["late"]) < 0.2
     assert found["words"][0] == "Timeout"
+
+
+@pytest.mark.parametrize("limit", [0.03, 0.1])
+def test_the_process_may_end_while_work_that_was_cut_short_goes_on(run_ompl: Any, limit: float) -> None:
+    # run_ompl looks at the exit status: a thread cut off in compiled code would abort the process.
+    found = run_ompl(f"""
+problem = SE2Problem(shipped("long"), query="corner")
+problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+tell(status=problem.solve({limit}).asString())
+""")
+    assert found["status"]
 
 
 def test_no_path_and_half_a_path_are_reported_as_such(run_ompl: Any) -> None:

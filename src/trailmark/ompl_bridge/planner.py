@@ -113,11 +113,14 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         if self._planner is None:
             self._planner = Planner(self.checker.world, checker=self.checker, seed=self._seed)
         self._work = work = _Work(self._planner, start, goal)
-        while not work.done.wait(POLL):
-            if condition():
-                work.stop.set()
-                work.done.wait(GRACE)
-                break
+        try:
+            while not work.done.wait(POLL):
+                if condition():
+                    work.stop.set()
+                    work.done.wait(GRACE)
+                    break
+        finally:
+            work.stop.set()
         if work.error is not None:
             raise work.error
         self.result = work.result
@@ -165,7 +168,9 @@ class _Work(threading.Thread):
     """One query in a thread of its own, so that the termination condition can be looked at meanwhile."""
 
     def __init__(self, planner: Planner, start: se2.FloatArray, goal: se2.FloatArray) -> None:
-        super().__init__(name="trailmark-landmark", daemon=True)
+        # Not a daemon: Python waits for its end before it ends itself, since a thread cut off in compiled code would
+        # take the process down.
+        super().__init__(name="trailmark-landmark", daemon=False)
         self.planner, self.ends = planner, (start, goal)
         self.stop, self.done = threading.Event(), threading.Event()
         self.last: PlanProgress | None = None
