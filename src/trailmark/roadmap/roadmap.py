@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,7 +27,7 @@ def neighbour_count(n: int) -> int:
     Source: Karaman & Frazzoli, "Sampling-based algorithms for optimal motion planning", IJRR 2011, section 3.3
     (k-nearest PRM*).
     """
-    return int(np.ceil(np.e * (1.0 + 1.0 / 3.0) * np.log(max(n, 2))))
+    return int(np.ceil(math.e * (1.0 + 1.0 / 3.0) * np.log(max(n, 2))))
 
 
 class Search(NamedTuple):
