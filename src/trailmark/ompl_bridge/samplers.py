@@ -11,11 +11,10 @@ from typing import Any
 from ompl import base as ob
 
 from trailmark.collision.pointwise import PointwiseChecker
-from trailmark.ompl_bridge.errors import SpaceError
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.mixture import ROADMAP_MIXTURE, TREE_MIXTURE, LandmarkStream, Mixture, Seed
-from trailmark.ompl_bridge.spaces import space_of
+from trailmark.ompl_bridge.spaces import require_se2, space_of
 
 __all__ = ["LandmarkStateSampler", "LandmarkValidStateSampler"]
 
@@ -144,19 +143,6 @@ class LandmarkStateSampler(ob.StateSampler):  # type: ignore[misc]  # OMPL's bin
         except BaseException as error:  # nothing may pass through OMPL's C++
             caught(error)
         _write(state, row)
-
-
-def require_se2(space: Any) -> None:
-    """Raise unless a state space is made of x, y and heading.
-
-    Raises:
-        SpaceError: it is not ``SE2StateSpace`` nor one of those derived from it.
-    """
-    if not isinstance(space, ob.SE2StateSpace):
-        raise SpaceError(
-            f"state space {space.getName()!r} ({type(space).__name__}) given, "
-            "allowed: SE2StateSpace, DubinsStateSpace, ReedsSheppStateSpace"
-        )
 
 
 def _write(state: Any, row: Any) -> None:

@@ -11,7 +11,7 @@ from trailmark.ompl_bridge.errors import BoundsError, SpaceError
 from trailmark.ompl_bridge.states import opened, state
 from trailmark.world import Robot, World
 
-__all__ = ["require_within", "se2_space", "space_for", "space_of", "steering_of"]
+__all__ = ["require_se2", "require_within", "se2_space", "space_for", "space_of", "steering_of"]
 
 
 def se2_space(world: World) -> Any:
@@ -51,7 +51,15 @@ def space_of(information: Any) -> Any:
     Raises:
         SpaceError: it is not ``SE2StateSpace`` nor one of those derived from it (Dubins, Reeds-Shepp).
     """
-    space = information.getStateSpace()
+    return require_se2(information.getStateSpace())
+
+
+def require_se2(space: Any) -> Any:
+    """Return a state space that is made of x, y and heading.
+
+    Raises:
+        SpaceError: it is not ``SE2StateSpace`` nor one of those derived from it (Dubins, Reeds-Shepp).
+    """
     if not isinstance(space, ob.SE2StateSpace):
         raise SpaceError(
             f"state space {space.getName()!r} ({type(space).__name__}) given, "
