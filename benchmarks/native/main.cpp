@@ -4,7 +4,8 @@
 //   trailmark_native plan  PLANNER [OPTION VALUE]... problem on standard input
 //   trailmark_native check FILE [plain]           problem on standard input; FILE holds rows "x y theta"
 //
-// Options of plan: --resolution METRES --time-limit SECONDS --simplify-limit SECONDS --memory-limit MB --seed N.
+// Options of plan: --resolution METRES --time-limit SECONDS --simplify-limit SECONDS --memory-limit MB
+// --cost-threshold METRES --seed N.
 // The answer is one JSON object on standard output. Bad input: one line on standard error, status 2.
 
 #include <chrono>
@@ -57,11 +58,13 @@ trailmark::Settings settings_of(const Words& words) {
       settings.simplify_limit = value;
     } else if (option == "--memory-limit") {
       settings.memory_limit = value;
+    } else if (option == "--cost-threshold") {
+      settings.cost_threshold = value;
     } else if (option == "--seed" && value < 4294967296.0) {
       settings.seed = static_cast<unsigned>(value);
     } else {
       throw std::runtime_error(option + " " + words[i + 1] + " given, allowed: --resolution, --time-limit, " +
-                               "--simplify-limit, --memory-limit, --seed (below 2^32)");
+                               "--simplify-limit, --memory-limit, --cost-threshold, --seed (below 2^32)");
     }
   }
   return settings;

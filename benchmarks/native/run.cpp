@@ -40,7 +40,8 @@ class Validity final : public ob::StateValidityChecker {
   const Checker& checker_;
 };
 
-std::shared_ptr<og::SimpleSetup> simple_setup(const Problem& problem, const Checker& checker, double resolution) {
+std::shared_ptr<og::SimpleSetup> simple_setup(const Problem& problem, const Checker& checker,
+                                              const Settings& settings) {
   auto space = std::make_shared<SE2>();
   ob::RealVectorBounds bounds(2);
   for (unsigned axis = 0; axis < 2; ++axis) {
@@ -51,7 +52,7 @@ std::shared_ptr<og::SimpleSetup> simple_setup(const Problem& problem, const Chec
   auto setup = std::make_shared<og::SimpleSetup>(space);
   const auto& information = setup->getSpaceInformation();
   setup->setStateValidityChecker(std::make_shared<Validity>(information, checker));
-  information->setStateValidityCheckingResolution(resolution / space->getMaximumExtent());
+  information->setStateValidityCheckingResolution(settings.resolution / space->getMaximumExtent());
   ob::ScopedState<SE2> start(space), goal(space);
   const auto fill = [](ob::ScopedState<SE2>& state, const Configuration& q) {
     // OMPL's headings lie in [-pi, pi), trailmark's in (-pi, pi].
@@ -62,7 +63,9 @@ std::shared_ptr<og::SimpleSetup> simple_setup(const Problem& problem, const Chec
   fill(goal, problem.goal);
   setup->setStartAndGoalStates(start, goal);
   // Given explicitly, as the benchmark does for OMPL in Python: so PRM too goes on to shorten its path until the limit.
-  setup->setOptimizationObjective(std::make_shared<ob::PathLengthOptimizationObjective>(information));
+  const auto objective = std::make_shared<ob::PathLengthOptimizationObjective>(information);
+  objective->setCostThreshold(ob::Cost(settings.cost_threshold));
+  setup->setOptimizationObjective(objective);
   return setup;
 }
 
@@ -123,7 +126,7 @@ void solve(og::SimpleSetup& setup, const ob::PlannerPtr& planner, const Checker&
 Json run(const Problem& problem, const Checker& checker, const Settings& settings) {
   ompl::msg::noOutputHandler();
   ompl::RNG::setSeed(settings.seed);
-  const auto setup = simple_setup(problem, checker, settings.resolution);
+  const auto setup = simple_setup(problem, checker, settings);
   const ob::PlannerPtr planner = make_planner(settings.planner, setup->getSpaceInformation());
   setup->setPlanner(planner);
   Json record = {{"seed", settings.seed}, {"solved", false}};

@@ -15,6 +15,7 @@ struct Settings {
   double time_limit = 1.0;      // seconds
   double simplify_limit = 0.5;  // seconds
   double memory_limit = 0.0;    // MB above what is mapped when planning begins; 0: none
+  double cost_threshold = 0.0;  // metres; a solution below ends the planning
   unsigned seed = 1;            // above 0, as OMPL asks
 };
 

@@ -44,6 +44,14 @@ def test_a_run_is_measured(name: str, certified: bool) -> None:
         assert len(run.curve) > 1 or name.startswith("PRM")  # whose first path here may be its best
 
 
+@pytest.mark.parametrize("name", ["RRTstar", "PRM", "PRMstar", "BITstar", "RRTConnect"])
+def test_the_first_path_may_end_a_run(name: str) -> None:
+    run = measure(problem(True), name, 5.0, first=True)
+    assert run.exact
+    assert len(run.curve) == 1
+    assert run.time < 2.5
+
+
 def test_the_curve_is_read_while_it_plans() -> None:
     steps: list[None] = []
     run = measure(problem(True), "RRTstar", 0.6, on_step=lambda: steps.append(None))

@@ -95,6 +95,17 @@ def test_only_what_is_missing_is_made(tmp_path: Path, ahead: Problem) -> None:
     ]
 
 
+def test_runs_to_the_first_path_are_another_setting_of_the_planner(tmp_path: Path, ahead: Problem) -> None:
+    file, whole, first = tmp_path / "results.db", AtOnce(well), AtOnce(well)
+    make(file, plan(ahead, planners=["PRM"]), whole)
+    assert make(file, plan(ahead, planners=["PRM"], first=["PRM"]), first).made == 2
+    assert len(first.given) == 2
+    with closing(sqlite3.connect(file)) as db:
+        assert db.execute("SELECT count(*) FROM experiments").fetchone() == (1,)
+        settings = [row[0] for row in db.execute("SELECT settings FROM plannerConfigs ORDER BY id")]
+    assert settings[1] == f"{settings[0]}; ends at its first path"
+
+
 def test_other_limits_are_another_experiment(tmp_path: Path, ahead: Problem) -> None:
     file = tmp_path / "results.db"
     changes: list[dict[str, Any]] = [{}, {"time_limit": 1.0}, {"memory_limit": 64.0}, {"resolution": 0.01}]

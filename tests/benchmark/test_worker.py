@@ -13,6 +13,7 @@ import pytest
 from tests.benchmark.conftest import job
 
 from trailmark.benchmark.errors import WorkerError
+from trailmark.benchmark.native import native_program
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.status import Status
 from trailmark.benchmark.worker import Worker
@@ -44,6 +45,17 @@ def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: P
     if planner != "RRTConnect+certified":
         assert 0.05 < answer["time"] < 1.5
     assert 0.0 < answer["overhead"] < 5.0
+
+
+@pytest.mark.parametrize("planner", ["landmark", "RRTstar+certified", "native:RRTstar"])
+def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: Problem) -> None:
+    if planner.startswith("native:") and native_program() is None:
+        pytest.skip("native program not built (see benchmarks/native/README.md)")
+    answer = worker.run(job(around, planner, limit=5.0) | {"first": True})
+    assert answer["correct_solution"], answer["failure"]
+    assert answer["time"] < 2.5
+    if planner != "native:RRTstar":  # which shortens in the same process
+        assert answer["simplified_path"] is None
 
 
 def test_no_run_knows_of_those_before_it(worker: Worker, around: Problem) -> None:

@@ -60,7 +60,7 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
     if graph is not None:
         nodes, edges = graph()
         yield {"graph_states": nodes, "graph_motions": edges}
-    if answer["solved"]:
+    if answer["solved"] and not job.get("first"):
         yield _simplified(prepared, answer["path"])
 
 
@@ -85,7 +85,7 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
         resolution=float(job["resolution"]),
     )
     peak = MemoryPeak()
-    run = measured.measure(problem, name, float(job["time_limit"]))
+    run = measured.measure(problem, name, float(job["time_limit"]), first=bool(job.get("first")))
     peak.look()
     answer = {
         "status": run.status,
@@ -113,11 +113,14 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
         if progress.elapsed <= latest(limit):
             best[:] = [progress]
 
+    def stop() -> bool:
+        return bool(job.get("first") and best and best[0].path is not None)
+
     checker = CountingChecker(prepared.checker)
     begin = perf_counter()
     planner = LandmarkPlanner(prepared.problem.world, seed=int(job["seed"]), checker=checker, warm=False)
     before = perf_counter() - begin
-    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=follow)
+    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=follow, stop=stop)
     time = perf_counter() - begin
     peak.look()
     path, difference, status = result.path, None, _LANDMARK[result.status]

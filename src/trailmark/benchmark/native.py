@@ -32,6 +32,9 @@ VARIABLE = "TRAILMARK_NATIVE"
 SIMPLIFYING = 0.5
 """Seconds that the program's simplifier gets at most, as for the other planners."""
 
+ANY_COST = 1e11
+"""Metres; no path costs as much."""
+
 PATIENCE = (5.0, 2.0)
 """Seconds, and share of the time limit, that the program gets beyond planning and simplifying before it is ended."""
 
@@ -70,8 +73,8 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
 
     Args:
         problem: world, robot and query.
-        job: planner (with ``native:``), seed, time_limit (s), memory_limit (MB), resolution (m), as
-            :class:`trailmark.benchmark.problems.Job` holds them.
+        job: planner (with ``native:``), seed, time_limit (s), memory_limit (MB), resolution (m) and perhaps
+            first, as :class:`trailmark.benchmark.problems.Job` holds them.
 
     Returns:
         Fields of :class:`trailmark.benchmark.record.RunRecord`. ``setup_time`` is the program's own, for reading the
@@ -92,6 +95,8 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
     command += ["--seed", str(int(job["seed"]) + 1), "--resolution", repr(float(job["resolution"]))]
     command += ["--time-limit", repr(limit), "--memory-limit", repr(float(job["memory_limit"]))]
     command += ["--simplify-limit", repr(SIMPLIFYING)]
+    if job.get("first"):
+        command += ["--cost-threshold", repr(ANY_COST)]
     text = problem_text(problem.world, problem.robot, problem.query)
     patience = limit + SIMPLIFYING + PATIENCE[0] + PATIENCE[1] * limit
     try:

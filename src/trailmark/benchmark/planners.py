@@ -56,8 +56,15 @@ def read_planners(given: Iterable[str]) -> list[str]:
     return list(chosen)
 
 
-def settings_of(name: str) -> str:
-    """Return what the results say about a planner's settings."""
+def settings_of(name: str, *, first: bool = False) -> str:
+    """Return what the results say about a planner's settings.
+
+    Args:
+        name: as :func:`read_planners` returns it.
+        first: whether its runs end at their first path.
+    """
+    if first:
+        return f"{settings_of(name)}; ends at its first path"
     if name == "landmark":
         return "trailmark's LandmarkPlanner, default settings; motions certified"
     if name.startswith("native:"):

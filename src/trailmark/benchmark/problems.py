@@ -70,6 +70,7 @@ class Job:
         time_limit: seconds of planning.
         memory_limit: MB above what the process holds when planning begins.
         resolution: metres, of the discrete baseline.
+        first: whether the first path ends the run.
     """
 
     problem: str
@@ -79,6 +80,7 @@ class Job:
     time_limit: float
     memory_limit: float
     resolution: float
+    first: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return the job as plain numbers and strings."""

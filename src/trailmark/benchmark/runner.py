@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import platform
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -74,6 +74,7 @@ class Benchmark:
         memory_limit: MB a run.
         seed: of the first run; the next ones count up.
         resolution: metres, of the discrete baseline; None for each problem's own.
+        first: those of the planners whose runs end at their first path, which nothing shortens then.
     """
 
     problems: Sequence[Problem]
@@ -83,6 +84,7 @@ class Benchmark:
     memory_limit: float
     seed: int = 0
     resolution: float | None = None
+    first: Collection[str] = ()
     _spent: dict[str, list[float]] = field(default_factory=dict, repr=False)
 
     def run(self, store: Store, pool: Pool, on_progress: Callable[[Tally], None] = lambda tally: None) -> Tally:
@@ -122,7 +124,7 @@ class Benchmark:
 
     def _missing(self, store: Store) -> tuple[deque[_Run], Tally]:
         """Return the runs to be made, problem by problem, and in each seed by seed through all planners."""
-        planners = {name: store.planner(name, settings_of(name)) for name in self.planners}
+        planners = {name: store.planner(name, settings_of(name, first=name in self.first)) for name in self.planners}
         missing: deque[_Run] = deque()
         tally = Tally(total=len(self.problems) * len(planners) * self.runs)
         for problem in self.problems:
@@ -144,6 +146,7 @@ class Benchmark:
             time_limit=self.time_limit,
             memory_limit=self.memory_limit,
             resolution=self._resolution(problem),
+            first=planner in self.first,
         )
 
     def _resolution(self, problem: Problem) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 from time import perf_counter
 from typing import Any
 
@@ -79,7 +79,14 @@ def silence_ompl() -> None:
     ou.noOutputHandler()
 
 
-def measure(problem: SE2Problem, name: str, limit: float, *, on_step: Callable[[], None] | None = None) -> Measurement:
+def measure(
+    problem: SE2Problem,
+    name: str,
+    limit: float,
+    *,
+    on_step: Callable[[], None] | None = None,
+    first: bool = False,
+) -> Measurement:
     """Run a planner on a problem, whose objective becomes the path's length.
 
     Args:
@@ -87,13 +94,17 @@ def measure(problem: SE2Problem, name: str, limit: float, *, on_step: Callable[[
         name: of one of OMPL's planners.
         limit: seconds.
         on_step: called now and then while it plans.
+        first: whether the first exact solution ends the run: by OMPL's cost threshold, which all but AORRTC heed.
 
     Raises:
         PlannerNameError: the installed OMPL has no planner of that name.
     """
     watch = _Watch(on_step)
     _watch_checks(problem, watch)
-    problem.setup.setOptimizationObjective(ob.PathLengthOptimizationObjective(problem.information))
+    objective = ob.PathLengthOptimizationObjective(problem.information)
+    if first:
+        objective.setCostThreshold(ob.Cost(inf))
+    problem.setup.setOptimizationObjective(objective)
     watch.begin = begin = perf_counter()
     planner = problem.set_planner(name)
     problem.setup.setup()
@@ -225,6 +236,8 @@ def _in_slices(problem: SE2Problem, planner: Any, watch: _Watch, limit: float) -
         if definition.hasExactSolution():
             cost = float(definition.getSolutionPath().length())
             watch.note(perf_counter() - watch.begin, cost)
+            if definition.getOptimizationObjective().isSatisfied(ob.Cost(cost)):
+                return status
         if int(status.getStatus().value) in FINAL:
             return status
 
