@@ -112,7 +112,12 @@ class Store:
             StoreError: the one that is there was run under other conditions.
         """
         with self._told(), self._transaction():
-            for row, setup, runs in self._db.execute("SELECT id, setup, runcount FROM experiments").fetchall():
+            # Of hundreds of experiments, each with a world's text, only the one that can be it is decoded.
+            alike = self._db.execute(
+                "SELECT id, setup, runcount FROM experiments WHERE instr(setup, ?)",
+                (json.dumps(dict(wanted.identity), sort_keys=True),),
+            )
+            for row, setup, runs in alike.fetchall():
                 there = json.loads(setup)
                 if there["identity"] == json.loads(json.dumps(dict(wanted.identity))):
                     self._require_same(there["conditions"], wanted.conditions)
