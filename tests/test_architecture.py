@@ -14,7 +14,7 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
 
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "heap"}),
-    frozenset({"se2", "shapes"}),
+    frozenset({"nearest", "se2", "shapes"}),
     frozenset({"path", "world", "formats"}),
     frozenset({"curves"}),
     frozenset({"collision", "estimation"}),

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from trailmark.collision.curve_motions import curve_free
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import BLOCKED, FREE, workspace
+from trailmark.collision.kernels import FREE, UNDECIDED, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves.shortest import MOST_WORDS
 from trailmark.curves.words import PIECES
-from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.heap import heap_pop, heap_push
+from trailmark.roadmap.search import expand, nodes_back
 from trailmark.se2 import FloatArray
 
 __all__ = ["lazy_shortest_curves"]
@@ -30,8 +31,8 @@ def lazy_shortest_curves(
     radius: float,
     reverse: bool,
     configurations: FloatArray,
-    start_of: NDArray[np.int64],
-    incident: NDArray[np.int64],
+    heads: NDArray[np.int64],
+    following: NDArray[np.int64],
     edges: NDArray[np.int32],
     cost: FloatArray,
     status: NDArray[np.uint8],
@@ -52,9 +53,9 @@ def lazy_shortest_curves(
         radius: turning radius, metres.
         reverse: whether the car drives backwards too.
         configurations: (n, 3) nodes.
-        start_of: (n + 1,) where each node's edges begin in ``incident``.
-        incident: indices into ``edges``: those that lead on from the node. With those that lead to it instead, the
+        heads: (n,) newest entry of each node: of those that lead on from it; or of those that lead to it, then the
             search goes against the edges.
+        following: (2 m,) next entry of the same node.
         edges: (m, 2) from, to.
         cost: (m,) length of each edge.
         status: (m,) FREE, BLOCKED or UNDECIDED; undecided edges that the search needs are checked and marked.
@@ -70,53 +71,30 @@ def lazy_shortest_curves(
     best = np.full(n, np.inf)
     parent = np.full(n, -1, np.int64)
     keys, values = np.empty(1024), np.empty(1024, np.int64)
-    # An entry stands for an edge and the node that it leads to, edge * n + node; -1 for the start.
     size = heap_push(keys, values, 0, to_go[start], -1)
     while size > 0:
         size = heap_pop(keys, values, size)
-        key, entry = keys[size], values[size]
-        if key >= limit:
+        entry = values[size]
+        if keys[size] >= limit:
             break
-        if entry < 0:
-            node, reached = start, 0.0
-        else:
-            edge, node = entry // n, entry % n
+        node, reached = start, 0.0
+        if entry >= 0:
+            edge = entry >> 1
+            before, node = edges[edge, entry & 1], edges[edge, 1 - (entry & 1)]
             if done[node]:
                 continue
+            if status[edge] == UNDECIDED:
+                a, b = configurations[edges[edge, 0]], configurations[edges[edge, 1]]
+                status[edge] = curve_free(grid, field, robot, placed, queue, words, a, b, radius, reverse)
             if status[edge] != FREE:
-                if status[edge] != BLOCKED:
-                    a, b = configurations[edges[edge, 0]], configurations[edges[edge, 1]]
-                    status[edge] = curve_free(grid, field, robot, placed, queue, words, a, b, radius, reverse)
-                if status[edge] == BLOCKED:
-                    continue
-            before = edges[edge, 0] + edges[edge, 1] - node
+                continue
             reached = best[before] + cost[edge]
             parent[node] = before
         done[node] = True
         best[node] = reached
         if node == goal:
             break
-        for k in range(start_of[node], start_of[node + 1]):
-            edge = incident[k]
-            if status[edge] == BLOCKED:
-                continue
-            other = edges[edge, 0] + edges[edge, 1] - node
-            if done[other] or banned[other]:
-                continue
-            key = reached + cost[edge] + to_go[other]
-            if key < limit:
-                if size == len(keys):
-                    keys, values = heap_grow(keys, values)
-                size = heap_push(keys, values, size, key, edge * n + other)
-    if goal < 0 or not done[goal]:
-        return np.empty(0, np.int64), done
-    length, node = 1, goal
-    while node != start:
-        node = parent[node]
-        length += 1
-    path = np.empty(length, np.int64)
-    node = goal
-    for i in range(length - 1, -1, -1):
-        path[i] = node
-        node = parent[node]
-    return path, done
+        keys, values, size = expand(
+            heads[node], reached, following, edges, cost, status, to_go, done, banned, limit, keys, values, size
+        )
+    return nodes_back(parent, start, goal, done), done

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,8 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
+from trailmark.nearest import Forest, NearestNeighbours
+from trailmark.roadmap.links import Rows, find_edges, link, new_pairs
 from trailmark.roadmap.search import edge_costs, lazy_shortest_path
 
 if TYPE_CHECKING:
@@ -46,25 +48,20 @@ class Search(NamedTuple):
 class Roadmap:
     """Nodes are valid configurations, edges are motions between near ones, each checked at most once.
 
+    Nodes and edges are only ever added, in time that hardly depends on how many are there already.
+
     Args:
         checker: decides which motions are certified.
-
-    Attributes:
-        configurations: (n, 3), the nodes. Read-only.
-        edges: (m, 2) int32, the nodes that each edge joins.
-        lengths: (m,), cost of each edge in metres, ‖Δxy‖ + 0.5·|Δθ| (a disc robot: ‖Δxy‖).
-        status: (m,) uint8: FREE (certified), BLOCKED, UNDECIDED.
     """
 
     def __init__(self, checker: StateChecker) -> None:
         self.checker = checker
         self.turning = checker.footprint.disc_radius < 0.0
-        self.configurations: se2.FloatArray = np.empty((0, 3))
-        self.edges: NDArray[np.int32] = np.empty((0, 2), np.int32)
-        self.lengths: se2.FloatArray = np.empty(0)
-        self.status: NDArray[np.uint8] = np.empty(0, np.uint8)
-        self._start_of: NDArray[np.int64] = np.zeros(1, np.int64)
-        self._incident: NDArray[np.int64] = np.empty(0, np.int64)
+        self._nodes, self._edges = Rows((3,), np.float64), Rows((2,), np.int32)
+        self._lengths, self._status = Rows((), np.float64), Rows((), np.uint8)
+        self._index = NearestNeighbours(4)
+        self._following, self._heads = Rows((), np.int64), Rows((), np.int64)
+        self._into = self._heads
 
     @classmethod
     def from_arrays(
@@ -73,8 +70,8 @@ class Roadmap:
         configurations: se2.FloatArray,
         edges: NDArray[np.int32],
         status: NDArray[np.uint8],
-    ) -> Roadmap:
-        """Return a roadmap made of given nodes and edges, which are not checked.
+    ) -> Self:
+        """Return a roadmap for the checker's robot made of given nodes and edges, which are not checked.
 
         Args:
             checker: decides which motions are certified.
@@ -83,12 +80,29 @@ class Roadmap:
             status: (m,), FREE, BLOCKED or UNDECIDED.
         """
         roadmap = cls(checker)
-        roadmap.configurations = np.array(configurations, dtype=np.float64, order="C")
-        roadmap.edges = np.array(edges, dtype=np.int32, order="C")
-        roadmap.status = np.array(status, dtype=np.uint8)
-        roadmap.lengths = edge_costs(roadmap.configurations, roadmap.edges, roadmap.turning)
-        roadmap._index()
+        roadmap._append(np.asarray(configurations, dtype=np.float64))
+        roadmap._join(roadmap._as_kept(np.asarray(edges)), np.asarray(status, dtype=np.uint8))
         return roadmap
+
+    @property
+    def configurations(self) -> se2.FloatArray:
+        """The nodes, (n, 3). Read-only."""
+        return self._nodes.view
+
+    @property
+    def edges(self) -> NDArray[np.int32]:
+        """The nodes that each edge joins, (m, 2) int32; of a car's, the nodes that it leads from and to. Read-only."""
+        return self._edges.view
+
+    @property
+    def lengths(self) -> se2.FloatArray:
+        """Cost of each edge in metres, (m,): ‖Δxy‖ + 0.5·|Δθ|, a disc robot's ‖Δxy‖, a car's curve's length."""
+        return self._lengths.view
+
+    @property
+    def status(self) -> NDArray[np.uint8]:
+        """FREE (certified), BLOCKED or UNDECIDED for each edge, (m,) uint8. What is written into it stays."""
+        return self._status.view
 
     def save(self, path: str | FilePath) -> None:
         """Write the roadmap to a file: see :func:`trailmark.roadmap.files.save_roadmap`."""
@@ -121,26 +135,10 @@ class Roadmap:
             q: valid configurations.
             neighbours: edges per new node; by default PRM*'s bound (:func:`neighbour_count`).
         """
-        from scipy.spatial import cKDTree
-
-        first = len(self.configurations)
-        nodes = np.vstack([self.configurations, q])
-        added = np.arange(first, len(nodes))
-        self.configurations = nodes
-        if len(added) == 0 or len(nodes) < 2:
-            self._index()
-            return added
-        points = se2.embed(nodes, self.checker.footprint.sweep_radius)
-        k = min(len(nodes) - 1, neighbour_count(len(nodes)) if neighbours is None else neighbours)
-        found = np.asarray(cKDTree(points).query(points[first:], k + 1)[1])
-        pairs = np.column_stack([np.repeat(added, k + 1), found.ravel()])
-        pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-        # Two new nodes may have chosen each other.
-        pairs = np.unique(np.sort(pairs, axis=1), axis=0)
-        if self.turning:
-            # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
-            pairs = pairs[np.abs(nodes[pairs[:, 0], 2] - nodes[pairs[:, 1], 2]) != np.pi]
-        self._join(pairs, self.checker.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]]))
+        added = self._append(q)
+        n = len(self)
+        if len(added) and n > 1:
+            self._join_near(added, min(n - 1, neighbour_count(n) if neighbours is None else neighbours))
         return added
 
     def add_path(self, states: se2.FloatArray, first: int, last: int) -> NDArray[np.int64]:
@@ -152,24 +150,75 @@ class Roadmap:
             last: node that it ends at.
         """
         added = self.add(states[1:-1])
-        along = np.concatenate([[first], added, [last]])
-        pairs = np.sort(np.column_stack([along[:-1], along[1:]]), axis=1)
-        if self.turning:
-            pairs = pairs[np.abs(states[:-1, 2] - states[1:, 2]) != np.pi]
-        # Neighbours on the path may be joined already: no edge is there twice.
-        there, wanted = (np.sort(edges, axis=1) @ np.array([len(self), 1]) for edges in (self.edges, pairs))
-        self.status[np.isin(there, wanted)] = FREE
-        pairs = pairs[~np.isin(wanted, there)]
-        self._join(pairs, np.full(len(pairs), FREE, np.uint8))
+        along = np.concatenate([[first], added, [last]]).astype(np.int64)
+        self._connect(np.column_stack([along[:-1], along[1:]]), FREE)
         return added
 
-    def _join(self, pairs: NDArray[np.int64], status: NDArray[np.uint8]) -> None:
-        """Add edges between nodes, shape (m, 2)."""
-        joined = np.ascontiguousarray(pairs, dtype=np.int32)
-        self.edges = np.vstack([self.edges, joined])
-        self.lengths = np.concatenate([self.lengths, edge_costs(self.configurations, joined, self.turning)])
-        self.status = np.concatenate([self.status, status])
-        self._index()
+    def nearest(self) -> Forest:
+        """Return an index of its own over the nodes in the embedding that :meth:`add` describes."""
+        return self._index.merged()
+
+    @property
+    def _radius(self) -> float:
+        """R of the embedding, metres."""
+        return self.checker.footprint.sweep_radius
+
+    def _join_near(self, added: NDArray[np.int64], k: int) -> None:
+        """Join new nodes to their k nearest ones."""
+        first, nodes = int(added[0]), self.configurations
+        pairs = new_pairs(self._index.query(se2.embed(nodes[first:], self._radius), k, first=first), first)
+        pairs = self._both_ways(pairs)
+        self._join(pairs, self.checker.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]]))
+
+    def _both_ways(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return those of the pairs whose motion is the same in both directions."""
+        if not self.turning:
+            return pairs
+        heading = self.configurations[:, 2]
+        # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
+        return np.asarray(pairs[np.abs(heading[pairs[:, 0]] - heading[pairs[:, 1]]) != np.pi])
+
+    def _as_kept(self, edges: NDArray[Any]) -> NDArray[Any]:
+        """Return edges, shape (m, 2), from the node that they are kept from."""
+        return edges
+
+    def _lengths_of(self, edges: NDArray[np.int32]) -> se2.FloatArray:
+        return np.asarray(edge_costs(self.configurations, edges, self.turning))
+
+    def _connect(self, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None = None) -> None:
+        """Add edges, shape (p, 2), that are not there yet; mark those that are FREE if that is their status."""
+        pairs = self._both_ways(np.sort(pairs, axis=1))
+        self._add_missing(pairs, status, lengths)
+
+    def _add_missing(self, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None) -> None:
+        there = find_edges(self._heads.view, self._following.view, self.edges, pairs)
+        if status == FREE:
+            self.status[there[there >= 0]] = FREE
+        missing = np.flatnonzero(there < 0)
+        # A pair may be given twice.
+        _, first = np.unique(pairs[missing] @ np.array([len(self), 1]), return_index=True)
+        new = missing[np.sort(first)]
+        self._join(pairs[new], np.full(len(new), status, np.uint8), None if lengths is None else lengths[new])
+
+    def _append(self, q: se2.FloatArray) -> NDArray[np.int64]:
+        """Add nodes without edges; return them."""
+        added = np.arange(len(self), len(self) + len(q))
+        self._nodes.append(q)
+        self._index.add(se2.embed(self.configurations[added[0] :] if len(q) else q, self._radius))
+        self._heads.append(-1, len(q))
+        if self._into is not self._heads:
+            self._into.append(-1, len(q))
+        return added
+
+    def _join(self, pairs: NDArray[Any], status: NDArray[np.uint8], lengths: se2.FloatArray | None = None) -> None:
+        """Add edges between nodes, shape (m, 2), that are not there yet."""
+        first, joined = len(self.edges), np.ascontiguousarray(pairs, dtype=np.int32).reshape(-1, 2)
+        self._lengths.append(self._lengths_of(joined) if lengths is None else lengths)
+        self._status.append(status)
+        self._following.append(-1, 2 * len(joined))
+        # Last, so that whoever reads meanwhile finds all that belongs to an edge.
+        self._edges.append(joined)
+        link(self._heads.view, self._into.view, self._following.view, self.edges, first)
 
     def shortest_path(
         self,
@@ -187,7 +236,7 @@ class Roadmap:
         Args:
             start: first node.
             goal: last node.
-            to_go: (n,) lower estimates of the cost to the goal; by default the distance, which is exact enough.
+            to_go: (n,) lower estimates of the cost to the goal; by default :meth:`distances_to` it.
             banned: (n,) nodes not to be used.
             limit: give up above this cost, metres.
 
@@ -200,20 +249,26 @@ class Roadmap:
                 raise ConfigurationError(f"node {node} given, allowed: 0 to {n - 1}")
         if to_go is None:
             to_go = self.distances_to(goal)
+        return self._search(start, goal, to_go, banned, limit)
+
+    def _search(
+        self, start: int, goal: int, to_go: se2.FloatArray, banned: NDArray[np.bool_] | None, limit: float
+    ) -> Search:
+        checker = self.checker
         nodes, reached = lazy_shortest_path(
-            self.checker.grid,
-            self.checker.field,
-            self.checker.footprint,
+            checker.grid,
+            checker.field,
+            checker.footprint,
             self.configurations,
-            self._start_of,
-            self._incident,
+            self._heads.view,
+            self._following.view,
             self.edges,
             self.lengths,
             self.status,
             int(start),
             int(goal),
             to_go,
-            np.zeros(n, np.bool_) if banned is None else banned,
+            np.zeros(len(self), np.bool_) if banned is None else banned,
             float(limit),
         )
         return Search(nodes, reached)
@@ -227,9 +282,12 @@ class Roadmap:
 
     def certify_all(self) -> None:
         """Check every edge that nobody has checked yet, in one batch."""
-        open_edges = np.flatnonzero(self.status == UNDECIDED)
-        a, b = self.configurations[self.edges[open_edges, 0]], self.configurations[self.edges[open_edges, 1]]
-        self.status[open_edges] = np.where(self.checker.motions_between_valid(a, b), FREE, BLOCKED)
+        undecided = np.flatnonzero(self.status == UNDECIDED)
+        a, b = self.configurations[self.edges[undecided, 0]], self.configurations[self.edges[undecided, 1]]
+        self.status[undecided] = np.where(self._motions_valid(a, b), FREE, BLOCKED)
+
+    def _motions_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
+        return self.checker.motions_between_valid(a, b)
 
     @property
     def graph(self) -> nx.Graph:
@@ -251,11 +309,3 @@ class Roadmap:
             room = min(clearance[u], clearance[v])
             graph.add_edge(u, v, length=length, certified=certified, clearance=float(room))
         return graph
-
-    def _index(self) -> None:
-        """Sort the edges by node, so that the search finds each node's edges in one place."""
-        ends = self.edges.T.ravel()
-        order = np.argsort(ends, kind="stable")
-        self._incident = (order % max(1, len(self.edges))).astype(np.int64)
-        counts = np.bincount(ends, minlength=len(self.configurations))
-        self._start_of = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import BLOCKED, FREE, motion, workspace
+from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED, motion, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
-__all__ = ["lazy_shortest_path"]
+__all__ = ["edge_costs", "expand", "lazy_shortest_path", "nodes_back"]
 
 
 @njit(cache=True, nogil=True)
@@ -28,8 +28,8 @@ def lazy_shortest_path(
     field: ClearanceField,
     robot: Footprint,
     configurations: FloatArray,
-    start_of: NDArray[np.int64],
-    incident: NDArray[np.int64],
+    heads: NDArray[np.int64],
+    following: NDArray[np.int64],
     edges: NDArray[np.int32],
     cost: FloatArray,
     status: NDArray[np.uint8],
@@ -48,8 +48,8 @@ def lazy_shortest_path(
         field: their clearance field.
         robot: the footprint.
         configurations: (n, 3) nodes.
-        start_of: (n + 1,) where each node's incident edges begin in ``incident``.
-        incident: indices into ``edges``.
+        heads: (n,) newest entry of each node (:mod:`trailmark.roadmap.links`).
+        following: (2 m,) next entry of the same node.
         edges: (m, 2) nodes joined.
         cost: (m,) length of each edge.
         status: (m,) FREE, BLOCKED or UNDECIDED; undecided edges that the search needs are checked and marked.
@@ -65,47 +65,72 @@ def lazy_shortest_path(
     best = np.full(n, np.inf)
     parent = np.full(n, -1, np.int64)
     keys, values = np.empty(1024), np.empty(1024, np.int64)
-    # An entry stands for an edge in one direction, 2·edge + direction; -1 for the start.
+    # What waits is an entry, -1 for the start.
     size = heap_push(keys, values, 0, to_go[start], -1)
     while size > 0:
         size = heap_pop(keys, values, size)
-        key, entry = keys[size], values[size]
-        if key >= limit:
+        entry = values[size]
+        if keys[size] >= limit:
             break
-        if entry < 0:
-            node, reached = start, 0.0
-        else:
+        node, reached = start, 0.0
+        if entry >= 0:
             edge = entry >> 1
             before, node = edges[edge, entry & 1], edges[edge, 1 - (entry & 1)]
             if done[node]:
                 continue
+            if status[edge] == UNDECIDED:
+                a, b = configurations[edges[edge, 0]], configurations[edges[edge, 1]]
+                status[edge] = motion(grid, field, robot, placed, queue, a, b, True)
             if status[edge] != FREE:
-                if status[edge] != BLOCKED:
-                    a, b = configurations[edges[edge, 0]], configurations[edges[edge, 1]]
-                    status[edge] = motion(grid, field, robot, placed, queue, a, b, True)
-                if status[edge] == BLOCKED:
-                    continue
+                continue
             reached = best[before] + cost[edge]
             parent[node] = before
         done[node] = True
         best[node] = reached
         if node == goal:
             break
-        for k in range(start_of[node], start_of[node + 1]):
-            edge = incident[k]
-            if status[edge] == BLOCKED:
-                continue
-            direction = 0 if edges[edge, 0] == node else 1
-            other = edges[edge, 1 - direction]
-            if done[other] or banned[other]:
-                continue
-            key = reached + cost[edge] + to_go[other]
-            if key < limit:
-                if size == len(keys):
-                    keys, values = heap_grow(keys, values)
-                size = heap_push(keys, values, size, key, 2 * edge + direction)
-    if not done[goal]:
-        return np.empty(0, np.int64), done
+        keys, values, size = expand(
+            heads[node], reached, following, edges, cost, status, to_go, done, banned, limit, keys, values, size
+        )
+    return nodes_back(parent, start, goal, done), done
+
+
+@njit(cache=True, nogil=True)
+def expand(
+    entry: int,
+    reached: float,
+    following: NDArray[np.int64],
+    edges: NDArray[np.int32],
+    cost: FloatArray,
+    status: NDArray[np.uint8],
+    to_go: FloatArray,
+    done: NDArray[np.bool_],
+    banned: NDArray[np.bool_],
+    limit: float,
+    keys: FloatArray,
+    values: NDArray[np.int64],
+    size: int,
+) -> tuple[FloatArray, NDArray[np.int64], int]:
+    """Put a node's entries, from its newest one on, into the queue; return the queue and its size."""
+    while entry >= 0:
+        edge = entry >> 1
+        if status[edge] != BLOCKED:
+            other = edges[edge, 1 - (entry & 1)]
+            if not (done[other] or banned[other]):
+                key = reached + cost[edge] + to_go[other]
+                if key < limit:
+                    if size == len(keys):
+                        keys, values = heap_grow(keys, values)
+                    size = heap_push(keys, values, size, key, entry)
+        entry = following[entry]
+    return keys, values, size
+
+
+@njit(cache=True, nogil=True)
+def nodes_back(parent: NDArray[np.int64], start: int, goal: int, done: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the nodes from start to goal along the parents; empty if the search did not get there, or had no goal."""
+    if goal < 0 or not done[goal]:
+        return np.empty(0, np.int64)
     length, node = 1, goal
     while node != start:
         node = parent[node]
@@ -115,7 +140,7 @@ def lazy_shortest_path(
     for i in range(length - 1, -1, -1):
         path[i] = node
         node = parent[node]
-    return path, done
+    return path
 
 
 @njit(cache=True)
