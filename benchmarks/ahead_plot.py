@@ -37,6 +37,9 @@ def draw(results: Results) -> bytes:
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1.0))
     planners = results.planners()
     chosen = results.timed(planners)
+    others = [name for name in planners if name not in STYLES]
+    if others:
+        left.plot([], [], color=OTHERS, label=", ".join(others))
     for name in sorted(planners, key=lambda name: (name == LANDMARK, name in STYLES)):
         times, shares = results.first_times(name, chosen)
         colour, line, width = STYLES.get(name, (OTHERS, "-", 1.0))
@@ -45,15 +48,12 @@ def draw(results: Results) -> bytes:
         height = np.concatenate([100.0 * shares[known], [100.0 * shares[known][-1] if known.any() else 0.0]])
         label = name if name in STYLES else None
         left.step(at, height, where="post", color=colour, linestyle=line, linewidth=width, label=label)
-    others = [name for name in planners if name not in STYLES]
-    if others:
-        left.plot([], [], color=OTHERS, label=", ".join(others))
     left.axvline(1e3 * SOON, color="#888888", linewidth=0.8, linestyle=":")
     left.set(xscale="log", xlim=(0.1, 1e3 * FIRST_LIMIT), ylim=(0.0, 101.0))
     left.set(xlabel="ms to the first path that the referee passes", ylabel="% of feasible problems")
     left.set_title(f"First path, {len(chosen)} problems", loc="left")
     left.grid(visible=True, color="#dddddd", linewidth=0.6)
-    left.legend(loc="upper left", fontsize=8, frameon=False)
+    left.legend(loc="upper left", fontsize=8, frameon=False, reverse=True)
     if not compared:
         right.set_visible(False)
     else:
@@ -82,4 +82,12 @@ def _draw_costs(axes: Any, results: Results, compared: Sequence[Case]) -> None:
     axes.minorticks_off()
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
     axes.set_title("Cost", loc="left")
-    axes.legend(loc="upper right", fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=3,
+        fontsize=8,
+        frameon=False,
+        columnspacing=1.0,
+        handletextpad=0.3,
+    )
