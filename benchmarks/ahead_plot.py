@@ -81,13 +81,5 @@ def _draw_costs(axes: Any, results: Results, compared: Sequence[Case]) -> None:
     axes.set_xticks([0, 0.5, 1, 2, 5, 10, 20, 50], ["0", "0.5", "1", "2", "5", "10", "20", "50"])
     axes.minorticks_off()
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
-    axes.set_title("Cost", loc="left")
-    axes.legend(
-        loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=3,
-        fontsize=8,
-        frameon=False,
-        columnspacing=1.0,
-        handletextpad=0.3,
-    )
+    axes.set_title("Cost, one problem of every kind", loc="left")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), ncols=3, fontsize=8, frameon=False)

@@ -142,7 +142,9 @@ class FakePlanner:
                 "time": dict(times),
             }
 
-        return SimpleNamespace(status=self.status, path=path, seed=seed, time=times, to_dict=to_dict)
+        history = () if path is None else ((0.25, path.cost),)
+        found = {"status": self.status, "path": path, "seed": seed, "time": times, "history": history}
+        return SimpleNamespace(**found, lower_bound=None, to_dict=to_dict)
 
 
 @pytest.fixture

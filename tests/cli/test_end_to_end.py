@@ -63,6 +63,10 @@ def test_a_whole_process_prints_writes_and_draws(terminal: Shell, worlds: Path, 
     assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(file.name for file in tmp_path.iterdir()) == ["path.json", "path.png"]
     assert 0.0 < record["time"]["first_solution"] < record["time"]["total"]
+    seconds, costs = zip(*record["history"], strict=True)
+    assert seconds[0] == record["time"]["first_solution"]
+    assert list(costs) == sorted(costs, reverse=True)
+    assert costs[-1] == pytest.approx(record["cost"])
     assert "planning" in run.err or "preparing" in run.err
     assert "planning" not in run.out
 

@@ -17,6 +17,7 @@ from trailmark.plotting.canvas import (
 )
 from trailmark.plotting.landmarks import save_landmarks_figure
 from trailmark.plotting.plan import draw_plan, save_plan_figure
+from trailmark.plotting.progress import draw_progress
 from trailmark.plotting.world import draw_world, save_world_figure
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "PICTURE_SUFFIXES",
     "START",
     "draw_plan",
+    "draw_progress",
     "draw_world",
     "save_landmarks_figure",
     "save_plan_figure",

@@ -26,6 +26,7 @@ from trailmark.plotting.canvas import (
     points_per_metre,
     write,
 )
+from trailmark.plotting.progress import add_progress
 from trailmark.plotting.world import draw_end, draw_world
 
 if TYPE_CHECKING:
@@ -79,13 +80,13 @@ def save_plan_figure(
     goal: ArrayLike | None = None,
     query: str | None = None,
 ) -> None:
-    """Write a picture of a plan; without a path it shows the roadmap, which tells why.
+    """Write a picture of a plan, with its cost over time; without a path it shows the roadmap, which tells why.
 
     Args:
         file: ends in ``.png``, ``.svg`` or ``.pdf``; the same input gives the same bytes (SVG, PDF: no date).
         world: what was planned in.
         robot: what was planned for.
-        result: status, path, cost and times.
+        result: status, path, times, history and lower bound.
         roadmap: left out if None.
         start: configuration, shape (3,).
         goal: configuration, shape (3,).
@@ -108,6 +109,7 @@ def save_plan_figure(
         why = "no path exists (proven)" if result.status == "infeasible" else f"no path found in {seconds}"
         facts = f"{why} · {robot.describe()}"
     annotate(figure, axes, world.name if query is None else f"{world.name} · {query}", facts)
+    add_progress(figure, axes, result.history, result.time.get("total") or 0.0, result.lower_bound)
     write(figure, FilePath(file))
 
 
