@@ -8,7 +8,7 @@ from pathlib import Path
 
 from benchmarks.ahead_plot import draw
 from benchmarks.ahead_problems import FIRST_WORLD
-from benchmarks.ahead_results import COST_LIMIT, FIRST_LIMIT, LANDMARK, Results, median
+from benchmarks.ahead_results import COST_LIMIT, FIRST_LIMIT, LANDMARK, Results, cost_ratio, median
 from benchmarks.ahead_targets import CERTIFIED, NATIVE, PYTHON, SOON, Target, ms, percent, slower_worlds, targets
 from benchmarks.machine import describe_machine, markdown_table
 from trailmark.formats.files import write_atomically
@@ -92,7 +92,7 @@ def cost_table(results: Results) -> str:
                 case.kind,
                 case.problem.query.name,
                 f"{best:.3f}",
-                *(percent(value / best) for value in (at_1, at_10, rival)),
+                *(percent(cost_ratio(value, best)) for value in (at_1, at_10, rival)),
                 name,
                 "" if gap is None else f"{100.0 * gap:.1f} %",
                 str(sum(runs)),
@@ -169,23 +169,35 @@ def publish(results: Results, *, write: bool) -> None:
     print(text)
     if write:
         rows = [[*t._asdict().values()] for t in targets(results)]
+        planners = results.planners()
         record = {
             "machine": describe_machine(),
             "conditions": results.conditions,
             "columns of targets": list(Target._fields),
             "targets": rows,
-            "gaps of the lower bound": {
-                case.problem.name: results.gaps[case.problem.key]
+            "columns of problems": ["problem", "kind", "best known", "lower bound's gap", *planners],
+            "problems": [
+                [
+                    case.problem.name,
+                    case.kind,
+                    _number(results.best_known(case)),
+                    _number(results.gaps.get(case.problem.key, math.inf)),
+                    *(_number(results.median_first(name, [case])) for name in planners),
+                ]
                 for case in results.feasible
-                if case.problem.key in results.gaps
-            },
+            ],
             "undecided": [case.problem.name for case in results.undecided],
             "infeasible": [case.problem.name for case in results.infeasible],
         }
         RESULTS.mkdir(exist_ok=True)
-        write_atomically(RESULTS / "ahead.json", json.dumps(record, indent=1) + "\n")
+        write_atomically(RESULTS / "ahead.json", json.dumps(record, allow_nan=False) + "\n")
         write_atomically(RESULTS / "ahead.md", text)
         write_atomically(RESULTS / "ahead.png", draw(results))
+
+
+def _number(value: float) -> float | None:
+    """Return a value for JSON: None where there is none, or a median that is a failure."""
+    return round(value, 6) if math.isfinite(value) else None
 
 
 def _span(counts: set[int]) -> str:

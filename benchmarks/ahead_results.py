@@ -23,7 +23,7 @@ from trailmark.benchmark.statistics import quantiles, step_values
 from trailmark.benchmark.status import Status
 from trailmark.planning.lower_bound import LowerBound
 
-__all__ = ["COST_LIMIT", "FIRST_LIMIT", "LANDMARK", "Estimate", "Results", "Run", "median"]
+__all__ = ["COST_LIMIT", "FIRST_LIMIT", "LANDMARK", "Estimate", "Results", "Run", "cost_ratio", "median"]
 
 FIRST_LIMIT, COST_LIMIT = 1.0, 10.0
 """Time limits (seconds) of the stages."""
@@ -192,7 +192,7 @@ class Results:
 
     def first_over_best(self, case: Case) -> float:
         """Return the landmark planner's median cost of the first path over the best known."""
-        return median([run.first_cost for run in self.runs(case, LANDMARK)]) / self.best_known(case)
+        return cost_ratio(median([run.first_cost for run in self.runs(case, LANDMARK)]), self.best_known(case))
 
     def landmark_cost(self, case: Case, at: float) -> float:
         """Return the landmark planner's median cost after so many seconds of its long runs."""
@@ -254,6 +254,11 @@ class Results:
 def median(values: Sequence[float]) -> float:
     """Return the median of values that may be infinite; NaN of none."""
     return float(quantiles(values, [0.5])[0]) if len(values) else math.nan
+
+
+def cost_ratio(cost: float, other: float) -> float:
+    """Return the ratio of two costs, infinite if there is no path to have the first."""
+    return cost / other if math.isfinite(cost) else math.inf
 
 
 def _mean_log_first(runs: Sequence[Run]) -> float:

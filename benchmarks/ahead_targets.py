@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.ahead_problems import Case
-from benchmarks.ahead_results import COST_LIMIT, LANDMARK, Results, median
+from benchmarks.ahead_results import COST_LIMIT, LANDMARK, Results, cost_ratio, median
 from trailmark.benchmark.status import Status
 
 __all__ = ["CERTIFIED", "NATIVE", "PYTHON", "SOON", "Target", "ms", "percent", "slower_worlds", "targets"]
@@ -142,15 +142,14 @@ def _long_runs(results: Results) -> Iterator[Target]:
     chosen = results.compared
     if not chosen:
         return
-    ratios = {case.kind: results.landmark_cost(case, 1.0) / results.rivals_cost(case)[0] for case in chosen}
+    ratios = {case.kind: cost_ratio(results.landmark_cost(case, 1.0), results.rivals_cost(case)[0]) for case in chosen}
     over = {kind: ratio for kind, ratio in ratios.items() if not ratio <= 1.0 + SAME}
     text = f"higher in {len(over)} of {len(ratios)} kinds of worlds"
     if over:
         text += ": " + ", ".join(f"{kind} {percent(ratio)}" for kind, ratio in over.items())
     yield Target("cost at 1 s", "at most the best median of any planner after 10 s, simplified", text, not over)
     found = {
-        case.kind: median([run.cost for run in results.runs(case, LANDMARK, COST_LIMIT)]) / results.best_known(case)
-        for case in chosen
+        case.kind: cost_ratio(results.landmark_cost(case, COST_LIMIT), results.best_known(case)) for case in chosen
     }
     worst = max(found, key=found.__getitem__)
     text = f"median {percent(median(list(found.values())))}, most {percent(found[worst])} ({worst})"
