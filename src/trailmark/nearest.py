@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["Forest", "NearestNeighbours", "nearest_in", "room_for"]
+__all__ = ["Forest", "NearestNeighbours", "near_to_near", "nearest_in", "room_for"]
 
 FloatArray = NDArray[np.float64]
 Element = TypeVar("Element", bound=np.generic)
@@ -101,6 +101,16 @@ class NearestNeighbours:
             first: what the rows are numbered from themselves, if they are in the index: none is its own neighbour.
         """
         return np.asarray(_nearest_of(self.forest(), np.ascontiguousarray(points, dtype=np.float64), k, first))
+
+
+def near_to_near(points: FloatArray) -> NDArray[np.int64]:
+    """Return an order of points, shape (n, d), in which those close in space are mostly close in memory; shape (n,).
+
+    What goes through near points one after the other then finds them in the processor's caches.
+    """
+    index = NearestNeighbours(points.shape[1])
+    index.add(points)
+    return index.merged().ids
 
 
 def room_for(array: NDArray[Element], n: int) -> NDArray[Element]:

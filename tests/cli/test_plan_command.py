@@ -126,7 +126,7 @@ def test_summary_without_a_path(shell: Shell, yard: Path, planner: Any, status: 
         (["--seed", "1.5"], "--seed '1.5'", "integer"),
         (["--seed", "4294967296"], "--seed '4294967296'", "to 4294967295"),
         (["--landmarks", "0"], "--landmarks '0'", "from 1"),
-        (["--landmarks", "20001"], "--landmarks '20001'", "to 20000"),
+        (["--landmarks", "200001"], "--landmarks '200001'", "to 200000"),
         (["--start", "1,2"], "--start '1,2'", "both or neither"),
         (["--goal", "1,2,3"], "--goal '1,2,3'", "both or neither"),
         (["--start", "1,2", "--goal", "1,2,3"], "--start '1,2'", "X,Y,T"),

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 __all__ = ["plan"]
 
 EXIT_STATUS = {"solved": 0, "timeout": 3, "infeasible": 4}
-MAX_LANDMARKS = 20_000  # K-means takes the square of their number: half a minute for these
+MAX_LANDMARKS = 200_000  # half a minute
 
 
 def plan(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from threading import RLock
 from time import perf_counter
 
 import numpy as np
@@ -13,26 +14,29 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError
-from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
+from trailmark.landmarks import Relaxation
 from trailmark.path import Path
-from trailmark.planning.attempt import LLOYD_STEPS, SAMPLES_PER_LANDMARK, Attempt, OnProgress
+from trailmark.planning.attempt import Attempt, OnProgress
 from trailmark.planning.car import CarAttempt
+from trailmark.planning.general import grow_general, spread_landmarks
 from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.many import Answer, KeptRoadmap, each
 from trailmark.planning.result import PlanResult, Status
 from trailmark.planning.warmup import warm_up, warm_up_curves
 from trailmark.roadmap import CurveRoadmap, Roadmap
+from trailmark.roadmap.query import QueryGraph
 from trailmark.world import Robot, World
 
 __all__ = ["LandmarkPlanner"]
 
-MAX_LANDMARKS = 20_000
-"""Most landmarks that may be asked for: clustering more takes longer than anybody waits."""
+MAX_LANDMARKS = 200_000
+"""Most landmarks that may be asked for: more take longer than anybody waits."""
 
 GAP = 1e-3
 """A path within a thousandth of the optimum is as good as any."""
 
-CONVERGED_LANDMARKS = 2_000
-"""Landmarks up to which :meth:`LandmarkPlanner.build` lets K-means run to its end."""
+OUTGROWN = 1.1
+"""Times as many nodes as when it was made ready for queries, and the roadmap is made ready anew."""
 
 
 class LandmarkPlanner:
@@ -93,6 +97,13 @@ class LandmarkPlanner:
         self._landmarks = landmarks
         self._rng = np.random.default_rng(self.seed)
         self._relaxation: Relaxation | None = None
+        # Held by whoever lets the roadmap grow; those who only read do without.
+        self._growing = RLock()
+        # What they read, and whether the roadmap has learnt since what it did not know.
+        self._kept: QueryGraph | None = None
+        self._learnt = False
+        # Whether landmarks have been spread over all free space.
+        self._spread = False
 
     def build(self, landmarks: int | None = None) -> Roadmap:
         """Spread landmarks over all free space, join them to the roadmap, and return it.
@@ -103,17 +114,15 @@ class LandmarkPlanner:
         Raises:
             ConfigurationError: ``landmarks`` below 1, or no free space to place them in.
         """
-        begin = perf_counter()
         k = landmarks if landmarks is not None else self._landmarks or 200
         if not 1 <= k <= MAX_LANDMARKS:
             raise ConfigurationError(f"landmarks: {k} given, allowed: 1 to {MAX_LANDMARKS}")
-        samples = free_samples(self.checker, SAMPLES_PER_LANDMARK * k, method="halton", random_state=self._rng)
-        if len(samples) == 0:
-            raise ConfigurationError(f"world {self.world.name!r}: no free place for the robot was found")
-        radius = self.checker.footprint.sweep_radius if self.steering is None else self.steering.radius
-        steps = None if k <= CONVERGED_LANDMARKS else LLOYD_STEPS
-        self.roadmap.add(k_means_landmarks(samples, k, radius=radius, steps=steps, random_state=self._rng))
-        self._build_time += perf_counter() - begin
+        with self._growing:
+            begin = perf_counter()
+            radius = self.checker.footprint.sweep_radius if self.steering is None else self.steering.radius
+            spread_landmarks(self.roadmap, radius, k, self._rng)
+            self._spread = True
+            self._build_time += perf_counter() - begin
         return self.roadmap
 
     def plan(
@@ -148,6 +157,19 @@ class LandmarkPlanner:
             raise ConfigurationError(f"time limit: {time_limit} s given, allowed: more than 0")
         if max_iterations is not None and max_iterations < 1:
             raise ConfigurationError(f"max iterations: {max_iterations} given, allowed: 1 or more")
+        with self._growing:
+            return self._plan(start, goal, time_limit, max_iterations, on_progress, stop, gap)
+
+    def _plan(
+        self,
+        start: ArrayLike,
+        goal: ArrayLike,
+        time_limit: float,
+        max_iterations: int | None,
+        on_progress: OnProgress | None,
+        stop: Callable[[], bool] | None,
+        gap: float,
+    ) -> PlanResult:
         begin = perf_counter()
         ends = np.array([self.checker.require_valid(start, "start"), self.checker.require_valid(goal, "goal")])
         build = self._build_time
@@ -171,6 +193,100 @@ class LandmarkPlanner:
         self._build_time = 0.0
         return self._result(attempt, status, states, build)
 
+    def plan_many(
+        self,
+        starts: ArrayLike,
+        goals: ArrayLike,
+        time_limit: float = 1.0,
+        *,
+        workers: int = 1,
+        max_iterations: int | None = None,
+        bounds: bool = True,
+        on_progress: Callable[[int, int], None] | None = None,
+    ) -> list[PlanResult]:
+        """Return the answers to many queries, in their order; the roadmap is kept.
+
+        Without a roadmap, one is built first that spreads over all free space, as dense as the world asks for. Each
+        query is then answered on the roadmap as it is, in milliseconds, and changes nothing in it; several threads may
+        ask one planner at once. Only queries that the roadmap does not answer are planned by :meth:`plan`, one after
+        the other, which lets it grow. As long as no time limit cuts in, the answers depend on the seed and on what was
+        asked before, not on ``workers``.
+
+        Args:
+            starts: configurations (x, y, theta), shape (n, 3).
+            goals: as many.
+            time_limit: seconds for each query.
+            workers: threads that answer queries; the compiled parts run side by side.
+            max_iterations: rounds of landmarks at most, for the queries that the roadmap does not answer.
+            bounds: prove a lower bound for each query, about a millisecond; else the straight distance is reported.
+            on_progress: called in this thread with the number of queries answered and of all.
+
+        Raises:
+            ConfigurationError: a start or goal is not valid, their numbers differ, or an option is out of range.
+        """
+        if not time_limit > 0.0:
+            raise ConfigurationError(f"time limit: {time_limit} s given, allowed: more than 0")
+        if workers < 1:
+            raise ConfigurationError(f"workers: {workers} given, allowed: 1 or more")
+        if max_iterations is not None and max_iterations < 1:
+            raise ConfigurationError(f"max iterations: {max_iterations} given, allowed: 1 or more")
+        ends = self._valid_ends(starts, goals)
+        count = len(ends)
+        results: list[PlanResult | None] = [None] * count
+        if self.steering is None and count:
+            kept = KeptRoadmap(self._ready(), self._bound_of_all(ends[0]) if bounds else None, self.seed)
+
+            def answer(i: int) -> None:
+                found = kept.answer(i, ends[i, 0], ends[i, 1], time_limit)
+                if found.states is not None:
+                    results[i] = self._result(found, "solved", found.states, 0.0)
+
+            each(answer, count, workers, on_progress)
+        for i in range(count):
+            if results[i] is None:
+                found = self.plan(ends[i, 0], ends[i, 1], time_limit, max_iterations=max_iterations)
+                self._learnt |= found.path is not None
+                results[i] = found
+        return [result for result in results if result is not None]
+
+    def _valid_ends(self, starts: ArrayLike, goals: ArrayLike) -> se2.FloatArray:
+        """Return starts and goals, shape (n, 2, 3), all valid."""
+        rows = [np.atleast_2d(se2.configurations(q, name=name)) for q, name in ((starts, "starts"), (goals, "goals"))]
+        if rows[0].shape != rows[1].shape:
+            raise ConfigurationError(f"{len(rows[0])} starts and {len(rows[1])} goals given, allowed: as many")
+        # FCL, which decides what touches, is one thread's at a time.
+        with self._growing:
+            for states, name in zip(rows, ("start", "goal"), strict=True):
+                for i in np.flatnonzero(~self.checker.valid(states)):
+                    self.checker.require_valid(states[i], f"{name} {i}")
+        return np.stack(rows, axis=1)
+
+    def _ready(self) -> QueryGraph:
+        """Return the roadmap made ready for queries, as it is now or was not long ago; build one if there is none."""
+        if (kept := self._kept) is not None and not self._outgrown(kept):
+            return kept
+        with self._growing:
+            if self._kept is None or self._outgrown(self._kept):
+                begin = perf_counter()
+                if not self._spread and self._landmarks is not None:
+                    self.build()
+                elif not self._spread:
+                    grow_general(self.roadmap, self.relaxation, self._rng)
+                    self._spread = True
+                self._learnt = False
+                self._kept = QueryGraph(self.roadmap)
+                self._build_time += perf_counter() - begin
+            return self._kept
+
+    def _outgrown(self, kept: QueryGraph) -> bool:
+        return self._learnt or len(self.roadmap) > OUTGROWN * len(kept)
+
+    def _bound_of_all(self, ends: se2.FloatArray) -> LowerBound:
+        """Return what proves lower bounds, with all computed that queries share."""
+        with self._growing:
+            self.bound.of(*ends)
+            return self.bound
+
     @cached_property
     def bound(self) -> LowerBound:
         """Proves lower bounds; what it computes is kept from query to query."""
@@ -188,7 +304,9 @@ class LandmarkPlanner:
             return None
         return Path(states) if self.steering is None else CurvePath(states, self.steering)
 
-    def _result(self, attempt: Attempt, status: Status, states: se2.FloatArray | None, build: float) -> PlanResult:
+    def _result(
+        self, attempt: Attempt | Answer, status: Status, states: se2.FloatArray | None, build: float
+    ) -> PlanResult:
         path = self._path(states)
         clearance = None
         if path is not None:

@@ -1,0 +1,157 @@
+"""Many queries on one kept roadmap: each is answered without changing it, by any number of threads at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from time import perf_counter
+
+import numpy as np
+
+from trailmark import se2
+from trailmark.path import Path
+from trailmark.planning.headings import turned_evenly
+from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.shortening import shorten
+from trailmark.roadmap.query import QueryGraph
+
+__all__ = ["Answer", "KeptRoadmap", "each"]
+
+FIRST_SWEEPS, SWEEPS = 3, 40
+"""Sweeps of shortening before other ways are looked at, and of the best one at most."""
+
+OTHERS = 2
+"""Other ways looked at, each without the tightest place of those before."""
+
+CLOSE = 0.01
+"""A path proven to be this near the optimum, as a share of it, needs no other ways looked at."""
+
+LONGER = 1.3
+"""An other way is worth shortening if it is at most this many times as long as the best path."""
+
+PLACES = 64
+"""Places along a path at which its clearance is looked at, about."""
+
+
+class Answer:
+    """One query's answer under way.
+
+    Attributes:
+        start: shape (3,).
+        goal: shape (3,).
+        begin: reading of ``time.perf_counter`` that times are counted from, seconds.
+        states: the best path's, shape (n, 3), or None.
+        first_cost: the first path's cost, metres.
+        lower_bound: proven lower bound on any path's cost, metres; infinite if it proves that there is none.
+        history: (seconds, cost in metres) of each better path.
+        nearest: None: what comes near is not looked for.
+    """
+
+    def __init__(self, start: se2.FloatArray, goal: se2.FloatArray, turning: bool) -> None:
+        self.begin = perf_counter()
+        self.start, self.goal, self.turning = start, goal, turning
+        self.states: se2.FloatArray | None = None
+        self.cost = np.inf
+        self.first_cost: float | None = None
+        self.lower_bound = float(se2.distance(start, goal))
+        self.history: list[tuple[float, float]] = []
+        self.nearest: se2.FloatArray | None = None
+
+    def offer(self, states: se2.FloatArray) -> None:
+        """Keep a path if it is the best so far."""
+        # Now, not after its cost is known.
+        seconds = perf_counter() - self.begin
+        whole = states if self.turning else turned_evenly(states, self.start, self.goal)
+        cost = float(np.sum(se2.distance(whole[:-1], whole[1:])))
+        if cost < self.cost:
+            self.states, self.cost = whole, cost
+            self.first_cost = cost if self.first_cost is None else self.first_cost
+            self.history.append((seconds, cost))
+
+
+class KeptRoadmap:
+    """Answers queries on a roadmap as it was when it was made ready; nothing in it changes.
+
+    Args:
+        graph: the roadmap, ready for queries.
+        bound: proves lower bounds; None leaves it at the straight distance.
+        seed: of the shortening.
+    """
+
+    def __init__(self, graph: QueryGraph, bound: LowerBound | None, seed: int) -> None:
+        self.graph, self.checker, self.bound, self.seed = graph, graph.checker, bound, seed
+
+    def answer(self, index: int, start: se2.FloatArray, goal: se2.FloatArray, time_limit: float) -> Answer:
+        """Return the answer to a query, which depends on nothing but its ends, its index and the seed.
+
+        Args:
+            index: of the query, >= 0.
+            start: valid, shape (3,).
+            goal: valid, shape (3,).
+            time_limit: seconds after which a path is shortened no further.
+        """
+        turning, graph = self.graph.turning, self.graph
+        answer = Answer(start, goal, turning)
+        ends = np.array([start, goal])
+        if not turning:
+            ends[:, 2] = 0.0
+        found = graph.way(ends[0], ends[1])
+        if found is None:
+            return answer
+        answer.offer(found)
+        if len(found) == 2:
+            # Nothing is shorter than the straight motion.
+            return answer
+        rng = np.random.default_rng([self.seed, index])
+        deadline = answer.begin + time_limit
+
+        def late() -> bool:
+            return perf_counter() > deadline
+
+        best = shorten(self.checker, found, rng, sweeps=FIRST_SWEEPS, stop=late)
+        answer.offer(best)
+        if self.bound is not None:
+            answer.lower_bound = max(answer.lower_bound, self.bound.of(start, goal, answer.cost).cost)
+        closed = np.empty((0, 3))
+        for _ in range(OTHERS):
+            if answer.cost <= (1.0 + CLOSE) * answer.lower_bound or late():
+                break
+            closed = np.vstack([closed, self._tightest(best if len(closed) == 0 else found)])
+            other = graph.way(ends[0], ends[1], closed)
+            if other is None or graph.cost(other) > LONGER * graph.cost(best):
+                break
+            found = shorten(self.checker, other, rng, sweeps=FIRST_SWEEPS, stop=late)
+            answer.offer(found)
+            if graph.cost(found) < graph.cost(best):
+                best = found
+        answer.offer(shorten(self.checker, best, rng, sweeps=SWEEPS, stop=late))
+        return answer
+
+    def _tightest(self, states: se2.FloatArray) -> se2.FloatArray:
+        """Return a disc x, y, radius (metres), shape (1, 3), that closes a path's way where it is tightest."""
+        path = Path(states)
+        places = path.resample(max(path.cost / PLACES, 1e-9)).states
+        reach = self.checker.robot.circumradius
+        room = np.asarray(self.checker.clearance(places, cap=4.0 * reach))
+        # The ends cannot be gone round.
+        apart = np.minimum(*(np.hypot(*(places[:, :2] - q[:2]).T) for q in (states[0], states[-1])))
+        tight = int(np.argmin(np.where(apart > room + 2.0 * reach, room, np.inf)))
+        return np.array([[*places[tight, :2], min(room[tight] + reach, 0.9 * apart[tight])]])
+
+
+def each(work: Callable[[int], None], count: int, workers: int, on_progress: Callable[[int, int], None] | None) -> None:
+    """Call ``work`` with 0 to ``count`` - 1, in threads; ``on_progress`` in this one, with how many are done."""
+    if workers == 1:
+        for i in range(count):
+            work(i)
+            if on_progress is not None:
+                on_progress(i + 1, count)
+        return
+    with ThreadPoolExecutor(workers, thread_name_prefix="trailmark") as threads:
+        try:
+            for i, _ in enumerate(threads.map(work, range(count))):
+                if on_progress is not None:
+                    on_progress(i + 1, count)
+        except BaseException:
+            threads.shutdown(cancel_futures=True)
+            raise

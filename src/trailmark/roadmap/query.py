@@ -1,0 +1,388 @@
+"""QueryGraph: a roadmap as it is now, made ready for many queries, which change nothing in it.
+
+All that costs time is done once: edges are certified, edges that others stand in for are left out, distances from a
+few nodes to all are kept. A query then runs in one compiled call: it joins its ends to their nearest nodes for its own
+use only, and searches. Any number of threads may ask at once.
+
+Sources: A* with distances from chosen nodes as lower bounds: Goldberg & Harrelson, "Computing the shortest path: A*
+search meets graph theory", SODA 2005; sparse stand-ins: Althöfer, Das, Dobkin, Joseph & Soares, "On sparse spanners of
+weighted graphs", DCG 1993.
+"""
+
+from __future__ import annotations
+
+from math import cos, hypot, pi, sin
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.footprint import Footprint
+from trailmark.collision.kernels import FREE, motion, workspace
+from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.nearest import Forest, nearest_in
+from trailmark.roadmap.roadmap import Roadmap, neighbour_count
+from trailmark.roadmap.sparse import Links, distances_from, sparse_links
+from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+
+__all__ = ["QueryGraph", "certified_way"]
+
+STRETCH = 1.2
+"""An edge is left out if two others lead where it does on a way at most this many times as long."""
+
+BEACONS = 12
+"""Nodes whose distances to all others are kept."""
+
+ASKED = 4
+"""Beacons that one query asks: those that say most about its start."""
+
+WIDER = 4
+"""Times as many nodes near its ends are tried by a query that the nearest ones do not answer, and once more."""
+
+NOWHERE = np.empty((0, 3))
+
+
+class Scratch(NamedTuple):
+    """What one search writes; entries of an earlier search are told by its number.
+
+    Attributes:
+        best: (n + 1,) cost from the start; the goal comes last.
+        to_go: (n + 1,) lower bound on the cost to the goal.
+        last: (n + 1,) cost of the motion from the node to the goal, infinite if there is none.
+        parent: (n + 1,) node before, -1 for the start.
+        seen: (n + 1,) number of the search that met the node; its negative once the node is done.
+        number: (1,) of the search.
+    """
+
+    best: FloatArray
+    to_go: FloatArray
+    last: FloatArray
+    parent: NDArray[np.int64]
+    seen: NDArray[np.int64]
+    number: NDArray[np.int64]
+
+
+class QueryGraph:
+    """A roadmap's certified edges, ready for queries.
+
+    Args:
+        roadmap: of straight motions; edges that nobody has checked yet are checked.
+
+    Attributes:
+        configurations: (n, 3), the nodes.
+        links: the edges that are searched.
+        distances: (n, b) float32, from the beacons.
+        components: (n,) which nodes are joined.
+    """
+
+    def __init__(self, roadmap: Roadmap, *, stretch: float = STRETCH, beacons: int = BEACONS) -> None:
+        roadmap.certify_all()
+        self.checker: StateChecker = roadmap.checker
+        self.turning = roadmap.turning
+        self.configurations = roadmap.configurations.copy()
+        free = roadmap.certified
+        edges, lengths = roadmap.edges[free], roadmap.lengths[free]
+        n = len(self.configurations)
+        self.links: Links = sparse_links(n, edges, lengths, stretch)
+        self.distances, self.components = distances_from(self.links, beacons)
+        self._forest: Forest = roadmap.nearest()
+        self._idle: list[Scratch] = []
+        if n:
+            # What is compiled is loaded before a clock runs.
+            self.way(self.configurations[0].copy(), self.configurations[-1].copy())
+
+    def __len__(self) -> int:
+        return len(self.configurations)
+
+    def way(self, start: FloatArray, goal: FloatArray, closed: FloatArray | None = None) -> FloatArray | None:
+        """Return the states, shape (p, 3), of a path of certified motions, or None if the roadmap knows none.
+
+        Args:
+            start: valid, shape (3,).
+            goal: valid, shape (3,).
+            closed: (c, 3), discs x, y, radius (metres) that hold no node of the path.
+        """
+        checker, n = self.checker, len(self)
+        try:
+            scratch = self._idle.pop()
+        except IndexError:
+            scratch = _scratch(n)
+        k = neighbour_count(n)
+        found: FloatArray = certified_way(
+            checker.grid,
+            checker.field,
+            checker.footprint,
+            self.turning,
+            self.configurations,
+            self.links,
+            self.distances,
+            self.components,
+            self._forest,
+            scratch,
+            start,
+            goal,
+            NOWHERE if closed is None else closed,
+            min(n, k),
+            min(n, k * WIDER * WIDER),
+        )
+        self._idle.append(scratch)
+        return found if len(found) else None
+
+    def cost(self, states: FloatArray) -> float:
+        """Return what a path costs in the roadmap's metric, metres: a disc robot's headings do not count."""
+        steps = se2.difference(states[:-1], states[1:])
+        way = np.hypot(steps[:, 0], steps[:, 1])
+        return float(np.sum(way + se2.ROTATION_WEIGHT * np.abs(steps[:, 2]) if self.turning else way))
+
+
+def _scratch(n: int) -> Scratch:
+    return Scratch(
+        np.empty(n + 1),
+        np.empty(n + 1),
+        np.empty(n + 1),
+        np.empty(n + 1, np.int64),
+        np.zeros(n + 1, np.int64),
+        np.zeros(1, np.int64),
+    )
+
+
+@njit(cache=True, nogil=True)
+def _cost(a: FloatArray, b: FloatArray, turning: bool) -> float:
+    way = hypot(b[0] - a[0], b[1] - a[1])
+    if not turning:
+        return way
+    turn = abs(b[2] - a[2])
+    return float(way + ROTATION_WEIGHT * min(turn, 2.0 * pi - turn))
+
+
+@njit(cache=True, nogil=True)
+def _joined(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    configurations: FloatArray,
+    forest: Forest,
+    q: FloatArray,
+    tried: int,
+    k: int,
+    into: bool,
+) -> NDArray[np.int64]:
+    """Return which of the k nodes nearest to q are joined to it by a certified motion, but for the first ``tried``."""
+    point = np.array([q[0], q[1], robot.sweep_radius * cos(q[2]), robot.sweep_radius * sin(q[2])])
+    distances, ids = np.empty(k), np.empty(k, np.int64)
+    count = nearest_in(forest, point, -1, k, distances, ids)
+    placed, queue = workspace(robot), np.empty((128, 2))
+    joined = 0
+    for i in range(tried, count):
+        node = configurations[ids[i]]
+        a, b = (node, q) if into else (q, node)
+        if motion(grid, field, robot, placed, queue, a, b, True) == FREE:
+            ids[joined] = ids[i]
+            joined += 1
+    return ids[:joined]
+
+
+@njit(cache=True, nogil=True)
+def certified_way(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    turning: bool,
+    configurations: FloatArray,
+    links: Links,
+    distances: NDArray[np.float32],
+    components: NDArray[np.int64],
+    forest: Forest,
+    scratch: Scratch,
+    start: FloatArray,
+    goal: FloatArray,
+    closed: FloatArray,
+    fewest: int,
+    most: int,
+) -> FloatArray:
+    """Return the states of the shortest path over the links, its ends joined to their nearest nodes; else (0, 3).
+
+    Args:
+        grid: the obstacles.
+        field: their clearance field.
+        robot: the footprint.
+        turning: whether turns count.
+        configurations: (n, 3) nodes.
+        links: certified edges.
+        distances: (n, b) from beacons.
+        components: (n,) which nodes are joined.
+        forest: index over the nodes.
+        scratch: of n nodes, for this thread alone.
+        start: valid, shape (3,).
+        goal: valid, shape (3,).
+        closed: (c, 3) discs that hold no node of the path, nor let the ends be joined directly.
+        fewest: nodes near an end that are tried at first.
+        most: nodes near an end that are tried before giving up.
+    """
+    placed, queue = workspace(robot), np.empty((128, 2))
+    if len(closed) == 0 and motion(grid, field, robot, placed, queue, start, goal, True) == FREE:
+        direct = np.empty((2, 3))
+        direct[0], direct[1] = start, goal
+        return direct
+    first = last = np.empty(0, np.int64)
+    tried, k = 0, fewest
+    while k > tried:
+        first = np.concatenate((first, _joined(grid, field, robot, configurations, forest, start, tried, k, False)))
+        last = np.concatenate((last, _joined(grid, field, robot, configurations, forest, goal, tried, k, True)))
+        together = False
+        for i in first:
+            for j in last:
+                together |= components[i] == components[j]
+        if together:
+            return _search(turning, configurations, links, distances, scratch, start, goal, closed, first, last)
+        tried, k = k, min(most, WIDER * k)
+    return np.empty((0, 3))
+
+
+@njit(cache=True, nogil=True)
+def _search(
+    turning: bool,
+    configurations: FloatArray,
+    links: Links,
+    distances: NDArray[np.float32],
+    scratch: Scratch,
+    start: FloatArray,
+    goal: FloatArray,
+    closed: FloatArray,
+    first: NDArray[np.int64],
+    last: NDArray[np.int64],
+) -> FloatArray:
+    """Return the states of the shortest path from the start by one of ``first``, over links, by one of ``last``."""
+    n = len(configurations)
+    best, to_go, to_end, parent, seen = scratch.best, scratch.to_go, scratch.last, scratch.parent, scratch.seen
+    scratch.number[0] += 1
+    number = scratch.number[0]
+    beacons, low, high = _beacons(turning, configurations, distances, start, goal, first, last)
+    for v in last:
+        seen[v], best[v] = number, np.inf
+        if _within(closed, configurations[v]):
+            seen[v] = -number
+            continue
+        to_go[v] = _bound(turning, configurations, distances, goal, beacons, low, high, v)
+        to_end[v] = _cost(configurations[v], goal, turning)
+    seen[n], best[n] = number, np.inf
+    keys, values = np.empty(1024), np.empty(1024, np.int64)
+    size = 0
+    for v in first:
+        if seen[v] == -number or _within(closed, configurations[v]):
+            continue
+        if seen[v] != number:
+            seen[v] = number
+            to_go[v] = _bound(turning, configurations, distances, goal, beacons, low, high, v)
+            to_end[v] = np.inf
+        best[v] = _cost(start, configurations[v], turning)
+        parent[v] = -1
+        if size == len(keys):
+            keys, values = heap_grow(keys, values)
+        size = heap_push(keys, values, size, best[v] + to_go[v], v)
+    while size > 0:
+        size = heap_pop(keys, values, size)
+        key, node = keys[size], values[size]
+        if key >= best[n]:
+            break
+        if seen[node] == -number:
+            continue
+        seen[node] = -number
+        reached = best[node]
+        if reached + to_end[node] < best[n]:
+            best[n], parent[n] = reached + to_end[node], node
+        for k in range(links.start[node], links.start[node + 1]):
+            other = links.node[k]
+            if seen[other] == -number:
+                continue
+            cost = reached + links.length[k]
+            if seen[other] != number:
+                if _within(closed, configurations[other]):
+                    seen[other] = -number
+                    continue
+                seen[other], best[other] = number, np.inf
+                to_end[other] = np.inf
+                to_go[other] = _bound(turning, configurations, distances, goal, beacons, low, high, other)
+            if cost < best[other]:
+                best[other], parent[other] = cost, node
+                key = cost + to_go[other]
+                if key < best[n]:
+                    if size == len(keys):
+                        keys, values = heap_grow(keys, values)
+                    size = heap_push(keys, values, size, key, other)
+    if best[n] == np.inf:
+        return np.empty((0, 3))
+    length, node = 2, parent[n]
+    while node >= 0:
+        node, length = parent[node], length + 1
+    states = np.empty((length, 3))
+    states[0], states[length - 1] = start, goal
+    node = parent[n]
+    for i in range(length - 2, 0, -1):
+        states[i] = configurations[node]
+        node = parent[node]
+    return states
+
+
+@njit(cache=True, nogil=True)
+def _within(discs: FloatArray, q: FloatArray) -> bool:
+    for k in range(len(discs)):  # noqa: SIM110  # numba has no any() over a generator
+        if hypot(q[0] - discs[k, 0], q[1] - discs[k, 1]) < discs[k, 2]:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _beacons(
+    turning: bool,
+    configurations: FloatArray,
+    distances: NDArray[np.float32],
+    start: FloatArray,
+    goal: FloatArray,
+    first: NDArray[np.int64],
+    last: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """Return the beacons that tell most about the start, and what bounds the goal's distance from each.
+
+    With nodes g and motions of cost w to the goal: d(v, goal) = min (d(v, g) + w), which is at least
+    min (d(b, g) + w) - d(b, v) and at least d(b, v) - max (d(b, g) - w).
+    """
+    count = distances.shape[1]
+    low, high, tells = np.full(count, np.inf), np.full(count, -np.inf), np.zeros(count)
+    for v in last:
+        way = _cost(configurations[v], goal, turning)
+        for b in range(count):
+            low[b] = min(low[b], distances[v, b] + way)
+            high[b] = max(high[b], distances[v, b] - way)
+    for b in range(count):
+        for v in first:
+            if np.isfinite(distances[v, b]) and np.isfinite(low[b]) and np.isfinite(high[b]):
+                tells[b] = max(tells[b], max(low[b] - distances[v, b], distances[v, b] - high[b]))
+    chosen = np.argsort(-tells)[:ASKED]
+    return chosen, low, high
+
+
+@njit(cache=True, nogil=True)
+def _bound(
+    turning: bool,
+    configurations: FloatArray,
+    distances: NDArray[np.float32],
+    goal: FloatArray,
+    beacons: NDArray[np.int64],
+    low: FloatArray,
+    high: FloatArray,
+    v: int,
+) -> float:
+    """Return a lower bound on the cost from a node to the goal over the links."""
+    bound = _cost(configurations[v], goal, turning)
+    for b in beacons:
+        away = distances[v, b]
+        if low[b] < np.inf and high[b] > -np.inf and away < np.inf:
+            # The distances are rounded to 24 bits.
+            bound = max(bound, max(low[b] - away, away - high[b]) - 1e-6 * away)
+    return bound
