@@ -11,6 +11,8 @@ weighted graphs", DCG 1993.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import cos, hypot, pi, sin
 from typing import NamedTuple
 
@@ -32,14 +34,17 @@ from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
 __all__ = ["QueryGraph", "certified_way"]
 
-STRETCH = 1.2
+STRETCH = 1.4
 """An edge is left out if two others lead where it does on a way at most this many times as long."""
 
-BEACONS = 12
+BEACONS = 16
 """Nodes whose distances to all others are kept."""
 
 ASKED = 4
 """Beacons that one query asks: those that say most about its start."""
+
+ENOUGH = 8
+"""Nodes that an end is joined to."""
 
 WIDER = 4
 """Times as many nodes near its ends are tried by a query that the nearest ones do not answer, and once more."""
@@ -108,47 +113,67 @@ class QueryGraph:
             closed: (c, 3), discs x, y, radius (metres) that hold no node of the path.
         """
         checker, n = self.checker, len(self)
+        k = neighbour_count(n)
+        with self._scratch() as scratch:
+            found: FloatArray = certified_way(
+                checker.grid,
+                checker.field,
+                checker.footprint,
+                self.turning,
+                self.configurations,
+                self.links,
+                self.distances,
+                self.components,
+                self._forest,
+                scratch,
+                start,
+                goal,
+                NOWHERE if closed is None else closed,
+                min(n, k),
+                min(n, k * WIDER * WIDER),
+            )
+        return found if len(found) else None
+
+    def between(self, start: int, goal: int) -> FloatArray | None:
+        """Return the states, shape (p, 3), of the shortest path over the links from a node to a node, or None.
+
+        Args:
+            start: node, 0 to n - 1.
+            goal: node.
+        """
+        q = self.configurations
+        first, last = (np.array([node], dtype=np.int64) for node in (start, goal))
+        with self._scratch() as scratch:
+            found: FloatArray = _search(
+                self.turning, q, self.links, self.distances, scratch, q[start], q[goal], NOWHERE, first, last
+            )
+        # The ends are their own neighbours.
+        return found[1:-1] if len(found) else None
+
+    @contextmanager
+    def _scratch(self) -> Iterator[Scratch]:
+        """Lend what a search writes, to one thread at a time."""
         try:
             scratch = self._idle.pop()
         except IndexError:
-            scratch = _scratch(n)
-        k = neighbour_count(n)
-        found: FloatArray = certified_way(
-            checker.grid,
-            checker.field,
-            checker.footprint,
-            self.turning,
-            self.configurations,
-            self.links,
-            self.distances,
-            self.components,
-            self._forest,
-            scratch,
-            start,
-            goal,
-            NOWHERE if closed is None else closed,
-            min(n, k),
-            min(n, k * WIDER * WIDER),
-        )
+            n = len(self) + 1
+            scratch = Scratch(
+                np.empty(n),
+                np.empty(n),
+                np.empty(n),
+                np.empty(n, np.int64),
+                np.zeros(n, np.int64),
+                np.zeros(1, np.int64),
+            )
+        yield scratch
+        # After an exception it is not used again.
         self._idle.append(scratch)
-        return found if len(found) else None
 
     def cost(self, states: FloatArray) -> float:
         """Return what a path costs in the roadmap's metric, metres: a disc robot's headings do not count."""
         steps = se2.difference(states[:-1], states[1:])
         way = np.hypot(steps[:, 0], steps[:, 1])
         return float(np.sum(way + se2.ROTATION_WEIGHT * np.abs(steps[:, 2]) if self.turning else way))
-
-
-def _scratch(n: int) -> Scratch:
-    return Scratch(
-        np.empty(n + 1),
-        np.empty(n + 1),
-        np.empty(n + 1),
-        np.empty(n + 1, np.int64),
-        np.zeros(n + 1, np.int64),
-        np.zeros(1, np.int64),
-    )
 
 
 @njit(cache=True, nogil=True)
@@ -168,22 +193,24 @@ def _joined(
     configurations: FloatArray,
     forest: Forest,
     q: FloatArray,
-    tried: int,
     k: int,
+    enough: int,
     into: bool,
 ) -> NDArray[np.int64]:
-    """Return which of the k nodes nearest to q are joined to it by a certified motion, but for the first ``tried``."""
+    """Return which of the k nodes nearest to q are joined to it by a certified motion, the first ``enough`` of them."""
     point = np.array([q[0], q[1], robot.sweep_radius * cos(q[2]), robot.sweep_radius * sin(q[2])])
     distances, ids = np.empty(k), np.empty(k, np.int64)
     count = nearest_in(forest, point, -1, k, distances, ids)
     placed, queue = workspace(robot), np.empty((128, 2))
     joined = 0
-    for i in range(tried, count):
+    for i in range(count):
         node = configurations[ids[i]]
         a, b = (node, q) if into else (q, node)
         if motion(grid, field, robot, placed, queue, a, b, True) == FREE:
             ids[joined] = ids[i]
             joined += 1
+            if joined == enough:
+                break
     return ids[:joined]
 
 
@@ -229,19 +256,19 @@ def certified_way(
         direct = np.empty((2, 3))
         direct[0], direct[1] = start, goal
         return direct
-    first = last = np.empty(0, np.int64)
-    tried, k = 0, fewest
-    while k > tried:
-        first = np.concatenate((first, _joined(grid, field, robot, configurations, forest, start, tried, k, False)))
-        last = np.concatenate((last, _joined(grid, field, robot, configurations, forest, goal, tried, k, True)))
+    k, enough = fewest, ENOUGH
+    while True:
+        first = _joined(grid, field, robot, configurations, forest, start, k, enough, False)
+        last = _joined(grid, field, robot, configurations, forest, goal, k, enough, True)
         together = False
         for i in first:
             for j in last:
                 together |= components[i] == components[j]
         if together:
             return _search(turning, configurations, links, distances, scratch, start, goal, closed, first, last)
-        tried, k = k, min(most, WIDER * k)
-    return np.empty((0, 3))
+        if k == most:
+            return np.empty((0, 3))
+        k, enough = min(most, WIDER * k), most
 
 
 @njit(cache=True, nogil=True)
