@@ -12,8 +12,10 @@ from trailmark import se2
 from trailmark.landmarks import Relaxation, k_means_landmarks
 from trailmark.landmarks.informed import Band
 from trailmark.path import Path
+from trailmark.planning.disc_way import disc_way
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.result import PlanProgress, Status
+from trailmark.planning.scout import AT_FIRST, AT_ONCE, Scout
 from trailmark.planning.shortening import shorten
 from trailmark.roadmap import Roadmap
 
@@ -41,7 +43,10 @@ BRIDGE_MISSES, BRIDGE_TRIES = 6, 40
 SWEEPS, FIRST_SWEEPS, PROMISING = 40, 5, 1.03
 """Sweeps of shortening at most; another path gets all only if the first few bring it within this factor of the best."""
 
-PROOF_SHARE = 0.2
+KEPT = 5_000
+"""Nodes up to which the planner's roadmap takes in landmarks of queries that are answered without them."""
+
+PROOF_SHARE = 0.25
 """Share of the time left that a proof may be expected to take, unless nothing else is left to do."""
 
 PATIENCE = 4
@@ -115,11 +120,19 @@ class Attempt:
             # Nothing is shorter than the straight motion.
             self._offer(ends)
             return self._answer()
-        band = Band(self.checker, self.relaxation, ends[0], ends[1])
-        if not np.isfinite(band.shortest):
-            return "infeasible", None
         nodes = self.roadmap.add(ends)
-        self._search(self.roadmap, band, nodes)
+        if len(self.roadmap) > len(ends):
+            self._search(self.roadmap, None, nodes)
+        scout = Scout(self.checker, ends[0], ends[1], self.relaxation.size, self._time_left)
+        known = self.best is not None
+        if self.best is None:
+            self._report("looking for a first path")
+            self._take(scout.look(AT_ONCE))
+        band = Band(self.checker, self.relaxation, ends[0], ends[1])
+        if self.best is None and not np.isfinite(band.shortest):
+            return "infeasible", None
+        if self.best is None:
+            self._take(scout.look(AT_FIRST - AT_ONCE))
         guides, whole = (np.empty((0, 3)), True) if self.best is not None else band.guides(self.rng)
         if not whole and band.relaxation.size > band.relaxation.radius and band.refine():
             # Cells larger than the disc may have led to where it does not fit.
@@ -146,11 +159,15 @@ class Attempt:
                 band.refine()
             if self.best is None and np.isfinite(band.shortest):
                 guides, _ = band.guides(self.rng)
+            if self.best is None:
+                self._take(scout.look())
             landmarks *= GROWTH
-        if not np.isfinite(band.shortest):
+        if self.best is None and not np.isfinite(band.shortest):
             return "infeasible", None
         self._prove(PROOF_SHARE)
-        self._improve(band, ends, landmarks)
+        if self.best is not None and not (known or rounds or self._close_enough()) and len(self.roadmap) < KEPT:
+            self._grow(self.roadmap, band, self._widening(band), FIRST_LANDMARKS)
+        self._improve(band, ends, landmarks, scout)
         self._prove(1.0)
         if self.best is not None:
             self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
@@ -203,16 +220,19 @@ class Attempt:
         return np.asarray(q[self.roadmap.shortest_path(start, last).nodes])
 
     def _search(
-        self, roadmap: Roadmap, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
+        self, roadmap: Roadmap, band: Band | None, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
     ) -> None:
         """Offer a roadmap's shortest path, shortened."""
         # The relaxed way guides to a first path soon; it may overestimate, so what betters a path is sought without.
-        to_go = band.costs_to_goal(roadmap.configurations) if self.best is None else None
+        to_go = band.costs_to_goal(roadmap.configurations) if band is not None and self.best is None else None
         limit = np.inf if banned is not None else self.best_cost
         found = roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit).nodes
-        if len(found) == 0:
+        self._take(roadmap.configurations[found])
+
+    def _take(self, states: se2.FloatArray) -> None:
+        """Offer a path, if there is one, and what shortening makes of it."""
+        if len(states) == 0:
             return
-        states = roadmap.configurations[found]
         if self.best is None:
             self._offer(states)
         states = self._shortened(states, FIRST_SWEEPS)
@@ -222,20 +242,28 @@ class Attempt:
     def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
         return shorten(self.checker, states, self.rng, sweeps=sweeps, stop=lambda: self._time_left() <= 0.0)
 
-    def _improve(self, band: Band, ends: se2.FloatArray, landmarks: float) -> None:
-        """Place landmarks where better paths might run and search again, until nothing is gained any more.
+    def _improve(self, band: Band, ends: se2.FloatArray, landmarks: float, scout: Scout | None = None) -> None:
+        """Look for other ways around, place landmarks where better paths might run and search again, while it helps.
 
         This goes on in a roadmap of its own, so that the planner's stays small enough for many queries; what
-        comes of it, the path, is added to the planner's.
+        comes of it, the path, is added to the planner's, and so are some landmarks around it.
         """
+        if self._disc_way():
+            return
         settled = 0
         roadmap = type(self.roadmap)(self.checker)
         nodes = roadmap.add(ends)
         marked = np.zeros(0, dtype=np.int64)
         while settled < PATIENCE and self.best is not None and not self._close_enough() and self._go_on("improving"):
             before = self.best_cost
-            widening = max(0.02, self.best_cost / max(band.shortest, 1e-9) - 1.0)
-            self._grow(roadmap, band, widening, int(landmarks))
+            way = np.empty((0, 3)) if scout is None else scout.look_again(self.rng, self.best_cost)
+            if len(way):
+                way = self._shortened(way, FIRST_SWEEPS)
+                # What it passes joins the landmarks: parts of it may be better than the best path's.
+                roadmap.add_path(way, int(nodes[0]), int(nodes[1]))
+                if Path(way).cost < PROMISING * self.best_cost:
+                    self._offer(self._shortened(way))
+            self._grow(roadmap, band, self._widening(band), int(landmarks))
             # Once without the best path's own vertices, for the other ways around the obstacles ...
             banned = np.zeros(len(roadmap), dtype=np.bool_)
             banned[marked] = True
@@ -247,6 +275,26 @@ class Attempt:
             if self._time_left() > 0.0:
                 self._offer(self._shortened(self.best))
             settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0
+
+    def _disc_way(self) -> bool:
+        """Offer the shortest way of a disc robot; return False if there is no time for it, or it is not found."""
+        if self.best is None or self.turning or self.bound is None or self._close_enough():
+            return False
+        # Its region takes longer to make than the bound's, which has fewer corners.
+        if 2.0 * self.bound.seconds(self.start, self.goal) > self._time_left() or not self._go_on("improving"):
+            return False
+        radius = self.checker.robot.inscribed_disc.radius
+        way = disc_way(self.checker.world, radius, *self.best[[0, -1], :2], self.best_cost)
+        states = np.column_stack([way, np.zeros(len(way))])
+        if len(way) == 0 or not self.checker.motions_between_valid(states[:-1], states[1:]).all():
+            return False
+        self._offer(states)
+        self._offer(self._shortened(self.best))
+        return True
+
+    def _widening(self, band: Band) -> float:
+        """Return how much longer than the relaxed shortest way a better path's ways may be."""
+        return max(0.02, self.best_cost / max(band.shortest, 1e-9) - 1.0)
 
     def _prove(self, share: float) -> None:
         """Prove a lower bound if that is expected to take no more than a share of the time left."""

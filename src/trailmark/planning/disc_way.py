@@ -1,0 +1,70 @@
+"""The shortest way of a disc robot, exact but for the chords that stand for round corners."""
+
+from __future__ import annotations
+
+from math import cos, pi
+
+import numpy as np
+import shapely
+
+from trailmark.planning.lower_bound.mesh import triangulated
+from trailmark.planning.lower_bound.polyanya import shortest_way
+from trailmark.planning.lower_bound.region import MARGIN
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc
+from trailmark.world import World
+
+__all__ = ["disc_way"]
+
+QUARTER = 16
+"""Chords for each quarter of a circle: their corners lie 0.12 % of the radius outside of it."""
+
+SPARE = 3e-3
+"""Share of its radius by which the disc is made larger: a motion along contact itself would take forever to certify."""
+
+
+def disc_way(world: World, radius: float, start: FloatArray, goal: FloatArray, most: float) -> FloatArray:
+    """Return the bends of a disc's shortest way, shape (k, 2), metres; (0, 2) if none is found.
+
+    The obstacles are grown by the radius, with corners cut from outside, so that the disc is free all along. It errs on
+    the safe side: a way through a gap hardly wider than the disc, or from a place in contact, may be missed.
+
+    Source: Cui, Harabor & Grastien, "Compromise-free pathfinding on a navigation mesh", IJCAI 2017.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        radius: of the disc, metres.
+        start: its centre, shape (2,).
+        goal: its centre, shape (2,).
+        most: metres; longer ways are of no interest.
+    """
+    region = _region(world, (1.0 + SPARE) * radius + MARGIN, _around(start, goal, most))
+    for part in shapely.get_parts(region):
+        if shapely.intersects_xy(part, [start[0], goal[0]], [start[1], goal[1]]).all():
+            length, way = shortest_way(triangulated(part), start, goal)
+            return way if np.isfinite(length) else np.empty((0, 2))
+    return np.empty((0, 2))
+
+
+def _around(start: FloatArray, goal: FloatArray, most: float) -> shapely.Polygon:
+    """Return a box around all points whose distances to both ends add up to no more than ``most``."""
+    spare = 0.5 * (most - float(np.hypot(*(goal - start)))) + MARGIN
+    low, high = np.minimum(start, goal) - spare, np.maximum(start, goal) + spare
+    return shapely.box(*low, *high)
+
+
+def _region(world: World, r: float, within: shapely.Polygon) -> shapely.Geometry:
+    """Return where the centre may lie for certain."""
+    # A regular polygon around a circle has its corners outside of it by this factor.
+    outer = 1.0 / cos(pi / (4 * QUARTER))
+    xmin, ymin, xmax, ymax = world.bounds
+    region = shapely.intersection(shapely.box(xmin + r, ymin + r, xmax - r, ymax - r), within)
+    if world.boundary is not None:
+        region = shapely.intersection(region, shapely.buffer(world.boundary.shapely(), -r * outer, quad_segs=QUARTER))
+    boxes = shapely.box(*np.array([s.bounding_box() for s in world.obstacles]).reshape(-1, 4).T)
+    near = np.flatnonzero(shapely.dwithin(boxes, within, 1.01 * r))
+    discs = [s for i in near if isinstance(s := world.obstacles[i], Disc)]
+    outlines = [s.polygon().shapely() for i in near if not isinstance(s := world.obstacles[i], Disc)]
+    grown = list(shapely.buffer(np.array(outlines, dtype=object), r * outer, quad_segs=QUARTER)) if outlines else []
+    grown += [shapely.Point(*s.center).buffer((s.radius + r) * outer, quad_segs=QUARTER) for s in discs]
+    return shapely.difference(region, shapely.union_all(grown)) if grown else region

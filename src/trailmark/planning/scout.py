@@ -1,0 +1,174 @@
+"""Scout: ways over lattices of configurations: the first path of a query, and others that may lead around better."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from trailmark.collision import StateChecker
+from trailmark.planning.cost_to_go import TIGHTNESS, CostToGo
+from trailmark.planning.lattice import Lattice, straightened
+from trailmark.se2 import FloatArray
+
+__all__ = ["AT_FIRST", "AT_ONCE", "Scout"]
+
+WEIGHT = 2.0
+"""Of the cost to go: ways are sought that are soon found, and shortened afterwards."""
+
+SECONDS_A_NODE = 4e-6
+"""What taking a node from the queue may take."""
+
+
+class Level(NamedTuple):
+    """How closely is looked.
+
+    Attributes:
+        cells: of the costs to go that guide; 0 for the straight distance, which is at hand at once.
+        fineness: by how much positions lie closer than the relaxation's cells.
+        headings: how many.
+        nodes: taken from the queue at most.
+    """
+
+    cells: int
+    fineness: int
+    headings: int
+    nodes: int
+
+
+LEVELS = (
+    Level(0, 1, 16, 600),
+    Level(1 << 14, 1, 16, 4_000),
+    Level(1 << 16, 2, 32, 10_000),
+    Level(1 << 16, 1, 16, 80_000),
+    Level(1 << 16, 2, 32, 200_000),
+    Level(1 << 16, 4, 64, 1_000_000),
+)
+
+
+class View(NamedTuple):
+    """How another way is looked for.
+
+    Attributes:
+        tightness: how much dearer tight cells are.
+        weight: of the cost to go.
+        headings: how many.
+        nodes: taken from the queue at most.
+    """
+
+    tightness: float
+    weight: float
+    headings: int
+    nodes: int
+
+
+VIEWS = (
+    View(1.0, 1.2, 32, 50_000),
+    View(0.0, 1.2, 32, 50_000),
+    View(1.0, 1.2, 16, 50_000),
+    View(0.0, 1.2, 16, 50_000),
+    View(1.0, 1.0, 16, 100_000),
+    View(0.0, 1.0, 16, 100_000),
+)
+"""Looked at in turn, each time on a lattice of another origin and size: which gaps it hits is a matter of luck."""
+
+STRETCH = (0.75, 1.25)
+"""By how much such a lattice's size may differ."""
+
+DETOUR = 1.15
+"""Over a lattice of eight directions a way may be so much longer than its straightened self."""
+
+AT_ONCE, AT_FIRST = 2, 4
+"""Levels looked at before anything else is computed, and before landmarks are placed; the others come between rounds."""
+
+
+class Scout:
+    """Looks for a first path, level by level.
+
+    Args:
+        checker: decides what is valid.
+        start: valid configuration, shape (3,).
+        goal: valid configuration, shape (3,).
+        cell: metres between neighbouring positions of the coarsest lattice.
+        seconds_left: asked before each search.
+    """
+
+    def __init__(
+        self,
+        checker: StateChecker,
+        start: FloatArray,
+        goal: FloatArray,
+        cell: float,
+        seconds_left: Callable[[], float],
+    ) -> None:
+        self.checker, self.ends = checker, (start, goal)
+        self.turning = checker.footprint.disc_radius < 0.0
+        # Without headings to tell apart, closer positions cost little.
+        self.cell = cell if self.turning else 0.5 * cell
+        self.seconds_left = seconds_left
+        xmin, ymin, xmax, ymax = checker.world.bounds
+        self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
+        self.to_go = lru_cache(maxsize=8)(self._to_go)
+        self.level = self.views = 0
+        self._exhausted: set[tuple[int, int, bool]] = set()
+
+    def look(self, levels: int = 1) -> FloatArray:
+        """Return a path of certified motions, shape (n, 3), sought on the next levels; (0, 3) if none was found."""
+        for level in LEVELS[self.level : self.level + levels]:
+            self.level += 1
+            # Who is shut in is found out soonest from inside.
+            for onward in (True, False) if level.cells else (True,):
+                way = self._look(level, onward)
+                if len(way):
+                    return way
+        return np.empty((0, 3))
+
+    def look_again(self, rng: np.random.Generator, limit: float) -> FloatArray:
+        """Return a path of certified motions, shape (n, 3), that may be another way around; (0, 3) if none was found.
+
+        Args:
+            rng: source of randomness.
+            limit: metres, cost of a path that it should better.
+        """
+        view, onward = VIEWS[self.views % len(VIEWS)], self.views // len(VIEWS) % 2 == 0
+        self.views += 1
+        budget = int(min(view.nodes, self.seconds_left() / SECONDS_A_NODE))
+        if budget <= 0:
+            return np.empty((0, 3))
+        lattice = Lattice(self.checker, self.cell * rng.uniform(*STRETCH), view.headings if self.turning else 1)
+        begin, end = self.ends if onward else self.ends[::-1]
+        to_go = self.to_go(LEVELS[-1].cells, onward, view.tightness)
+        way, _ = lattice.way(begin, end, to_go, weight=view.weight, budget=budget, limit=DETOUR * limit)
+        return self._straightened(way, onward)
+
+    def _look(self, level: Level, onward: bool) -> FloatArray:
+        budget = int(min(level.nodes, self.seconds_left() / SECONDS_A_NODE))
+        kind = (level.fineness, level.headings if self.turning else 1, onward)
+        if budget <= 0 or kind in self._exhausted:
+            return np.empty((0, 3))
+        lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
+        begin, end = self.ends if onward else self.ends[::-1]
+        way, taken = lattice.way(begin, end, self.to_go(level.cells, onward), weight=WEIGHT, budget=budget)
+        if len(way) == 0:
+            if taken < budget:
+                self._exhausted.add(kind)
+            return way
+        return self._straightened(way, onward)
+
+    def _straightened(self, way: FloatArray, onward: bool) -> FloatArray:
+        """Return a way from start to goal that does without what it can; (0, 3) if there is none."""
+        if len(way) == 0:
+            return way
+        if not onward:
+            way = np.ascontiguousarray(way[::-1])
+            # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
+            if not self.checker.motions_between_valid(way[:-1], way[1:]).all():
+                return np.empty((0, 3))
+        return np.asarray(straightened(self.checker.grid, self.checker.field, self.checker.footprint, way))
+
+    def _to_go(self, cells: int, onward: bool, tightness: float = TIGHTNESS) -> CostToGo:
+        if cells == 0:
+            return CostToGo.straight()
+        return CostToGo.of(self.checker, self.ends[int(onward)], min(cells, self.cells), tightness)
