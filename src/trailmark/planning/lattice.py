@@ -12,7 +12,7 @@ in a graph", AI 1970; checks only of what is taken from the queue: Cohen, Philli
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, floor, hypot, isfinite, pi, sin, sqrt
+from math import ceil, cos, floor, hypot, isfinite, pi, sin, sqrt
 
 import numpy as np
 from numba import njit
@@ -122,7 +122,8 @@ def _configuration(
     """Write a node's configuration into q."""
     cell, k = node // extent[4], node % extent[4]
     theta = origin[2] + 2.0 * pi * k / extent[4]
-    theta -= 2.0 * pi * floor((theta + pi) / (2.0 * pi))
+    # Into (-pi, pi]: half a turn is +pi.
+    theta -= 2.0 * pi * ceil((theta - pi) / (2.0 * pi))
     c, s = cos(theta), sin(theta)
     q[0] = origin[0] + (cell % extent[2] - extent[0]) * size - (c * center[0] - s * center[1])
     q[1] = origin[1] + (cell // extent[2] - extent[1]) * size - (s * center[0] + c * center[1])
@@ -190,8 +191,8 @@ def _search(
 ) -> tuple[FloatArray, int]:
     """Return the way from start to goal, and how many nodes were taken from the queue.
 
-    ``extent`` holds the columns left of and the rows below the start, the columns, the rows and the headings; ``known``,
-    ``costs`` and ``moves`` are zeros, one for each node.
+    ``extent`` holds the columns left of and the rows below the start, the columns, the rows and the headings;
+    ``known``, ``costs`` and ``moves`` are zeros, one for each node.
     """
     placed, queue = workspace(robot), np.empty((128, 2))
     turning = extent[4] > 1

@@ -42,6 +42,7 @@ LEVELS = (
     Level(0, 1, 16, 600),
     Level(1 << 14, 1, 16, 4_000),
     Level(1 << 16, 2, 32, 10_000),
+    Level(1 << 16, 1, 32, 30_000),
     Level(1 << 16, 1, 16, 80_000),
     Level(1 << 16, 2, 32, 200_000),
     Level(1 << 16, 4, 64, 1_000_000),
@@ -80,8 +81,8 @@ STRETCH = (0.75, 1.25)
 DETOUR = 1.15
 """Over a lattice of eight directions a way may be so much longer than its straightened self."""
 
-AT_ONCE, AT_FIRST = 2, 4
-"""Levels looked at before anything else is computed, and before landmarks are placed; the others come between rounds."""
+AT_ONCE, AT_FIRST = 2, 5
+"""Levels looked at before all else, and before landmarks are placed; the others come between the rounds."""
 
 
 class Scout:
@@ -134,7 +135,7 @@ class Scout:
         """
         view, onward = VIEWS[self.views % len(VIEWS)], self.views // len(VIEWS) % 2 == 0
         self.views += 1
-        budget = int(min(view.nodes, self.seconds_left() / SECONDS_A_NODE))
+        budget = self._budget(view.nodes)
         if budget <= 0:
             return np.empty((0, 3))
         lattice = Lattice(self.checker, self.cell * rng.uniform(*STRETCH), view.headings if self.turning else 1)
@@ -144,7 +145,7 @@ class Scout:
         return self._straightened(way, onward)
 
     def _look(self, level: Level, onward: bool) -> FloatArray:
-        budget = int(min(level.nodes, self.seconds_left() / SECONDS_A_NODE))
+        budget = self._budget(level.nodes)
         kind = (level.fineness, level.headings if self.turning else 1, onward)
         if budget <= 0 or kind in self._exhausted:
             return np.empty((0, 3))
@@ -156,6 +157,10 @@ class Scout:
                 self._exhausted.add(kind)
             return way
         return self._straightened(way, onward)
+
+    def _budget(self, nodes: int) -> int:
+        """Return how many of so many nodes there is time for; 0 once planning is to stop (no time at all is left)."""
+        return int(min(nodes, max(0.0, self.seconds_left() / SECONDS_A_NODE)))
 
     def _straightened(self, way: FloatArray, onward: bool) -> FloatArray:
         """Return a way from start to goal that does without what it can; (0, 3) if there is none."""
