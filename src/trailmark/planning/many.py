@@ -53,7 +53,7 @@ class Answer:
         self.states: se2.FloatArray | None = None
         self.cost = np.inf
         self.first_cost: float | None = None
-        self.lower_bound = float(se2.distance(start, goal))
+        self.lower_bound = 0.0
         self.history: list[tuple[float, float]] = []
         self.nearest: se2.FloatArray | None = None
 
@@ -99,6 +99,7 @@ class KeptRoadmap:
         if found is None:
             return answer
         answer.offer(found)
+        answer.lower_bound = float(se2.distance(start, goal))
         if len(found) == 2:
             # Nothing is shorter than the straight motion.
             return answer

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import cos, hypot, pi, sin
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -28,7 +27,7 @@ from trailmark.collision.kernels import FREE, motion, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.nearest import Forest, nearest_in
-from trailmark.roadmap.roadmap import Roadmap, neighbour_count
+from trailmark.roadmap.roadmap import Roadmap
 from trailmark.roadmap.sparse import Links, distances_from, sparse_links
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
@@ -43,33 +42,23 @@ BEACONS = 16
 ASKED = 4
 """Beacons that one query asks: those that say most about its start."""
 
-ENOUGH = 8
+ENOUGH = 3
 """Nodes that an end is joined to."""
 
-WIDER = 4
-"""Times as many nodes near its ends are tried by a query that the nearest ones do not answer, and once more."""
+WEIGHT = 1.05
+"""Factor on the lower bounds: ways may be so many times as long as the shortest, and are found in half the time."""
+
+NEAR, WIDER, FARTHEST = 12, 4, 768
+"""Nodes near an end that are tried at first; how many times as many whenever that is not enough; and at most."""
 
 NOWHERE = np.empty((0, 3))
 
 
-class Scratch(NamedTuple):
-    """What one search writes; entries of an earlier search are told by its number.
-
-    Attributes:
-        best: (n + 1,) cost from the start; the goal comes last.
-        to_go: (n + 1,) lower bound on the cost to the goal.
-        last: (n + 1,) cost of the motion from the node to the goal, infinite if there is none.
-        parent: (n + 1,) node before, -1 for the start.
-        seen: (n + 1,) number of the search that met the node; its negative once the node is done.
-        number: (1,) of the search.
-    """
-
-    best: FloatArray
-    to_go: FloatArray
-    last: FloatArray
-    parent: NDArray[np.int64]
-    seen: NDArray[np.int64]
-    number: NDArray[np.int64]
+# What one search writes of a node lies in one row of 64 bytes, since nearly all the time goes into waiting for memory:
+# cost from the start; lower bound on the cost to the goal; cost of the motion from the node to the goal, infinite if
+# there is none; node before, -1 for the start; number of the search that met the node, its negative once the node is
+# done. The last row is the goal's, and holds the number of the search.
+BEST, TO_GO, LAST, PARENT, SEEN, NUMBER, COLUMNS = 0, 1, 2, 3, 4, 5, 8
 
 
 class QueryGraph:
@@ -77,6 +66,9 @@ class QueryGraph:
 
     Args:
         roadmap: of straight motions; edges that nobody has checked yet are checked.
+        stretch: how many times as long as a certified edge a way over others may be that stands in for it, >= 1.
+        beacons: nodes whose distances to all others are kept.
+        weight: how many times as long as the shortest over the links a way may be, >= 1.
 
     Attributes:
         configurations: (n, 3), the nodes.
@@ -85,7 +77,10 @@ class QueryGraph:
         components: (n,) which nodes are joined.
     """
 
-    def __init__(self, roadmap: Roadmap, *, stretch: float = STRETCH, beacons: int = BEACONS) -> None:
+    def __init__(
+        self, roadmap: Roadmap, *, stretch: float = STRETCH, beacons: int = BEACONS, weight: float = WEIGHT
+    ) -> None:
+        self._weight = float(weight)
         roadmap.certify_all()
         self.checker: StateChecker = roadmap.checker
         self.turning = roadmap.turning
@@ -96,7 +91,7 @@ class QueryGraph:
         self.links: Links = sparse_links(n, edges, lengths, stretch)
         self.distances, self.components = distances_from(self.links, beacons)
         self._forest: Forest = roadmap.nearest()
-        self._idle: list[Scratch] = []
+        self._idle: list[FloatArray] = []
         if n:
             # What is compiled is loaded before a clock runs.
             self.way(self.configurations[0].copy(), self.configurations[-1].copy())
@@ -113,7 +108,6 @@ class QueryGraph:
             closed: (c, 3), discs x, y, radius (metres) that hold no node of the path.
         """
         checker, n = self.checker, len(self)
-        k = neighbour_count(n)
         with self._scratch() as scratch:
             found: FloatArray = certified_way(
                 checker.grid,
@@ -129,8 +123,9 @@ class QueryGraph:
                 start,
                 goal,
                 NOWHERE if closed is None else closed,
-                min(n, k),
-                min(n, k * WIDER * WIDER),
+                min(n, NEAR),
+                min(n, FARTHEST),
+                self._weight,
             )
         return found if len(found) else None
 
@@ -145,26 +140,18 @@ class QueryGraph:
         first, last = (np.array([node], dtype=np.int64) for node in (start, goal))
         with self._scratch() as scratch:
             found: FloatArray = _search(
-                self.turning, q, self.links, self.distances, scratch, q[start], q[goal], NOWHERE, first, last
+                self.turning, q, self.links, self.distances, scratch, q[start], q[goal], NOWHERE, first, last, 1.0
             )
         # The ends are their own neighbours.
         return found[1:-1] if len(found) else None
 
     @contextmanager
-    def _scratch(self) -> Iterator[Scratch]:
+    def _scratch(self) -> Iterator[FloatArray]:
         """Lend what a search writes, to one thread at a time."""
         try:
             scratch = self._idle.pop()
         except IndexError:
-            n = len(self) + 1
-            scratch = Scratch(
-                np.empty(n),
-                np.empty(n),
-                np.empty(n),
-                np.empty(n, np.int64),
-                np.zeros(n, np.int64),
-                np.zeros(1, np.int64),
-            )
+            scratch = np.zeros((len(self) + 1, COLUMNS))
         yield scratch
         # After an exception it is not used again.
         self._idle.append(scratch)
@@ -225,14 +212,15 @@ def certified_way(
     distances: NDArray[np.float32],
     components: NDArray[np.int64],
     forest: Forest,
-    scratch: Scratch,
+    scratch: FloatArray,
     start: FloatArray,
     goal: FloatArray,
     closed: FloatArray,
     fewest: int,
     most: int,
+    weight: float,
 ) -> FloatArray:
-    """Return the states of the shortest path over the links, its ends joined to their nearest nodes; else (0, 3).
+    """Return the states of a short path over the links, its ends joined to their nearest nodes; else (0, 3).
 
     Args:
         grid: the obstacles.
@@ -244,12 +232,13 @@ def certified_way(
         distances: (n, b) from beacons.
         components: (n,) which nodes are joined.
         forest: index over the nodes.
-        scratch: of n nodes, for this thread alone.
+        scratch: (n + 1, COLUMNS), for this thread alone.
         start: valid, shape (3,).
         goal: valid, shape (3,).
         closed: (c, 3) discs that hold no node of the path, nor let the ends be joined directly.
         fewest: nodes near an end that are tried at first.
         most: nodes near an end that are tried before giving up.
+        weight: how many times as long as the shortest the way may be, >= 1.
     """
     placed, queue = workspace(robot), np.empty((128, 2))
     if len(closed) == 0 and motion(grid, field, robot, placed, queue, start, goal, True) == FREE:
@@ -265,7 +254,7 @@ def certified_way(
             for j in last:
                 together |= components[i] == components[j]
         if together:
-            return _search(turning, configurations, links, distances, scratch, start, goal, closed, first, last)
+            return _search(turning, configurations, links, distances, scratch, start, goal, closed, first, last, weight)
         if k == most:
             return np.empty((0, 3))
         k, enough = min(most, WIDER * k), most
@@ -277,82 +266,85 @@ def _search(
     configurations: FloatArray,
     links: Links,
     distances: NDArray[np.float32],
-    scratch: Scratch,
+    scratch: FloatArray,
     start: FloatArray,
     goal: FloatArray,
     closed: FloatArray,
     first: NDArray[np.int64],
     last: NDArray[np.int64],
+    weight: float,
 ) -> FloatArray:
-    """Return the states of the shortest path from the start by one of ``first``, over links, by one of ``last``."""
+    """Return the states of a shortest path from the start by one of ``first``, over links, by one of ``last``."""
     n = len(configurations)
-    best, to_go, to_end, parent, seen = scratch.best, scratch.to_go, scratch.last, scratch.parent, scratch.seen
-    scratch.number[0] += 1
-    number = scratch.number[0]
+    end = scratch[n]
+    end[NUMBER] += 1.0
+    number = end[NUMBER]
+    end[BEST] = np.inf
     beacons, low, high = _beacons(turning, configurations, distances, start, goal, first, last)
     for v in last:
-        seen[v], best[v] = number, np.inf
-        if _within(closed, configurations[v]):
-            seen[v] = -number
-            continue
-        to_go[v] = _bound(turning, configurations, distances, goal, beacons, low, high, v)
-        to_end[v] = _cost(configurations[v], goal, turning)
-    seen[n], best[n] = number, np.inf
+        row = scratch[v]
+        row[BEST] = row[LAST] = np.inf
+        row[SEEN] = -number
+        if not _within(closed, configurations[v]):
+            row[SEEN] = number
+            row[TO_GO] = _bound(turning, configurations, distances, goal, beacons, low, high, v)
+            row[LAST] = _cost(configurations[v], goal, turning)
     keys, values = np.empty(1024), np.empty(1024, np.int64)
     size = 0
     for v in first:
-        if seen[v] == -number or _within(closed, configurations[v]):
+        row = scratch[v]
+        if row[SEEN] == -number or _within(closed, configurations[v]):
             continue
-        if seen[v] != number:
-            seen[v] = number
-            to_go[v] = _bound(turning, configurations, distances, goal, beacons, low, high, v)
-            to_end[v] = np.inf
-        best[v] = _cost(start, configurations[v], turning)
-        parent[v] = -1
+        if row[SEEN] != number:
+            row[SEEN], row[LAST] = number, np.inf
+            row[TO_GO] = _bound(turning, configurations, distances, goal, beacons, low, high, v)
+        row[BEST] = _cost(start, configurations[v], turning)
+        row[PARENT] = -1.0
         if size == len(keys):
             keys, values = heap_grow(keys, values)
-        size = heap_push(keys, values, size, best[v] + to_go[v], v)
+        size = heap_push(keys, values, size, row[BEST] + weight * row[TO_GO], v)
     while size > 0:
         size = heap_pop(keys, values, size)
         key, node = keys[size], values[size]
-        if key >= best[n]:
+        if key >= end[BEST]:
             break
-        if seen[node] == -number:
+        row = scratch[node]
+        if row[SEEN] == -number:
             continue
-        seen[node] = -number
-        reached = best[node]
-        if reached + to_end[node] < best[n]:
-            best[n], parent[n] = reached + to_end[node], node
+        row[SEEN] = -number
+        reached = row[BEST]
+        if reached + row[LAST] < end[BEST]:
+            end[BEST], end[PARENT] = reached + row[LAST], node
         for k in range(links.start[node], links.start[node + 1]):
             other = links.node[k]
-            if seen[other] == -number:
+            row = scratch[other]
+            if row[SEEN] == -number:
                 continue
             cost = reached + links.length[k]
-            if seen[other] != number:
+            if row[SEEN] != number:
                 if _within(closed, configurations[other]):
-                    seen[other] = -number
+                    row[SEEN] = -number
                     continue
-                seen[other], best[other] = number, np.inf
-                to_end[other] = np.inf
-                to_go[other] = _bound(turning, configurations, distances, goal, beacons, low, high, other)
-            if cost < best[other]:
-                best[other], parent[other] = cost, node
-                key = cost + to_go[other]
-                if key < best[n]:
+                row[SEEN], row[BEST], row[LAST] = number, np.inf, np.inf
+                row[TO_GO] = _bound(turning, configurations, distances, goal, beacons, low, high, other)
+            if cost < row[BEST]:
+                row[BEST], row[PARENT] = cost, node
+                key = cost + weight * row[TO_GO]
+                if key < end[BEST]:
                     if size == len(keys):
                         keys, values = heap_grow(keys, values)
                     size = heap_push(keys, values, size, key, other)
-    if best[n] == np.inf:
+    if end[BEST] == np.inf:
         return np.empty((0, 3))
-    length, node = 2, parent[n]
+    length, node = 2, int(end[PARENT])
     while node >= 0:
-        node, length = parent[node], length + 1
+        node, length = int(scratch[node, PARENT]), length + 1
     states = np.empty((length, 3))
     states[0], states[length - 1] = start, goal
-    node = parent[n]
+    node = int(end[PARENT])
     for i in range(length - 2, 0, -1):
         states[i] = configurations[node]
-        node = parent[node]
+        node = int(scratch[node, PARENT])
     return states
 
 
