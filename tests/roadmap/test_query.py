@@ -94,7 +94,7 @@ def test_ways_are_networkxs(seed: int, name: str, obstacles: int, stretch: float
     roadmap.add(free_samples(checker, 150, random_state=seed), neighbours=8)
     if len(roadmap) < 100:
         return
-    graph = QueryGraph(roadmap, stretch=stretch, weight=weight)
+    graph = QueryGraph(roadmap, stretch=stretch)
     q, turning = graph.configurations, graph.turning
     whole = as_graph(len(q), graph.links)
     for u, v, data in whole.edges(data=True):
@@ -112,7 +112,7 @@ def test_ways_are_networkxs(seed: int, name: str, obstacles: int, stretch: float
     for start, goal in ends[: len(ends) // 2 * 2].reshape(-1, 2, 3):
         closed = np.column_stack([rng.uniform(0.0, 40.0, (2, 2)), rng.uniform(0.0, 5.0, 2)])
         for discs in (None, closed):
-            states = graph.way(start, goal, discs)
+            states = graph.way(start, goal, closed=discs, weight=weight)
             if states is not None:
                 assert np.array_equal(states[[0, -1]], [start, goal])
                 assert checker.motions_valid(states[:-1], states[1:]).all()
@@ -159,4 +159,4 @@ def test_an_empty_roadmap_answers_what_needs_no_roadmap() -> None:
     states = graph.way(np.array([2.0, 2.0, 0.0]), np.array([9.0, 9.0, 0.0]))
     assert states is not None
     assert states.tolist() == [[2.0, 2.0, 0.0], [9.0, 9.0, 0.0]]
-    assert graph.way(np.array([2.0, 2.0, 0.0]), np.array([9.0, 9.0, 0.0]), np.array([[5.0, 5.0, 1.0]])) is None
+    assert graph.way(np.array([2.0, 2.0, 0.0]), np.array([9.0, 9.0, 0.0]), closed=np.array([[5.0, 5.0, 1.0]])) is None

@@ -36,8 +36,8 @@ __all__ = ["QueryGraph", "certified_way"]
 STRETCH = 1.4
 """An edge is left out if two others lead where it does on a way at most this many times as long."""
 
-BEACONS = 16
-"""Nodes whose distances to all others are kept."""
+BEACONS = 12
+"""Nodes whose distances to all others are kept: with the configuration, they fill 60 of a cache line's 64 bytes."""
 
 ASKED = 4
 """Beacons that one query asks: those that say most about its start."""
@@ -45,11 +45,11 @@ ASKED = 4
 ENOUGH = 3
 """Nodes that an end is joined to."""
 
-WEIGHT = 1.05
-"""Factor on the lower bounds: ways may be so many times as long as the shortest, and are found in half the time."""
-
 NEAR, WIDER, FARTHEST = 12, 4, 768
 """Nodes near an end that are tried at first; how many times as many whenever that is not enough; and at most."""
+
+FLOATS = 16
+"""Of 32 bits in a cache line."""
 
 NOWHERE = np.empty((0, 3))
 
@@ -68,7 +68,6 @@ class QueryGraph:
         roadmap: of straight motions; edges that nobody has checked yet are checked.
         stretch: how many times as long as a certified edge a way over others may be that stands in for it, >= 1.
         beacons: nodes whose distances to all others are kept.
-        weight: how many times as long as the shortest over the links a way may be, >= 1.
 
     Attributes:
         configurations: (n, 3), the nodes.
@@ -77,10 +76,7 @@ class QueryGraph:
         components: (n,) which nodes are joined.
     """
 
-    def __init__(
-        self, roadmap: Roadmap, *, stretch: float = STRETCH, beacons: int = BEACONS, weight: float = WEIGHT
-    ) -> None:
-        self._weight = float(weight)
+    def __init__(self, roadmap: Roadmap, *, stretch: float = STRETCH, beacons: int = BEACONS) -> None:
         roadmap.certify_all()
         self.checker: StateChecker = roadmap.checker
         self.turning = roadmap.turning
@@ -90,6 +86,7 @@ class QueryGraph:
         n = len(self.configurations)
         self.links: Links = sparse_links(n, edges, lengths, stretch)
         self.distances, self.components = distances_from(self.links, beacons)
+        self._told = _told(self.configurations, self.distances)
         self._forest: Forest = roadmap.nearest()
         self._idle: list[FloatArray] = []
         if n:
@@ -99,13 +96,16 @@ class QueryGraph:
     def __len__(self) -> int:
         return len(self.configurations)
 
-    def way(self, start: FloatArray, goal: FloatArray, closed: FloatArray | None = None) -> FloatArray | None:
+    def way(
+        self, start: FloatArray, goal: FloatArray, *, closed: FloatArray | None = None, weight: float = 1.0
+    ) -> FloatArray | None:
         """Return the states, shape (p, 3), of a path of certified motions, or None if the roadmap knows none.
 
         Args:
             start: valid, shape (3,).
             goal: valid, shape (3,).
             closed: (c, 3), discs x, y, radius (metres) that hold no node of the path.
+            weight: how many times as long as the shortest over the links the path may be, >= 1: sooner, if it may.
         """
         checker, n = self.checker, len(self)
         with self._scratch() as scratch:
@@ -116,7 +116,7 @@ class QueryGraph:
                 self.turning,
                 self.configurations,
                 self.links,
-                self.distances,
+                self._told,
                 self.components,
                 self._forest,
                 scratch,
@@ -125,7 +125,7 @@ class QueryGraph:
                 NOWHERE if closed is None else closed,
                 min(n, NEAR),
                 min(n, FARTHEST),
-                self._weight,
+                float(weight),
             )
         return found if len(found) else None
 
@@ -140,7 +140,7 @@ class QueryGraph:
         first, last = (np.array([node], dtype=np.int64) for node in (start, goal))
         with self._scratch() as scratch:
             found: FloatArray = _search(
-                self.turning, q, self.links, self.distances, scratch, q[start], q[goal], NOWHERE, first, last, 1.0
+                self.turning, q, self.links, self._told, scratch, q[start], q[goal], NOWHERE, first, last, 1.0
             )
         # The ends are their own neighbours.
         return found[1:-1] if len(found) else None
@@ -209,7 +209,7 @@ def certified_way(
     turning: bool,
     configurations: FloatArray,
     links: Links,
-    distances: NDArray[np.float32],
+    told: NDArray[np.float32],
     components: NDArray[np.int64],
     forest: Forest,
     scratch: FloatArray,
@@ -229,7 +229,7 @@ def certified_way(
         turning: whether turns count.
         configurations: (n, 3) nodes.
         links: certified edges.
-        distances: (n, b) from beacons.
+        told: (n, 3 + b or more) float32: what bounds a node's cost to the goal, its configuration and its distances.
         components: (n,) which nodes are joined.
         forest: index over the nodes.
         scratch: (n + 1, COLUMNS), for this thread alone.
@@ -254,7 +254,7 @@ def certified_way(
             for j in last:
                 together |= components[i] == components[j]
         if together:
-            return _search(turning, configurations, links, distances, scratch, start, goal, closed, first, last, weight)
+            return _search(turning, configurations, links, told, scratch, start, goal, closed, first, last, weight)
         if k == most:
             return np.empty((0, 3))
         k, enough = min(most, WIDER * k), most
@@ -265,7 +265,7 @@ def _search(
     turning: bool,
     configurations: FloatArray,
     links: Links,
-    distances: NDArray[np.float32],
+    told: NDArray[np.float32],
     scratch: FloatArray,
     start: FloatArray,
     goal: FloatArray,
@@ -280,14 +280,14 @@ def _search(
     end[NUMBER] += 1.0
     number = end[NUMBER]
     end[BEST] = np.inf
-    beacons, low, high = _beacons(turning, configurations, distances, start, goal, first, last)
+    beacons, low, high = _beacons(turning, configurations, told, start, goal, first, last)
     for v in last:
         row = scratch[v]
         row[BEST] = row[LAST] = np.inf
         row[SEEN] = -number
         if not _within(closed, configurations[v]):
             row[SEEN] = number
-            row[TO_GO] = _bound(turning, configurations, distances, goal, beacons, low, high, v)
+            row[TO_GO] = _bound(turning, told, goal, beacons, low, high, v)
             row[LAST] = _cost(configurations[v], goal, turning)
     keys, values = np.empty(1024), np.empty(1024, np.int64)
     size = 0
@@ -297,7 +297,7 @@ def _search(
             continue
         if row[SEEN] != number:
             row[SEEN], row[LAST] = number, np.inf
-            row[TO_GO] = _bound(turning, configurations, distances, goal, beacons, low, high, v)
+            row[TO_GO] = _bound(turning, told, goal, beacons, low, high, v)
         row[BEST] = _cost(start, configurations[v], turning)
         row[PARENT] = -1.0
         if size == len(keys):
@@ -326,7 +326,7 @@ def _search(
                     row[SEEN] = -number
                     continue
                 row[SEEN], row[BEST], row[LAST] = number, np.inf, np.inf
-                row[TO_GO] = _bound(turning, configurations, distances, goal, beacons, low, high, other)
+                row[TO_GO] = _bound(turning, told, goal, beacons, low, high, other)
             if cost < row[BEST]:
                 row[BEST], row[PARENT] = cost, node
                 key = cost + weight * row[TO_GO]
@@ -360,7 +360,7 @@ def _within(discs: FloatArray, q: FloatArray) -> bool:
 def _beacons(
     turning: bool,
     configurations: FloatArray,
-    distances: NDArray[np.float32],
+    told: NDArray[np.float32],
     start: FloatArray,
     goal: FloatArray,
     first: NDArray[np.int64],
@@ -371,37 +371,47 @@ def _beacons(
     With nodes g and motions of cost w to the goal: d(v, goal) = min (d(v, g) + w), which is at least
     min (d(b, g) + w) - d(b, v) and at least d(b, v) - max (d(b, g) - w).
     """
-    count = distances.shape[1]
-    low, high, tells = np.full(count, np.inf), np.full(count, -np.inf), np.zeros(count)
+    # Columns of ``told``, the first three of which are no beacons.
+    count = told.shape[1]
+    low, high, tells = np.full(count, np.inf), np.full(count, -np.inf), np.full(count, -1.0)
     for v in last:
         way = _cost(configurations[v], goal, turning)
-        for b in range(count):
-            low[b] = min(low[b], distances[v, b] + way)
-            high[b] = max(high[b], distances[v, b] - way)
-    for b in range(count):
+        for b in range(3, count):
+            low[b] = min(low[b], told[v, b] + way)
+            high[b] = max(high[b], told[v, b] - way)
+    for b in range(3, count):
         for v in first:
-            if np.isfinite(distances[v, b]) and np.isfinite(low[b]) and np.isfinite(high[b]):
-                tells[b] = max(tells[b], max(low[b] - distances[v, b], distances[v, b] - high[b]))
+            if told[v, b] < np.inf and low[b] < np.inf and high[b] < np.inf:
+                tells[b] = max(tells[b], max(low[b] - told[v, b], told[v, b] - high[b]))
     chosen = np.argsort(-tells)[:ASKED]
-    return chosen, low, high
+    return chosen[tells[chosen] >= 0.0], low, high
 
 
 @njit(cache=True, nogil=True)
 def _bound(
     turning: bool,
-    configurations: FloatArray,
-    distances: NDArray[np.float32],
+    told: NDArray[np.float32],
     goal: FloatArray,
     beacons: NDArray[np.int64],
     low: FloatArray,
     high: FloatArray,
     v: int,
 ) -> float:
-    """Return a lower bound on the cost from a node to the goal over the links."""
-    bound = _cost(configurations[v], goal, turning)
+    """Return a lower bound on the cost from a node to the goal over the links, rounded to 24 bits."""
+    row = told[v]
+    bound = _cost(row, goal, turning)
     for b in beacons:
-        away = distances[v, b]
-        if low[b] < np.inf and high[b] > -np.inf and away < np.inf:
-            # The distances are rounded to 24 bits.
-            bound = max(bound, max(low[b] - away, away - high[b]) - 1e-6 * away)
-    return bound
+        away = row[b]
+        if away < np.inf:
+            bound = max(bound, max(low[b] - away, away - high[b]))
+    return bound * (1.0 - 1e-6)
+
+
+def _told(configurations: FloatArray, distances: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return configurations and distances side by side, each row in one cache line if it fits in."""
+    n, columns = len(configurations), -(-(3 + distances.shape[1]) // FLOATS) * FLOATS
+    room = np.full((n + 1) * columns, np.inf, np.float32)
+    first = -room.ctypes.data % (4 * FLOATS) // 4
+    told = room[first : first + n * columns].reshape(n, columns)
+    told[:, :3], told[:, 3 : 3 + distances.shape[1]] = configurations, distances
+    return told
