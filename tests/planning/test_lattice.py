@@ -1,0 +1,306 @@
+"""Lattice searches: certified ways, as cheap as the lattice has them; graphs by networkx, collisions by shapely."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import networkx
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from trailmark.collision import StateChecker
+from trailmark.planning import lattice
+from trailmark.planning.cost_to_go import CostToGo
+from trailmark.planning.lattice import Lattice, straightened
+from trailmark.shapes import Disc, Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+Judge = Callable[..., float]
+
+STRAIGHT = CostToGo.straight()
+PLENTY = 1_000_000
+
+
+@lru_cache(maxsize=64)
+def checker(name: str, seed: int) -> StateChecker:
+    world = random_world(seed, 25, size=24.0, radii=(0.5, 2.0), discs=0.3, holes=0.2, origin=(-7.0, 3.0))
+    return StateChecker(world, ROBOTS[name], cell=0.2)
+
+
+def valid_states(checker: StateChecker, n: int, rng: np.random.Generator) -> FloatArray:
+    xmin, ymin, xmax, ymax = checker.world.bounds
+    q = rng.uniform((xmin, ymin, -math.pi), (xmax, ymax, math.pi), (400, 3))
+    return np.asarray(q[checker.valid(q)][:n])
+
+
+def turn(a: FloatArray, b: FloatArray) -> float:
+    return abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
+
+
+def cost(states: FloatArray) -> float:
+    return sum(math.dist(a[:2], b[:2]) + 0.5 * turn(a, b) for a, b in pairwise(states))
+
+
+def middles(robot: Robot, q: FloatArray) -> NDArray[np.complex128]:
+    """The inscribed disc's centre at each configuration, as complex numbers."""
+    return np.asarray(q[..., 0] + 1j * q[..., 1] + complex(*robot.inscribed_disc.center) * np.exp(1j * q[..., 2]))
+
+
+class Chart(NamedTuple):
+    """A lattice spelled out: its certified motions, and whether any motion between valid nodes was refused."""
+
+    graph: networkx.Graph
+    states: dict[tuple[int, int, int], FloatArray]
+    whole: bool
+
+
+def chart(checker: StateChecker, start: FloatArray, size: float, headings: int) -> Chart:
+    """Build the lattice around ``start`` with positions of the inscribed disc's centre in the bounds."""
+    centre, first = complex(*checker.robot.inscribed_disc.center), complex(middles(checker.robot, start))
+    xmin, ymin, xmax, ymax = checker.world.bounds
+    states = {}
+    for i in range(math.ceil((xmin - first.real) / size), math.floor((xmax - first.real) / size) + 1):
+        for j in range(math.ceil((ymin - first.imag) / size), math.floor((ymax - first.imag) / size) + 1):
+            for k in range(headings):
+                theta = start[2] + 2.0 * math.pi * k / headings
+                place = first + size * complex(i, j) - centre * np.exp(1j * theta)
+                states[i, j, k] = np.array([place.real, place.imag, theta])
+    valid = checker.valid(np.array(list(states.values())))
+    nodes = {key for key, ok in zip(states, valid, strict=True) if ok}
+    pairs = []
+    for i, j, k in sorted(nodes):
+        beside = [(i + 1, j, k), (i, j + 1, k), (i + 1, j + 1, k), (i + 1, j - 1, k)]
+        if headings > 1:
+            beside.append((i, j, (k + 1) % headings))
+        pairs += [((i, j, k), other) for other in beside if other in nodes]
+    free = checker.motions_valid(*(np.array([states[pair[end]] for pair in pairs]) for end in (0, 1)))
+    graph = networkx.Graph()
+    graph.add_node((0, 0, 0))
+    for (a, b), ok in zip(pairs, free, strict=True):
+        if ok:
+            length = math.pi / headings if a[2] != b[2] else size * math.dist(a[:2], b[:2])
+            graph.add_edge(a, b, weight=length)
+    return Chart(graph, states, bool(free.all()))
+
+
+def cheapest(
+    checker: StateChecker, found: Chart, goal: FloatArray, near: tuple[float, float] = (math.inf, math.inf)
+) -> float:
+    """The least cost of a node and the straight distance from there, of nodes near the goal and joined to it."""
+    costs = networkx.single_source_dijkstra_path_length(found.graph, (0, 0, 0))
+    q = np.array([found.states[key] for key in costs])
+    away = np.abs(middles(checker.robot, q) - middles(checker.robot, goal))
+    turns = np.array([turn(a, goal) for a in q])
+    joined = checker.motions_valid(q, np.tile(goal, (len(q), 1))) & (away < near[0]) & (turns < near[1])
+    return float((np.array(list(costs.values())) + away)[joined].min(initial=np.inf))
+
+
+def lattice_cost(robot: Robot, way: FloatArray) -> float:
+    """What a raw way costs in the lattice: positions count as the disc's centre, its last motion has no turn."""
+    steps = np.abs(np.diff(middles(robot, way)))
+    return float(steps.sum()) + sum(0.5 * turn(a, b) for a, b in pairwise(way[:-1]))
+
+
+@settings(max_examples=60)
+@given(
+    name=st.sampled_from(sorted(ROBOTS)),
+    world=st.integers(0, 5),
+    seed=st.integers(0, 10_000),
+    headings=st.sampled_from([3, 8, 16]),
+    size=st.floats(0.4, 1.5),
+    weight=st.sampled_from([1.0, 2.0, 5.0]),
+)
+def test_ways_are_certified_and_end_where_they_should(
+    judge: Judge, name: str, world: int, seed: int, headings: int, size: float, weight: float
+) -> None:
+    judged = checker(name, world)
+    ends = valid_states(judged, 2, np.random.default_rng(seed))
+    if len(ends) < 2:
+        return
+    headings = 1 if name == "disc" else headings
+    before = ends.copy()
+    guides = (STRAIGHT, CostToGo.of(judged, ends[1], 400))
+    for to_go in guides:
+        way, taken = Lattice(judged, size, headings).way(ends[0], ends[1], to_go, weight=weight, budget=20_000)
+        assert 1 <= taken <= 20_000
+        assert np.array_equal(ends, before)
+        if len(way):
+            judge(judged.world, judged.robot, *ends, way)
+            assert judged.motions_valid(way[:-1], way[1:]).all()
+            short = straightened(judged.grid, judged.field, judged.footprint, way)
+            judge(judged.world, judged.robot, *ends, short)
+            assert judged.motions_valid(short[:-1], short[1:]).all()
+            # Some of the vertices, in their order.
+            rows = [next(i for i, row in enumerate(way) if np.array_equal(row, kept)) for kept in short]
+            assert rows == sorted(rows)
+            assert cost(short) <= cost(way) + 1e-9
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset", "thin"])
+def test_with_weight_1_ways_are_as_cheap_as_the_lattice_has_them(name: str) -> None:
+    headings, size = (1, 0.5) if name == "disc" else (8, 1.0)
+    found = 0
+    for seed in range(4):
+        judged = checker(name, seed)
+        ends = valid_states(judged, 2, np.random.default_rng(seed + 3))
+        if len(ends) < 2:
+            continue
+        start, goal = ends
+        way, _ = Lattice(judged, size, headings).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
+        spelled = chart(judged, start, size, headings)
+        near = (1.5 * size, 3.0 * math.pi / headings if headings > 1 else math.inf)
+        best = cheapest(judged, spelled, goal, near)
+        # Whoever is near the goal tries to join it, and now and then others do.
+        assert len(way) > 0 or not np.isfinite(best)
+        if len(way):
+            found += 1
+            raw = lattice_cost(judged.robot, way)
+            assert raw >= cheapest(judged, spelled, goal) - 1e-4
+            # A node whose motion fails takes the next one at hand, which need not be the cheapest.
+            assert raw <= best * (1.0 if spelled.whole else 1.05) + 1e-4
+    assert found >= 2
+
+
+@pytest.mark.parametrize("headings", [1, 24])
+def test_where_no_motion_between_valid_nodes_fails_the_cost_is_exact(headings: int) -> None:
+    # A disc's steps are far shorter than anything round about; what turns meets the bounds alone.
+    exact = 0
+    robot, size = (Robot.disc(0.5), 0.4) if headings == 1 else (Robot.rectangle(0.9, 0.7), 1.0)
+    for seed in range(16):
+        rng = np.random.default_rng(seed)
+        places = rng.uniform(2, 10, (3 if headings == 1 else 0, 2))
+        walls = tuple(Rectangle((float(x), float(y)), *rng.uniform(1.0, 4.0, 2)) for x, y in places)
+        judged = StateChecker(World("walls", (0, 0, 12, 12), walls), robot)
+        ends = valid_states(judged, 2, rng)
+        start, goal = ends
+        spelled = chart(judged, start, size, headings)
+        near = (1.5 * size, 3.0 * math.pi / headings if headings > 1 else math.inf)
+        best = cheapest(judged, spelled, goal, near)
+        way, _ = Lattice(judged, size, headings).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
+        if spelled.whole and np.isfinite(best):
+            raw = lattice_cost(robot, way)
+            assert raw <= best + 1e-4
+            # Now and then nodes farther off try to join the goal, too.
+            if abs(np.diff(middles(robot, way[-2:]))[0]) < near[0] and turn(way[-2], goal) < near[1]:
+                assert raw == pytest.approx(best, abs=1e-4)
+                exact += 1
+    assert exact >= 4
+
+
+def test_the_nearest_lattice_to_a_straight_way_is_straight() -> None:
+    judged = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(2.0, 1.0))
+    start, goal = np.array([2.0, 3.0, 0.5]), np.array([17.0, 3.0, 0.5])
+    way, taken = Lattice(judged, 1.0, 16).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
+    assert cost(way) == pytest.approx(15.0)
+    assert taken <= 16
+    assert np.array_equal(straightened(judged.grid, judged.field, judged.footprint, way), [start, goal])
+
+
+def test_start_and_goal_may_be_one() -> None:
+    judged = checker("L", 0)
+    q = valid_states(judged, 1, np.random.default_rng(0))[0]
+    way, taken = Lattice(judged, 1.0, 16).way(q, q, STRAIGHT, weight=2.0, budget=10)
+    assert np.array_equal(way, [q, q])
+    assert taken == 1
+    assert np.array_equal(straightened(judged.grid, judged.field, judged.footprint, way), [q, q])
+    assert np.array_equal(straightened(judged.grid, judged.field, judged.footprint, way[:1]), [q])
+
+
+@pytest.mark.parametrize("start", [0.0, math.pi, -math.pi + 1e-9, math.pi / 2, 3.0])
+@pytest.mark.parametrize("goal", [math.pi, -math.pi + 1e-9, 0.0, -3.0])
+def test_headings_wrap_at_half_a_turn(judge: Judge, start: float, goal: float) -> None:
+    # No room to turn but in the chamber at the end of the corridor.
+    walls = (Rectangle((8.0, 1.6), 16.0, 3.2), Rectangle((8.0, 6.4), 16.0, 3.2))
+    judged = StateChecker(World("turn", (0, 0, 24, 8), walls), Robot.rectangle(2.2, 1.0))
+    ends = np.array([[20.0, 4.0, start], [3.0, 4.0, goal]])
+    for headings in (16, 5):
+        way, _ = Lattice(judged, 0.5, headings).way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=200_000)
+        if headings == 16 or len(way):
+            judge(judged.world, judged.robot, *ends, way)
+            assert judged.motions_valid(way[:-1], way[1:]).all()
+
+
+def test_exhausted_searches_take_fewer_nodes_than_they_may() -> None:
+    # A closed ring about the start.
+    ring = tuple(
+        Rectangle((10.0 + 4.0 * math.cos(a), 10.0 + 4.0 * math.sin(a)), 1.0, 3.0, a)
+        for a in np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
+    )
+    for robot, headings in ((Robot.disc(0.5), 1), (Robot.rectangle(1.2, 0.5), 16)):
+        judged = StateChecker(World("ring", (0, 0, 20, 20), ring), robot)
+        inside, outside = np.array([10.0, 10.0, 0.0]), np.array([2.0, 2.0, 0.0])
+        way, taken = Lattice(judged, 0.5, headings).way(inside, outside, STRAIGHT, weight=2.0, budget=PLENTY)
+        assert way.shape == (0, 3)
+        # No more than there are nodes within the ring.
+        assert 0 < taken < 17 * 17 * headings
+        # The budget cuts in before that.
+        way, cut = Lattice(judged, 0.5, headings).way(inside, outside, STRAIGHT, weight=2.0, budget=taken // 2)
+        assert way.shape == (0, 3)
+        assert cut == taken // 2
+
+
+def test_the_limit_prunes() -> None:
+    judged = StateChecker(World("wall", (0, 0, 20, 20), (Rectangle((10.0, 9.0), 1.0, 16.0),)), Robot.disc(0.5))
+    start, goal = np.array([5.0, 9.0, 0.0]), np.array([15.0, 9.0, 0.0])
+    free, all_taken = Lattice(judged, 0.5, 1).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
+    best = cost(free)
+    kept, taken = Lattice(judged, 0.5, 1).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY, limit=best + 1e-3)
+    assert np.array_equal(kept, free)
+    assert taken <= all_taken
+    none, taken = Lattice(judged, 0.5, 1).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY, limit=0.9 * best)
+    assert none.shape == (0, 3)
+    # Only what lies in the ellipse of that length is looked at.
+    major = 0.45 * best
+    inside = math.pi * major * math.sqrt(major**2 - 25.0) / 0.25
+    assert 0 < taken <= 1.2 * inside
+
+
+def test_the_same_search_gives_the_same_way() -> None:
+    judged = checker("L", 1)
+    ends = valid_states(judged, 2, np.random.default_rng(1))
+    ways = [
+        Lattice(StateChecker(judged.world, judged.robot, cell=0.2), 0.7, 16).way(
+            ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY
+        )
+        for _ in range(2)
+    ]
+    assert len(ways[0][0]) > 2
+    assert ways[0][1] == ways[1][1]
+    assert np.array_equal(ways[0][0], ways[1][0])
+
+
+@pytest.mark.parametrize("corner", range(4))
+@pytest.mark.parametrize("name", ["disc", "rectangle", "offset"])
+def test_from_corner_to_corner_of_the_bounds(judge: Judge, name: str, corner: int) -> None:
+    # The robot touches two of the bounds, or all but does; the offset one's disc lies off its reference point.
+    robot = ROBOTS[name]
+    x, y = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0)][corner]
+    low, high = robot.outline.vertices.min(axis=0), robot.outline.vertices.max(axis=0)
+    gap = 2e-3 if name == "disc" else 1e-5
+    places = [(gap - low[0], gap - low[1]), (20.0 - gap - high[0], 20.0 - gap - high[1])]
+    start = np.array([places[x > 0][0], places[y > 0][1], 0.0])
+    goal = np.array([places[x == 0][0], places[y == 0][1], 0.0])
+    judged = StateChecker(World("box", (0, 0, 20, 20), (Disc((10.0, 10.0), 2.0),)), robot)
+    way, _ = Lattice(judged, 0.7, 1 if name == "disc" else 8).way(start, goal, STRAIGHT, weight=2.0, budget=PLENTY)
+    judge(judged.world, robot, start, goal, way)
+
+
+def test_more_nodes_than_allowed_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    judged = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(1.0, 1.0))
+    ends = np.array([[2.5, 2.5, 0.0], [17.5, 17.5, 1.0]])
+    # 20 by 20 positions.
+    monkeypatch.setattr(lattice, "MAX_NODES", 20 * 20 * 16 - 1)
+    for headings, length in ((16, 0), (15, 2)):
+        way, taken = Lattice(judged, 1.0, headings).way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY)
+        assert len(way) >= length
+        assert (taken == 0) == (length == 0)
+        assert way.shape[1] == 3
