@@ -49,7 +49,7 @@ KEPT = 5_000
 PROOF_SHARE = 0.25
 """Share of the time left that a proof may be expected to take, unless nothing else is left to do."""
 
-PATIENCE = 4
+PATIENCE = 8
 """Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
 IMPROVEMENT = 1e-3
 
@@ -104,6 +104,7 @@ class Attempt:
         self.bound, self.gap = bound, gap
         self.lower_bound = float(se2.distance(self.start, self.goal))
         self._proven = bound is None
+        self._cutting = 0.0
         self.turning = self.roadmap.turning
         self.best: se2.FloatArray | None = None
         self.best_cost = np.inf
@@ -133,6 +134,8 @@ class Attempt:
             return "infeasible", None
         if self.best is None:
             self._take(scout.look(AT_FIRST - AT_ONCE))
+        if self.best is None:
+            self._disc_way()
         guides, whole = (np.empty((0, 3)), True) if self.best is not None else band.guides(self.rng)
         if not whole and band.relaxation.size > band.relaxation.radius and band.refine():
             # Cells larger than the disc may have led to where it does not fit.
@@ -278,18 +281,19 @@ class Attempt:
 
     def _disc_way(self) -> bool:
         """Offer the shortest way of a disc robot; return False if there is no time for it, or it is not found."""
-        if self.best is None or self.turning or self.bound is None or self._close_enough():
+        if self.turning or self.bound is None or self._close_enough():
             return False
         # Its region takes longer to make than the bound's, which has fewer corners.
-        if 2.0 * self.bound.seconds(self.start, self.goal) > self._time_left() or not self._go_on("improving"):
+        if 1.2 * self._seconds_to_cut() > self._time_left():
             return False
+        self._report("cutting free space into triangles")
         radius = self.checker.robot.inscribed_disc.radius
-        way = disc_way(self.checker.world, radius, *self.best[[0, -1], :2], self.best_cost)
+        way = disc_way(self.checker.world, radius, self.start[:2], self.goal[:2], self.best_cost)
         states = np.column_stack([way, np.zeros(len(way))])
         if len(way) == 0 or not self.checker.motions_between_valid(states[:-1], states[1:]).all():
             return False
         self._offer(states)
-        self._offer(self._shortened(self.best))
+        self._offer(self._shortened(states))
         return True
 
     def _widening(self, band: Band) -> float:
@@ -301,9 +305,16 @@ class Attempt:
         if self.bound is None or self._proven:
             return
         most = np.inf if self.best is None else self._cost_with_headings()
-        if self.bound.seconds(self.start, self.goal, most) < share * self._time_left():
+        if self._seconds_to_cut() < share * self._time_left():
             self._proven = True
             self.lower_bound = max(self.lower_bound, self.bound.of(self.start, self.goal, most).cost)
+
+    def _seconds_to_cut(self) -> float:
+        """Return what cutting free space into triangles is expected to take, at first."""
+        if self.bound is not None:
+            most = np.inf if self.best is None else self._cost_with_headings()
+            self._cutting = max(self._cutting, self.bound.seconds(self.start, self.goal, most))
+        return self._cutting
 
     def _close_enough(self) -> bool:
         """Return whether the best path is proven to be within the gap."""

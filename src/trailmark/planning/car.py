@@ -135,11 +135,11 @@ class CarAttempt(Attempt):
                 return
 
     def _search(
-        self, roadmap: Roadmap, band: Band, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
+        self, roadmap: Roadmap, band: Band | None, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
     ) -> None:
         """Offer a roadmap's shortest path, shortened."""
         to_go = roadmap.distances_to(int(nodes[1]))
-        if self.best is None:
+        if band is not None and self.best is None:
             # The relaxed way guides to a first path soon; it may overestimate.
             to_go = np.maximum(to_go, band.costs_to_goal(roadmap.configurations))
         limit = np.inf if banned is not None else self.best_cost

@@ -79,7 +79,7 @@ def _room(field: ClearanceField, x: float, y: float, size: float, radius: float,
     best = field_value(field, x, y)
     if best >= roomy or best + 0.71 * size + field.slack < radius:
         return best
-    places = max(1, int(round(size / (2.0 * field.size))))
+    places = max(1, round(size / (2.0 * field.size)))
     for i in range(places):
         for j in range(places):
             u, v = (i + 0.5) / places - 0.5, (j + 0.5) / places - 0.5

@@ -9,15 +9,15 @@ import shapely
 
 from trailmark.planning.lower_bound.mesh import triangulated
 from trailmark.planning.lower_bound.polyanya import shortest_way
-from trailmark.planning.lower_bound.region import MARGIN
+from trailmark.planning.lower_bound.region import MARGIN, ellipse
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import World
 
 __all__ = ["disc_way"]
 
-QUARTER = 16
-"""Chords for each quarter of a circle: their corners lie 0.12 % of the radius outside of it."""
+QUARTER = 8
+"""Chords for each quarter of a circle: their corners lie 0.5 % of the radius outside of it."""
 
 SPARE = 3e-3
 """Share of its radius by which the disc is made larger: a motion along contact itself would take forever to certify."""
@@ -38,24 +38,13 @@ def disc_way(world: World, radius: float, start: FloatArray, goal: FloatArray, m
         goal: its centre, shape (2,).
         most: metres; longer ways are of no interest. The fewer obstacles lie near them, the sooner it is done.
     """
-    within = _around(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
+    within = ellipse(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
     region = _region(world, (1.0 + SPARE) * radius + MARGIN, within)
     for part in shapely.get_parts(region):
         if shapely.intersects_xy(part, [start[0], goal[0]], [start[1], goal[1]]).all():
             length, way = shortest_way(triangulated(part), start, goal)
             return way if np.isfinite(length) else np.empty((0, 2))
     return np.empty((0, 2))
-
-
-def _around(start: FloatArray, goal: FloatArray, most: float) -> shapely.Polygon:
-    """Return a rectangle around all points whose distances to both ends add up to no more than ``most``."""
-    apart = float(np.hypot(*(goal - start)))
-    # Such points lie in an ellipse with its foci at the ends.
-    major = 0.5 * max(most, apart) + MARGIN
-    minor = np.sqrt(major**2 - 0.25 * apart**2)
-    along = (goal - start) / apart if apart > 0.0 else np.array([1.0, 0.0])
-    u, v = major * along, minor * np.array([-along[1], along[0]])
-    return shapely.Polygon(0.5 * (start + goal) + np.array([u + v, v - u, -u - v, u - v]))
 
 
 def _region(world: World, r: float, within: shapely.Polygon) -> shapely.Geometry:

@@ -73,10 +73,10 @@ VIEWS = (
     View(1.0, 1.0, 16, 100_000),
     View(0.0, 1.0, 16, 100_000),
 )
-"""Looked at in turn, each time on a lattice of another origin and size: which gaps it hits is a matter of luck."""
+"""Looked at in turn, from one end and the other."""
 
 STRETCH = (0.75, 1.25)
-"""By how much such a lattice's size may differ."""
+"""By how much the lattice's size differs from the second turn on: which gaps a lattice hits is a matter of luck."""
 
 DETOUR = 1.15
 """Over a lattice of eight directions a way may be so much longer than its straightened self."""
@@ -138,7 +138,8 @@ class Scout:
         budget = self._budget(view.nodes)
         if budget <= 0:
             return np.empty((0, 3))
-        lattice = Lattice(self.checker, self.cell * rng.uniform(*STRETCH), view.headings if self.turning else 1)
+        size = self.cell * (1.0 if self.views <= 2 * len(VIEWS) else rng.uniform(*STRETCH))
+        lattice = Lattice(self.checker, size, view.headings if self.turning else 1)
         begin, end = self.ends if onward else self.ends[::-1]
         to_go = self.to_go(LEVELS[-1].cells, onward, view.tightness)
         way, _ = lattice.way(begin, end, to_go, weight=view.weight, budget=budget, limit=DETOUR * limit)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import FREE, motion, workspace
+from trailmark.collision.kernels import FREE, motion, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
@@ -298,7 +298,9 @@ def _move(
             if before - _cost(a, q, turning) - _cost(q, b, turning) < GAIN:
                 continue
             if (
-                motion(grid, field, robot, placed, queue, a, q, True) == FREE
+                # One look at the new place is cheaper than two motions, and most fail there.
+                state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE
+                and motion(grid, field, robot, placed, queue, a, q, True) == FREE
                 and motion(grid, field, robot, placed, queue, q, b, True) == FREE
             ):
                 path[i] = q

@@ -13,7 +13,7 @@ from trailmark import se2
 from trailmark.curves import Steering
 from trailmark.planning.lower_bound.mesh import Mesh, triangulated
 from trailmark.planning.lower_bound.polyanya import shortest_way
-from trailmark.planning.lower_bound.region import MARGIN, QUARTER, free_region
+from trailmark.planning.lower_bound.region import QUARTER, ellipse, free_region
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -93,7 +93,7 @@ class LowerBound:
         center = self._center[0]
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
         longest = most * self._stretch
-        share = min(1.0, _ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
+        share = min(1.0, ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
         return float(SECONDS_A_VERTEX * self._size * share)
 
     def _in_the_open(self, start: FloatArray, goal: FloatArray) -> float:
@@ -128,8 +128,8 @@ class LowerBound:
 
     def _way_within(self, a: FloatArray, b: FloatArray, longest: float) -> tuple[float, FloatArray] | None:
         """Return what :meth:`_way` does, as far as it is below ``longest``: all such ways lie within an ellipse."""
-        ellipse = _ellipse(a, b, longest)
-        parts = shapely.get_parts(free_region(self.world, self.robot.inscribed_disc.radius, ellipse))
+        around = ellipse(a, b, longest)
+        parts = shapely.get_parts(free_region(self.world, self.robot.inscribed_disc.radius, around))
         at = [np.flatnonzero(shapely.intersects_xy(parts, *point)) for point in (a, b)]
         if len(at[0]) == 0 or len(at[1]) == 0:
             return None
@@ -165,15 +165,3 @@ class LowerBound:
     @cached_property
     def _meshes(self) -> dict[int, Mesh]:
         return {}
-
-
-def _ellipse(a: FloatArray, b: FloatArray, longest: float) -> Any:
-    """Return a polygon around all points whose distances to a and b add up to no more than ``longest``."""
-    apart = float(np.hypot(*(b - a)))
-    major = 0.5 * max(longest, apart) + MARGIN
-    minor = float(np.sqrt(max(major**2 - 0.25 * apart**2, MARGIN**2)))
-    angle = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-    # Around the ellipse, not in it.
-    u, v = (size * f(angle) / np.cos(np.pi / 64) for size, f in ((major, np.cos), (minor, np.sin)))
-    c, s = (b - a) / apart if apart > 0.0 else (1.0, 0.0)
-    return shapely.Polygon(np.column_stack([c * u - s * v, s * u + c * v]) + 0.5 * (a + b))

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from trailmark.shapes import Disc, Shape
 from trailmark.world import World
 
-__all__ = ["MARGIN", "free_region"]
+__all__ = ["MARGIN", "ellipse", "free_region"]
 
 MARGIN = 2e-6
 """Metres by which the disc is made smaller: more than contact may overlap and polygons' coordinates be wrong by."""
@@ -58,3 +59,15 @@ def _polygons(shapes: Sequence[Shape], r: float) -> list[Any]:
 def _discs(shapes: Sequence[Shape], r: float) -> list[Any]:
     rows = [(*s.center, s.radius - MARGIN + r) for s in shapes if isinstance(s, Disc)]
     return [shapely.Point(x, y).buffer(size, quad_segs=2 * QUARTER) for x, y, size in rows if size > 0.0]
+
+
+def ellipse(a: NDArray[np.float64], b: NDArray[np.float64], longest: float) -> Any:
+    """Return a polygon around all points whose distances to a and b add up to no more than ``longest``."""
+    apart = float(np.hypot(*(b - a)))
+    major = 0.5 * max(longest, apart) + MARGIN
+    minor = float(np.sqrt(max(major**2 - 0.25 * apart**2, MARGIN**2)))
+    angle = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    # Around the ellipse, not in it.
+    u, v = (size * f(angle) / np.cos(np.pi / 64) for size, f in ((major, np.cos), (minor, np.sin)))
+    c, s = (b - a) / apart if apart > 0.0 else (1.0, 0.0)
+    return shapely.Polygon(np.column_stack([c * u - s * v, s * u + c * v]) + 0.5 * (a + b))
