@@ -1,0 +1,244 @@
+"""Scout: looks from both ends, level by level, as long as there is time; other ways around; what it does not repeat."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from trailmark.collision import StateChecker
+from trailmark.planning import LandmarkPlanner, lattice, scout
+from trailmark.planning.scout import LEVELS, Scout
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+Judge = Callable[..., float]
+
+CAR = Robot.rectangle(1.0, 0.6)
+WALL = World("wall", (0, 0, 20, 20), (Rectangle((10.0, 11.0), 1.0, 12.0),))
+"""A wall with 5 m below it and 3 m above."""
+
+ACROSS = np.array([[5.0, 10.0, 0.0], [15.0, 10.0, 0.0]])
+
+
+def scouting(checker: StateChecker, ends: FloatArray, cell: float = 0.5, seconds: float = math.inf) -> Scout:
+    return Scout(checker, ends[0], ends[1], cell, lambda: seconds)
+
+
+def cost(states: FloatArray) -> float:
+    return sum(
+        math.dist(a[:2], b[:2]) + 0.5 * abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
+        for a, b in pairwise(states)
+    )
+
+
+class Recorder(lattice.Lattice):
+    """Takes down what is searched, and finds nothing from some starts."""
+
+    seen: list[tuple[float, int, bytes, int, bool]]
+    blind: FloatArray | None
+
+    def way(self, start: FloatArray, goal: FloatArray, to_go: Any, **options: Any) -> tuple[FloatArray, int]:
+        found, taken = super().way(start, goal, to_go, **options)
+        if self.blind is not None and np.array_equal(start, self.blind):
+            found, taken = np.empty((0, 3)), options["budget"]
+        type(self).seen.append(
+            (self.size, self.headings, np.asarray(start).tobytes(), taken, taken < options["budget"])
+        )
+        return found, taken
+
+
+@pytest.fixture
+def recorder(monkeypatch: pytest.MonkeyPatch) -> type[Recorder]:
+    monkeypatch.setattr(Recorder, "seen", [], raising=False)
+    monkeypatch.setattr(Recorder, "blind", None, raising=False)
+    monkeypatch.setattr(scout, "Lattice", Recorder)
+    return Recorder
+
+
+@settings(max_examples=40)
+@given(
+    name=st.sampled_from(sorted(ROBOTS)),
+    world=st.integers(0, 5),
+    seed=st.integers(0, 1000),
+    headings=st.sampled_from([None, (0.0, math.pi), (math.pi, 0.0), (math.pi / 2, -math.pi / 2), (math.pi, math.pi)]),
+)
+def test_paths_are_certified(
+    judge: Judge, name: str, world: int, seed: int, headings: tuple[float, float] | None
+) -> None:
+    checker = StateChecker(
+        random_world(world, 30, size=24.0, radii=(0.5, 2.0), discs=0.3, holes=0.2), ROBOTS[name], cell=0.2
+    )
+    rng = np.random.default_rng(seed)
+    q = rng.uniform((0, 0, -math.pi), (24, 24, math.pi), (200, 3))
+    if name == "disc":
+        q[:, 2] = 0.0
+    elif headings is not None:
+        q[::2, 2], q[1::2, 2] = headings
+    valid = checker.valid(q)
+    if not (valid[::2].any() and valid[1::2].any()):
+        return
+    ends = np.array([q[::2][valid[::2]][0], q[1::2][valid[1::2]][0]])
+    looking = scouting(checker, ends, 0.8)
+    found = [looking.look(3)]
+    found += [looking.look_again(rng, 100.0) for _ in range(3)]
+    looking.views = len(scout.VIEWS)
+    found += [looking.look_again(rng, 100.0) for _ in range(3)]
+    for states in found:
+        if len(states):
+            judge(checker.world, checker.robot, *ends, states)
+            assert checker.motions_valid(states[:-1], states[1:]).all()
+
+
+def test_the_first_look_needs_no_costs_to_go(recorder: type[Recorder]) -> None:
+    low = ACROSS - (0.0, 5.0, 0.0)
+    looking = scouting(StateChecker(WALL, CAR), low)
+    states = looking.look()
+    assert len(states) > 2
+    assert looking.level == 1
+    assert looking.to_go.cache_info().currsize == 1
+    assert [(size, headings) for size, headings, *_ in recorder.seen] == [(0.5, 16)]
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_ways_are_found_from_either_end(judge: Judge, recorder: type[Recorder], end: int) -> None:
+    recorder.blind = ACROSS[1 - end]
+    checker = StateChecker(WALL, CAR)
+    states = scouting(checker, ACROSS).look(len(LEVELS))
+    judge(WALL, CAR, ACROSS[0], ACROSS[1], states)
+    assert checker.motions_valid(states[:-1], states[1:]).all()
+    assert recorder.seen[-1][2] == ACROSS[end].tobytes()
+
+
+def test_half_a_turn_on_the_way_back_is_another_motion(judge: Judge, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Beside a wall there is room to turn one way only: half a turn goes counter-clockwise, there and back.
+    robot = Robot.polygon([(-0.3, -0.3), (3.0, -0.3), (3.0, 0.3), (-0.3, 0.3)])
+    world = World("beside", (0, 0, 20, 20), (Rectangle((10.0, 3.9), 20.0, 1.0),))
+    checker = StateChecker(world, robot)
+    up, down = np.array([10.0, 5.0, 0.0]), np.array([10.0, 5.0, math.pi])
+    assert checker.motion_valid(up, down)
+    assert not checker.motion_valid(down, up)
+
+    class Turning(lattice.Lattice):
+        def way(self, start: FloatArray, goal: FloatArray, to_go: Any, **options: Any) -> tuple[FloatArray, int]:
+            return np.array([start, goal]), 2
+
+    monkeypatch.setattr(scout, "Lattice", Turning)
+    # Forward it is taken as found; backward it would lead through the wall, and is dropped.
+    judge(world, robot, up, down, scouting(checker, np.array([up, down])).look())
+    looking = scouting(checker, np.array([down, up]))
+    looking.views = len(scout.VIEWS)
+    assert len(looking.look_again(np.random.default_rng(0), 100.0)) == 0
+
+
+@pytest.mark.parametrize("robot", [CAR, Robot.disc(0.4)])
+@pytest.mark.parametrize("shut_in", [0, 1])
+def test_who_is_shut_in_is_looked_for_once_at_each_fineness(
+    recorder: type[Recorder], robot: Robot, shut_in: int
+) -> None:
+    ring = tuple(
+        Rectangle((10.0 + 3.0 * math.cos(a), 10.0 + 3.0 * math.sin(a)), 1.0, 3.0, a)
+        for a in np.linspace(0.0, 2.0 * math.pi, 10, endpoint=False)
+    )
+    checker = StateChecker(World("ring", (0, 0, 20, 20), ring), robot)
+    ends = np.array([[10.0, 10.0, 0.0], [2.0, 2.0, 0.0]])
+    looking = scouting(checker, ends if shut_in == 0 else ends[::-1])
+    for _ in range(len(LEVELS) + 3):
+        assert looking.look().shape == (0, 3)
+    assert looking.level == len(LEVELS)
+    exhausted = [search[:3] for search in recorder.seen if search[4]]
+    assert len(exhausted) == len(set(exhausted))
+    # From inside, every kind of lattice is exhausted sooner or later.
+    inside = {kind[:2] for kind in exhausted if kind[2] == ends[0].tobytes()}
+    if robot is CAR:
+        assert inside == {(0.5 / level.fineness, level.headings) for level in LEVELS}
+    else:
+        # Positions lie closer where no headings are told apart.
+        assert inside == {(0.25 / level.fineness, 1) for level in LEVELS}
+    # And none is looked at again after that.
+    kinds = [search[:3] for search in recorder.seen]
+    for i, search in enumerate(recorder.seen):
+        assert not (search[4] and search[:3] in kinds[i + 1 :])
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, -math.inf])
+def test_without_time_nothing_is_searched(recorder: type[Recorder], seconds: float) -> None:
+    looking = scouting(StateChecker(WALL, CAR), ACROSS, seconds=seconds)
+    assert looking.look(len(LEVELS)).shape == (0, 3)
+    assert looking.look_again(np.random.default_rng(0), 100.0).shape == (0, 3)
+    assert recorder.seen == []
+    assert looking.to_go.cache_info().currsize == 0
+
+
+def test_with_little_time_few_nodes_are_taken_and_nothing_counts_as_exhausted(recorder: type[Recorder]) -> None:
+    recorder.blind = ACROSS[0]
+    seconds = [100 * scout.SECONDS_A_NODE]
+    looking = Scout(StateChecker(WALL, CAR), ACROSS[0], ACROSS[1], 0.5, lambda: seconds[0])
+    looking.look()
+    assert recorder.seen[0][3] <= 100
+    # With more time, the same kind of lattice is looked at again.
+    seconds[0] = math.inf
+    looking.look()
+    assert recorder.seen[1][:3] == recorder.seen[0][:3]
+
+
+def test_other_looks_find_other_ways_around(judge: Judge) -> None:
+    # Above, where the robot may pass, it is tighter and longer; below it is the shortest way.
+    checker = StateChecker(WALL, CAR)
+    looking, rng = scouting(checker, ACROSS), np.random.default_rng(0)
+    below = cost(np.array([ACROSS[0], [9.2, 4.5, 0.0], [10.8, 4.5, 0.0], ACROSS[1]]))
+    known = cost(np.array([ACROSS[0], [9.2, 17.5, 0.0], [10.8, 17.5, 0.0], ACROSS[1]]))
+    costs = []
+    for _ in range(2 * len(scout.VIEWS) + 2):
+        states = looking.look_again(rng, known)
+        assert len(states)
+        costs.append(judge(WALL, CAR, ACROSS[0], ACROSS[1], states))
+        assert costs[-1] <= scout.DETOUR * known + 1e-6
+    # Better than the way that is known, by going around the other side.
+    assert 0.9 * below < min(costs) < 1.05 * below < known
+    # What is shorter than any way there is keeps the search from all of them.
+    assert len(looking.look_again(rng, 0.7 * below)) == 0
+
+
+def test_looks_are_repeatable() -> None:
+    world = random_world(3, 40, size=24.0, radii=(0.5, 2.0))
+    q = np.random.default_rng(0).uniform((0, 0, -math.pi), (24, 24, math.pi), (200, 3))
+    found = []
+    for _ in range(2):
+        checker = StateChecker(world, ROBOTS["L"])
+        ends = q[checker.valid(q)][:2]
+        looking, rng = scouting(checker, ends, 0.7), np.random.default_rng(5)
+        found.append([looking.look(4), *(looking.look_again(rng, 60.0) for _ in range(3))])
+    assert any(len(states) for states in found[0])
+    for one, other in zip(*found, strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_where_lattices_would_be_too_large_landmarks_find_the_way(
+    judge: Judge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lattice, "MAX_NODES", 100)
+    looking = scouting(StateChecker(WALL, CAR), ACROSS)
+    assert looking.look(len(LEVELS)).shape == (0, 3)
+    assert looking.look_again(np.random.default_rng(0), 100.0).shape == (0, 3)
+    found = LandmarkPlanner(WALL, CAR, seed=0).plan(ACROSS[0], ACROSS[1], 20.0, max_iterations=20)
+    assert found.path is not None
+    judge(WALL, CAR, ACROSS[0], ACROSS[1], np.asarray(found.path.states))
+
+
+def test_a_scout_that_is_stopped_ends_the_planning_in_order() -> None:
+    stops = iter([False] * 3)
+    found = LandmarkPlanner(WALL, CAR, seed=0).plan(ACROSS[0], ACROSS[1], 20.0, stop=lambda: next(stops, True))
+    assert found.status in ("solved", "timeout"), found.status
+    none = LandmarkPlanner(WALL, CAR, seed=0).plan(ACROSS[0], ACROSS[1], 20.0, stop=lambda: True)
+    assert none.status == "timeout"
+    assert none.path is None
