@@ -75,7 +75,7 @@ def shortest(world: World, radius: float, start: FloatArray, goal: FloatArray) -
 def test_ways_are_free_and_as_short_as_bounds_tell(seed: int, radius: float, boundary: bool) -> None:
     world = random_world(seed, 15, size=14.0, radii=(0.3, 2.5), discs=0.4, holes=0.3, boundary=boundary)
     q = np.random.default_rng(seed).uniform(0.0, 14.0, (200, 2))
-    q = q[StateChecker(world, Robot.disc(1.05 * radius)).valid(np.column_stack([q, np.zeros(len(q))]))]
+    q = q[StateChecker(world, Robot.disc(1.04 * radius + 0.01)).valid(np.column_stack([q, np.zeros(len(q))]))]
     if len(q) < 2:
         return
     start, goal = q[:2]
