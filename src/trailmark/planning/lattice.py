@@ -71,6 +71,7 @@ class Lattice:
         weight: float,
         budget: int,
         limit: float = np.inf,
+        patience: int | None = None,
     ) -> tuple[FloatArray, int]:
         """Return a path of certified motions, shape (n, 3), or (0, 3) if none was found, and the nodes taken.
 
@@ -83,6 +84,7 @@ class Lattice:
             weight: of the cost to go; 1 seeks the cheapest way, more finds one sooner.
             budget: nodes taken from the queue at most.
             limit: metres; no way over a node is of interest whose cost and straight distance to the goal exceed it.
+            patience: give up after so many nodes that come no nearer to the goal; never by default.
         """
         xmin, ymin, xmax, ymax = self.checker.world.bounds
         center = np.array(self.checker.robot.inscribed_disc.center)
@@ -108,6 +110,7 @@ class Lattice:
             weight,
             budget,
             limit,
+            budget if patience is None else patience,
             np.zeros(nodes, np.uint8),
             np.zeros(nodes, np.float32),
             np.zeros(nodes, np.uint8),
@@ -185,6 +188,7 @@ def _search(
     weight: float,
     budget: int,
     limit: float,
+    patience: int,
     known: NDArray[np.uint8],
     costs: NDArray[np.float32],
     moves: NDArray[np.uint8],
@@ -206,7 +210,8 @@ def _search(
     size_of_heap = heap_push(keys, values, 0, 0.0, first)
     moves[first], known[first] = ORIGIN + 1, CHECKED | VALID
     taken, last = 0, -1
-    while size_of_heap > 0 and taken < budget:
+    nearest, when = np.inf, 0
+    while size_of_heap > 0 and taken < budget and taken - when <= patience:
         size_of_heap = heap_pop(keys, values, size_of_heap)
         node = values[size_of_heap]
         # An entry may be stale: done already, or its motion failed and no other leads here.
@@ -247,6 +252,9 @@ def _search(
         x = q[0] + cos(q[2]) * center[0] - sin(q[2]) * center[1] - target[0]
         y = q[1] + sin(q[2]) * center[0] + cos(q[2]) * center[1] - target[1]
         away = abs(q[2] - goal[2])
+        left, _ = _left(node, origin, extent, size, target, to_go, frame)
+        if left < nearest:
+            nearest, when = left, taken
         near = hypot(x, y) < 1.5 * size and (not turning or min(away, 2.0 * pi - away) < 1.5 * turn)
         if (near or taken % AHEAD_EVERY == 0) and motion(grid, field, robot, placed, queue, q, goal, True) == FREE:
             last = node

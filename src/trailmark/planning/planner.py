@@ -42,13 +42,18 @@ OUTGROWN = 1.1
 class LandmarkPlanner:
     """Plans paths for one robot in one world, over a roadmap that grows with its queries.
 
-    A query is answered in rounds. The relaxed problem (the robot's inscribed disc on a grid) says where short
+    What the roadmap does not answer is first sought over a lattice of configurations
+    (:class:`trailmark.planning.lattice.Lattice`), guided by costs to go that shun tight places, from both ends and on
+    ever finer lattices; that mostly gives a first path.
+
+    The rest goes in rounds. The relaxed problem (the robot's inscribed disc on a grid) says where short
     paths are likely; valid configurations drawn there are clustered by K-means; the centres, repaired to valid
     configurations, join the roadmap as landmarks; a lazy search finds the shortest path of certified motions.
     While there is none, each round draws from a wider band and places more landmarks, in the end over all that
     the robot might reach: a path that exists with some room is found with probability one as time goes on. Once
-    there is a path it is shortened, and more landmarks are placed where a better one might run, until the path
-    settles or the time is up.
+    there is a path it is shortened; each round looks for another way around over a lattice and places more
+    landmarks where a better path might run, until the path settles or the time is up. A disc robot's shortest way
+    is computed instead (:func:`trailmark.planning.disc_way.disc_way`), where there is time for it.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
     reverse (:mod:`trailmark.curves`); costs are the curves' lengths, a path is a :class:`trailmark.curves.CurvePath`.

@@ -18,6 +18,9 @@ __all__ = ["AT_FIRST", "AT_ONCE", "Scout"]
 WEIGHT = 2.0
 """Of the cost to go: ways are sought that are soon found, and shortened afterwards."""
 
+PATIENCE = 100
+"""Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
+
 SECONDS_A_NODE = 4e-6
 """What taking a node from the queue may take."""
 
@@ -39,7 +42,7 @@ class Level(NamedTuple):
 
 
 LEVELS = (
-    Level(0, 1, 16, 600),
+    Level(0, 1, 16, 1_000),
     Level(1 << 14, 1, 16, 4_000),
     Level(1 << 16, 2, 32, 10_000),
     Level(1 << 16, 1, 32, 30_000),
@@ -152,7 +155,14 @@ class Scout:
             return np.empty((0, 3))
         lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
         begin, end = self.ends if onward else self.ends[::-1]
-        way, taken = lattice.way(begin, end, self.to_go(level.cells, onward), weight=WEIGHT, budget=budget)
+        way, taken = lattice.way(
+            begin,
+            end,
+            self.to_go(level.cells, onward),
+            weight=WEIGHT,
+            budget=budget,
+            patience=None if level.cells else PATIENCE,
+        )
         if len(way) == 0:
             if taken < budget:
                 self._exhausted.add(kind)
