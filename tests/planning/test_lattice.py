@@ -248,6 +248,26 @@ def test_exhausted_searches_take_fewer_nodes_than_they_may() -> None:
         assert cut == taken // 2
 
 
+def test_a_search_that_comes_no_nearer_is_given_up() -> None:
+    walls = (Rectangle((10.0, 10.0), 1.0, 14.0), Rectangle((7.0, 3.5), 6.0, 1.0), Rectangle((7.0, 16.5), 6.0, 1.0))
+    judged = StateChecker(World("pocket", (0, 0, 20, 20), walls), Robot.disc(0.5))
+    ends = np.array([[6.0, 10.0, 0.0], [15.0, 10.0, 0.0]])
+    search = Lattice(judged, 0.5, 1)
+    whole, taken = search.way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY)
+    assert len(whole) > 2
+    none, few = search.way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY, patience=20)
+    assert len(none) == 0
+    # On the straight way to the wall each node is nearer; 3.5 m of them.
+    assert 20 < few <= 30 < taken
+    # A better guide goes on getting nearer.
+    guide = CostToGo.of(judged, ends[1], 1600)
+    found, _ = search.way(ends[0], ends[1], guide, weight=2.0, budget=PLENTY, patience=20)
+    assert len(found) > 2
+    again, same = search.way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY, patience=taken)
+    assert np.array_equal(again, whole)
+    assert same == taken
+
+
 def test_the_limit_prunes() -> None:
     judged = StateChecker(World("wall", (0, 0, 20, 20), (Rectangle((10.0, 9.0), 1.0, 16.0),)), Robot.disc(0.5))
     start, goal = np.array([5.0, 9.0, 0.0]), np.array([15.0, 9.0, 0.0])

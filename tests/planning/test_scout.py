@@ -52,7 +52,13 @@ class Recorder(lattice.Lattice):
         if self.blind is not None and np.array_equal(start, self.blind):
             found, taken = np.empty((0, 3)), options["budget"]
         type(self).seen.append(
-            (self.size, self.headings, np.asarray(start).tobytes(), taken, taken < options["budget"])
+            (
+                self.size,
+                self.headings,
+                np.asarray(start).tobytes(),
+                taken,
+                taken < options["budget"] and options.get("patience") is None,
+            )
         )
         return found, taken
 
@@ -189,6 +195,17 @@ def test_with_little_time_few_nodes_are_taken_and_nothing_counts_as_exhausted(re
     seconds[0] = math.inf
     looking.look()
     assert recorder.seen[1][:3] == recorder.seen[0][:3]
+
+
+def test_a_search_given_up_for_want_of_progress_is_repeated_with_a_better_guide(recorder: type[Recorder]) -> None:
+    # A pocket that the straight distance leads into, larger than patience lasts.
+    pocket = (Rectangle((10.0, 10.0), 1.0, 16.0), Rectangle((6.0, 2.5), 9.0, 1.0), Rectangle((6.0, 17.5), 9.0, 1.0))
+    looking = scouting(StateChecker(World("pocket", (0, 0, 20, 20), pocket), CAR), ACROSS)
+    assert len(looking.look()) == 0
+    first = recorder.seen[0]
+    assert first[3] < LEVELS[0].nodes
+    assert len(looking.look()) > 2
+    assert recorder.seen[1][:3] == first[:3]
 
 
 def test_other_looks_find_other_ways_around(judge: Judge) -> None:

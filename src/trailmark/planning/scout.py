@@ -164,7 +164,8 @@ class Scout:
             patience=None if level.cells else PATIENCE,
         )
         if len(way) == 0:
-            if taken < budget:
+            # A search that was given up for want of progress tells nothing.
+            if level.cells and taken < budget:
                 self._exhausted.add(kind)
             return way
         return self._straightened(way, onward)
