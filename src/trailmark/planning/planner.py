@@ -56,8 +56,8 @@ class LandmarkPlanner:
     is computed instead (:func:`trailmark.planning.disc_way.disc_way`), where there is time for it.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
-    reverse (:mod:`trailmark.curves`); costs are the curves' lengths, a path is a :class:`trailmark.curves.CurvePath`. It
-    goes without lattices: what helps it in tight places are short drives (:mod:`trailmark.planning.drives`).
+    reverse (:mod:`trailmark.curves`); costs are the curves' lengths, a path is a :class:`trailmark.curves.CurvePath`.
+    It goes without lattices: in tight places short drives lead on (:mod:`trailmark.planning.drives`).
 
     Args:
         world: obstacles and bounds.
