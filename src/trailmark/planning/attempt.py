@@ -15,7 +15,7 @@ from trailmark.path import Path
 from trailmark.planning.disc_way import disc_way
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.result import PlanProgress, Status
-from trailmark.planning.scout import AT_FIRST, AT_ONCE, Scout
+from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_ONCE, Scout
 from trailmark.planning.shortening import shorten
 from trailmark.roadmap import Roadmap
 
@@ -33,6 +33,9 @@ SAMPLES_PER_LANDMARK = 5
 FIRST_LANDMARKS = 120
 GROWTH = 1.4
 """Each round places this many times the landmarks of the one before."""
+
+SHORT = 200
+"""Cells of a relaxed way up to which it counts as short."""
 
 ROUNDS_PER_GRID = 2
 """Rounds without a path after which the relaxed problem is looked at on a grid twice as fine."""
@@ -133,7 +136,9 @@ class Attempt:
         if self.best is None and not np.isfinite(band.shortest):
             return "infeasible", None
         if self.best is None:
-            self._take(scout.look(AT_FIRST - AT_ONCE))
+            # A close look at each cell of a short way costs less than larger lattices.
+            far = band.shortest > SHORT * band.relaxation.size
+            self._take(scout.look((AT_MOST if far else AT_FIRST) - AT_ONCE))
         if self.best is None:
             self._disc_way()
         guides, whole = (np.empty((0, 3)), True) if self.best is not None else band.guides(self.rng)

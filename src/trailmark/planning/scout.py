@@ -13,7 +13,7 @@ from trailmark.planning.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice import Lattice, straightened
 from trailmark.se2 import FloatArray
 
-__all__ = ["AT_FIRST", "AT_ONCE", "Scout"]
+__all__ = ["AT_FIRST", "AT_MOST", "AT_ONCE", "Scout"]
 
 WEIGHT = 2.0
 """Of the cost to go: ways are sought that are soon found, and shortened afterwards."""
@@ -47,6 +47,7 @@ LEVELS = (
     Level(1 << 16, 2, 32, 10_000),
     Level(1 << 16, 1, 32, 30_000),
     Level(1 << 16, 1, 16, 80_000),
+    Level(1 << 16, 2, 64, 20_000),
     Level(1 << 16, 2, 32, 200_000),
     Level(1 << 16, 4, 64, 1_000_000),
 )
@@ -84,8 +85,8 @@ STRETCH = (0.75, 1.25)
 DETOUR = 1.15
 """Over a lattice of eight directions a way may be so much longer than its straightened self."""
 
-AT_ONCE, AT_FIRST = 2, 5
-"""Levels looked at before all else, and before landmarks are placed; the others come between the rounds."""
+AT_ONCE, AT_FIRST, AT_MOST = 2, 3, 6
+"""Levels looked at before all else, and before landmarks are placed on a short and on a long way; others follow."""
 
 
 class Scout:
