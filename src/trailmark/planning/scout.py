@@ -44,10 +44,10 @@ class Level(NamedTuple):
 LEVELS = (
     Level(0, 1, 16, 1_000),
     Level(1 << 14, 1, 16, 4_000),
-    Level(1 << 16, 2, 32, 10_000),
+    Level(1 << 16, 2, 32, 8_000),
+    Level(1 << 16, 2, 64, 10_000),
     Level(1 << 16, 1, 32, 30_000),
     Level(1 << 16, 1, 16, 80_000),
-    Level(1 << 16, 2, 64, 20_000),
     Level(1 << 16, 2, 32, 200_000),
     Level(1 << 16, 4, 64, 1_000_000),
 )
@@ -85,7 +85,7 @@ STRETCH = (0.75, 1.25)
 DETOUR = 1.15
 """Over a lattice of eight directions a way may be so much longer than its straightened self."""
 
-AT_ONCE, AT_FIRST, AT_MOST = 2, 3, 6
+AT_ONCE, AT_FIRST, AT_MOST = 2, 4, 6
 """Levels looked at before all else, and before landmarks are placed on a short and on a long way; others follow."""
 
 
