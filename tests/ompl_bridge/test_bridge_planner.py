@@ -62,7 +62,9 @@ tell(late=late, words=words)
     # 20 ms on a machine of one's own; here other tests take the other core.
     assert sorted(found["late"])[len(found["late"]) // 2] < 0.02
     assert max(found["late"]) < 0.2
-    assert found["words"][0] == "Timeout"
+    # A path that comes while the planner is asked to stop is handed over.
+    assert set(found["words"]) <= {"Timeout", "Exact solution"}
+    assert found["words"][-1] == "Exact solution"
 
 
 @pytest.mark.parametrize("limit", [0.03, 0.1])
