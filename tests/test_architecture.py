@@ -15,7 +15,7 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"errors", "heap"}),
     frozenset({"nearest", "se2", "shapes"}),
-    frozenset({"path", "world", "formats"}),
+    frozenset({"path", "robot", "world", "formats"}),
     frozenset({"curves"}),
     frozenset({"collision", "estimation"}),
     frozenset({"landmarks"}),
@@ -32,6 +32,7 @@ PEERS = {
     ("se2", "shapes"),
     ("shapes", "se2"),
     ("path", "world"),
+    ("world", "robot"),
     ("world", "path"),
     ("formats", "world"),
     ("formats", "path"),

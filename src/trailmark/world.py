@@ -1,4 +1,4 @@
-"""World, Robot and Query: what there is to plan in, with what, and from where to where.
+"""World and Query: what there is to plan in, and from where to where.
 
 A world made from noisy readings also says how well each obstacle is known (:class:`ObstacleEstimate`) and for which
 risk it was grown (:class:`RiskBound`); :mod:`trailmark.estimation.risk` makes such worlds.
@@ -9,169 +9,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from pathlib import Path as FilePath
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
-from trailmark.errors import ShapeError, WorldError, did_you_mean
-from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.errors import WorldError, did_you_mean
+from trailmark.robot import Robot
+from trailmark.shapes import Polygon, Rectangle, Shape
 
-__all__ = ["BOUNDS_LIMIT", "TURNING_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
+__all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
 
 BOUNDS_LIMIT = 1e7
 """Metres: farther from the origin, rounding would eat up the touching tolerance of 1e-7 m."""
-
-TURNING_LIMIT = 1e4
-"""Metres: curves of a larger turning radius would miss their ends by more than rounding."""
-
-
-@dataclass(frozen=True)
-class Robot:
-    """A robot: its footprint in its own frame, whose origin is the reference point that a configuration places.
-
-    Attributes:
-        footprint: a disc or a rectangle centred on the reference point, or any simple polygon without holes.
-        turning_radius: of a car-like robot: metres, radius of the smallest circle that its reference point, which moves
-            along the heading, can drive on. None: the robot moves in every direction and turns in place.
-        reverse: whether a car-like robot drives backwards too.
-
-    Raises:
-        ShapeError: a footprint with holes, a disc or rectangle that is not centred on the reference point, a turning
-            radius out of range, or ``reverse`` False without one.
-    """
-
-    footprint: Shape
-    turning_radius: float | None = None
-    reverse: bool = True
-
-    def __post_init__(self) -> None:
-        self._check_steering()
-        shape = self.footprint
-        if isinstance(shape, Polygon):
-            if shape.holes:
-                raise ShapeError(f"robot: polygon with {len(shape.holes)} holes given, allowed: without holes")
-        elif shape.center != (0.0, 0.0) or (isinstance(shape, Rectangle) and shape.heading != 0.0):
-            raise ShapeError("robot: disc and rectangle lie centred on the reference point, unrotated")
-
-    @classmethod
-    def disc(cls, radius: float) -> Robot:
-        """Return a round robot; ``radius`` in metres."""
-        return cls(Disc((0.0, 0.0), radius))
-
-    @classmethod
-    def rectangle(cls, length: float, width: float) -> Robot:
-        """Return a rectangular robot centred on its reference point, ``length`` along its heading, in metres."""
-        return cls(Rectangle((0.0, 0.0), length, width))
-
-    @classmethod
-    def polygon(cls, vertices: Sequence[Sequence[float]] | se2.FloatArray) -> Robot:
-        """Return a robot with any simple outline; ``vertices`` of shape (n, 2), metres, robot frame."""
-        return cls(Polygon(np.asarray(vertices, dtype=np.float64)))
-
-    @classmethod
-    def parse(cls, text: str) -> Robot:
-        """Return the robot that a shell argument names.
-
-        Args:
-            text: ``disc:RADIUS``, ``rectangle:LENGTHxWIDTH`` or ``polygon:x,y;x,y;x,y…``; metres.
-
-        Raises:
-            ShapeError: anything else.
-        """
-        kind, _, rest = text.partition(":")
-        try:
-            if kind == "disc":
-                return cls.disc(float(rest))
-            if kind == "rectangle":
-                length, width = (float(v) for v in rest.split("x"))
-                return cls.rectangle(length, width)
-            if kind == "polygon":
-                points = [[float(v) for v in point.split(",")] for point in rest.split(";")]
-                return cls.polygon(np.array(points))
-        except ShapeError:
-            raise
-        except ValueError:
-            pass
-        raise ShapeError(
-            f"robot {text!r} given, allowed: disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)"
-        )
-
-    @cached_property
-    def outline(self) -> Polygon:
-        """The footprint as a polygon; a disc's contains it and reaches at most 1 mm (or 0.1 % of r) beyond."""
-        tolerance = min(1e-3, 1e-3 * self.footprint.radius) if isinstance(self.footprint, Disc) else 0.0
-        return self.footprint.polygon(tolerance)
-
-    @cached_property
-    def circumradius(self) -> float:
-        """Largest distance (metres) of a point of the footprint from the reference point."""
-        if isinstance(self.footprint, Disc):
-            return self.footprint.radius
-        return float(np.hypot(*self.outline.vertices.T).max())
-
-    @property
-    def sweep_radius(self) -> float:
-        """R in the motion bound ‖Δxy‖ + R·|Δθ| (metres): the circumradius, but 0 for a disc, which turns in place."""
-        return 0.0 if isinstance(self.footprint, Disc) else self.circumradius
-
-    @cached_property
-    def inscribed_disc(self) -> Disc:
-        """The largest disc inside the footprint (robot frame); found to 1e-6 of its size, and never too large."""
-        if isinstance(self.footprint, Disc):
-            return self.footprint
-        import shapely
-
-        region = self.outline.shapely()
-        line = shapely.maximum_inscribed_circle(region, tolerance=1e-6 * self.circumradius)
-        center = shapely.get_coordinates(line)[0]
-        # The distance is measured again from the centre, so that it is right whatever the search's tolerance.
-        radius = float(shapely.distance(shapely.Point(center), region.exterior))
-        return Disc((float(center[0]), float(center[1])), radius)
-
-    @cached_property
-    def reference_radius(self) -> float:
-        """Radius (metres) of the largest disc about the reference point inside the footprint; 0 if it lies outside."""
-        if isinstance(self.footprint, Disc):
-            return self.footprint.radius
-        import shapely
-
-        region, origin = self.outline.shapely(), shapely.Point(0.0, 0.0)
-        return float(shapely.distance(origin, region.exterior)) if region.contains(origin) else 0.0
-
-    def steered(self, turning_radius: float | None, reverse: bool = True) -> Robot:
-        """Return a robot of the same shape with another turning radius (metres), or None, and direction of driving."""
-        return replace(self, turning_radius=turning_radius, reverse=reverse)
-
-    def describe(self) -> str:
-        """Return a short text such as ``rectangle 0.6 x 0.4 m``."""
-        shape = self.footprint
-        if isinstance(shape, Disc):
-            text = f"disc {shape.radius:g} m"
-        elif isinstance(shape, Rectangle):
-            text = f"rectangle {shape.length:g} x {shape.width:g} m"
-        else:
-            text = f"polygon of {len(shape.vertices)} vertices"
-        if self.turning_radius is not None:
-            text += f", turning radius {self.turning_radius:g} m" + ("" if self.reverse else ", forward only")
-        return text
-
-    def _check_steering(self) -> None:
-        radius = self.turning_radius
-        if not isinstance(self.reverse, bool):
-            raise ShapeError(f"robot: reverse {self.reverse!r} given, allowed: True, False")
-        if radius is None:
-            if not self.reverse:
-                raise ShapeError("robot: reverse False given without a turning radius, allowed: with one")
-            return
-        number = isinstance(radius, int | float | np.integer | np.floating) and not isinstance(radius, bool)
-        if not (number and 0.0 < radius <= TURNING_LIMIT):
-            raise ShapeError(
-                f"robot: turning_radius {radius!r} given, allowed: a number above 0 and at most {TURNING_LIMIT:g} m"
-            )
-        object.__setattr__(self, "turning_radius", float(radius))
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ __all__ = [
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")  # those of trailmark.plotting, which is heavy to import
 Configuration = tuple[float, float, float]
 
-MAX_TURNING_RADIUS = 1e4  # trailmark.world.TURNING_LIMIT, whose module takes numpy along
+MAX_TURNING_RADIUS = 1e4  # trailmark.robot.TURNING_LIMIT, whose module takes numpy along
 
 # Newer typer carries click inside, older depends on it; a public exception leads to its base class in both.
 UsageError: Any = typer.BadParameter.__mro__[1]
