@@ -12,7 +12,9 @@ from trailmark import se2
 from trailmark.landmarks import Relaxation, k_means_landmarks
 from trailmark.landmarks.informed import Band
 from trailmark.path import Path
+from trailmark.planning.bridge import Bridge
 from trailmark.planning.disc_way import disc_way
+from trailmark.planning.headings import turned_evenly
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.result import PlanProgress, Status
 from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_ONCE, Scout
@@ -39,9 +41,6 @@ SHORT = 200
 
 ROUNDS_PER_GRID = 2
 """Rounds without a path after which the relaxed problem is looked at on a grid twice as fine."""
-
-BRIDGE_MISSES, BRIDGE_TRIES = 6, 40
-"""Attempts that bring the parts no closer before the next round of landmarks; configurations tried at each place."""
 
 SWEEPS, FIRST_SWEEPS, PROMISING = 40, 5, 1.03
 """Sweeps of shortening at most; another path gets all only if the first few bring it within this factor of the best."""
@@ -116,70 +115,101 @@ class Attempt:
 
     def run(self) -> tuple[Status, se2.FloatArray | None]:
         """Return the status and the best path's states, shape (n, 3), or None."""
-        # The relaxed problem and the roadmap know a disc robot at heading 0 only.
-        ends = np.array([self.start, self.goal])
-        if not self.turning:
-            ends[:, 2] = 0.0
-        if self.checker.motions_between_valid(ends[:1], ends[1:])[0]:
-            # Nothing is shorter than the straight motion.
+        ends = self._ends()
+        if self._straight(ends):
+            # Nothing is shorter.
             self._offer(ends)
             return self._answer()
         nodes = self.roadmap.add(ends)
         if len(self.roadmap) > len(ends):
             self._search(self.roadmap, None, nodes)
-        scout = Scout(self.checker, ends[0], ends[1], self.relaxation.size, self._time_left)
-        known = self.best is not None
-        if self.best is None:
+        known, scout = self.best is not None, self._scout(ends)
+        if not known and scout is not None:
             self._report("looking for a first path")
             self._take(scout.look(AT_ONCE))
         band = Band(self.checker, self.relaxation, ends[0], ends[1])
-        if self.best is None and not np.isfinite(band.shortest):
+        rounds = self._place(band, scout, nodes)
+        if self.best is None and not (np.isfinite(band.shortest) and np.isfinite(self.lower_bound)):
             return "infeasible", None
-        if self.best is None:
+        self._prove(PROOF_SHARE)
+        if self.best is not None and not (known or rounds or self._close_enough()) and len(self.roadmap) < KEPT:
+            self._grow(self.roadmap, band, self._widening(band), FIRST_LANDMARKS)
+        self._improve(band, ends, int(FIRST_LANDMARKS * GROWTH**rounds), scout)
+        self._prove(1.0)
+        if self.best is not None:
+            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
+        return self._answer()
+
+    def _ends(self) -> se2.FloatArray:
+        """Return start and goal as the roadmap knows them: a disc robot at heading 0 only."""
+        ends = np.array([self.start, self.goal])
+        if not self.turning:
+            ends[:, 2] = 0.0
+        return ends
+
+    def _straight(self, ends: se2.FloatArray) -> bool:
+        """Return whether a single motion leads from start to goal."""
+        return bool(self.checker.motions_between_valid(ends[:1], ends[1:])[0])
+
+    def _scout(self, ends: se2.FloatArray) -> Scout | None:
+        """Return what looks for ways over lattices."""
+        return Scout(self.checker, ends[0], ends[1], self.relaxation.size, self._time_left)
+
+    def _place(self, band: Band, scout: Scout | None, nodes: NDArray[np.int64]) -> int:
+        """Place landmarks round by round while there is no path; return the number of rounds."""
+        if self.best is None and np.isfinite(band.shortest):
+            self._look_closely(band, scout)
+        rounds = 0
+        while self._may_exist(band) and self._go_on("placing landmarks"):
+            guides = self._guides(band, rounds)
+            if not self._may_exist(band):
+                break
+            self.roadmap.add(guides)
+            ε = WIDENINGS[rounds] if rounds < len(WIDENINGS) else np.inf
+            self._grow(self.roadmap, band, ε, int(FIRST_LANDMARKS * GROWTH**rounds))
+            self._search(self.roadmap, band, nodes)
+            if self.best is None and self._time_left() > 0.0:
+                self._join(band, nodes, rounds)
+            rounds += 1
+            if self.best is not None:
+                break
+            self.nearest = self._approach(nodes)
+            if rounds % ROUNDS_PER_GRID == 0:
+                # What keeps failing may need a closer look, or be impossible.
+                self._prove(PROOF_SHARE)
+                band.refine()
+            if scout is not None:
+                self._take(scout.look())
+        return rounds
+
+    def _may_exist(self, band: Band) -> bool:
+        """Return whether a path is still sought and not proven not to exist."""
+        return self.best is None and bool(np.isfinite(band.shortest)) and bool(np.isfinite(self.lower_bound))
+
+    def _look_closely(self, band: Band, scout: Scout | None) -> None:
+        """Look for a first path without landmarks."""
+        if scout is not None:
             # A close look at each cell of a short way costs less than larger lattices.
             far = band.shortest > SHORT * band.relaxation.size
             self._take(scout.look((AT_MOST if far else AT_FIRST) - AT_ONCE))
         if self.best is None:
             self._disc_way()
-        guides, whole = (np.empty((0, 3)), True) if self.best is not None else band.guides(self.rng)
-        if not whole and band.relaxation.size > band.relaxation.radius and band.refine():
-            # Cells larger than the disc may have led to where it does not fit.
-            if not np.isfinite(band.shortest):
-                return "infeasible", None
-            guides, whole = band.guides(self.rng)
-        rounds = 0
-        landmarks = float(FIRST_LANDMARKS)
-        while self.best is None and np.isfinite(band.shortest) and self._go_on("placing landmarks"):
-            ε = WIDENINGS[rounds] if rounds < len(WIDENINGS) else np.inf
-            self.roadmap.add(guides)
-            self._grow(self.roadmap, band, ε, int(landmarks))
+
+    def _guides(self, band: Band, rounds: int) -> se2.FloatArray:
+        """Return valid configurations along the relaxed shortest way, shape (n, 3)."""
+        guides, whole = band.guides(self.rng)
+        # Cells larger than the disc may have led to where it does not fit.
+        coarse = rounds == 0 and not whole and band.relaxation.size > band.relaxation.radius
+        if coarse and band.refine() and np.isfinite(band.shortest):
+            guides, _ = band.guides(self.rng)
+        return guides
+
+    def _join(self, band: Band, nodes: NDArray[np.int64], rounds: int) -> None:  # a car's drives need it
+        """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
+        bridge = Bridge(self.roadmap, band, nodes, self.rng)
+        while self.best is None and bridge.promising and self._time_left() > 0.0:
+            self.roadmap.add(bridge.landmarks())
             self._search(self.roadmap, band, nodes)
-            if self.best is None:
-                self._bridge(band, nodes)
-            if self.best is None:
-                self.nearest = self._approach(nodes)
-            rounds += 1
-            if self.best is None and rounds % ROUNDS_PER_GRID == 0:
-                # What keeps failing may need a closer look, or be impossible.
-                self._prove(PROOF_SHARE)
-                if not np.isfinite(self.lower_bound):
-                    return "infeasible", None
-                band.refine()
-            if self.best is None and np.isfinite(band.shortest):
-                guides, _ = band.guides(self.rng)
-            if self.best is None:
-                self._take(scout.look())
-            landmarks *= GROWTH
-        if self.best is None and not np.isfinite(band.shortest):
-            return "infeasible", None
-        self._prove(PROOF_SHARE)
-        if self.best is not None and not (known or rounds or self._close_enough()) and len(self.roadmap) < KEPT:
-            self._grow(self.roadmap, band, self._widening(band), FIRST_LANDMARKS)
-        self._improve(band, ends, landmarks, scout)
-        self._prove(1.0)
-        if self.best is not None:
-            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
-        return self._answer()
 
     def _grow(self, roadmap: Roadmap, band: Band, widening: float, landmarks: int) -> None:
         """Cluster samples of the band into landmarks and join them to a roadmap."""
@@ -188,36 +218,6 @@ class Attempt:
             # Heading differences count as far as they move the robot.
             radius = self.checker.footprint.sweep_radius
             roadmap.add(k_means_landmarks(samples, landmarks, radius=radius, steps=LLOYD_STEPS, random_state=self.rng))
-
-    def _bridge(self, band: Band, nodes: NDArray[np.int64]) -> None:
-        """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
-        misses, nearest = 0, np.full(3, np.inf)
-        while self.best is None and misses < BRIDGE_MISSES and self._time_left() > 0.0:
-            q = self.roadmap.configurations
-            ahead = q[self.roadmap.shortest_path(int(nodes[0]), int(nodes[1])).reached]
-            behind = q[self.roadmap.shortest_path(int(nodes[1]), int(nodes[0])).reached]
-            near, far, gap = self._closest(ahead, behind)
-            first, last = band.nearest_to_goal(ahead), band.nearest_to_start(behind)
-            apart = np.array([gap, band.costs_to_goal(ahead[[first]])[0], band.costs_to_start(behind[[last]])[0]])
-            misses = 0 if (apart < 0.95 * nearest).any() else misses + 1
-            nearest = np.minimum(nearest, apart)
-            # Where the two parts come closest, and where each comes closest to its end on the relaxed way: the first
-            # tells of gaps in the headings, the others of gaps in the way.
-            places = (ahead[near], behind[far], ahead[first], behind[last])
-            reach = band.relaxation.size * 2.0 ** self.rng.uniform(0.0, 4.0)
-            found = [band.samples_near(place, reach, BRIDGE_TRIES, self.rng) for place in places]
-            self.roadmap.add(np.concatenate(found))
-            self._search(self.roadmap, band, nodes)
-
-    def _closest(self, ahead: se2.FloatArray, behind: se2.FloatArray) -> tuple[int, int, float]:
-        """Return the indices of the closest pair of two sets of configurations, and their distance (metres)."""
-        from scipy.spatial import cKDTree
-
-        radius = self.checker.footprint.sweep_radius
-        found = cKDTree(se2.embed(behind, radius)).query(se2.embed(ahead, radius))
-        gaps, pairs = np.asarray(found[0]), np.asarray(found[1])
-        near = int(np.argmin(gaps))
-        return near, int(pairs[near]), float(gaps[near])
 
     def _approach(self, nodes: NDArray[np.int64]) -> se2.FloatArray:
         """Return the states of the shortest path from the start to the node, of those reached, nearest to the goal."""
@@ -250,7 +250,7 @@ class Attempt:
     def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
         return shorten(self.checker, states, self.rng, sweeps=sweeps, stop=lambda: self._time_left() <= 0.0)
 
-    def _improve(self, band: Band, ends: se2.FloatArray, landmarks: float, scout: Scout | None = None) -> None:
+    def _improve(self, band: Band, ends: se2.FloatArray, landmarks: int, scout: Scout | None) -> None:
         """Look for other ways around, place landmarks where better paths might run and search again, while it helps.
 
         This goes on in a roadmap of its own, so that the planner's stays small enough for many queries; what
@@ -271,7 +271,7 @@ class Attempt:
                 roadmap.add_path(way, int(nodes[0]), int(nodes[1]))
                 if Path(way).cost < PROMISING * self.best_cost:
                     self._offer(self._shortened(way))
-            self._grow(roadmap, band, self._widening(band), int(landmarks))
+            self._grow(roadmap, band, self._widening(band), landmarks)
             # Once without the best path's own vertices, for the other ways around the obstacles ...
             banned = np.zeros(len(roadmap), dtype=np.bool_)
             banned[marked] = True
@@ -347,14 +347,7 @@ class Attempt:
 
     def _with_headings(self, states: se2.FloatArray) -> se2.FloatArray:
         """Return the path with the ends' headings; a disc robot turns evenly along it, which costs the least."""
-        if self.turning:
-            return states
-        states = states.copy()
-        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(states[:, :2], axis=0).T))])
-        share = along / along[-1] if along[-1] > 0.0 else np.linspace(0.0, 1.0, len(states))
-        states[:, 2] = se2.interpolate(self.start, self.goal, share)[:, 2]
-        states[0], states[-1] = self.start, self.goal
-        return states
+        return states if self.turning else turned_evenly(states, self.start, self.goal)
 
     def _answer(self) -> tuple[Status, se2.FloatArray | None]:
         return ("timeout", None) if self.best is None else ("solved", self._with_headings(self.best))

@@ -14,21 +14,16 @@ from trailmark.curves import CurvePath
 from trailmark.landmarks import k_means_landmarks
 from trailmark.landmarks.informed import Band
 from trailmark.planning.attempt import (
-    FIRST_LANDMARKS,
     FIRST_SWEEPS,
-    GROWTH,
     LLOYD_STEPS,
     PROMISING,
-    PROOF_SHARE,
-    ROUNDS_PER_GRID,
     SAMPLES_PER_LANDMARK,
     SWEEPS,
-    WIDENINGS,
     Attempt,
 )
 from trailmark.planning.curve_shortening import shorten_curves
 from trailmark.planning.drives import drives_from
-from trailmark.planning.result import PlanProgress, Status
+from trailmark.planning.result import PlanProgress
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.curve_roadmap import CurveRoadmap
 
@@ -61,46 +56,24 @@ class CarAttempt(Attempt):
         self.motions = CurveChecker(self.checker, self.steering)
         self.lower_bound = float(self.steering.lengths(self.start, self.goal))
 
-    def run(self) -> tuple[Status, se2.FloatArray | None]:
-        """Return the status and the best path's knots, shape (n, 3), or None."""
-        ends = np.array([self.start, self.goal])
-        if self.motions.motions_between_valid(ends[:1], ends[1:])[0]:
-            # Nothing is shorter than the shortest curve.
-            self._offer(ends)
-            return self._answer()
-        band = Band(self.checker, self.relaxation, self.start, self.goal)
-        if not np.isfinite(band.shortest):
-            return "infeasible", None
-        nodes = self.roadmap.add(ends)
-        self._search(self.roadmap, band, nodes)
-        rounds, landmarks = 0, float(FIRST_LANDMARKS)
-        drive = LONGEST_DRIVE * self.steering.radius
-        while self.best is None and np.isfinite(band.shortest) and self._go_on("placing landmarks"):
-            ε = WIDENINGS[rounds] if rounds < len(WIDENINGS) else np.inf
-            self.roadmap.add(band.guides(self.rng)[0])
-            self._grow(self.roadmap, band, ε, int(landmarks))
-            self._search(self.roadmap, band, nodes)
-            if self.best is None and self._time_left() > 0.0:
-                self._drive(band, nodes, drive, DRIVES << min(rounds, 6))
-                drive *= 0.5
-            if self.best is None:
-                self.nearest = self._approach(nodes)
-            rounds += 1
-            if self.best is None and rounds % ROUNDS_PER_GRID == 0:
-                # What keeps failing may need a closer look, or be impossible.
-                self._prove(PROOF_SHARE)
-                if not np.isfinite(self.lower_bound):
-                    return "infeasible", None
-                band.refine()
-            landmarks *= GROWTH
-        if not np.isfinite(band.shortest):
-            return "infeasible", None
-        self._prove(PROOF_SHARE)
-        self._improve(band, ends, landmarks)
-        self._prove(1.0)
-        if self.best is not None:
-            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
-        return self._answer()
+    def _ends(self) -> se2.FloatArray:
+        return np.array([self.start, self.goal])
+
+    def _straight(self, ends: se2.FloatArray) -> bool:
+        """Return whether the shortest curve leads from start to goal."""
+        return bool(self.motions.motions_between_valid(ends[:1], ends[1:])[0])
+
+    def _scout(self, ends: se2.FloatArray) -> None:
+        """A lattice's motions are not a car's."""
+
+    def _disc_way(self) -> bool:
+        return False
+
+    def _guides(self, band: Band, rounds: int) -> se2.FloatArray:  # the same in every round
+        return band.guides(self.rng)[0]
+
+    def _join(self, band: Band, nodes: NDArray[np.int64], rounds: int) -> None:
+        self._drive(band, nodes, LONGEST_DRIVE * self.steering.radius * 0.5**rounds, DRIVES << min(rounds, 6))
 
     def _grow(self, roadmap: Roadmap, band: Band, widening: float, landmarks: int) -> None:
         """Cluster samples of the band into landmarks and join them to a roadmap."""

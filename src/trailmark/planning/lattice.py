@@ -36,6 +36,9 @@ MAX_NODES = 1 << 26
 AHEAD_EVERY = 64
 """Nodes after which the straight motion to the goal is tried once more."""
 
+TILE = 8
+"""Cells along each side of a tile; cells are numbered tile by tile, so that neighbours share pages of memory."""
+
 # What is known of a node: bits.
 CHECKED, VALID, DONE = 1, 2, 4
 
@@ -91,10 +94,11 @@ class Lattice:
         x, y = se2.transform(start, center[None])[0]
         left, below = floor((x - xmin) / self.size), floor((y - ymin) / self.size)
         columns, rows = left + 1 + floor((xmax - x) / self.size), below + 1 + floor((ymax - y) / self.size)
-        if rows * columns * self.headings > MAX_NODES:
+        tiles = -(-columns // TILE), -(-rows // TILE)
+        nodes = tiles[0] * tiles[1] * TILE**2 * self.headings
+        if nodes > MAX_NODES:
             return np.empty((0, 3)), 0
         # Zeros cost nothing before they are touched.
-        nodes = rows * columns * self.headings
         found, taken = _search(
             self.checker.grid,
             self.checker.field,
@@ -103,7 +107,7 @@ class Lattice:
             np.array([x, y, start[2]]),
             np.asarray(start),
             np.asarray(goal),
-            np.array([left, below, columns, rows, self.headings]),
+            np.array([left, below, columns, rows, self.headings, tiles[0]]),
             self.size,
             to_go.cost,
             np.array([to_go.x0, to_go.y0, to_go.size]),
@@ -118,6 +122,20 @@ class Lattice:
         return found, int(taken)
 
 
+@njit(cache=True, inline="always")
+def _number(column: int, row: int, extent: NDArray[np.int64]) -> int:
+    """Return a cell's number."""
+    tile = row // TILE * extent[5] + column // TILE
+    return int(tile * TILE * TILE + row % TILE * TILE + column % TILE)
+
+
+@njit(cache=True, inline="always")
+def _place(cell: int, extent: NDArray[np.int64]) -> tuple[int, int]:
+    """Return a cell's column and row."""
+    tile, within = cell // (TILE * TILE), cell % (TILE * TILE)
+    return tile % extent[5] * TILE + within % TILE, tile // extent[5] * TILE + within // TILE
+
+
 @njit(cache=True)
 def _configuration(
     node: int, origin: FloatArray, extent: NDArray[np.int64], size: float, center: FloatArray, q: FloatArray
@@ -128,8 +146,9 @@ def _configuration(
     # Into (-pi, pi]: half a turn is +pi.
     theta -= 2.0 * pi * ceil((theta - pi) / (2.0 * pi))
     c, s = cos(theta), sin(theta)
-    q[0] = origin[0] + (cell % extent[2] - extent[0]) * size - (c * center[0] - s * center[1])
-    q[1] = origin[1] + (cell // extent[2] - extent[1]) * size - (s * center[0] + c * center[1])
+    column, row = _place(cell, extent)
+    q[0] = origin[0] + (column - extent[0]) * size - (c * center[0] - s * center[1])
+    q[1] = origin[1] + (row - extent[1]) * size - (s * center[0] + c * center[1])
     q[2] = theta
 
 
@@ -144,15 +163,15 @@ def _left(
     frame: FloatArray,
 ) -> tuple[float, float]:
     """Return what is left from a node's position to the goal's, and the straight distance, metres."""
-    cell = node // extent[4]
-    x = origin[0] + (cell % extent[2] - extent[0]) * size
-    y = origin[1] + (cell // extent[2] - extent[1]) * size
+    column, row = _place(node // extent[4], extent)
+    x = origin[0] + (column - extent[0]) * size
+    y = origin[1] + (row - extent[1]) * size
     straight = hypot(target[0] - x, target[1] - y)
     if to_go.shape[0] == 0:
         return straight, straight
-    column, row = floor((x - frame[0]) / frame[2]), floor((y - frame[1]) / frame[2])
-    if 0 <= row < to_go.shape[0] and 0 <= column < to_go.shape[1]:
-        return float(to_go[row, column]), straight
+    i, j = floor((y - frame[1]) / frame[2]), floor((x - frame[0]) / frame[2])
+    if 0 <= i < to_go.shape[0] and 0 <= j < to_go.shape[1]:
+        return float(to_go[i, j]), straight
     return np.inf, straight
 
 
@@ -160,10 +179,11 @@ def _left(
 def _neighbour(node: int, move: int, extent: NDArray[np.int64]) -> int:
     """Return the node that a move leads to, -1 out of the lattice."""
     cell, k = node // extent[4], node % extent[4]
-    column, row = cell % extent[2] + _STEP_X[move], cell // extent[2] + _STEP_Y[move]
+    column, row = _place(cell, extent)
+    column, row = column + _STEP_X[move], row + _STEP_Y[move]
     if not (0 <= column < extent[2] and 0 <= row < extent[3]):
         return -1
-    return int((row * extent[2] + column) * extent[4] + (k + _TURN[move] + extent[4]) % extent[4])
+    return int(_number(column, row, extent) * extent[4] + (k + _TURN[move] + extent[4]) % extent[4])
 
 
 @njit(cache=True)
@@ -195,7 +215,7 @@ def _search(
 ) -> tuple[FloatArray, int]:
     """Return the way from start to goal, and how many nodes were taken from the queue.
 
-    ``extent`` holds the columns left of and the rows below the start, the columns, the rows and the headings;
+    ``extent`` holds the columns left of and the rows below the start, columns, rows, headings, and tiles across;
     ``known``, ``costs`` and ``moves`` are zeros, one for each node.
     """
     placed, queue = workspace(robot), np.empty((128, 2))
@@ -206,7 +226,7 @@ def _search(
     target = np.array([goal[0] + c * center[0] - s * center[1], goal[1] + s * center[0] + c * center[1]])
     q, before = np.empty(3), np.empty(3)
     keys, values = np.empty(1024), np.empty(1024, np.int64)
-    first = (extent[1] * extent[2] + extent[0]) * extent[4]
+    first = _number(extent[0], extent[1], extent) * extent[4]
     size_of_heap = heap_push(keys, values, 0, 0.0, first)
     moves[first], known[first] = ORIGIN + 1, CHECKED | VALID
     taken, last = 0, -1

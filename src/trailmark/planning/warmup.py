@@ -6,20 +6,26 @@ from functools import lru_cache
 
 import numpy as np
 
+from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
-__all__ = ["warm_up", "warm_up_curves"]
+__all__ = ["SMALL", "warm_up", "warm_up_curves"]
+
+SMALL = (
+    World("warm-up", (0.0, 0.0, 6.0, 4.0), (Rectangle((3.0, 1.0), 0.5, 2.0),)),
+    Robot.rectangle(0.6, 0.4),
+    np.array([[1.0, 1.0, 0.0], [5.0, 1.0, 1.0]]),
+)
+"""A small world, a robot, and a start and a goal that no single motion joins."""
 
 
 @lru_cache(maxsize=1)
 def warm_up() -> None:
     """Run every kernel once, on a small world: half a minute on a machine's first use, about a second later on."""
     from trailmark.planning.planner import LandmarkPlanner
-    from trailmark.shapes import Rectangle
 
-    world = World("warm-up", (0.0, 0.0, 6.0, 4.0), (Rectangle((3.0, 1.0), 0.5, 2.0),))
-    planner = LandmarkPlanner(world, Robot.rectangle(0.6, 0.4), seed=0, warm=False)
-    start, goal = np.array([1.0, 1.0, 0.0]), np.array([5.0, 1.0, 1.0])
+    world, robot, (start, goal) = SMALL
+    planner = LandmarkPlanner(world, robot, seed=0, warm=False)
     planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.roadmap.certify_all()
 
@@ -30,11 +36,9 @@ def warm_up_curves() -> None:
     from trailmark.collision.curve_motions import CurveChecker
     from trailmark.planning.drives import drives_from
     from trailmark.planning.planner import LandmarkPlanner
-    from trailmark.shapes import Rectangle
 
-    world = World("warm-up", (0.0, 0.0, 6.0, 4.0), (Rectangle((3.0, 1.0), 0.5, 2.0),))
-    planner = LandmarkPlanner(world, Robot.rectangle(0.6, 0.4).steered(0.4), seed=0, warm=False)
-    start, goal = np.array([1.0, 1.0, 0.0]), np.array([5.0, 1.0, 1.0])
+    world, robot, (start, goal) = SMALL
+    planner = LandmarkPlanner(world, robot.steered(0.4), seed=0, warm=False)
     found = planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.roadmap.certify_all()
     if found.path is not None:
