@@ -317,8 +317,8 @@ def test_from_corner_to_corner_of_the_bounds(judge: Judge, name: str, corner: in
 def test_more_nodes_than_allowed_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
     judged = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(1.0, 1.0))
     ends = np.array([[2.5, 2.5, 0.0], [17.5, 17.5, 1.0]])
-    # 20 by 20 positions.
-    monkeypatch.setattr(lattice, "MAX_NODES", 20 * 20 * 16 - 1)
+    # 20 by 20 positions, in whole tiles of 8 by 8.
+    monkeypatch.setattr(lattice, "MAX_NODES", 24 * 24 * 16 - 1)
     for headings, length in ((16, 0), (15, 2)):
         way, taken = Lattice(judged, 1.0, headings).way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY)
         assert len(way) >= length
