@@ -193,6 +193,8 @@ class Attempt:
             far = band.shortest > SHORT * band.relaxation.size
             self._take(scout.look((AT_MOST if far else AT_FIRST) - AT_ONCE))
         if self.best is None:
+            self._prove(PROOF_SHARE)
+        if self._may_exist(band):
             self._disc_way()
 
     def _guides(self, band: Band, rounds: int) -> se2.FloatArray:
@@ -204,7 +206,7 @@ class Attempt:
             guides, _ = band.guides(self.rng)
         return guides
 
-    def _join(self, band: Band, nodes: NDArray[np.int64], rounds: int) -> None:  # a car's drives need it
+    def _join(self, band: Band, nodes: NDArray[np.int64], rounds: int) -> None:
         """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
         bridge = Bridge(self.roadmap, band, nodes, self.rng)
         while self.best is None and bridge.promising and self._time_left() > 0.0:
@@ -350,7 +352,9 @@ class Attempt:
         return states if self.turning else turned_evenly(states, self.start, self.goal)
 
     def _answer(self) -> tuple[Status, se2.FloatArray | None]:
-        return ("timeout", None) if self.best is None else ("solved", self._with_headings(self.best))
+        if self.best is not None:
+            return "solved", self._with_headings(self.best)
+        return ("timeout" if np.isfinite(self.lower_bound) else "infeasible"), None
 
     def _go_on(self, phase: str) -> bool:
         """Report, and say whether another round may begin."""
