@@ -14,6 +14,7 @@ from trailmark.landmarks.informed import Band
 from trailmark.path import Path
 from trailmark.planning.bridge import Bridge
 from trailmark.planning.disc_way import disc_way
+from trailmark.planning.general import SAMPLES_PER_LANDMARK
 from trailmark.planning.headings import turned_evenly
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.result import PlanProgress, Status
@@ -21,7 +22,7 @@ from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_ONCE, Scout
 from trailmark.planning.shortening import shorten
 from trailmark.roadmap import Roadmap
 
-__all__ = ["LLOYD_STEPS", "SAMPLES_PER_LANDMARK", "Attempt", "OnProgress"]
+__all__ = ["LLOYD_STEPS", "Attempt", "OnProgress"]
 
 OnProgress = Callable[[PlanProgress], None]
 
@@ -31,7 +32,6 @@ WIDENINGS = (0.02, 0.05, 0.12, 0.3, 0.7, 1.5)
 LLOYD_STEPS = 3
 """Steps of K-means in a round."""
 
-SAMPLES_PER_LANDMARK = 5
 FIRST_LANDMARKS = 120
 GROWTH = 1.4
 """Each round places this many times the landmarks of the one before."""

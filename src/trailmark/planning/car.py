@@ -17,12 +17,12 @@ from trailmark.planning.attempt import (
     FIRST_SWEEPS,
     LLOYD_STEPS,
     PROMISING,
-    SAMPLES_PER_LANDMARK,
     SWEEPS,
     Attempt,
 )
 from trailmark.planning.curve_shortening import shorten_curves
 from trailmark.planning.drives import drives_from
+from trailmark.planning.general import SAMPLES_PER_LANDMARK
 from trailmark.planning.result import PlanProgress
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.curve_roadmap import CurveRoadmap

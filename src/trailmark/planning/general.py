@@ -17,7 +17,7 @@ from trailmark.nearest import near_to_near
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.query import QueryGraph
 
-__all__ = ["Grown", "grow_general", "spread_landmarks"]
+__all__ = ["SAMPLES_PER_LANDMARK", "Grown", "grow_general", "spread_landmarks"]
 
 SPREAD_STEPS = 5
 """Steps of K-means: samples are then on the mean at most a thousandth farther from their centres than where it ends."""

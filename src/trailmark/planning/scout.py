@@ -179,12 +179,11 @@ class Scout:
         """Return a way from start to goal that does without what it can; (0, 3) if there is none."""
         if len(way) == 0:
             return way
-        if not onward:
-            way = np.ascontiguousarray(way[::-1])
-            # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
-            if not self.checker.motions_between_valid(way[:-1], way[1:]).all():
-                return np.empty((0, 3))
-        return np.asarray(straightened(self.checker.grid, self.checker.field, self.checker.footprint, way))
+        way = way if onward else np.ascontiguousarray(way[::-1])
+        way = np.asarray(straightened(self.checker.grid, self.checker.field, self.checker.footprint, way))
+        # Once more, as the path is: the way back of exactly half a turn is another motion, and the lattice's own idea
+        # of the start is a rounding away from it.
+        return way if self.checker.motions_between_valid(way[:-1], way[1:]).all() else np.empty((0, 3))
 
     def _to_go(self, cells: int, onward: bool, tightness: float = TIGHTNESS) -> CostToGo:
         if cells == 0:
