@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from tests.benchmark.conftest import small_world
 
 from trailmark.ompl_bridge import SE2Problem
-from trailmark.ompl_bridge.measured import graph_size, measure, simplify
+from trailmark.ompl_bridge.measured import _Watch, graph_size, measure, simplify
 from trailmark.path import Path
 from trailmark.shapes import Rectangle
 from trailmark.world import Query, Robot, World
@@ -50,6 +51,13 @@ def test_the_first_path_may_end_a_run(name: str) -> None:
     assert run.exact
     assert len(run.curve) == 1
     assert run.time < 2.5
+
+
+def test_a_cost_summed_in_another_order_is_no_better_one() -> None:
+    watch = _Watch(None)
+    for time, cost in ((0.1, 7.0), (0.2, math.nextafter(7.0, 0.0)), (0.3, 6.9), (0.4, 6.95)):
+        watch.note(time, cost)
+    assert watch.curve == [(0.1, 7.0), (0.3, 6.9)]
 
 
 def test_the_curve_is_read_while_it_plans() -> None:

@@ -33,6 +33,9 @@ WATCHED_CALLS = 16
 WATCH_PERIOD = 0.0005
 """Seconds between two looks at the best cost."""
 
+ROUNDING = 1e-9
+"""Part of a cost by which OMPL's sum of a path's length and ours may differ; costs this close are one cost."""
+
 GROWING, EXPANDING = 0.4, 0.2
 """Seconds after which one ``PRM.solve`` turns from growing its roadmap to expanding it, and back."""
 
@@ -167,7 +170,7 @@ class _Watch:
     def note(self, time: float, cost: float) -> None:
         """Take note of a cost if it is better than the last one."""
         # OMPL's planners start from an infinite cost or none.
-        if isfinite(cost) and cost > 0.0 and (not self.curve or cost < self.curve[-1][1]):
+        if isfinite(cost) and cost > 0.0 and (not self.curve or cost < (1.0 - ROUNDING) * self.curve[-1][1]):
             self.curve.append((time, cost))
 
 
