@@ -12,12 +12,11 @@ from math import ceil, floor, inf, sqrt
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
-from trailmark.collision.kernels import field_value
-from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.se2 import FloatArray
 
 __all__ = ["TIGHTNESS", "CostToGo"]
@@ -27,6 +26,9 @@ TIGHTNESS = 6.0
 
 ROOMY = 0.5
 """Where between the inscribed disc's radius and the circumradius a clearance counts as room enough."""
+
+UNIT, CLOSED, FAR = 64, 0, 2**31 - 1
+"""Parts of a cell's edge that costs are counted in; the cost of a cell that is closed, and of what is not reached."""
 
 _STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1])
 _STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1])
@@ -73,20 +75,6 @@ class CostToGo:
         return cls(cost, xmin, ymin, size)
 
 
-@njit(cache=True)
-def _room(field: ClearanceField, x: float, y: float, size: float, radius: float, roomy: float) -> float:
-    """Return the largest clearance at some places of the cell around (x, y), no closer than need be."""
-    best = field_value(field, x, y)
-    if best >= roomy or best + 0.71 * size + field.slack < radius:
-        return best
-    places = max(1, round(size / (2.0 * field.size)))
-    for i in range(places):
-        for j in range(places):
-            u, v = (i + 0.5) / places - 0.5, (j + 0.5) / places - 0.5
-            best = max(best, field_value(field, x + u * size, y + v * size))
-    return best
-
-
 @njit(cache=True, nogil=True)
 def _costs(
     field: ClearanceField,
@@ -101,37 +89,114 @@ def _costs(
     x: float,
     y: float,
 ) -> FloatArray:
-    """Return the costs of all cells to the one of (x, y), shape (rows, columns), by Dijkstra's algorithm."""
-    # A closed border spares the search its checks of the bounds.
-    width = columns + 2
-    dear = np.full((rows + 2) * width, inf)
+    """Return the costs of all cells to the one of (x, y), shape (rows, columns)."""
+    dear = _dear(field, x0, y0, size, rows, columns, radius, roomy, tightness)
+    column, row = min(columns - 1, max(0, floor((x - x0) / size))), min(rows - 1, max(0, floor((y - y0) / size)))
+    if dear[row + 1, column + 1] == CLOSED:
+        # The goal's own cell is open in any case.
+        dear[row + 1, column + 1] = round(UNIT * (1.0 + tightness))
+    return _flood(dear, (row + 1) * (columns + 2) + column + 1, size)
+
+
+@njit(cache=True)
+def _dear(
+    field: ClearanceField,
+    x0: float,
+    y0: float,
+    size: float,
+    rows: int,
+    columns: int,
+    radius: float,
+    roomy: float,
+    tightness: float,
+) -> NDArray[np.int32]:
+    """Return what crossing each cell costs, CLOSED if the disc fits nowhere in it, with a closed border all around.
+
+    The room in a cell is the largest clearance at some places in it, looked at no closer than need be.
+    """
+    dear = np.full((rows + 2, columns + 2), CLOSED, np.int32)
+    distance, places = field.distance, max(1, round(size / (2.0 * field.size)))
+    # The field's rows and columns under the middle of each cell, then under its other places.
+    down, across = _under(y0 - field.y0, size, rows, places, field), _under(x0 - field.x0, size, columns, places, field)
+    near = radius - 0.71 * size - field.slack
     for row in range(rows):
         for column in range(columns):
-            room = _room(field, x0 + (column + 0.5) * size, y0 + (row + 0.5) * size, size, radius, roomy)
+            i, j = down[row, 0], across[column, 0]
+            room = distance[i, j] if i < distance.shape[0] and j < distance.shape[1] else 0.0
+            if near <= room < roomy:
+                for u in range(1, places + 1):
+                    for v in range(1, places + 1):
+                        i, j = down[row, u], across[column, v]
+                        if i < distance.shape[0] and j < distance.shape[1]:
+                            room = max(room, distance[i, j])
             # Half of the slack: where the field cannot tell, the disc may fit.
             if room + 0.5 * field.slack >= radius:
                 lack = min(1.0, max(0.0, (roomy - room) / (roomy - radius)))
-                dear[(row + 1) * width + column + 1] = size * (1.0 + tightness * lack)
-    cost = np.full((rows + 2) * width, inf)
+                dear[row + 1, column + 1] = round(UNIT * (1.0 + tightness * lack))
+    return dear
+
+
+@njit(cache=True)
+def _under(begin: float, size: float, count: int, places: int, field: ClearanceField) -> NDArray[np.int64]:
+    """Return the field's rows (or columns) under the middle and ``places`` other places of ``count`` cells."""
+    found = np.empty((count, places + 1), np.int64)
+    for k in range(count):
+        found[k, 0] = floor((begin + (k + 0.5) * size) / field.size)
+        for u in range(places):
+            found[k, u + 1] = floor((begin + (k + (u + 0.5) / places) * size) / field.size)
+    return found
+
+
+@njit(cache=True)
+def _flood(dear: NDArray[np.int32], source: int, size: float) -> FloatArray:
+    """Return the costs of all cells but the border to a source, metres, by Dijkstra's algorithm.
+
+    Costs are integers here, so that buckets take the heap's place, one for each cost that may be waiting at a time.
+
+    Source: Dial, "Algorithm 360: shortest-path forest with topological ordering", CACM 12(11), 1969.
+    """
+    rows, width = dear.shape
+    cells = dear.reshape(-1)
+    buckets = 1
+    while buckets <= 1.5 * cells.max():
+        buckets *= 2
+    first = np.full(buckets, -1, np.int32)
+    # Entries: a cell, and the next entry of its bucket (or of those no longer in use).
+    entries = np.empty((8 * len(cells) + 1, 2), np.int32)
+    unused, used, waiting = -1, 1, 1
+    cost = np.full(len(cells), FAR, np.int32)
     steps = _STEP_Y * width + _STEP_X
-    column, row = min(columns - 1, max(0, floor((x - x0) / size))), min(rows - 1, max(0, floor((y - y0) / size)))
-    source = (row + 1) * width + column + 1
-    dear[source] = min(dear[source], size * (1.0 + tightness))
-    cost[source] = 0.0
-    keys, values = np.empty(4096), np.empty(4096, np.int64)
-    waiting = heap_push(keys, values, 0, 0.0, source)
+    cost[source], first[0], entries[0, 0], entries[0, 1] = 0, 0, source, -1
+    reached = 0
     while waiting > 0:
-        waiting = heap_pop(keys, values, waiting)
-        key, cell = keys[waiting], values[waiting]
-        if key > cost[cell]:
+        entry = first[reached & (buckets - 1)]
+        if entry < 0:
+            reached += 1
+            continue
+        cell, first[reached & (buckets - 1)] = entries[entry, 0], entries[entry, 1]
+        entries[entry, 1], unused = unused, entry
+        waiting -= 1
+        if cost[cell] != reached:
             continue
         for j in range(8):
             other = cell + steps[j]
-            # The border's cells are infinitely dear: nothing is reached there.
-            reached = key + 0.5 * (dear[other] + dear[cell]) * (1.4142135623730951 if j % 2 else 1.0)
-            if reached < cost[other]:
-                cost[other] = reached
-                if waiting == len(keys):
-                    keys, values = heap_grow(keys, values)
-                waiting = heap_push(keys, values, waiting, reached, other)
-    return cost.reshape(rows + 2, width)[1:-1, 1:-1].copy()
+            if cells[other] == CLOSED:
+                continue
+            both = cells[cell] + cells[other]
+            # 181 / 256: half of the square root of 2.
+            onward = reached + (both * 181 >> 8 if j % 2 else both >> 1)
+            if onward < cost[other]:
+                cost[other] = onward
+                if unused >= 0:
+                    entry, unused = unused, entries[unused, 1]
+                else:
+                    entry, used = used, used + 1
+                bucket = onward & (buckets - 1)
+                entries[entry, 0], entries[entry, 1], first[bucket] = other, first[bucket], entry
+                waiting += 1
+    found = np.empty((rows - 2, width - 2))
+    for row in range(rows - 2):
+        for column in range(width - 2):
+            value = cost[(row + 1) * width + column + 1]
+            found[row, column] = inf if value == FAR else value * size / UNIT
+    return found
