@@ -64,6 +64,8 @@ def wrap(theta: ArrayLike) -> Any:
     """Return angles (radians, any shape) brought into (-pi, pi]; angles already there come back unchanged."""
     angle = np.asarray(theta, dtype=np.float64)
     outside = (angle <= -np.pi) | (angle > np.pi)
+    if not outside.any():
+        return angle.copy() if angle.ndim else float(angle)
     # mod is inexact: an angle that needs no wrapping must survive a round trip to the bit.
     wrapped = np.where(outside, np.pi - np.mod(np.pi - angle, 2.0 * np.pi), angle)
     # The modulus of a tiny negative number rounds up to 2 pi itself.

@@ -20,6 +20,16 @@ from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
 
+LEAST, MOST = 64 / 65, 130 / 129
+"""How far costs may be off: a cell's is rounded to 64ths, 64 of them at least, and what a step costs is floored.
+
+At worst a straight step between cells of just under 64.5 and 65.5, their mean 65, counts 64; between two of just over
+64.5 it counts 65. Diagonal steps are off by less.
+"""
+
+DIAGONAL = 90 / (64 * math.sqrt(2.0))
+"""How far a diagonal step is off where both of its cells cost 64."""
+
 
 def cell_of(costs: CostToGo, point: complex) -> tuple[int, int]:
     """Row and column of the cell around a point of the bounds; what lies on the upper ones belongs to the last."""
@@ -88,7 +98,12 @@ def test_in_the_open_costs_are_octile_distances(bounds: tuple[float, float, floa
         # A last row or column that lies beyond the bounds for the most part may count as closed.
         reached = np.isfinite(costs.cost)
         assert reached[: max(1, rows - 1), : max(1, columns - 1)].all()
-        assert costs.cost[reached] == pytest.approx(costs.size * octile[reached])
+        expected = costs.size * octile[reached]
+        assert (costs.cost[reached] <= expected + 1e-9).all()
+        assert (costs.cost[reached] >= DIAGONAL * expected - 1e-9).all()
+        # Straight steps are not off at all.
+        straight = reached & ((down == 0) | (across == 0))
+        assert costs.cost[straight] == pytest.approx(costs.size * octile[straight], rel=1e-12)
 
 
 @settings(max_examples=25)
@@ -120,12 +135,12 @@ def test_costs_are_those_of_the_cheapest_way_over_the_cells(name: str, seed: int
     roomy = radius + 0.5 * max(ROBOTS[name].circumradius - radius, 0.1 * radius)
     source = cell_of(costs, middle(ROBOTS[name], q[0]))
     assert costs.cost[source] == 0.0
-    for best, sign in ((room + spare, 1.0), (room - spare, -1.0)):
+    for best, sign, off in ((room + spare, 1.0, LEAST), (room - spare, -1.0, MOST)):
         lack = np.clip((roomy - best) / (roomy - radius), 0.0, 1.0)
         dear = np.where(best >= radius, costs.size * (1.0 + tightness * lack), np.inf)
         # The goal's own cell is open in any case.
         dear[source] = min(dear[source], costs.size * (1.0 + tightness))
-        expected = spelled_out(costs, dear, source)
+        expected = off * spelled_out(costs, dear, source)
         # More room nowhere makes a way dearer.
         assert (sign * costs.cost >= sign * expected - 1e-9)[np.isfinite(costs.cost) | np.isfinite(expected)].all()
 
@@ -145,7 +160,7 @@ def test_a_goal_where_there_is_no_room_to_spare_still_counts() -> None:
     checker = StateChecker(World("slot", (0, 0, 20, 20), walls), Robot.disc(1.0))
     corner, slot = (CostToGo.of(checker, np.array(goal), 1600) for goal in ((1.0, 1.0, 0.0), (10.0, 10.0, 0.0)))
     assert at(corner, 1.0, 1.0) == 0.0
-    assert 3.0 * math.sqrt(2.0) <= at(corner, 4.0, 4.0) < np.inf
+    assert LEAST * 3.0 * math.sqrt(2.0) <= at(corner, 4.0, 4.0) < np.inf
     assert at(slot, 10.0, 10.0) == 0.0
 
 
@@ -166,7 +181,8 @@ def test_tight_places_are_dearer() -> None:
     reached = np.isfinite(plain.cost)
     assert np.array_equal(reached, np.isfinite(shy.cost))
     assert (shy.cost[reached] >= plain.cost[reached]).all()
-    assert (shy.cost[reached] <= 7.0 * plain.cost[reached] + 1e-9).all()
+    # Not of what is left of a diagonal step once it is floored.
+    assert (DIAGONAL * shy.cost[reached] <= 7.0 * plain.cost[reached] + 1e-9).all()
 
 
 def test_there_and_back_cost_the_same() -> None:
@@ -177,7 +193,8 @@ def test_there_and_back_cost_the_same() -> None:
         a, b = q[checker.valid(q)][:2]
         there, back = (CostToGo.of(checker, end, 2000) for end in (b, a))
         p, q0 = (middle(checker.robot, end) for end in (a, b))
-        assert there.cost[cell_of(there, p)] == pytest.approx(back.cost[cell_of(back, q0)])
+        # Integers do not mind in which order they are added.
+        assert there.cost[cell_of(there, p)] == back.cost[cell_of(back, q0)] > 0.0
 
 
 def test_straight_costs_hold_nothing() -> None:

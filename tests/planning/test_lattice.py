@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -17,9 +17,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.planning import lattice
 from trailmark.planning.cost_to_go import CostToGo
-from trailmark.planning.lattice import Lattice, straightened
+from trailmark.planning.lattice import AHEAD_EVERY, Lattice
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
@@ -110,6 +109,19 @@ def lattice_cost(robot: Robot, way: FloatArray) -> float:
     return float(steps.sum()) + sum(0.5 * turn(a, b) for a, b in pairwise(way[:-1]))
 
 
+def cells_crossed(robot: Robot, way: FloatArray, size: float, headings: int) -> set[int]:
+    """How many cells the moves of a raw way span, 0 for a turn by one heading; but not its last motion, to the goal."""
+    spans = set()
+    for a, b in pairwise(way[:-1]):
+        step = complex(middles(robot, b) - middles(robot, a)) / size
+        parts = abs(step.real), abs(step.imag)
+        span = round(max(parts))
+        assert all(min(abs(part), abs(part - span)) < 1e-6 for part in parts), step
+        assert turn(a, b) == pytest.approx(0.0 if span else 2.0 * math.pi / headings, abs=1e-9)
+        spans.add(span)
+    return spans
+
+
 @settings(max_examples=60)
 @given(
     name=st.sampled_from(sorted(ROBOTS)),
@@ -118,9 +130,10 @@ def lattice_cost(robot: Robot, way: FloatArray) -> float:
     headings=st.sampled_from([3, 8, 16]),
     size=st.floats(0.4, 1.5),
     weight=st.sampled_from([1.0, 2.0, 5.0]),
+    strides=st.booleans(),
 )
 def test_ways_are_certified_and_end_where_they_should(
-    judge: Judge, name: str, world: int, seed: int, headings: int, size: float, weight: float
+    judge: Judge, name: str, world: int, seed: int, headings: int, size: float, weight: float, strides: bool
 ) -> None:
     judged = checker(name, world)
     ends = valid_states(judged, 2, np.random.default_rng(seed))
@@ -130,19 +143,15 @@ def test_ways_are_certified_and_end_where_they_should(
     before = ends.copy()
     guides = (STRAIGHT, CostToGo.of(judged, ends[1], 400))
     for to_go in guides:
-        way, taken = Lattice(judged, size, headings).way(ends[0], ends[1], to_go, weight=weight, budget=20_000)
+        way, taken = Lattice(judged, size, headings).way(
+            ends[0], ends[1], to_go, weight=weight, budget=20_000, strides=strides
+        )
         assert 1 <= taken <= 20_000
         assert np.array_equal(ends, before)
         if len(way):
             judge(judged.world, judged.robot, *ends, way)
             assert judged.motions_valid(way[:-1], way[1:]).all()
-            short = straightened(judged.grid, judged.field, judged.footprint, way)
-            judge(judged.world, judged.robot, *ends, short)
-            assert judged.motions_valid(short[:-1], short[1:]).all()
-            # Some of the vertices, in their order.
-            rows = [next(i for i, row in enumerate(way) if np.array_equal(row, kept)) for kept in short]
-            assert rows == sorted(rows)
-            assert cost(short) <= cost(way) + 1e-9
+            assert cells_crossed(judged.robot, way, size, headings) <= ({0, 1, 2, 4, 8} if strides else {0, 1})
 
 
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset", "thin"])
@@ -175,24 +184,26 @@ def test_where_no_motion_between_valid_nodes_fails_the_cost_is_exact(headings: i
     # A disc's steps are far shorter than anything round about; what turns meets the bounds alone.
     exact = 0
     robot, size = (Robot.disc(0.5), 0.4) if headings == 1 else (Robot.rectangle(0.9, 0.7), 1.0)
-    for seed in range(16):
+    for seed in range(12):
         rng = np.random.default_rng(seed)
         places = rng.uniform(2, 10, (3 if headings == 1 else 0, 2))
         walls = tuple(Rectangle((float(x), float(y)), *rng.uniform(1.0, 4.0, 2)) for x, y in places)
         judged = StateChecker(World("walls", (0, 0, 12, 12), walls), robot)
-        ends = valid_states(judged, 2, rng)
-        start, goal = ends
+        start, goal = valid_states(judged, 2, rng)
         spelled = chart(judged, start, size, headings)
         near = (1.5 * size, 3.0 * math.pi / headings if headings > 1 else math.inf)
         best = cheapest(judged, spelled, goal, near)
         way, _ = Lattice(judged, size, headings).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
         if spelled.whole and np.isfinite(best):
-            raw = lattice_cost(robot, way)
-            assert raw <= best + 1e-4
-            # Now and then nodes farther off try to join the goal, too.
-            if abs(np.diff(middles(robot, way[-2:]))[0]) < near[0] and turn(way[-2], goal) < near[1]:
-                assert raw == pytest.approx(best, abs=1e-4)
-                exact += 1
+            # Now and then nodes farther off join the goal, sooner; but none at more than its least cost.
+            assert lattice_cost(robot, way) <= best + 1e-4
+            last = next(
+                key for key, q in spelled.states.items() if math.dist(q[:2], way[-2][:2]) + turn(q, way[-2]) < 1e-6
+            )
+            least = networkx.dijkstra_path_length(spelled.graph, (0, 0, 0), last)
+            joined = abs(np.diff(middles(robot, way[-2:]))[0])
+            assert lattice_cost(robot, way) - joined == pytest.approx(least, abs=1e-4)
+            exact += len(way) > 2
     assert exact >= 4
 
 
@@ -201,8 +212,7 @@ def test_the_nearest_lattice_to_a_straight_way_is_straight() -> None:
     start, goal = np.array([2.0, 3.0, 0.5]), np.array([17.0, 3.0, 0.5])
     way, taken = Lattice(judged, 1.0, 16).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
     assert cost(way) == pytest.approx(15.0)
-    assert taken <= 16
-    assert np.array_equal(straightened(judged.grid, judged.field, judged.footprint, way), [start, goal])
+    assert taken <= AHEAD_EVERY
 
 
 def test_start_and_goal_may_be_one() -> None:
@@ -211,8 +221,6 @@ def test_start_and_goal_may_be_one() -> None:
     way, taken = Lattice(judged, 1.0, 16).way(q, q, STRAIGHT, weight=2.0, budget=10)
     assert np.array_equal(way, [q, q])
     assert taken == 1
-    assert np.array_equal(straightened(judged.grid, judged.field, judged.footprint, way), [q, q])
-    assert np.array_equal(straightened(judged.grid, judged.field, judged.footprint, way[:1]), [q])
 
 
 @pytest.mark.parametrize("start", [0.0, math.pi, -math.pi + 1e-9, math.pi / 2, 3.0])
@@ -229,7 +237,8 @@ def test_headings_wrap_at_half_a_turn(judge: Judge, start: float, goal: float) -
             assert judged.motions_valid(way[:-1], way[1:]).all()
 
 
-def test_exhausted_searches_take_fewer_nodes_than_they_may() -> None:
+@pytest.mark.parametrize("strides", [False, True])
+def test_exhausted_searches_take_fewer_nodes_than_they_may(strides: bool) -> None:
     # A closed ring about the start.
     ring = tuple(
         Rectangle((10.0 + 4.0 * math.cos(a), 10.0 + 4.0 * math.sin(a)), 1.0, 3.0, a)
@@ -238,45 +247,55 @@ def test_exhausted_searches_take_fewer_nodes_than_they_may() -> None:
     for robot, headings in ((Robot.disc(0.5), 1), (Robot.rectangle(1.2, 0.5), 16)):
         judged = StateChecker(World("ring", (0, 0, 20, 20), ring), robot)
         inside, outside = np.array([10.0, 10.0, 0.0]), np.array([2.0, 2.0, 0.0])
-        way, taken = Lattice(judged, 0.5, headings).way(inside, outside, STRAIGHT, weight=2.0, budget=PLENTY)
+        search = partial(Lattice(judged, 0.5, headings).way, inside, outside, STRAIGHT, weight=2.0, strides=strides)
+        way, taken = search(budget=PLENTY)
         assert way.shape == (0, 3)
-        # No more than there are nodes within the ring.
-        assert 0 < taken < 17 * 17 * headings
+        # No more than there are nodes within the ring, or a stride of 8 cells from there.
+        assert 0 < taken < (33 * 33 if strides else 17 * 17) * headings
         # The budget cuts in before that.
-        way, cut = Lattice(judged, 0.5, headings).way(inside, outside, STRAIGHT, weight=2.0, budget=taken // 2)
+        way, cut = search(budget=taken // 2)
         assert way.shape == (0, 3)
         assert cut == taken // 2
 
 
-def test_a_search_that_comes_no_nearer_is_given_up() -> None:
+@pytest.mark.parametrize("strides", [False, True])
+def test_a_search_that_comes_no_nearer_is_given_up(strides: bool) -> None:
     walls = (Rectangle((10.0, 10.0), 1.0, 14.0), Rectangle((7.0, 3.5), 6.0, 1.0), Rectangle((7.0, 16.5), 6.0, 1.0))
     judged = StateChecker(World("pocket", (0, 0, 20, 20), walls), Robot.disc(0.5))
     ends = np.array([[6.0, 10.0, 0.0], [15.0, 10.0, 0.0]])
-    search = Lattice(judged, 0.5, 1)
-    whole, taken = search.way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY)
+    search = partial(Lattice(judged, 0.5, 1).way, ends[0], ends[1], weight=2.0, budget=PLENTY, strides=strides)
+    whole, taken = search(STRAIGHT)
     assert len(whole) > 2
-    none, few = search.way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY, patience=20)
+    none, few = search(STRAIGHT, patience=20)
     assert len(none) == 0
-    # On the straight way to the wall each node is nearer; 3.5 m of them.
-    assert 20 < few <= 30 < taken
+    # On the straight way to the wall each node is nearer, 3.5 m of them; from each a stride into the wall is tried.
+    assert 20 < few <= (38 if strides else 30) < taken
     # A better guide goes on getting nearer.
-    guide = CostToGo.of(judged, ends[1], 1600)
-    found, _ = search.way(ends[0], ends[1], guide, weight=2.0, budget=PLENTY, patience=20)
+    found, _ = search(CostToGo.of(judged, ends[1], 1600), patience=20)
     assert len(found) > 2
-    again, same = search.way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY, patience=taken)
+    again, same = search(STRAIGHT, patience=taken)
     assert np.array_equal(again, whole)
     assert same == taken
 
 
-def test_the_limit_prunes() -> None:
+@pytest.mark.parametrize("strides", [False, True])
+@pytest.mark.parametrize("cells", [0, 1600])
+def test_the_limit_prunes(cells: int, strides: bool) -> None:
     judged = StateChecker(World("wall", (0, 0, 20, 20), (Rectangle((10.0, 9.0), 1.0, 16.0),)), Robot.disc(0.5))
     start, goal = np.array([5.0, 9.0, 0.0]), np.array([15.0, 9.0, 0.0])
-    free, all_taken = Lattice(judged, 0.5, 1).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
+    guide = CostToGo.of(judged, goal, cells, 0.0) if cells else STRAIGHT
+    search = partial(Lattice(judged, 0.5, 1).way, start, goal, guide, weight=1.0, budget=PLENTY, strides=strides)
+    free, all_taken = search()
     best = cost(free)
-    kept, taken = Lattice(judged, 0.5, 1).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY, limit=best + 1e-3)
-    assert np.array_equal(kept, free)
-    assert taken <= all_taken
-    none, taken = Lattice(judged, 0.5, 1).way(start, goal, STRAIGHT, weight=1.0, budget=PLENTY, limit=0.9 * best)
+    # A guide that knows eight directions only is no lower bound: the cheapest way may not be found a second time.
+    limit = best * (1.05 if cells else 1.0) + 1e-3
+    kept, taken = search(limit=limit)
+    assert len(kept) > 2
+    assert cost(kept) <= limit
+    if not cells:
+        assert np.array_equal(kept, free)
+        assert taken <= all_taken
+    none, taken = search(limit=0.9 * best)
     assert none.shape == (0, 3)
     # Only what lies in the ellipse of that length is looked at.
     major = 0.45 * best
@@ -284,15 +303,15 @@ def test_the_limit_prunes() -> None:
     assert 0 < taken <= 1.2 * inside
 
 
-def test_the_same_search_gives_the_same_way() -> None:
-    judged = checker("L", 1)
-    ends = valid_states(judged, 2, np.random.default_rng(1))
-    ways = [
-        Lattice(StateChecker(judged.world, judged.robot, cell=0.2), 0.7, 16).way(
-            ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY
-        )
-        for _ in range(2)
-    ]
+@pytest.mark.parametrize("strides", [False, True])
+@pytest.mark.parametrize("cells", [0, 400])
+def test_the_same_search_gives_the_same_way(strides: bool, cells: int) -> None:
+    ways = []
+    for _ in range(2):
+        judged = StateChecker(checker("L", 1).world, ROBOTS["L"], cell=0.2)
+        ends = valid_states(judged, 2, np.random.default_rng(1))
+        guide = CostToGo.of(judged, ends[1], cells) if cells else STRAIGHT
+        ways.append(Lattice(judged, 0.7, 16).way(ends[0], ends[1], guide, weight=2.0, budget=PLENTY, strides=strides))
     assert len(ways[0][0]) > 2
     assert ways[0][1] == ways[1][1]
     assert np.array_equal(ways[0][0], ways[1][0])
@@ -310,17 +329,66 @@ def test_from_corner_to_corner_of_the_bounds(judge: Judge, name: str, corner: in
     start = np.array([places[x > 0][0], places[y > 0][1], 0.0])
     goal = np.array([places[x == 0][0], places[y == 0][1], 0.0])
     judged = StateChecker(World("box", (0, 0, 20, 20), (Disc((10.0, 10.0), 2.0),)), robot)
-    way, _ = Lattice(judged, 0.7, 1 if name == "disc" else 8).way(start, goal, STRAIGHT, weight=2.0, budget=PLENTY)
-    judge(judged.world, robot, start, goal, way)
+    search = Lattice(judged, 0.7, 1 if name == "disc" else 8)
+    for strides in (False, True):
+        way, _ = search.way(start, goal, STRAIGHT, weight=2.0, budget=PLENTY, strides=strides)
+        judge(judged.world, robot, start, goal, way)
 
 
-def test_more_nodes_than_allowed_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    judged = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(1.0, 1.0))
-    ends = np.array([[2.5, 2.5, 0.0], [17.5, 17.5, 1.0]])
-    # 20 by 20 positions, in whole tiles of 8 by 8.
-    monkeypatch.setattr(lattice, "MAX_NODES", 24 * 24 * 16 - 1)
-    for headings, length in ((16, 0), (15, 2)):
-        way, taken = Lattice(judged, 1.0, headings).way(ends[0], ends[1], STRAIGHT, weight=2.0, budget=PLENTY)
-        assert len(way) >= length
-        assert (taken == 0) == (length == 0)
-        assert way.shape[1] == 3
+@settings(max_examples=40)
+@given(
+    name=st.sampled_from(sorted(ROBOTS)),
+    world=st.integers(0, 5),
+    seed=st.integers(0, 10_000),
+    weight=st.sampled_from([1.0, 2.0]),
+    guided=st.booleans(),
+)
+def test_strides_find_what_is_found_without(
+    judge: Judge, name: str, world: int, seed: int, weight: float, guided: bool
+) -> None:
+    judged = checker(name, world)
+    ends = valid_states(judged, 2, np.random.default_rng(seed))
+    headings, size = (1, 0.5) if name == "disc" else (8, 0.8)
+    to_go = CostToGo.of(judged, ends[1], 400) if guided else STRAIGHT
+    search = partial(Lattice(judged, size, headings).way, ends[0], ends[1], to_go, weight=weight, budget=PLENTY)
+    plain, _ = search()
+    strided, taken = search(strides=True)
+    if len(strided):
+        judge(judged.world, judged.robot, *ends, strided)
+    else:
+        # Exhausted; what is far from the goal tries to join it now and then only.
+        assert taken < PLENTY
+        if len(plain):
+            away = abs(np.diff(middles(judged.robot, plain[-2:]))[0])
+            assert away >= 1.5 * size or (headings > 1 and turn(plain[-2], ends[1]) >= 3.0 * math.pi / headings)
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "offset"])
+def test_strides_lead_where_single_steps_lead_and_cost_the_same(name: str) -> None:
+    headings, size = (1, 0.4) if name == "disc" else (8, 0.7)
+    found = 0
+    for seed in range(3):
+        judged = checker(name, seed)
+        start, goal = valid_states(judged, 2, np.random.default_rng(seed + 3))
+        way, _ = Lattice(judged, size, headings).way(start, goal, STRAIGHT, weight=2.0, budget=PLENTY, strides=True)
+        if len(way) > 2:
+            found += max(cells_crossed(judged.robot, way, size, headings)) > 1
+            assert (
+                lattice_cost(judged.robot, way) >= cheapest(judged, chart(judged, start, size, headings), goal) - 1e-4
+            )
+    assert found >= 2
+
+
+def test_with_a_guide_strides_find_ways_sooner() -> None:
+    taken = {False: 0, True: 0}
+    for seed in range(4):
+        judged = StateChecker(random_world(seed, 60, size=60.0, radii=(0.5, 4.0)), ROBOTS["rectangle"])
+        q = valid_states(judged, 40, np.random.default_rng(seed))
+        # From one corner to the other, about.
+        start, goal = (q[choose(q[:, 0] + q[:, 1])] for choose in (np.argmin, np.argmax))
+        guide = CostToGo.of(judged, goal, 10_000)
+        for strides in taken:
+            way, nodes = Lattice(judged, 0.5, 16).way(start, goal, guide, weight=2.0, budget=PLENTY, strides=strides)
+            assert len(way) > 2
+            taken[strides] += nodes
+    assert 2 * taken[True] < taken[False]

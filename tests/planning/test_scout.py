@@ -42,15 +42,17 @@ def cost(states: FloatArray) -> float:
 
 
 class Recorder(lattice.Lattice):
-    """Takes down what is searched, and finds nothing from some starts."""
+    """Takes down what is searched, and finds nothing from some starts, of shape (3,) or (n, 3)."""
 
     seen: list[tuple[float, int, bytes, int, bool]]
+    strides: list[bool]
     blind: FloatArray | None
 
     def way(self, start: FloatArray, goal: FloatArray, to_go: Any, **options: Any) -> tuple[FloatArray, int]:
         found, taken = super().way(start, goal, to_go, **options)
-        if self.blind is not None and np.array_equal(start, self.blind):
+        if self.blind is not None and (start == self.blind).all(axis=-1).any():
             found, taken = np.empty((0, 3)), options["budget"]
+        type(self).strides.append(options.get("strides", False))
         type(self).seen.append(
             (
                 self.size,
@@ -66,6 +68,7 @@ class Recorder(lattice.Lattice):
 @pytest.fixture
 def recorder(monkeypatch: pytest.MonkeyPatch) -> type[Recorder]:
     monkeypatch.setattr(Recorder, "seen", [], raising=False)
+    monkeypatch.setattr(Recorder, "strides", [], raising=False)
     monkeypatch.setattr(Recorder, "blind", None, raising=False)
     monkeypatch.setattr(scout, "Lattice", Recorder)
     return Recorder
@@ -105,14 +108,52 @@ def test_paths_are_certified(
             assert checker.motions_valid(states[:-1], states[1:]).all()
 
 
-def test_the_first_look_needs_no_costs_to_go(recorder: type[Recorder]) -> None:
+def test_the_first_look_needs_no_costs_to_go(judge: Judge, recorder: type[Recorder]) -> None:
+    checker, first = StateChecker(WALL, CAR), LEVELS[0]
     low = ACROSS - (0.0, 5.0, 0.0)
-    looking = scouting(StateChecker(WALL, CAR), low)
+    looking = scouting(checker, low)
     states = looking.look()
+    judge(WALL, CAR, *low, states)
     assert len(states) > 2
     assert looking.level == 1
+    # One search, from the start, guided by the straight distance alone.
+    assert first.cells == 0
+    assert looking.to_go(0, True).cost.size == 0
     assert looking.to_go.cache_info().currsize == 1
-    assert [(size, headings) for size, headings, *_ in recorder.seen] == [(0.5, 16)]
+    (search,) = recorder.seen
+    assert search[:3] == (0.5 / first.fineness, first.headings, low[0].tobytes())
+    assert search[3] <= first.nodes
+
+
+def test_every_level_is_looked_at_in_turn_from_both_ends(recorder: type[Recorder]) -> None:
+    recorder.blind = ACROSS
+    looking = scouting(StateChecker(WALL, CAR), ACROSS)
+    assert looking.look(len(LEVELS)).shape == (0, 3)
+    # Without costs to go there is nothing to learn from the other end.
+    expected = [
+        (0.5 / level.fineness, level.headings, begin.tobytes())
+        for level in LEVELS
+        for begin in (ACROSS if level.cells else ACROSS[:1])
+    ]
+    assert [search[:3] for search in recorder.seen] == expected
+
+
+def test_strides_find_the_first_path_and_single_steps_the_cheap_ones(recorder: type[Recorder]) -> None:
+    looking = scouting(StateChecker(WALL, CAR), ACROSS)
+    assert len(looking.look(len(LEVELS))) > 2
+    assert all(recorder.strides)
+    first = len(recorder.strides)
+    assert len(looking.look_again(np.random.default_rng(0), 100.0)) > 2
+    assert recorder.strides[first:] == [False]
+
+
+def test_levels_begin_with_what_is_at_hand_and_grow() -> None:
+    assert [level.cells > 0 for level in LEVELS] == [False] + [True] * (len(LEVELS) - 1)
+    assert [level.nodes for level in LEVELS] == sorted(level.nodes for level in LEVELS)
+    assert all(level.fineness > 0.0 and level.headings > 1 for level in LEVELS)
+    # Else the first search would never be given up.
+    assert LEVELS[0].nodes > scout.PATIENCE
+    assert 0 < scout.AT_FIRST < scout.AT_MOST < len(LEVELS)
 
 
 @pytest.mark.parametrize("end", [0, 1])
@@ -163,13 +204,14 @@ def test_who_is_shut_in_is_looked_for_once_at_each_fineness(
     assert looking.level == len(LEVELS)
     exhausted = [search[:3] for search in recorder.seen if search[4]]
     assert len(exhausted) == len(set(exhausted))
-    # From inside, every kind of lattice is exhausted sooner or later.
+    # From inside, every kind of lattice is exhausted sooner or later; without costs to go nothing is told by that.
+    guided = [level for level in LEVELS if level.cells]
     inside = {kind[:2] for kind in exhausted if kind[2] == ends[0].tobytes()}
     if robot is CAR:
-        assert inside == {(0.5 / level.fineness, level.headings) for level in LEVELS}
+        assert inside == {(0.5 / level.fineness, level.headings) for level in guided}
     else:
         # Positions lie closer where no headings are told apart.
-        assert inside == {(0.25 / level.fineness, 1) for level in LEVELS}
+        assert inside == {(0.25 / level.fineness, 1) for level in guided}
     # And none is looked at again after that.
     kinds = [search[:3] for search in recorder.seen]
     for i, search in enumerate(recorder.seen):
@@ -186,24 +228,35 @@ def test_without_time_nothing_is_searched(recorder: type[Recorder], seconds: flo
 
 
 def test_with_little_time_few_nodes_are_taken_and_nothing_counts_as_exhausted(recorder: type[Recorder]) -> None:
-    recorder.blind = ACROSS[0]
-    seconds = [100 * scout.SECONDS_A_NODE]
+    # Two levels in turn that look over the same lattice.
+    level = next(i for i, pair in enumerate(pairwise(LEVELS)) if len({(a.fineness, a.headings) for a in pair}) == 1)
+    assert LEVELS[level].cells > 0
+    seconds = [10.5 * scout.SECONDS_A_NODE]
     looking = Scout(StateChecker(WALL, CAR), ACROSS[0], ACROSS[1], 0.5, lambda: seconds[0])
-    looking.look()
-    assert recorder.seen[0][3] <= 100
+    looking.level = level
+    # Too few nodes to come around the wall, from either end.
+    assert looking.look().shape == (0, 3)
+    assert [search[3] for search in recorder.seen] == [10, 10]
+    assert [search[2] for search in recorder.seen] == [end.tobytes() for end in ACROSS]
     # With more time, the same kind of lattice is looked at again.
     seconds[0] = math.inf
-    looking.look()
-    assert recorder.seen[1][:3] == recorder.seen[0][:3]
+    assert len(looking.look()) > 2
+    assert recorder.seen[2][:3] == recorder.seen[0][:3]
+    assert recorder.seen[2][3] > 10
 
 
-def test_a_search_given_up_for_want_of_progress_is_repeated_with_a_better_guide(recorder: type[Recorder]) -> None:
+def test_a_search_given_up_for_want_of_progress_is_repeated_with_a_better_guide(
+    recorder: type[Recorder], monkeypatch: pytest.MonkeyPatch
+) -> None:
     # A pocket that the straight distance leads into, larger than patience lasts.
     pocket = (Rectangle((10.0, 10.0), 1.0, 16.0), Rectangle((6.0, 2.5), 9.0, 1.0), Rectangle((6.0, 17.5), 9.0, 1.0))
+    guided = next(level for level in LEVELS if level.cells)
+    monkeypatch.setattr(scout, "LEVELS", (guided._replace(cells=0), guided))
     looking = scouting(StateChecker(World("pocket", (0, 0, 20, 20), pocket), CAR), ACROSS)
     assert len(looking.look()) == 0
     first = recorder.seen[0]
-    assert first[3] < LEVELS[0].nodes
+    # It came nearer on the 4 m to the wall: fewer nodes than patience lasts.
+    assert scout.PATIENCE < first[3] < 2 * scout.PATIENCE < guided.nodes
     assert len(looking.look()) > 2
     assert recorder.seen[1][:3] == first[:3]
 
@@ -238,18 +291,6 @@ def test_looks_are_repeatable() -> None:
     assert any(len(states) for states in found[0])
     for one, other in zip(*found, strict=True):
         assert np.array_equal(one, other)
-
-
-def test_where_lattices_would_be_too_large_landmarks_find_the_way(
-    judge: Judge, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(lattice, "MAX_NODES", 100)
-    looking = scouting(StateChecker(WALL, CAR), ACROSS)
-    assert looking.look(len(LEVELS)).shape == (0, 3)
-    assert looking.look_again(np.random.default_rng(0), 100.0).shape == (0, 3)
-    found = LandmarkPlanner(WALL, CAR, seed=0).plan(ACROSS[0], ACROSS[1], 20.0, max_iterations=20)
-    assert found.path is not None
-    judge(WALL, CAR, ACROSS[0], ACROSS[1], np.asarray(found.path.states))
 
 
 def test_a_scout_that_is_stopped_ends_the_planning_in_order() -> None:

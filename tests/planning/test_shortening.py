@@ -60,7 +60,7 @@ def test_paths_get_no_longer_and_stay_free(judge: Judge, name: str, world: int, 
         return
     before = states.copy()
     rng = np.random.default_rng(seed)
-    short = shorten(chart.checker, states, rng, sweeps=int(rng.integers(0, 12)))
+    short = shorten(chart.checker, states, rng, sweeps=int(rng.integers(0, 12)), splitting=bool(seed % 2))
     assert np.array_equal(states, before)
     turning = name != "disc"
     assert cost(short, turning) <= cost(states, turning) + 1e-9
@@ -97,6 +97,19 @@ def test_around_a_corner_the_shortest_way_is_found() -> None:
     best = math.dist((9.0, 1.0), (10.0, 10.0)) + math.dist((10.0, 10.0), (19.0, 11.0))
     for seed in range(3):
         assert best - 1e-2 < cost(shorten(checker, states, np.random.default_rng(seed)), False) < 1.03 * best
+
+
+def test_added_vertices_lead_around_a_block() -> None:
+    # The shortest way bends twice; moved alone, the one bend that there is has nowhere better to go.
+    robot = Robot.rectangle(2.0, 1.0)
+    checker = StateChecker(World("block", (0, 0, 30, 20), (Rectangle((15.0, 6.0), 6.0, 12.0),)), robot)
+    states = np.array([[6.0, 6.0, 0.0], [15.0, 18.2, 0.0], [24.0, 6.0, 0.0]])
+    assert checker.motions_valid(states[:-1], states[1:]).all()
+    plain, split = (
+        [cost(shorten(checker, states, np.random.default_rng(s), tolerance=1e-5, splitting=on)) for s in range(9)]
+        for on in (False, True)
+    )
+    assert np.median(split) < np.median(plain), (split, plain)
 
 
 def test_turning_to_and_fro_is_left_out() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import cos, sin
 from typing import Any, Literal
 
 import numpy as np
@@ -151,6 +152,12 @@ class StateChecker:
     def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.uint8]:
         """Return what the field alone proves of motions between valid configurations: FREE, BLOCKED, UNDECIDED."""
         return np.asarray(kernels.motions_certified(self.grid, self.field, self.footprint, a, b, False))
+
+    def disc_center(self, q: se2.FloatArray) -> tuple[float, float]:
+        """Return where the centre of the robot's inscribed disc is (metres) in a configuration of shape (3,)."""
+        x, y = self.robot.inscribed_disc.center
+        c, s = cos(q[2]), sin(q[2])
+        return float(q[0] + c * x - s * y), float(q[1] + s * x + c * y)
 
     def require_valid(self, q: ArrayLike, name: str) -> se2.FloatArray:
         """Return q as an array of shape (3,) if it is valid.

@@ -231,6 +231,7 @@ def motion(
     a: FloatArray,
     b: FloatArray,
     exact: bool,
+    budget: int = BUDGET,
 ) -> int:
     """Return FREE if the motion is certified, BLOCKED if it is not, UNDECIDED if the field alone cannot tell.
 
@@ -250,7 +251,7 @@ def motion(
     queue[0, 0], queue[0, 1] = 0.0, 1.0
     first, count = 0, 1
     answer = FREE
-    for _ in range(BUDGET):
+    for _ in range(budget):
         if count == 0:
             return answer
         if count + 1 > capacity:

@@ -18,7 +18,7 @@ from trailmark.planning.general import SAMPLES_PER_LANDMARK
 from trailmark.planning.headings import turned_evenly
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.result import PlanProgress, Status
-from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_ONCE, Scout
+from trailmark.planning.scout import AT_FIRST, AT_MOST, Scout
 from trailmark.planning.shortening import shorten
 from trailmark.roadmap import Roadmap
 
@@ -44,6 +44,9 @@ ROUNDS_PER_GRID = 2
 
 SWEEPS, FIRST_SWEEPS, PROMISING = 40, 5, 1.03
 """Sweeps of shortening at most; another path gets all only if the first few bring it within this factor of the best."""
+
+POLISHING = 10
+"""Sweeps with added vertices that the best path gets in each round."""
 
 KEPT = 5_000
 """Nodes up to which the planner's roadmap takes in landmarks of queries that are answered without them."""
@@ -108,6 +111,7 @@ class Attempt:
         self._proven = bound is None
         self._cutting = 0.0
         self.turning = self.roadmap.turning
+        self._turned = se2.ROTATION_WEIGHT * abs(float(se2.difference(self.start, self.goal)[2]))
         self.best: se2.FloatArray | None = None
         self.best_cost = np.inf
         self.first_cost: float | None = None
@@ -120,13 +124,17 @@ class Attempt:
             # Nothing is shorter.
             self._offer(ends)
             return self._answer()
-        nodes = self.roadmap.add(ends)
-        if len(self.roadmap) > len(ends):
-            self._search(self.roadmap, None, nodes)
+        if len(self.roadmap):
+            self._search(self.roadmap, None, self.roadmap.add(ends))
         known, scout = self.best is not None, self._scout(ends)
         if not known and scout is not None:
             self._report("looking for a first path")
-            self._take(scout.look(AT_ONCE))
+            self._take(scout.look(AT_FIRST))
+        # Not before there is need: it would hold up the first path.
+        nodes = self.roadmap.add(ends)
+        if self.best is not None and self._time_left() <= 0.0:
+            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
+            return self._answer()
         band = Band(self.checker, self.relaxation, ends[0], ends[1])
         rounds = self._place(band, scout, nodes)
         if self.best is None and not (np.isfinite(band.shortest) and np.isfinite(self.lower_bound)):
@@ -191,7 +199,8 @@ class Attempt:
         if scout is not None:
             # A close look at each cell of a short way costs less than larger lattices.
             far = band.shortest > SHORT * band.relaxation.size
-            self._take(scout.look((AT_MOST if far else AT_FIRST) - AT_ONCE))
+            if far:
+                self._take(scout.look(AT_MOST - AT_FIRST))
         if self.best is None:
             self._prove(PROOF_SHARE)
         if self._may_exist(band):
@@ -250,7 +259,13 @@ class Attempt:
             self._offer(self._shortened(states))
 
     def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
-        return shorten(self.checker, states, self.rng, sweeps=sweeps, stop=lambda: self._time_left() <= 0.0)
+        return shorten(self.checker, states, self.rng, sweeps=sweeps, stop=self._is_over)
+
+    def _polished(self, states: se2.FloatArray) -> se2.FloatArray:
+        return shorten(self.checker, states, self.rng, sweeps=POLISHING, splitting=True, stop=self._is_over)
+
+    def _is_over(self) -> bool:
+        return self._time_left() <= 0.0
 
     def _improve(self, band: Band, ends: se2.FloatArray, landmarks: int, scout: Scout | None) -> None:
         """Look for other ways around, place landmarks where better paths might run and search again, while it helps.
@@ -283,7 +298,7 @@ class Attempt:
                 marked = np.concatenate([marked, roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))])
                 self._search(roadmap, band, nodes)
             if self._time_left() > 0.0:
-                self._offer(self._shortened(self.best))
+                self._offer(self._polished(self.best))
             settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0
 
     def _disc_way(self) -> bool:
@@ -311,45 +326,50 @@ class Attempt:
         """Prove a lower bound if that is expected to take no more than a share of the time left."""
         if self.bound is None or self._proven:
             return
-        most = np.inf if self.best is None else self._cost_with_headings()
         if self._seconds_to_cut() < share * self._time_left():
             self._proven = True
-            self.lower_bound = max(self.lower_bound, self.bound.of(self.start, self.goal, most).cost)
+            self.lower_bound = max(self.lower_bound, self.bound.of(self.start, self.goal, self._whole_cost()).cost)
 
     def _seconds_to_cut(self) -> float:
         """Return what cutting free space into triangles is expected to take, at first."""
         if self.bound is not None:
-            most = np.inf if self.best is None else self._cost_with_headings()
-            self._cutting = max(self._cutting, self.bound.seconds(self.start, self.goal, most))
+            self._cutting = max(self._cutting, self.bound.seconds(self.start, self.goal, self._whole_cost()))
         return self._cutting
 
     def _close_enough(self) -> bool:
         """Return whether the best path is proven to be within the gap."""
         if self.best is None or not self._proven:
             return False
-        return self._cost_with_headings() <= (1.0 + self.gap) * self.lower_bound + 1e-9
-
-    def _cost_with_headings(self) -> float:
-        return np.inf if self.best is None else Path(self._with_headings(self.best)).cost
+        return self._whole_cost() <= (1.0 + self.gap) * self.lower_bound + 1e-9
 
     def _offer(self, states: se2.FloatArray) -> None:
         """Keep a path if it is the best so far."""
-        steps = se2.difference(states[:-1], states[1:])
-        cost = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-        if self.turning:
-            cost += se2.ROTATION_WEIGHT * float(np.abs(steps[:, 2]).sum())
+        cost = self._cost(states)
         if cost >= self.best_cost:
             return
         self.best, self.best_cost = states, cost
-        whole = Path(self._with_headings(states)).cost
         if self.first_cost is None:
-            self.first_cost = whole
-        self.history.append((perf_counter() - self.begin, whole))
+            self.first_cost = self._whole_cost()
+        self.history.append((perf_counter() - self.begin, self._whole_cost()))
         self._report("shortening")
+
+    def _cost(self, states: se2.FloatArray) -> float:
+        """Return the cost of a path as the roadmap knows it: a disc robot's without headings."""
+        steps = se2.difference(states[:-1], states[1:])
+        cost = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+        return cost + se2.ROTATION_WEIGHT * float(np.abs(steps[:, 2]).sum()) if self.turning else cost
+
+    def _whole_cost(self) -> float:
+        """Return the best path's cost, a disc robot's turning included; infinite without a path."""
+        return self.best_cost if self.turning else self.best_cost + self._turned
 
     def _with_headings(self, states: se2.FloatArray) -> se2.FloatArray:
         """Return the path with the ends' headings; a disc robot turns evenly along it, which costs the least."""
         return states if self.turning else turned_evenly(states, self.start, self.goal)
+
+    def _path(self, states: se2.FloatArray) -> Path:
+        """Return the path of these states."""
+        return Path(states)
 
     def _answer(self) -> tuple[Status, se2.FloatArray | None]:
         if self.best is not None:
@@ -371,7 +391,7 @@ class Attempt:
     def _report(self, phase: str) -> None:
         if self.on_progress is None:
             return
-        path = None if self.best is None else Path(self._with_headings(self.best))
-        nearest = None if self.nearest is None or path is not None else Path(self.nearest)
-        cost = None if path is None else path.cost
+        path = None if self.best is None else self._path(self._with_headings(self.best))
+        nearest = None if self.nearest is None or path is not None else self._path(self.nearest)
+        cost = None if path is None else self._whole_cost()
         self.on_progress(PlanProgress(perf_counter() - self.begin, phase, len(self.roadmap), cost, path, nearest))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,6 @@ from trailmark.planning.attempt import (
 from trailmark.planning.curve_shortening import shorten_curves
 from trailmark.planning.drives import drives_from
 from trailmark.planning.general import SAMPLES_PER_LANDMARK
-from trailmark.planning.result import PlanProgress
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.curve_roadmap import CurveRoadmap
 
@@ -53,11 +51,10 @@ class CarAttempt(Attempt):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.steering = self.roadmap.steering
+        # A round car has a heading too.
+        self.turning = True
         self.motions = CurveChecker(self.checker, self.steering)
         self.lower_bound = float(self.steering.lengths(self.start, self.goal))
-
-    def _ends(self) -> se2.FloatArray:
-        return np.array([self.start, self.goal])
 
     def _straight(self, ends: se2.FloatArray) -> bool:
         """Return whether the shortest curve leads from start to goal."""
@@ -65,9 +62,6 @@ class CarAttempt(Attempt):
 
     def _scout(self, ends: se2.FloatArray) -> None:
         """A lattice's motions are not a car's."""
-
-    def _disc_way(self) -> bool:
-        return False
 
     def _guides(self, band: Band, rounds: int) -> se2.FloatArray:  # the same in every round
         return band.guides(self.rng)[0]
@@ -123,7 +117,7 @@ class CarAttempt(Attempt):
         if self.best is None:
             self._offer(knots)
         knots = self._shortened(knots, FIRST_SWEEPS)
-        if self._length(knots) < PROMISING * self.best_cost:
+        if self._cost(knots) < PROMISING * self.best_cost:
             self._offer(self._shortened(knots))
 
     def _approach(self, nodes: NDArray[np.int64]) -> se2.FloatArray:
@@ -137,30 +131,8 @@ class CarAttempt(Attempt):
     def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
         return shorten_curves(self.motions, states, self.rng, sweeps=sweeps, stop=lambda: self._time_left() <= 0.0)
 
-    def _length(self, knots: se2.FloatArray) -> float:
-        return float(np.sum(self.steering.lengths(knots[:-1], knots[1:])))
+    def _cost(self, states: se2.FloatArray) -> float:
+        return float(np.sum(self.steering.lengths(states[:-1], states[1:])))
 
-    def _offer(self, states: se2.FloatArray) -> None:
-        """Keep a path if it is the best so far."""
-        cost = self._length(states)
-        if cost >= self.best_cost:
-            return
-        self.best, self.best_cost = states, cost
-        if self.first_cost is None:
-            self.first_cost = cost
-        self.history.append((perf_counter() - self.begin, cost))
-        self._report("shortening")
-
-    def _with_headings(self, states: se2.FloatArray) -> se2.FloatArray:
-        return states
-
-    def _cost_with_headings(self) -> float:
-        return self.best_cost
-
-    def _report(self, phase: str) -> None:
-        if self.on_progress is None:
-            return
-        path = None if self.best is None else CurvePath(self.best, self.steering)
-        nearest = None if self.nearest is None or path is not None else CurvePath(self.nearest, self.steering)
-        cost = None if path is None else path.cost
-        self.on_progress(PlanProgress(perf_counter() - self.begin, phase, len(self.roadmap), cost, path, nearest))
+    def _path(self, states: se2.FloatArray) -> CurvePath:
+        return CurvePath(states, self.steering)

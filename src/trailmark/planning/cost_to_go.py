@@ -14,7 +14,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.se2 import FloatArray
@@ -69,7 +68,7 @@ class CostToGo:
         size = sqrt((xmax - xmin) * (ymax - ymin) / cells)
         columns, rows = max(1, ceil((xmax - xmin) / size)), max(1, ceil((ymax - ymin) / size))
         disc = checker.robot.inscribed_disc
-        x, y = se2.transform(goal, np.array(disc.center)[None])[0]
+        x, y = checker.disc_center(goal)
         roomy = disc.radius + ROOMY * max(checker.footprint.circumradius - disc.radius, 0.1 * disc.radius)
         cost = _costs(checker.field, xmin, ymin, size, rows, columns, disc.radius, roomy, tightness, x, y)
         return cls(cost, xmin, ymin, size)

@@ -12,13 +12,12 @@ in a graph", AI 1970; checks only of what is taken from the queue: Cohen, Philli
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import ceil, cos, floor, hypot, isfinite, pi, sin, sqrt
+from math import hypot, pi
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
@@ -26,29 +25,54 @@ from trailmark.collision.kernels import FREE, motion, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.planning.cost_to_go import CostToGo
-from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.planning.lattice_nodes import (
+    ORIGIN,
+    STEP_X,
+    STEP_Y,
+    STRIDES,
+    TURNS,
+    Nodes,
+    came_from,
+    configuration,
+    leads_to,
+    move_cost,
+    place,
+    position,
+)
+from trailmark.planning.lattice_tree import CHECKED, DONE, VALID, Tree, entry_of, grown, new_tree
+from trailmark.se2 import FloatArray
 
-__all__ = ["MAX_NODES", "Lattice", "straightened"]
+__all__ = ["Lattice"]
 
-MAX_NODES = 1 << 26
-"""Nodes of a lattice at most: what it does not visit takes no memory, but addresses."""
-
-AHEAD_EVERY = 64
+AHEAD_EVERY = 16
 """Nodes after which the straight motion to the goal is tried once more."""
 
-TILE = 8
-"""Cells along each side of a tile; cells are numbered tile by tile, so that neighbours share pages of memory."""
+MOST = 18
+"""Nodes that are taken down on the way from one, at most."""
 
-# What is known of a node: bits.
-CHECKED, VALID, DONE = 1, 2, 4
 
-_STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1, 0, 0])
-_STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1, 0, 0])
-_TURN = np.array([0, 0, 0, 0, 0, 0, 0, 0, 1, -1])
-"""The moves: to the eight neighbours, counter-clockwise from +x, and a turn either way."""
+class Guide(NamedTuple):
+    """Costs to go, as compiled functions take them.
 
-ORIGIN = len(_TURN)
-"""In place of a move: the node that the search began at."""
+    Attributes:
+        cost: (rows, columns), metres; empty: the straight distance counts.
+        column: in ``cost``, of the lattice's first column, with what it lies beyond that cell's edge.
+        row: in ``cost``, of the lattice's first row, likewise.
+        step: cells of ``cost`` from one of the lattice's positions to the next.
+        x: of the goal's position, metres.
+        y: of the goal's position, metres.
+        weight: of the cost to go.
+        limit: metres; no way over a node is of interest whose cost and straight distance to the goal exceed it.
+    """
+
+    cost: FloatArray
+    column: float
+    row: float
+    step: float
+    x: float
+    y: float
+    weight: float
+    limit: float
 
 
 @dataclass(frozen=True)
@@ -75,6 +99,7 @@ class Lattice:
         budget: int,
         limit: float = np.inf,
         patience: int | None = None,
+        strides: bool = False,
     ) -> tuple[FloatArray, int]:
         """Return a path of certified motions, shape (n, 3), or (0, 3) if none was found, and the nodes taken.
 
@@ -88,108 +113,33 @@ class Lattice:
             budget: nodes taken from the queue at most.
             limit: metres; no way over a node is of interest whose cost and straight distance to the goal exceed it.
             patience: give up after so many nodes that come no nearer to the goal; never by default.
+            strides: also move several cells at a time, in the direction that promises most; ways are found sooner,
+                but are dearer.
         """
-        xmin, ymin, xmax, ymax = self.checker.world.bounds
-        center = np.array(self.checker.robot.inscribed_disc.center)
-        x, y = se2.transform(start, center[None])[0]
-        left, below = floor((x - xmin) / self.size), floor((y - ymin) / self.size)
-        columns, rows = left + 1 + floor((xmax - x) / self.size), below + 1 + floor((ymax - y) / self.size)
-        tiles = -(-columns // TILE), -(-rows // TILE)
-        nodes = tiles[0] * tiles[1] * TILE**2 * self.headings
-        if nodes > MAX_NODES:
-            return np.empty((0, 3)), 0
-        # Zeros cost nothing before they are touched.
+        nodes = Nodes.around(self.checker, start, self.size, self.headings)
+        guide = Guide(
+            to_go.cost,
+            (nodes.x - nodes.left * nodes.size - to_go.x0) / to_go.size,
+            (nodes.y - nodes.below * nodes.size - to_go.y0) / to_go.size,
+            nodes.size / to_go.size,
+            *self.checker.disc_center(goal),
+            float(weight),
+            float(limit),
+        )
         found, taken = _search(
             self.checker.grid,
             self.checker.field,
             self.checker.footprint,
-            center,
-            np.array([x, y, start[2]]),
+            nodes,
+            nodes.origin,
+            guide,
             np.asarray(start),
             np.asarray(goal),
-            np.array([left, below, columns, rows, self.headings, tiles[0]]),
-            self.size,
-            to_go.cost,
-            np.array([to_go.x0, to_go.y0, to_go.size]),
-            weight,
             budget,
-            limit,
             budget if patience is None else patience,
-            np.zeros(nodes, np.uint8),
-            np.zeros(nodes, np.float32),
-            np.zeros(nodes, np.uint8),
+            len(STRIDES) if strides else 1,
         )
         return found, int(taken)
-
-
-@njit(cache=True, inline="always")
-def _number(column: int, row: int, extent: NDArray[np.int64]) -> int:
-    """Return a cell's number."""
-    tile = row // TILE * extent[5] + column // TILE
-    return int(tile * TILE * TILE + row % TILE * TILE + column % TILE)
-
-
-@njit(cache=True, inline="always")
-def _place(cell: int, extent: NDArray[np.int64]) -> tuple[int, int]:
-    """Return a cell's column and row."""
-    tile, within = cell // (TILE * TILE), cell % (TILE * TILE)
-    return tile % extent[5] * TILE + within % TILE, tile // extent[5] * TILE + within // TILE
-
-
-@njit(cache=True)
-def _configuration(
-    node: int, origin: FloatArray, extent: NDArray[np.int64], size: float, center: FloatArray, q: FloatArray
-) -> None:
-    """Write a node's configuration into q."""
-    cell, k = node // extent[4], node % extent[4]
-    theta = origin[2] + 2.0 * pi * k / extent[4]
-    # Into (-pi, pi]: half a turn is +pi.
-    theta -= 2.0 * pi * ceil((theta - pi) / (2.0 * pi))
-    c, s = cos(theta), sin(theta)
-    column, row = _place(cell, extent)
-    q[0] = origin[0] + (column - extent[0]) * size - (c * center[0] - s * center[1])
-    q[1] = origin[1] + (row - extent[1]) * size - (s * center[0] + c * center[1])
-    q[2] = theta
-
-
-@njit(cache=True)
-def _left(
-    node: int,
-    origin: FloatArray,
-    extent: NDArray[np.int64],
-    size: float,
-    target: FloatArray,
-    to_go: FloatArray,
-    frame: FloatArray,
-) -> tuple[float, float]:
-    """Return what is left from a node's position to the goal's, and the straight distance, metres."""
-    column, row = _place(node // extent[4], extent)
-    x = origin[0] + (column - extent[0]) * size
-    y = origin[1] + (row - extent[1]) * size
-    straight = hypot(target[0] - x, target[1] - y)
-    if to_go.shape[0] == 0:
-        return straight, straight
-    i, j = floor((y - frame[1]) / frame[2]), floor((x - frame[0]) / frame[2])
-    if 0 <= i < to_go.shape[0] and 0 <= j < to_go.shape[1]:
-        return float(to_go[i, j]), straight
-    return np.inf, straight
-
-
-@njit(cache=True)
-def _neighbour(node: int, move: int, extent: NDArray[np.int64]) -> int:
-    """Return the node that a move leads to, -1 out of the lattice."""
-    cell, k = node // extent[4], node % extent[4]
-    column, row = _place(cell, extent)
-    column, row = column + _STEP_X[move], row + _STEP_Y[move]
-    if not (0 <= column < extent[2] and 0 <= row < extent[3]):
-        return -1
-    return int(_number(column, row, extent) * extent[4] + (k + _TURN[move] + extent[4]) % extent[4])
-
-
-@njit(cache=True)
-def _back(node: int, move: int, extent: NDArray[np.int64]) -> int:
-    """Return the node that a move to ``node`` came from."""
-    return _neighbour(node, (move + 4) % 8 if move < 8 else 17 - move, extent)
 
 
 @njit(cache=True, nogil=True)
@@ -197,152 +147,200 @@ def _search(
     grid: ObstacleGrid,
     field: ClearanceField,
     robot: Footprint,
-    center: FloatArray,
-    origin: FloatArray,
+    nodes: Nodes,
+    origin: int,
+    guide: Guide,
     start: FloatArray,
     goal: FloatArray,
-    extent: NDArray[np.int64],
-    size: float,
-    to_go: FloatArray,
-    frame: FloatArray,
-    weight: float,
     budget: int,
-    limit: float,
     patience: int,
-    known: NDArray[np.uint8],
-    costs: NDArray[np.float32],
-    moves: NDArray[np.uint8],
+    strides: int,
 ) -> tuple[FloatArray, int]:
-    """Return the way from start to goal, and how many nodes were taken from the queue.
-
-    ``extent`` holds the columns left of and the rows below the start, columns, rows, headings, and tiles across;
-    ``known``, ``costs`` and ``moves`` are zeros, one for each node.
-    """
+    """Return the way from start to goal, and how many nodes were taken from the queue."""
     placed, queue = workspace(robot), np.empty((128, 2))
-    turning = extent[4] > 1
-    count = 10 if turning else 8
-    turn = 2.0 * pi / extent[4]
-    c, s = cos(goal[2]), sin(goal[2])
-    target = np.array([goal[0] + c * center[0] - s * center[1], goal[1] + s * center[0] + c * center[1]])
     q, before = np.empty(3), np.empty(3)
-    keys, values = np.empty(1024), np.empty(1024, np.int64)
-    first = _number(extent[0], extent[1], extent) * extent[4]
-    size_of_heap = heap_push(keys, values, 0, 0.0, first)
-    moves[first], known[first] = ORIGIN + 1, CHECKED | VALID
+    keys, values = np.empty(256), np.empty(256, np.int64)
+    waiting = heap_push(keys, values, 0, 0.0, origin)
+    tree, used = new_tree(), 1
+    entry = entry_of(tree, origin)
+    tree.node[entry], tree.move[entry], tree.known[entry] = origin + 1, ORIGIN + 1, CHECKED | VALID
     taken, last = 0, -1
     nearest, when = np.inf, 0
-    while size_of_heap > 0 and taken < budget and taken - when <= patience:
-        size_of_heap = heap_pop(keys, values, size_of_heap)
-        node = values[size_of_heap]
-        # An entry may be stale: done already, or its motion failed and no other leads here.
-        if known[node] & DONE or moves[node] == 0:
+    while waiting > 0 and taken < budget and taken - when <= patience:
+        waiting = heap_pop(keys, values, waiting)
+        node = values[waiting]
+        entry = entry_of(tree, node)
+        # It may be stale: done already, or its motion failed and no other leads here.
+        if tree.known[entry] & DONE or tree.move[entry] == 0:
             continue
         taken += 1
-        known[node] |= DONE
-        _configuration(node, origin, extent, size, center, q)
-        if not known[node] & CHECKED:
-            known[node] |= CHECKED
+        tree.known[entry] |= DONE
+        configuration(nodes, node, q)
+        if not tree.known[entry] & CHECKED:
+            tree.known[entry] |= CHECKED
             if state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE:
-                known[node] |= VALID
-        if not known[node] & VALID:
+                tree.known[entry] |= VALID
+        if not tree.known[entry] & VALID:
             continue
-        arrived = moves[node] - 1
+        arrived = tree.move[entry] - 1
         if arrived != ORIGIN:
-            _configuration(_back(node, arrived, extent), origin, extent, size, center, before)
-            if motion(grid, field, robot, placed, queue, before, q, True) != FREE:
-                # By another way, if one leads here.
-                known[node] &= ~np.uint8(VALID)
-                cheapest = np.inf
-                for move in range(count):
-                    other = _back(node, move, extent)
-                    if move == arrived or other < 0 or known[other] & (DONE | VALID) != DONE | VALID:
-                        continue
-                    cost = costs[other] + _length(move, size, turn)
-                    if cost < cheapest:
-                        _configuration(other, origin, extent, size, center, before)
-                        if motion(grid, field, robot, placed, queue, before, q, True) == FREE:
-                            cheapest, moves[node] = cost, move + 1
-                            known[node] |= VALID
-                if not known[node] & VALID:
-                    # Not valid by this way, but perhaps by one that is found later.
-                    known[node] = (known[node] | VALID) & ~np.uint8(DONE)
-                    moves[node] = 0
-                    continue
-                costs[node] = cheapest
-        x = q[0] + cos(q[2]) * center[0] - sin(q[2]) * center[1] - target[0]
-        y = q[1] + sin(q[2]) * center[0] + cos(q[2]) * center[1] - target[1]
-        away = abs(q[2] - goal[2])
-        left, _ = _left(node, origin, extent, size, target, to_go, frame)
+            configuration(nodes, came_from(nodes, node, arrived), before)
+            if motion(grid, field, robot, placed, queue, before, q, True) != FREE and not _joined_otherwise(
+                grid, field, robot, placed, queue, nodes, tree, node, q, before, strides
+            ):
+                continue
+        left = _left(nodes, node, guide, 0.0)
         if left < nearest:
             nearest, when = left, taken
-        near = hypot(x, y) < 1.5 * size and (not turning or min(away, 2.0 * pi - away) < 1.5 * turn)
-        if (near or taken % AHEAD_EVERY == 0) and motion(grid, field, robot, placed, queue, q, goal, True) == FREE:
+        if (taken % AHEAD_EVERY == 0 or _near(nodes, node, guide, q, goal)) and (
+            motion(grid, field, robot, placed, queue, q, goal, True) == FREE
+        ):
             last = node
             break
-        for move in range(count):
-            other = _neighbour(node, move, extent)
-            if other < 0 or known[other] & DONE or (known[other] & CHECKED and not known[other] & VALID):
-                continue
-            cost = costs[node] + _length(move, size, turn)
-            if moves[other] == 0 or cost < costs[other]:
-                left, straight = _left(other, origin, extent, size, target, to_go, frame)
-                if not isfinite(left) or cost + straight > limit:
+        if 2 * (used + MOST) > len(tree.node):
+            tree = grown(tree)
+        if waiting + MOST > len(keys):
+            keys, values = heap_grow(keys, values)
+        cost = tree.cost[entry_of(tree, node)]
+        # One step, or a turn; and the stride that promises most.
+        for way in range(10 if nodes.headings > 1 else 8):
+            step = way if way < 8 else TURNS + way - 8
+            for move in (step, _best_stride(nodes, node, cost, way, strides, guide) if way < 8 else -1):
+                other = leads_to(nodes, node, move) if move >= 0 else -1
+                if other < 0:
                     continue
-                costs[other], moves[other] = cost, move + 1
-                if size_of_heap == len(keys):
-                    keys, values = heap_grow(keys, values)
-                size_of_heap = heap_push(keys, values, size_of_heap, cost + weight * left, other)
+                reached = cost + move_cost(nodes, move)
+                left = _left(nodes, other, guide, reached)
+                if left < np.inf:
+                    new = _take_down(tree, other, reached, move)
+                    if new >= 0:
+                        used += new
+                        waiting = heap_push(keys, values, waiting, reached + guide.weight * left, other)
     if last < 0:
         return np.empty((0, 3)), taken
-    length, node = 2, last
-    while moves[node] - 1 != ORIGIN:
-        node = _back(node, moves[node] - 1, extent)
-        length += 1
-    way = np.empty((length, 3))
-    way[0], way[length - 1] = start, goal
-    node = last
-    for i in range(length - 2, 0, -1):
-        _configuration(node, origin, extent, size, center, way[i])
-        node = _back(node, moves[node] - 1, extent)
-    return way, taken
+    return _way_to(nodes, tree, last, start, goal), taken
 
 
 @njit(cache=True, inline="always")
-def _length(move: int, size: float, turn: float) -> float:
-    if move >= 8:
-        return ROTATION_WEIGHT * turn
-    return size * sqrt(2.0) if move % 2 else size
+def _left(nodes: Nodes, node: int, guide: Guide, cost: float) -> float:
+    """Return what is left from a node's position to the goal's, infinite if ``cost`` is too much to get here."""
+    _, row, column = place(node)
+    if len(guide.cost) == 0 or guide.limit < np.inf:
+        straight = hypot(
+            guide.x - nodes.x - (column - nodes.left) * nodes.size, guide.y - nodes.y - (row - nodes.below) * nodes.size
+        )
+        if cost + straight > guide.limit:
+            return np.inf
+        if len(guide.cost) == 0:
+            return straight
+    return _guided(guide, row, column)
 
 
-@njit(cache=True, nogil=True)
-def straightened(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, path: FloatArray) -> FloatArray:
-    """Return a path of certified motions with the vertices left out that it does without; shape (m, 3).
+@njit(cache=True, inline="always")
+def _guided(guide: Guide, row: int, column: int) -> float:
+    """Return the cost to go from the cell of a position of the lattice."""
+    i, j = int(guide.row + row * guide.step), int(guide.column + column * guide.step)
+    if i < guide.cost.shape[0] and j < guide.cost.shape[1]:
+        return float(guide.cost[i, j])
+    return np.inf
 
-    From each vertex as far ahead as a certified motion leads, sought by doubling and halving.
-    """
-    placed, queue = workspace(robot), np.empty((128, 2))
-    kept = np.empty_like(path)
-    kept[0], m, i, n = path[0], 1, 0, len(path)
-    while i < n - 1:
-        good, step = i + 1, 2
-        bad = n
-        while good < n - 1:
-            ahead = min(i + step, n - 1)
-            if ahead >= bad:
-                break
-            if motion(grid, field, robot, placed, queue, path[i], path[ahead], True) != FREE:
-                bad = ahead
-                break
-            good, step = ahead, 2 * step
-        while bad - good > 1:
-            middle = (good + bad) // 2
-            if middle >= n:
-                break
-            if motion(grid, field, robot, placed, queue, path[i], path[middle], True) == FREE:
-                good = middle
-            else:
-                bad = middle
-        i = good
-        kept[m] = path[i]
-        m += 1
-    return kept[:m].copy()
+
+@njit(cache=True, inline="always")
+def _best_stride(nodes: Nodes, node: int, cost: float, way: int, strides: int, guide: Guide) -> int:
+    """Return the move of more than one step in a direction that promises most, -1 if there is none."""
+    _, row, column = place(node)
+    best, most = -1, np.inf
+    for stride in range(1, strides):
+        move = way + 8 * stride
+        i, j = row + STEP_Y[move], column + STEP_X[move]
+        if not (0 <= i < nodes.rows and 0 <= j < nodes.columns):
+            break
+        if len(guide.cost):
+            left = _guided(guide, i, j)
+        else:
+            left = hypot(
+                guide.x - nodes.x - (j - nodes.left) * nodes.size, guide.y - nodes.y - (i - nodes.below) * nodes.size
+            )
+        key = move_cost(nodes, move) + guide.weight * left
+        if key < most:
+            best, most = move, key
+    return best
+
+
+@njit(cache=True, inline="always")
+def _near(nodes: Nodes, node: int, guide: Guide, q: FloatArray, goal: FloatArray) -> bool:
+    """Return whether a node lies so near to the goal that a motion there may be expected."""
+    x, y = position(nodes, node)
+    if hypot(x - guide.x, y - guide.y) >= 1.5 * nodes.size:
+        return False
+    away = abs(q[2] - goal[2])
+    return nodes.headings == 1 or min(away, 2.0 * pi - away) < 3.0 * pi / nodes.headings
+
+
+@njit(cache=True, inline="always")
+def _take_down(tree: Tree, node: int, cost: float, move: int) -> int:
+    """Take down that a move leads to a node at some cost; return the entries that takes, -1 if it is of no use."""
+    entry = entry_of(tree, node)
+    if tree.known[entry] & DONE or tree.known[entry] & (CHECKED | VALID) == CHECKED:
+        return -1
+    if tree.move[entry] != 0 and cost >= tree.cost[entry]:
+        return -1
+    new = tree.node[entry] == 0
+    tree.node[entry], tree.cost[entry], tree.move[entry] = node + 1, cost, move + 1
+    return int(new)
+
+
+@njit(cache=True)
+def _joined_otherwise(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    placed: FloatArray,
+    queue: FloatArray,
+    nodes: Nodes,
+    tree: Tree,
+    node: int,
+    q: FloatArray,
+    before: FloatArray,
+    strides: int,
+) -> bool:
+    """Join a node, whose motion failed, to what is done already by another; else wait for one that is found later."""
+    entry = entry_of(tree, node)
+    arrived, cheapest = tree.move[entry] - 1, np.inf
+    tree.known[entry] &= ~np.uint8(VALID)
+    for move in range(ORIGIN if nodes.headings > 1 else TURNS):
+        other = came_from(nodes, node, move)
+        if move == arrived or other < 0 or 8 * strides <= move < TURNS:
+            continue
+        there = entry_of(tree, other)
+        if tree.known[there] & (DONE | VALID) != DONE | VALID:
+            continue
+        cost = tree.cost[there] + move_cost(nodes, move)
+        if cost < cheapest:
+            configuration(nodes, other, before)
+            if motion(grid, field, robot, placed, queue, before, q, True) == FREE:
+                cheapest, tree.move[entry] = cost, move + 1
+    tree.known[entry] |= VALID
+    if cheapest < np.inf:
+        tree.cost[entry] = cheapest
+        return True
+    tree.known[entry] &= ~np.uint8(DONE)
+    tree.move[entry] = 0
+    return False
+
+
+@njit(cache=True)
+def _way_to(nodes: Nodes, tree: Tree, last: int, start: FloatArray, goal: FloatArray) -> FloatArray:
+    """Return the configurations from start to goal over a node."""
+    length, node = 1, last
+    move = tree.move[entry_of(tree, node)] - 1
+    while move != ORIGIN:
+        node = came_from(nodes, node, move)
+        move = tree.move[entry_of(tree, node)] - 1
+        length += 1
+    way = np.empty((length + 1, 3))
+    way[0], way[length], node = start, goal, last
+    for i in range(length - 1, 0, -1):
+        configuration(nodes, node, way[i])
+        node = came_from(nodes, node, tree.move[entry_of(tree, node)] - 1)
+    return way

@@ -177,7 +177,7 @@ class LandmarkPlanner:
         gap: float,
     ) -> PlanResult:
         begin = perf_counter()
-        ends = np.array([self.checker.require_valid(start, "start"), self.checker.require_valid(goal, "goal")])
+        ends = self._valid_pair(start, goal)
         build = self._build_time
         if self._landmarks is not None and len(self.roadmap) == 0:
             self.build()
@@ -254,6 +254,14 @@ class LandmarkPlanner:
                 self._learnt |= found.path is not None
                 results[i] = found
         return [result for result in results if result is not None]
+
+    def _valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
+        """Return start and goal, shape (2, 3), both valid."""
+        ends = [se2.configurations(start, name="start"), se2.configurations(goal, name="goal")]
+        if any(q.ndim != 1 for q in ends) or not self.checker.valid(ends).all():
+            # Says what is wrong with which.
+            ends = [self.checker.require_valid(q, name) for q, name in zip(ends, ("start", "goal"), strict=True)]
+        return np.array(ends)
 
     def _valid_ends(self, starts: ArrayLike, goals: ArrayLike) -> se2.FloatArray:
         """Return starts and goals, shape (n, 2, 3), all valid."""

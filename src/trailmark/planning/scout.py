@@ -10,15 +10,16 @@ import numpy as np
 
 from trailmark.collision import StateChecker
 from trailmark.planning.cost_to_go import TIGHTNESS, CostToGo
-from trailmark.planning.lattice import Lattice, straightened
+from trailmark.planning.lattice import Lattice
+from trailmark.planning.straightening import straightened
 from trailmark.se2 import FloatArray
 
-__all__ = ["AT_FIRST", "AT_MOST", "AT_ONCE", "Scout"]
+__all__ = ["AT_FIRST", "AT_MOST", "Scout"]
 
 WEIGHT = 2.0
 """Of the cost to go: ways are sought that are soon found, and shortened afterwards."""
 
-PATIENCE = 100
+PATIENCE = 24
 """Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
 
 SECONDS_A_NODE = 4e-6
@@ -36,21 +37,23 @@ class Level(NamedTuple):
     """
 
     cells: int
-    fineness: int
+    fineness: float
     headings: int
     nodes: int
 
 
 LEVELS = (
-    Level(0, 1, 16, 1_000),
-    Level(1 << 14, 1, 16, 4_000),
-    Level(1 << 16, 2, 32, 8_000),
-    Level(1 << 16, 2, 64, 10_000),
-    Level(1 << 16, 1, 32, 30_000),
-    Level(1 << 16, 1, 16, 80_000),
-    Level(1 << 16, 2, 32, 200_000),
-    Level(1 << 16, 4, 64, 1_000_000),
+    Level(0, 0.35, 8, 64),
+    Level(1 << 14, 1.0, 16, 500),
+    Level(1 << 16, 2.0, 16, 1_000),
+    Level(1 << 16, 2.0, 16, 4_000),
+    Level(1 << 16, 2.0, 64, 10_000),
+    Level(1 << 16, 1.0, 32, 30_000),
+    Level(1 << 16, 1.0, 16, 80_000),
+    Level(1 << 16, 2.0, 32, 200_000),
+    Level(1 << 16, 4.0, 64, 1_000_000),
 )
+"""Looked at in turn: small searches first, since which lattice leads through soon is a matter of luck."""
 
 
 class View(NamedTuple):
@@ -85,7 +88,7 @@ STRETCH = (0.75, 1.25)
 DETOUR = 1.15
 """Over a lattice of eight directions a way may be so much longer than its straightened self."""
 
-AT_ONCE, AT_FIRST, AT_MOST = 2, 4, 6
+AT_FIRST, AT_MOST = 5, 7
 """Levels looked at before all else, and before landmarks are placed on a short and on a long way; others follow."""
 
 
@@ -117,7 +120,7 @@ class Scout:
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
         self.to_go = lru_cache(maxsize=8)(self._to_go)
         self.level = self.views = 0
-        self._exhausted: set[tuple[int, int, bool]] = set()
+        self._exhausted: set[tuple[float, int, bool]] = set()
 
     def look(self, levels: int = 1) -> FloatArray:
         """Return a path of certified motions, shape (n, 3), sought on the next levels; (0, 3) if none was found."""
@@ -163,6 +166,7 @@ class Scout:
             weight=WEIGHT,
             budget=budget,
             patience=None if level.cells else PATIENCE,
+            strides=True,
         )
         if len(way) == 0:
             # A search that was given up for want of progress tells nothing.

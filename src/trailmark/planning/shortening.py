@@ -25,6 +25,9 @@ __all__ = ["random_span", "shorten", "uniform"]
 GAIN = 1e-7
 """Metres that a change must save at least."""
 
+EFFORT = 500
+"""Configurations evaluated for one motion at most: one that needs more grazes something; another is sooner tried."""
+
 
 def shorten(
     checker: StateChecker,
@@ -33,6 +36,7 @@ def shorten(
     *,
     sweeps: int = 40,
     tolerance: float = 1e-3,
+    splitting: bool = False,
     stop: Callable[[], bool] | None = None,
 ) -> FloatArray:
     """Return a path no longer than the given one, with the same ends; shape (m, 3).
@@ -45,6 +49,7 @@ def shorten(
         rng: source of randomness.
         sweeps: rounds over the whole path at most.
         tolerance: stop when three sweeps together save less than this share of the cost.
+        splitting: add vertices in each sweep; takes longer, and gets around corners on which the path hangs.
         stop: asked before each sweep whether to end early.
     """
     turning = checker.footprint.disc_radius < 0.0
@@ -56,7 +61,7 @@ def shorten(
     for _ in range(sweeps):
         if len(path) < 3 or (stop is not None and stop()):
             break
-        path, scale = _sweep(checker.grid, checker.field, checker.footprint, path, turning, seed, scale)
+        path, scale = _sweep(checker.grid, checker.field, checker.footprint, path, turning, seed, scale, splitting)
         history.append(_total(path, turning))
         if len(history) > 3 and history[-4] - history[-1] < tolerance * history[-1]:
             break
@@ -121,6 +126,7 @@ def _sweep(
     turning: bool,
     seed: NDArray[np.uint64],
     scale: float,
+    splitting: bool,
 ) -> tuple[FloatArray, float]:
     """Return the path after one round of every kind of change, and the step for the next one's moves."""
     placed, queue = workspace(robot), np.empty((128, 2))
@@ -131,9 +137,12 @@ def _sweep(
             path = _heading_shortcut(grid, field, robot, placed, queue, path, seed)
     path = _drop(grid, field, robot, placed, queue, path, turning)
     moved = 0
+    if splitting and len(path) > 2:
+        path = _split(path, turning, seed, scale)
     for _ in range(3):
         moved += _move(grid, field, robot, placed, queue, path, turning, seed, scale)
-    return path, scale * (1.2 if 4 * moved > len(path) else 0.6)
+    scale *= 1.2 if 4 * moved > len(path) else 0.6
+    return _drop(grid, field, robot, placed, queue, path, turning), scale
 
 
 @njit(cache=True)
@@ -175,7 +184,7 @@ def _shortcut(
     i, j = _locate(path, turning, low, a), _locate(path, turning, high, b)
     if i >= j or high - low - _cost(a, b, turning) < GAIN:
         return path
-    if motion(grid, field, robot, placed, queue, a, b, True) != FREE:
+    if motion(grid, field, robot, placed, queue, a, b, True, EFFORT) != FREE:
         return path
     # Places at a vertex bring no new one.
     keep_a = _cost(path[i], a, turning) > GAIN
@@ -229,7 +238,7 @@ def _heading_shortcut(
             theta += 2.0 * pi
         result[k + 1, 2] = theta
     for k in range(i, j):
-        if motion(grid, field, robot, placed, queue, result[k], result[k + 1], True) != FREE:
+        if motion(grid, field, robot, placed, queue, result[k], result[k + 1], True, EFFORT) != FREE:
             return path
     return result
 
@@ -251,12 +260,30 @@ def _drop(
     for i in range(1, len(path) - 1):
         a, b = kept[n - 1], path[i + 1]
         before = _cost(a, path[i], turning) + _cost(path[i], b, turning)
-        if before - _cost(a, b, turning) >= -1e-12 and motion(grid, field, robot, placed, queue, a, b, True) == FREE:
+        if (
+            before - _cost(a, b, turning) >= -1e-12
+            and motion(grid, field, robot, placed, queue, a, b, True, EFFORT) == FREE
+        ):
             continue
         kept[n] = path[i]
         n += 1
     kept[n] = path[-1]
     return kept[: n + 1].copy()
+
+
+@njit(cache=True)
+def _split(path: FloatArray, turning: bool, seed: NDArray[np.uint64], scale: float) -> FloatArray:
+    """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
+    n = len(path)
+    i = 1 + int(uniform(seed) * (n - 2))
+    result = np.empty((n + 2, 3))
+    result[:i] = path[:i]
+    result[i + 1] = path[i]
+    result[i + 3 :] = path[i + 1 :]
+    for other, k in ((i - 1, i), (i + 1, i + 2)):
+        way = _cost(path[i], path[other], turning)
+        _between(path[i], path[other], min(0.45, scale * uniform(seed) / max(way, 1e-12)), result[k])
+    return result
 
 
 @njit(cache=True)
@@ -300,8 +327,8 @@ def _move(
             if (
                 # One look at the new place is cheaper than two motions, and most fail there.
                 state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE
-                and motion(grid, field, robot, placed, queue, a, q, True) == FREE
-                and motion(grid, field, robot, placed, queue, q, b, True) == FREE
+                and motion(grid, field, robot, placed, queue, a, q, True, EFFORT) == FREE
+                and motion(grid, field, robot, placed, queue, q, b, True, EFFORT) == FREE
             ):
                 path[i] = q
                 moved += 1

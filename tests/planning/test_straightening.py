@@ -1,0 +1,108 @@
+"""Straightening: what is left is certified, no dearer, made of the path's own vertices, as far apart as may be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from trailmark.collision import StateChecker
+from trailmark.planning.straightening import straightened
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+Judge = Callable[..., float]
+
+
+def straight(checker: StateChecker, path: FloatArray) -> FloatArray:
+    return np.asarray(straightened(checker.grid, checker.field, checker.footprint, path))
+
+
+def stroll(checker: StateChecker, n: int, rng: np.random.Generator) -> FloatArray:
+    """A path of n certified motions to and fro; (0, 3) if the robot has no room."""
+    xmin, ymin, xmax, ymax = checker.world.bounds
+    q = rng.uniform((xmin, ymin, -math.pi), (xmax, ymax, math.pi), (400, 3))
+    states = q[checker.valid(q)][:1]
+    while 0 < len(states) <= n:
+        ahead = states[-1] + rng.normal(0.0, (1.0, 1.0, 0.6), (400, 3))
+        ahead[:, 2] = np.arctan2(np.sin(ahead[:, 2]), np.cos(ahead[:, 2]))
+        ahead = ahead[checker.valid(ahead)]
+        ahead = ahead[checker.motions_valid(np.tile(states[-1], (len(ahead), 1)), ahead)]
+        if len(ahead) == 0:
+            return np.empty((0, 3))
+        states = np.concatenate([states, ahead[:1]])
+    return np.asarray(states)
+
+
+def cost(states: FloatArray) -> float:
+    return sum(
+        math.dist(a[:2], b[:2]) + 0.5 * abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
+        for a, b in pairwise(states)
+    )
+
+
+@settings(max_examples=60)
+@given(
+    name=st.sampled_from(sorted(ROBOTS)),
+    world=st.integers(0, 5),
+    seed=st.integers(0, 10_000),
+    n=st.integers(1, 40),
+)
+def test_what_is_left_is_a_certified_path_over_some_of_the_vertices(
+    judge: Judge, name: str, world: int, seed: int, n: int
+) -> None:
+    checker = StateChecker(
+        random_world(world, 25, size=24.0, radii=(0.5, 2.0), discs=0.3, holes=0.2), ROBOTS[name], cell=0.2
+    )
+    path = stroll(checker, n, np.random.default_rng(seed))
+    if len(path) == 0:
+        return
+    before = path.copy()
+    short = straight(checker, path)
+    assert np.array_equal(path, before)
+    judge(checker.world, checker.robot, path[0], path[-1], short)
+    assert checker.motions_valid(short[:-1], short[1:]).all()
+    # Some of the vertices, in their order.
+    rows = [next(i for i, row in enumerate(path) if np.array_equal(row, kept)) for kept in short]
+    assert all(i < j for i, j in pairwise(rows))
+    assert cost(short) <= cost(path) + 1e-9
+    # None of the motions that are left could end a vertex later.
+    for i, j in pairwise(rows):
+        if j + 1 < len(path):
+            assert not checker.motion_valid(path[i], path[j + 1])
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 8, 9, 16, 17, 100])
+def test_nothing_is_left_between_the_ends_of_a_way_in_the_open(n: int) -> None:
+    checker = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(2.0, 1.0))
+    path = np.random.default_rng(n).uniform((2, 2, -1), (18, 18, 1), (n, 3))
+    assert np.array_equal(straight(checker, path), path[[0, -1]])
+
+
+@pytest.mark.parametrize("before", range(1, 12))
+@pytest.mark.parametrize("after", [1, 2, 3, 7])
+def test_the_corner_of_an_angle_is_kept(before: int, after: int) -> None:
+    # Around the only corner of a wall there is but one vertex to see both ends from, however many there are.
+    checker = StateChecker(World("corner", (0, 0, 20, 20), (Rectangle((7.0, 7.0), 14.0, 14.0),)), Robot.disc(1.0))
+    corner = np.array([16.0, 16.0, 0.0])
+    up = np.linspace((16.0, 2.0, 0.0), corner, before, endpoint=False)
+    left = np.linspace((2.0, 16.0, 0.0), corner, after, endpoint=False)[::-1]
+    path = np.concatenate([up, corner[None], left])
+    assert np.array_equal(straight(checker, path), [path[0], corner, path[-1]])
+    assert np.array_equal(straight(checker, np.ascontiguousarray(path[::-1])), [path[-1], corner, path[0]])
+
+
+def test_no_more_than_a_point_stays_a_point() -> None:
+    checker = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(2.0, 1.0))
+    q = np.array([5.0, 5.0, 1.0])
+    assert np.array_equal(straight(checker, q[None]), [q])
+    assert np.array_equal(straight(checker, np.array([q, q])), [q, q])
+    assert np.array_equal(straight(checker, np.array([q] * 7)), [q, q])
