@@ -6,8 +6,9 @@ Stages, all with the project's own benchmark (each run in a process of its own, 
 is built), all in one database, so that the same command goes on where it was stopped or where its time was up:
 
 - first: time limit 1 s, all problems (benchmarks/ahead_problems.py), the planners that are ever soon to a first path.
-  OMPL's end there; the landmark planner goes on until its path has settled. A problem that the landmark planner proves
-  infeasible is given to one other planner once, which must not solve it.
+  They end there; the landmark planner's first run goes on until its path has settled. A problem that the landmark
+  planner proves infeasible is given to one other planner once, which must not solve it. The landmark planner, whose
+  runs are short, has more seeds than the others.
 - decide: time limit 10 s, the random problems that nobody solved and nobody proved infeasible.
 - cost: time limit 10 s, one problem of every kind, the planners that reach low costs; every path simplified.
 - report: the tables, from the database alone.
@@ -40,7 +41,7 @@ from trailmark.benchmark.store import Store
 STAGES = ("first", "decide", "cost", "report")
 
 SOON = (
-    *("landmark", "RRTConnect", "RRTConnect+certified", "native:RRTConnect"),
+    *("RRTConnect", "RRTConnect+certified", "native:RRTConnect"),
     *("BITstar", "BITstar+certified", "native:BITstar"),
 )
 SOMETIMES = ("KPIECE1", "RRT", "BFMT")
@@ -109,7 +110,8 @@ class Runner:
                 time_limit=limit,
                 memory_limit=MEMORY,
                 seed=seed,
-                first=[name for name in planners if first and name != "landmark"],
+                # The landmark planner's first run tells what a path costs after FIRST_LIMIT.
+                first=[name for name in planners if first and (name != "landmark" or seed > 0)],
             )
             benchmark.run(self.store, self.pool, self._follow)
 
@@ -131,15 +133,11 @@ def first(runner: Runner, given: Sequence[Case], results: Callable[[], Results],
     closed = [case for case in given if case.problem.key in proven]
     runner.run(still, [*options.soon, *SOMETIMES], FIRST_LIMIT, 0, first=True)
     runner.run(closed, [WITNESS], FIRST_LIMIT, 0, first=True)
-    fewer = min(FEWER, options.seeds)
-    for is_random, planners, begin, end in (
-        (True, options.soon, 1, options.random_seeds),
-        (False, [*options.soon, *SOMETIMES], 1, fewer),
-        (False, options.soon, fewer, options.seeds),
-    ):
-        for chosen, names in ((still, planners), (closed, ["landmark"])):
-            ours = [case for case in chosen if (case.group == "random") == is_random]
-            runner.run(ours, names, FIRST_LIMIT, begin, runs=end - begin, first=True)
+    runner.run(given, ["landmark"], FIRST_LIMIT, 1, runs=options.own_seeds - 1, first=True)
+    for seed in range(1, options.seeds):
+        runner.run(still, options.soon, FIRST_LIMIT, seed, first=True)
+        if seed < FEWER:
+            runner.run([case for case in still if case.group != "random"], SOMETIMES, FIRST_LIMIT, seed, first=True)
 
 
 def decide(runner: Runner, given: Sequence[Case], results: Callable[[], Results], options: argparse.Namespace) -> None:
@@ -222,8 +220,8 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--output", type=Path, default=cache / "trailmark" / "ahead.db", help="the database")
     parser.add_argument("--stage", nargs="+", choices=STAGES, default=list(STAGES))
     parser.add_argument("--worlds", type=int, default=20, help="random worlds for each level of clutter")
-    parser.add_argument("--seeds", type=int, default=10, help="of the first stage, for shipped worlds and real data")
-    parser.add_argument("--random-seeds", type=int, default=2, help="of the first stage, for random worlds")
+    parser.add_argument("--own-seeds", type=int, default=30, help="of the first stage, for the landmark planner")
+    parser.add_argument("--seeds", type=int, default=30, help="of the others, as far as the time goes")
     parser.add_argument("--cost-seeds", type=int, default=3)
     parser.add_argument("--first-minutes", type=float, default=22.0, help="after which the stage ends")
     parser.add_argument("--decide-minutes", type=float, default=2.0)

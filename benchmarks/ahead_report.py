@@ -140,7 +140,8 @@ def page(results: Results) -> str:
 
 
 def _notes(results: Results) -> list[str]:
-    seeds = {len(runs) for case in results.feasible if (runs := results.runs(case, LANDMARK))}
+    own = {len(runs) for case in results.feasible if (runs := results.runs(case, LANDMARK))}
+    others = {len(runs) for case in results.feasible if (runs := results.runs(case, PYTHON))}
     unknown = len(results.undecided)
     problems = f"{len(results.cases)} problems, {len(results.feasible)} feasible, {len(results.infeasible)} infeasible"
     return [
@@ -148,8 +149,8 @@ def _notes(results: Results) -> list[str]:
         "  set up before, for every planner. A path that the referee refuses is a failure. Failures count as the limit",
         "  in ratios, as infinite in medians. All problems have the same weight. Intervals: bootstrap over the worlds.",
         f"- {problems}, {unknown} undecided and left out;",
-        f"  {_span(seeds)} seeds a problem (30 are asked for). Random worlds have the numbers from {FIRST_WORLD} on,",
-        "  which the planner was not developed on.",
+        f"  {_span(own)} seeds a problem for landmark, {_span(others)} for OMPL's RRT-Connect (30 are asked",
+        f"  for). Random worlds have the numbers from {FIRST_WORLD} on, which the planner was not developed on.",
         "- Plain names: OMPL from Python as it is (motions checked at steps of half the robot's inscribed radius);",
         "  `+certified`: with trailmark's motion validator; `native:`: OMPL and FCL in C++, same steps. In the first",
         "  stage OMPL's planners end at their first path. A world's soonest planner is chosen after the fact from few",

@@ -54,9 +54,9 @@ KEPT = 5_000
 PROOF_SHARE = 0.25
 """Share of the time left that a proof may be expected to take, unless nothing else is left to do."""
 
-PATIENCE = 8
+PATIENCE = 16
 """Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
-IMPROVEMENT = 1e-3
+IMPROVEMENT = 3e-4
 
 
 class Attempt:
