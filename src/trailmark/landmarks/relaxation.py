@@ -9,6 +9,7 @@ short paths are likely; they guide the placing of landmarks and never decide any
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import hypot, sqrt
 
 import numpy as np
@@ -87,8 +88,13 @@ class Relaxation:
         self.columns = max(1, int(np.ceil((xmax - xmin) / self.size)))
         self.rows = max(1, int(np.ceil((ymax - ymin) / self.size)))
         self.x0, self.y0 = xmin, ymin
-        self._clearance = np.full((self.rows, self.columns), np.nan)
         self._finer: Relaxation | None = None
+
+    @cached_property
+    def _clearance(self) -> FloatArray:
+        """Clearance of the cells' centres; NaN where nobody has asked for it yet."""
+        # Not before it is asked for: a first path mostly does without.
+        return np.full((self.rows, self.columns), np.nan)
 
     def finer(self) -> Relaxation | None:
         """Return the relaxation on cells half as large; None if there are more than FINEST_CELLS already."""

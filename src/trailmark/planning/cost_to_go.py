@@ -44,7 +44,7 @@ class CostToGo:
         size: edge of a cell, metres.
     """
 
-    cost: FloatArray
+    cost: NDArray[np.float32]
     x0: float = 0.0
     y0: float = 0.0
     size: float = 1.0
@@ -52,7 +52,7 @@ class CostToGo:
     @classmethod
     def straight(cls) -> CostToGo:
         """Return the straight distance."""
-        return cls(np.empty((0, 0)))
+        return cls(np.empty((0, 0), np.float32))
 
     @classmethod
     def of(cls, checker: StateChecker, goal: FloatArray, cells: int, tightness: float = TIGHTNESS) -> CostToGo:
@@ -87,7 +87,7 @@ def _costs(
     tightness: float,
     x: float,
     y: float,
-) -> FloatArray:
+) -> NDArray[np.float32]:
     """Return the costs of all cells to the one of (x, y), shape (rows, columns)."""
     dear = _dear(field, x0, y0, size, rows, columns, radius, roomy, tightness)
     column, row = min(columns - 1, max(0, floor((x - x0) / size))), min(rows - 1, max(0, floor((y - y0) / size)))
@@ -147,7 +147,7 @@ def _under(begin: float, size: float, count: int, places: int, field: ClearanceF
 
 
 @njit(cache=True)
-def _flood(dear: NDArray[np.int32], source: int, size: float) -> FloatArray:
+def _flood(dear: NDArray[np.int32], source: int, size: float) -> NDArray[np.float32]:
     """Return the costs of all cells but the border to a source, metres, by Dijkstra's algorithm.
 
     Costs are integers here, so that buckets take the heap's place, one for each cost that may be waiting at a time.
@@ -160,7 +160,8 @@ def _flood(dear: NDArray[np.int32], source: int, size: float) -> FloatArray:
     while buckets <= 1.5 * cells.max():
         buckets *= 2
     first = np.full(buckets, -1, np.int32)
-    # Entries: a cell, and the next entry of its bucket (or of those no longer in use).
+    # Entries: a cell, and the next entry of its bucket (or of those no longer in use). Few wait at a time, and what is
+    # not used takes no memory, but addresses.
     entries = np.empty((8 * len(cells) + 1, 2), np.int32)
     unused, used, waiting = -1, 1, 1
     cost = np.full(len(cells), FAR, np.int32)
@@ -193,7 +194,7 @@ def _flood(dear: NDArray[np.int32], source: int, size: float) -> FloatArray:
                 bucket = onward & (buckets - 1)
                 entries[entry, 0], entries[entry, 1], first[bucket] = other, first[bucket], entry
                 waiting += 1
-    found = np.empty((rows - 2, width - 2))
+    found = np.empty((rows - 2, width - 2), np.float32)
     for row in range(rows - 2):
         for column in range(width - 2):
             value = cost[(row + 1) * width + column + 1]

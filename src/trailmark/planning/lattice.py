@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
@@ -65,7 +66,7 @@ class Guide(NamedTuple):
         limit: metres; no way over a node is of interest whose cost and straight distance to the goal exceed it.
     """
 
-    cost: FloatArray
+    cost: NDArray[np.float32]
     column: float
     row: float
     step: float
