@@ -27,6 +27,9 @@ At worst a straight step between cells of just under 64.5 and 65.5, their mean 6
 64.5 it counts 65. Diagonal steps are off by less.
 """
 
+SINGLE = 1e-6
+"""Share of a cost by which single precision and sums in another order may differ."""
+
 DIAGONAL = 90 / (64 * math.sqrt(2.0))
 """How far a diagonal step is off where both of its cells cost 64."""
 
@@ -99,11 +102,11 @@ def test_in_the_open_costs_are_octile_distances(bounds: tuple[float, float, floa
         reached = np.isfinite(costs.cost)
         assert reached[: max(1, rows - 1), : max(1, columns - 1)].all()
         expected = costs.size * octile[reached]
-        assert (costs.cost[reached] <= expected + 1e-9).all()
-        assert (costs.cost[reached] >= DIAGONAL * expected - 1e-9).all()
+        assert (costs.cost[reached] <= (1.0 + SINGLE) * expected).all()
+        assert (costs.cost[reached] >= (DIAGONAL - SINGLE) * expected).all()
         # Straight steps are not off at all.
         straight = reached & ((down == 0) | (across == 0))
-        assert costs.cost[straight] == pytest.approx(costs.size * octile[straight], rel=1e-12)
+        assert costs.cost[straight] == pytest.approx(costs.size * octile[straight], rel=SINGLE)
 
 
 @settings(max_examples=25)
@@ -142,7 +145,9 @@ def test_costs_are_those_of_the_cheapest_way_over_the_cells(name: str, seed: int
         dear[source] = min(dear[source], costs.size * (1.0 + tightness))
         expected = off * spelled_out(costs, dear, source)
         # More room nowhere makes a way dearer.
-        assert (sign * costs.cost >= sign * expected - 1e-9)[np.isfinite(costs.cost) | np.isfinite(expected)].all()
+        assert (sign * costs.cost >= sign * expected - SINGLE * np.where(np.isfinite(expected), expected, 0.0))[
+            np.isfinite(costs.cost) | np.isfinite(expected)
+        ].all()
 
 
 def test_what_is_closed_off_is_infinitely_far() -> None:
@@ -182,7 +187,7 @@ def test_tight_places_are_dearer() -> None:
     assert np.array_equal(reached, np.isfinite(shy.cost))
     assert (shy.cost[reached] >= plain.cost[reached]).all()
     # Not of what is left of a diagonal step once it is floored.
-    assert (DIAGONAL * shy.cost[reached] <= 7.0 * plain.cost[reached] + 1e-9).all()
+    assert (DIAGONAL * shy.cost[reached] <= (7.0 + SINGLE) * plain.cost[reached]).all()
 
 
 def test_there_and_back_cost_the_same() -> None:
