@@ -283,6 +283,15 @@ def test_the_roadmap_serves_later_queries(judge: Judge) -> None:
     assert second.cost < 1.1 * first.cost
 
 
+def test_each_query_adds_its_ends_once() -> None:
+    planner = LandmarkPlanner(wall(2.0), seed=0)
+    start, goal = np.array([3.0, 5.0, 0.0]), np.array([17.0, 5.0, 0.0])
+    for asked in (1, 2, 3):
+        assert planner.plan(start, goal, LONG, max_iterations=2).status == "solved"
+        for end in (start, goal):
+            assert (planner.roadmap.configurations == end).all(axis=1).sum() == asked
+
+
 def test_a_roadmap_outlives_its_planner(tmp_path: Any) -> None:
     planner = LandmarkPlanner(wall(0.8), seed=0)
     planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=3)

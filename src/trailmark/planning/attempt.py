@@ -124,14 +124,16 @@ class Attempt:
             # Nothing is shorter.
             self._offer(ends)
             return self._answer()
-        if len(self.roadmap):
-            self._search(self.roadmap, None, self.roadmap.add(ends))
+        # Not before there is need: joining the ends to an empty roadmap would only hold up the first path.
+        nodes = self.roadmap.add(ends) if len(self.roadmap) else None
+        if nodes is not None:
+            self._search(self.roadmap, None, nodes)
         known, scout = self.best is not None, self._scout(ends)
         if not known and scout is not None:
             self._report("looking for a first path")
             self._take(scout.look(AT_FIRST))
-        # Not before there is need: it would hold up the first path.
-        nodes = self.roadmap.add(ends)
+        if nodes is None:
+            nodes = self.roadmap.add(ends)
         if self.best is not None and self._time_left() <= 0.0:
             self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
             return self._answer()
