@@ -206,7 +206,7 @@ def _search(
         # One step, or a turn; and the stride that promises most.
         for way in range(10 if nodes.headings > 1 else 8):
             step = way if way < 8 else TURNS + way - 8
-            for move in (step, _best_stride(nodes, node, cost, way, strides, guide) if way < 8 else -1):
+            for move in (step, _best_stride(nodes, node, way, strides, guide) if way < 8 else -1):
                 other = leads_to(nodes, node, move) if move >= 0 else -1
                 if other < 0:
                     continue
@@ -247,7 +247,7 @@ def _guided(guide: Guide, row: int, column: int) -> float:
 
 
 @njit(cache=True, inline="always")
-def _best_stride(nodes: Nodes, node: int, cost: float, way: int, strides: int, guide: Guide) -> int:
+def _best_stride(nodes: Nodes, node: int, way: int, strides: int, guide: Guide) -> int:
     """Return the move of more than one step in a direction that promises most, -1 if there is none."""
     _, row, column = place(node)
     best, most = -1, np.inf
