@@ -70,9 +70,9 @@ def plan(
     gap: Annotated[
         str,
         typer.Option(
-            "--gap", metavar="SHARE", help="End once the path is proven to be this near the optimum: 0.001 is 0.1 %."
+            "--gap", metavar="SHARE", help="End once the path is proven to be this near the optimum: 0.01 is 1 %."
         ),
-    ] = "0.001",
+    ] = "0.0001",
     max_iterations: Annotated[
         str | None,
         typer.Option(

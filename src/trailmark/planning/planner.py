@@ -32,8 +32,8 @@ __all__ = ["LandmarkPlanner"]
 MAX_LANDMARKS = 200_000
 """Most landmarks that may be asked for: more take longer than anybody waits."""
 
-GAP = 1e-3
-"""A path within a thousandth of the optimum is as good as any."""
+GAP = 1e-4
+"""A path within a ten-thousandth of the optimum is as good as any."""
 
 OUTGROWN = 1.1
 """Times as many nodes as when it was made ready for queries, and the roadmap is made ready anew."""
