@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -186,6 +187,21 @@ def test_json_text_is_strict() -> None:
     assert json.loads(console.json_text(record)) == record
     with pytest.raises(ValueError, match="JSON"):
         console.json_text({"cost": float("nan")})
+
+
+def test_collecting_garbage_less_often_ends_with_the_command(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = gc.get_threshold()
+    seen: list[tuple[int, int, int]] = []
+    monkeypatch.setattr("trailmark.cli.console.say", lambda *_, **__: seen.append(gc.get_threshold()))
+    shell("--version")
+    assert seen[0][0] > before[0]
+    assert gc.get_threshold() == before
+
+
+@pytest.mark.parametrize("loaded", ["numba", "ompl.base"])
+def test_a_process_ends_without_complaints(loaded: str) -> None:
+    done = python(f"from trailmark.cli import main; import {loaded}; main(['--version'])")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_start_up_is_quick() -> None:

@@ -7,6 +7,8 @@ stdout went away, 143 terminated.
 
 from __future__ import annotations
 
+import atexit
+import gc
 import signal
 import sys
 import warnings
@@ -22,6 +24,9 @@ from trailmark.cli.options import UsageError
 from trailmark.errors import TrailmarkError
 
 __all__ = ["app", "main"]
+
+_ALLOCATIONS = 10_000
+"""Objects between two collections of garbage: what imports and kernels make stays, and is looked through in vain."""
 
 app = typer.Typer(
     name="trailmark",
@@ -61,7 +66,8 @@ def main(args: Sequence[str] | None = None) -> int:
     Args:
         args: the words after ``trailmark``; default: those of this process.
     """
-    with _signals() as received:
+    atexit.register(_end_quickly)
+    with _signals() as received, _rare_collections():
         try:
             return _run(sys.argv[1:] if args is None else args)
         except UsageError as error:
@@ -100,6 +106,25 @@ def _run(words: Sequence[str]) -> int:
     # Here and not while the interpreter shuts down, where an error could no longer be told.
     sys.stdout.flush()
     return status
+
+
+@contextmanager
+def _rare_collections() -> Iterator[None]:
+    """Collect garbage less often, unless the process was started with it switched off or rarer still."""
+    before = gc.get_threshold()
+    if 0 < before[0] < _ALLOCATIONS:
+        gc.set_threshold(_ALLOCATIONS, *before[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*before)
+
+
+def _end_quickly() -> None:
+    """Let what is left go with the process: to look through it for garbage first takes a third of a second."""
+    # OMPL's bindings complain about each of their objects that is not collected.
+    if "ompl" not in sys.modules:
+        gc.freeze()
 
 
 @contextmanager

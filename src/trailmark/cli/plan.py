@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -98,6 +99,9 @@ def plan(
 
     Exit status: 0 path found, 2 bad input, 3 no path within the time limit, 4 proven that there is none.
     """
+    # Planning multiplies no matrices that would be worth sharing out: starting the threads takes longer, a tenth of a
+    # second. OpenBLAS asks once, when numpy is imported.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from trailmark.formats import path_files
 
     limit = read_duration(time_limit, "--time-limit")
