@@ -1,5 +1,6 @@
-"""Proven lower bounds on the cost of a path, and proofs that there is none: the robot's inscribed disc, exactly."""
+"""Proven lower bounds on a path's cost, by the robot's inscribed disc, and proofs that there is none, with headings."""
 
 from trailmark.planning.lower_bound.bound import LowerBound
+from trailmark.planning.lower_bound.enclosure import enclosed
 
-__all__ = ["LowerBound"]
+__all__ = ["LowerBound", "enclosed"]
