@@ -193,6 +193,13 @@ def _deep(
         bx, by = robot.inner[k, 0], robot.inner[k, 1]
         px, py = x + c * bx - s * by, y + s * bx + c * by
         most = robot.inner[k, 2] - shift - turn * hypot(bx, by) - 2.0 * MARGIN
+        # Outside of the grid everything is blocked, and the distances' own search has nothing to look at.
+        across = max(grid.x0 - px, px - grid.x0 - grid.columns * grid.size)
+        beyond = max(across, grid.y0 - py, py - grid.y0 - grid.rows * grid.size)
+        if beyond > -MARGIN:
+            if beyond >= MARGIN - most:
+                return True
+            continue
         if field_value(field, px, py) - field.slack >= max(most, 0.0):
             continue
         if most > 0.0:
