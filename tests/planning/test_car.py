@@ -68,6 +68,29 @@ def test_parking(worlds: Path, name: str) -> None:
     assert CurveChecker(planner.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()
 
 
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_better_paths_are_driven_as_well(worlds: Path, seed: int) -> None:
+    # All that rounds of improvement make of the first path, not only the last.
+    world = shipped(worlds, "parking", 4.5)
+    query = world.query("parallel")
+    better: dict[float, CurvePath] = {}
+
+    def keep(progress: PlanProgress) -> None:
+        if progress.path is not None:
+            assert isinstance(progress.path, CurvePath)
+            better[progress.path.cost] = progress.path
+
+    planner, result = planned(world, query, seed, max_iterations=4, on_progress=keep)
+    referee(world, query, result)
+    motions = CurveChecker(planner.checker)
+    assert len(better) > 1
+    for path in better.values():
+        assert motions.motions_valid(path.knots[:-1], path.knots[1:]).all()
+        states = path.resample(0.02).states
+        assert world.robot is not None
+        assert not Oracle(world, world.robot).collides(states).any()
+
+
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_an_office(worlds: Path, reverse: bool) -> None:
     world = shipped(worlds, "office", 0.6, reverse)

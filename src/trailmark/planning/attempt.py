@@ -260,11 +260,9 @@ class Attempt:
         if Path(states).cost < PROMISING * self.best_cost:
             self._offer(self._shortened(states))
 
-    def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
-        return shorten(self.checker, states, self.rng, sweeps=sweeps, stop=self._is_over)
-
-    def _polished(self, states: se2.FloatArray) -> se2.FloatArray:
-        return shorten(self.checker, states, self.rng, sweeps=POLISHING, splitting=True, stop=self._is_over)
+    def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS, *, splitting: bool = False) -> se2.FloatArray:
+        """Return a path made shorter, with added vertices or without."""
+        return shorten(self.checker, states, self.rng, sweeps=sweeps, splitting=splitting, stop=self._is_over)
 
     def _is_over(self) -> bool:
         return self._time_left() <= 0.0
@@ -300,7 +298,7 @@ class Attempt:
                 marked = np.concatenate([marked, roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))])
                 self._search(roadmap, band, nodes)
             if self._time_left() > 0.0:
-                self._offer(self._polished(self.best))
+                self._offer(self._shortened(self.best, POLISHING, splitting=True))
             settled = settled + 1 if before - self.best_cost < IMPROVEMENT * before else 0
 
     def _disc_way(self) -> bool:

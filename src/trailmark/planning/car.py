@@ -128,8 +128,9 @@ class CarAttempt(Attempt):
         last = int(reached[np.argmin(se2.distance(q[reached], q[goal]))])
         return np.asarray(q[self.roadmap.shortest_path(start, last).nodes])
 
-    def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS) -> se2.FloatArray:
-        return shorten_curves(self.motions, states, self.rng, sweeps=sweeps, stop=lambda: self._time_left() <= 0.0)
+    def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS, *, splitting: bool = False) -> se2.FloatArray:
+        """Return a path made shorter; no knots are added, which would cost a curve more than they gain."""
+        return shorten_curves(self.motions, states, self.rng, sweeps=sweeps, stop=self._is_over)
 
     def _cost(self, states: se2.FloatArray) -> float:
         return float(np.sum(self.steering.lengths(states[:-1], states[1:])))
