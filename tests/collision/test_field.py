@@ -10,9 +10,10 @@ import shapely
 from benchmarks.random_worlds import random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import distance_transform_edt
 
-from trailmark.collision.field import build_field, clearance_at, distance_transform
+from trailmark.collision.field import build_field, clearance_at, distance_transform, interpolated
 from trailmark.collision.obstacles import build_grid
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import World
@@ -75,6 +76,28 @@ def test_outside_of_the_grid_everything_is_blocked() -> None:
     assert not clearance_at(field, far).any()
     assert clearance_at(field, np.array([5.0, 3.0])) == pytest.approx(3.0, abs=field.slack)
     assert clearance_at(field, np.zeros((4, 2, 2))).shape == (4, 2)
+
+
+def test_between_cell_centres_distances_are_interpolated_and_slopes_are_theirs() -> None:
+    field = build_field(build_grid(random_world(3, 10, size=8.0, radii=(0.3, 1.5)), 0.2))
+    rows, columns = field.distance.shape
+    centre = [field.x0 + (7 + 0.5) * field.size, field.y0 + (5 + 0.5) * field.size]
+    assert interpolated(field, *centre)[0] == pytest.approx(float(field.distance[5, 7]), abs=1e-6)
+    at = np.column_stack([field.x0 + (np.arange(columns) + 0.5) * field.size, np.zeros(columns)])
+    at[:, 1] = field.y0 + (np.arange(columns) % rows + 0.5) * field.size
+    table = RegularGridInterpolator(
+        [field.y0 + (np.arange(rows) + 0.5) * field.size, field.x0 + (np.arange(columns) + 0.5) * field.size],
+        field.distance.astype(np.float64),
+    )
+    low, high = at.min(axis=0), [at[-1, 0], field.y0 + (rows - 0.5) * field.size]
+    step = 1e-7
+    for x, y in np.random.default_rng(0).uniform(low + 1e-3, np.array(high) - 1e-3, (300, 2)):
+        value, gx, gy = interpolated(field, x, y)
+        assert value == pytest.approx(float(table((y, x))), abs=1e-6)
+        assert gx == pytest.approx(float(table((y, x + step)) - table((y, x - step))) / (2 * step), abs=0.05)
+        assert gy == pytest.approx(float(table((y + step, x)) - table((y - step, x))) / (2 * step), abs=0.05)
+    for x, y in ((field.x0, centre[1]), (centre[0], field.y0 - 1.0), (1e9, 1e9)):
+        assert interpolated(field, x, y) == (-np.inf, 0.0, 0.0)
 
 
 def test_cells_inside_of_an_obstacle_are_occupied_although_no_edge_touches_them() -> None:

@@ -392,3 +392,42 @@ def test_with_a_guide_strides_find_ways_sooner() -> None:
             assert len(way) > 2
             taken[strides] += nodes
     assert 2 * taken[True] < taken[False]
+
+
+GATE = World("gate", (0, 0, 20, 20), (Rectangle((10.13, 4.4), 1.5, 8.8), Rectangle((10.13, 14.95), 1.5, 10.1)))
+"""A wall with a gap 1.1 m wide, aside of the positions of a lattice that begins at (5, 5)."""
+
+
+@pytest.mark.parametrize(("size", "headings"), [(0.3, 8), (0.4, 8), (0.4, 16)])
+def test_seats_lead_through_gaps_that_no_node_lies_in(judge: Judge, size: float, headings: int) -> None:
+    judged = StateChecker(GATE, Robot.rectangle(2.0, 1.0), cell=0.1)
+    start, goal = np.array([5.0, 5.0, 0.0]), np.array([15.0, 5.0, 0.3])
+    search = partial(
+        Lattice(judged, size, headings).way, start, goal, CostToGo.of(judged, goal, 40_000), weight=2.0, budget=PLENTY
+    )
+    for strides in (False, True):
+        without, taken = search(strides=strides)
+        assert len(without) == 0
+        assert taken < PLENTY
+        way, _ = search(strides=strides, seats=True)
+        assert len(way) > 2
+        judge(GATE, judged.robot, start, goal, way)
+
+
+@settings(max_examples=30)
+@given(
+    name=st.sampled_from(sorted(ROBOTS)), world=st.integers(0, 5), seed=st.integers(0, 10_000), strides=st.booleans()
+)
+def test_ways_over_seats_are_certified(judge: Judge, name: str, world: int, seed: int, strides: bool) -> None:
+    judged = checker(name, world)
+    ends = valid_states(judged, 2, np.random.default_rng(seed))
+    headings, size = (1, 0.5) if name == "disc" else (8, 1.2)
+    lattice = Lattice(judged, size, headings)
+    ways = [
+        lattice.way(ends[0], ends[1], STRAIGHT, weight=1.5, budget=PLENTY, strides=strides, seats=seats)[0]
+        for seats in (True, True, False)
+    ]
+    assert np.array_equal(ways[0], ways[1])
+    if len(ways[0]):
+        judge(judged.world, judged.robot, *ends, ways[0])
+        assert judged.motions_valid(ways[0][:-1], ways[0][1:]).all()

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from trailmark.planning.lattice_tree import CHECKED, DONE, FEWEST, VALID, Tree, entry_of, grown, new_tree
+from trailmark.planning.lattice_tree import CHECKED, DONE, FEWEST, SEATED, VALID, Tree, entry_of, grown, new_tree
 
 Known = dict[int, tuple[int, float, int]]
 """Of each node: what is known, cost, move."""
@@ -85,7 +85,9 @@ def test_the_table_is_a_dict(written: list[tuple[int, tuple[int, float, int]]], 
 
 def test_a_new_table_is_empty() -> None:
     for tree, length in ((new_tree(), 1 << FEWEST), (new_tree(16), 16)):
-        assert {len(column) for column in tree} == {length}
+        assert {len(column) for column in tree[:-1]} == {length}
+        assert tree.seat.shape == (0, 3)
+        assert new_tree(length, True).seat.shape == (length, 3)
         assert contents(tree) == {}
         assert tree.node[entry_of(tree, 0)] == tree.node[entry_of(tree, 2**62)] == 0
 
@@ -107,8 +109,21 @@ def test_nodes_that_collide_are_kept_apart(place: int) -> None:
 
 
 def test_what_is_known_are_bits() -> None:
-    assert len({CHECKED, VALID, DONE}) == 3
-    assert all(bit and bit & (bit - 1) == 0 for bit in (CHECKED, VALID, DONE))
+    bits = (CHECKED, VALID, DONE, SEATED)
+    assert len(set(bits)) == 4
+    assert all(bit and bit & (bit - 1) == 0 for bit in bits)
+
+
+def test_seats_move_with_their_nodes_when_the_table_grows() -> None:
+    tree = new_tree(16, True)
+    seats = {node: np.array([float(node), -1.0, 0.5]) for node in (3, 40, 1 << 50)}
+    for node, q in seats.items():
+        take_down(tree, node, (VALID | SEATED, 1.0, 2))
+        tree.seat[entry_of(tree, node)] = q
+    larger = grown(tree)
+    assert larger.seat.shape == (32, 3)
+    for node, q in seats.items():
+        assert (larger.seat[entry_of(larger, node)] == q).all()
 
 
 @pytest.mark.parametrize("headings", [1, 8, 16, 64])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import floor, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision.obstacles import ObstacleGrid
 
-__all__ = ["ClearanceField", "build_field", "clearance_at"]
+__all__ = ["ClearanceField", "build_field", "clearance_at", "interpolated"]
 
 
 class ClearanceField(NamedTuple):
@@ -98,6 +98,25 @@ def distance_transform(occupied: NDArray[np.bool_], size: float) -> NDArray[np.f
             across, down = column - vertex[k], steps[row, vertex[k]]
             distance[row, column] = size * sqrt(across * across + down * down)
     return distance
+
+
+@njit(cache=True, inline="always")
+def interpolated(field: ClearanceField, x: float, y: float) -> tuple[float, float, float]:
+    """Return the field's (unproven) distance between cell centres and its slope along x and y.
+
+    Out of the grid the distance is minus infinity and the slope 0.
+    """
+    rows, columns = field.distance.shape
+    u, v = (x - field.x0) / field.size - 0.5, (y - field.y0) / field.size - 0.5
+    column, row = floor(u), floor(v)
+    if not (0 <= column < columns - 1 and 0 <= row < rows - 1):
+        return -np.inf, 0.0, 0.0
+    u, v = u - column, v - row
+    a, b = field.distance[row, column], field.distance[row, column + 1]
+    c, d = field.distance[row + 1, column], field.distance[row + 1, column + 1]
+    low, high = (1.0 - u) * a + u * b, (1.0 - u) * c + u * d
+    gx, gy = (1.0 - v) * (b - a) + v * (d - c), high - low
+    return (1.0 - v) * low + v * high, gx / field.size, gy / field.size
 
 
 def clearance_at(field: ClearanceField, points: NDArray[np.float64]) -> NDArray[np.float64]:

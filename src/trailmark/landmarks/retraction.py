@@ -14,7 +14,7 @@ from numba import njit
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.collision.field import ClearanceField
+from trailmark.collision.field import ClearanceField, interpolated
 from trailmark.collision.footprint import Footprint
 
 __all__ = ["retracted"]
@@ -76,17 +76,9 @@ def _climb(
 def _room(field: ClearanceField, robot: Footprint, x: float, y: float, theta: float) -> float:
     """Return the least of the covering discs' clearances by the field, interpolated; negative in an obstacle."""
     c, s = cos(theta), sin(theta)
-    rows, columns = field.distance.shape
     least = np.inf
     for k in range(len(robot.cover)):
         bx, by = robot.cover[k, 0], robot.cover[k, 1]
-        u = (x + c * bx - s * by - field.x0) / field.size - 0.5
-        v = (y + s * bx + c * by - field.y0) / field.size - 0.5
-        column, row = floor(u), floor(v)
-        if not (0 <= column < columns - 1 and 0 <= row < rows - 1):
-            return -np.inf
-        u, v = u - column, v - row
-        low = (1.0 - u) * field.distance[row, column] + u * field.distance[row, column + 1]
-        high = (1.0 - u) * field.distance[row + 1, column] + u * field.distance[row + 1, column + 1]
-        least = min(least, (1.0 - v) * low + v * high - robot.cover[k, 2])
+        distance, _, _ = interpolated(field, x + c * bx - s * by, y + s * bx + c * by)
+        least = min(least, distance - robot.cover[k, 2])
     return least

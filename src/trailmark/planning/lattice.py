@@ -40,7 +40,8 @@ from trailmark.planning.lattice_nodes import (
     place,
     position,
 )
-from trailmark.planning.lattice_tree import CHECKED, DONE, VALID, Tree, entry_of, grown, new_tree
+from trailmark.planning.lattice_tree import CHECKED, DONE, FEWEST, SEATED, VALID, Tree, entry_of, grown, new_tree
+from trailmark.planning.seating import seat
 from trailmark.se2 import FloatArray
 
 __all__ = ["Lattice"]
@@ -50,6 +51,9 @@ AHEAD_EVERY = 16
 
 MOST = 18
 """Nodes that are taken down on the way from one, at most."""
+
+REACH, MARGIN = 0.75, 0.25
+"""Steps by which a node that collides may be moved and turned off the obstacles, and the clearance sought there."""
 
 
 class Guide(NamedTuple):
@@ -101,6 +105,7 @@ class Lattice:
         limit: float = np.inf,
         patience: int | None = None,
         strides: bool = False,
+        seats: bool = False,
     ) -> tuple[FloatArray, int]:
         """Return a path of certified motions, shape (n, 3), or (0, 3) if none was found, and the nodes taken.
 
@@ -116,6 +121,7 @@ class Lattice:
             patience: give up after so many nodes that come no nearer to the goal; never by default.
             strides: also move several cells at a time, in the direction that promises most; ways are found sooner,
                 but are dearer.
+            seats: push nodes that collide by little off the obstacles: gaps are found that no node lies in.
         """
         nodes = Nodes.around(self.checker, start, self.size, self.headings)
         guide = Guide(
@@ -139,6 +145,7 @@ class Lattice:
             budget,
             budget if patience is None else patience,
             len(STRIDES) if strides else 1,
+            seats,
         )
         return found, int(taken)
 
@@ -156,13 +163,14 @@ def _search(
     budget: int,
     patience: int,
     strides: int,
+    seats: bool,
 ) -> tuple[FloatArray, int]:
     """Return the way from start to goal, and how many nodes were taken from the queue."""
     placed, queue = workspace(robot), np.empty((128, 2))
     q, before = np.empty(3), np.empty(3)
     keys, values = np.empty(256), np.empty(256, np.int64)
     waiting = heap_push(keys, values, 0, 0.0, origin)
-    tree, used = new_tree(), 1
+    tree, used = new_tree(1 << FEWEST, seats), 1
     entry = entry_of(tree, origin)
     tree.node[entry], tree.move[entry], tree.known[entry] = origin + 1, ORIGIN + 1, CHECKED | VALID
     taken, last = 0, -1
@@ -176,16 +184,21 @@ def _search(
             continue
         taken += 1
         tree.known[entry] |= DONE
-        configuration(nodes, node, q)
+        _at(nodes, tree, node, q)
         if not tree.known[entry] & CHECKED:
             tree.known[entry] |= CHECKED
             if state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE:
                 tree.known[entry] |= VALID
+            elif seats:
+                seat(field, robot, q, REACH * nodes.size, REACH * 2.0 * pi / nodes.headings, MARGIN * nodes.size)
+                if state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE:
+                    tree.known[entry] |= VALID | SEATED
+                    tree.seat[entry] = q
         if not tree.known[entry] & VALID:
             continue
         arrived = tree.move[entry] - 1
         if arrived != ORIGIN:
-            configuration(nodes, came_from(nodes, node, arrived), before)
+            _at(nodes, tree, came_from(nodes, node, arrived), before)
             if motion(grid, field, robot, placed, queue, before, q, True) != FREE and not _joined_otherwise(
                 grid, field, robot, placed, queue, nodes, tree, node, q, before, strides
             ):
@@ -220,6 +233,17 @@ def _search(
     if last < 0:
         return np.empty((0, 3)), taken
     return _way_to(nodes, tree, last, start, goal), taken
+
+
+@njit(cache=True, inline="always")
+def _at(nodes: Nodes, tree: Tree, node: int, q: FloatArray) -> None:
+    """Write a node's configuration into q."""
+    if len(tree.seat):
+        entry = entry_of(tree, node)
+        if tree.known[entry] & SEATED:
+            q[:] = tree.seat[entry]
+            return
+    configuration(nodes, node, q)
 
 
 @njit(cache=True, inline="always")
@@ -318,7 +342,7 @@ def _joined_otherwise(
             continue
         cost = tree.cost[there] + move_cost(nodes, move)
         if cost < cheapest:
-            configuration(nodes, other, before)
+            _at(nodes, tree, other, before)
             if motion(grid, field, robot, placed, queue, before, q, True) == FREE:
                 cheapest, tree.move[entry] = cost, move + 1
     tree.known[entry] |= VALID
@@ -342,6 +366,6 @@ def _way_to(nodes: Nodes, tree: Tree, last: int, start: FloatArray, goal: FloatA
     way = np.empty((length + 1, 3))
     way[0], way[length], node = start, goal, last
     for i in range(length - 1, 0, -1):
-        configuration(nodes, node, way[i])
+        _at(nodes, tree, node, way[i])
         node = came_from(nodes, node, tree.move[entry_of(tree, node)] - 1)
     return way

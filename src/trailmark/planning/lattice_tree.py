@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["CHECKED", "DONE", "VALID", "Tree", "entry_of", "grown", "new_tree"]
+__all__ = ["CHECKED", "DONE", "FEWEST", "SEATED", "VALID", "Tree", "entry_of", "grown", "new_tree"]
 
-CHECKED, VALID, DONE = 1, 2, 4
+CHECKED, VALID, DONE, SEATED = 1, 2, 4, 8
 """What is known of a node: bits."""
 
 FEWEST = 9
@@ -30,25 +30,28 @@ class Tree(NamedTuple):
 
     Attributes:
         node: numbers plus 1; 0 where an entry is not used.
-        known: CHECKED, VALID and DONE.
+        known: CHECKED, VALID, DONE, and SEATED where the configuration is not the lattice's own.
         cost: from the start, metres.
         move: that led there, plus 1; 0 if none did.
+        seat: configurations of the nodes that are SEATED, (entries, 3); empty if none ever is.
     """
 
     node: NDArray[np.int64]
     known: NDArray[np.uint8]
     cost: NDArray[np.float32]
     move: NDArray[np.uint8]
+    seat: NDArray[np.float64]
 
 
 @njit(cache=True)
-def new_tree(entries: int = 1 << FEWEST) -> Tree:
-    """Return an empty table with room for a power of two of entries."""
+def new_tree(entries: int = 1 << FEWEST, seats: bool = False) -> Tree:
+    """Return an empty table with room for a power of two of entries, and for their seats if there are any."""
     return Tree(
         np.zeros(entries, np.int64),
         np.zeros(entries, np.uint8),
         np.zeros(entries, np.float32),
         np.zeros(entries, np.uint8),
+        np.zeros((entries if seats else 0, 3)),
     )
 
 
@@ -66,10 +69,12 @@ def entry_of(tree: Tree, node: int) -> int:
 @njit(cache=True)
 def grown(tree: Tree) -> Tree:
     """Return a table of twice the size with the same nodes."""
-    larger = new_tree(2 * len(tree.node))
+    larger = new_tree(2 * len(tree.node), len(tree.seat) > 0)
     for old in range(len(tree.node)):
         if tree.node[old] != 0:
             new = entry_of(larger, tree.node[old] - 1)
             larger.node[new], larger.known[new] = tree.node[old], tree.known[old]
             larger.cost[new], larger.move[new] = tree.cost[old], tree.move[old]
+            if len(tree.seat):
+                larger.seat[new] = tree.seat[old]
     return larger

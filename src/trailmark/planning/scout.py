@@ -22,7 +22,7 @@ WEIGHT = 2.0
 PATIENCE = 24
 """Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
 
-SECONDS_A_NODE = 4e-6
+SECONDS_A_NODE = 1e-5
 """What taking a node from the queue may take."""
 
 
@@ -34,24 +34,27 @@ class Level(NamedTuple):
         fineness: by how much positions lie closer than the relaxation's cells.
         headings: how many.
         nodes: taken from the queue at most.
+        seats: whether nodes that collide by little are pushed off the obstacles.
     """
 
     cells: int
     fineness: float
     headings: int
     nodes: int
+    seats: bool
 
 
 LEVELS = (
-    Level(0, 0.35, 8, 64),
-    Level(1 << 14, 1.0, 16, 500),
-    Level(1 << 16, 2.0, 16, 1_000),
-    Level(1 << 16, 2.0, 16, 4_000),
-    Level(1 << 16, 2.0, 64, 10_000),
-    Level(1 << 16, 1.0, 32, 30_000),
-    Level(1 << 16, 1.0, 16, 80_000),
-    Level(1 << 16, 2.0, 32, 200_000),
-    Level(1 << 16, 4.0, 64, 1_000_000),
+    Level(0, 0.35, 8, 64, seats=False),
+    Level(1 << 14, 0.7, 8, 800, seats=True),
+    Level(1 << 16, 1.0, 8, 1_000, seats=True),
+    Level(1 << 16, 1.0, 16, 2_000, seats=True),
+    Level(1 << 16, 0.5, 8, 2_000, seats=True),
+    Level(1 << 16, 1.4, 8, 6_000, seats=True),
+    Level(1 << 16, 1.0, 32, 20_000, seats=True),
+    Level(1 << 16, 2.0, 16, 40_000, seats=True),
+    Level(1 << 16, 2.0, 32, 100_000, seats=True),
+    Level(1 << 16, 4.0, 64, 1_000_000, seats=True),
 )
 """Looked at in turn: small searches first, since which lattice leads through soon is a matter of luck."""
 
@@ -88,7 +91,7 @@ STRETCH = (0.75, 1.25)
 DETOUR = 1.15
 """Over a lattice of eight directions a way may be so much longer than its straightened self."""
 
-AT_FIRST, AT_MOST = 5, 7
+AT_FIRST, AT_MOST = 4, 7
 """Levels looked at before all else, and before landmarks are placed on a short and on a long way; others follow."""
 
 
@@ -120,7 +123,7 @@ class Scout:
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
         self.to_go = lru_cache(maxsize=8)(self._to_go)
         self.level = self.views = 0
-        self._exhausted: set[tuple[float, int, bool]] = set()
+        self._exhausted: set[tuple[float, int, bool, bool]] = set()
 
     def look(self, levels: int = 1) -> FloatArray:
         """Return a path of certified motions, shape (n, 3), sought on the next levels; (0, 3) if none was found."""
@@ -149,12 +152,12 @@ class Scout:
         lattice = Lattice(self.checker, size, view.headings if self.turning else 1)
         begin, end = self.ends if onward else self.ends[::-1]
         to_go = self.to_go(LEVELS[-1].cells, onward, view.tightness)
-        way, _ = lattice.way(begin, end, to_go, weight=view.weight, budget=budget, limit=DETOUR * limit)
+        way, _ = lattice.way(begin, end, to_go, weight=view.weight, budget=budget, limit=DETOUR * limit, seats=True)
         return self._straightened(way, onward)
 
     def _look(self, level: Level, onward: bool) -> FloatArray:
         budget = self._budget(level.nodes)
-        kind = (level.fineness, level.headings if self.turning else 1, onward)
+        kind = (level.fineness, level.headings if self.turning else 1, level.seats, onward)
         if budget <= 0 or kind in self._exhausted:
             return np.empty((0, 3))
         lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
@@ -167,6 +170,7 @@ class Scout:
             budget=budget,
             patience=None if level.cells else PATIENCE,
             strides=True,
+            seats=level.seats,
         )
         if len(way) == 0:
             # A search that was given up for want of progress tells nothing.
