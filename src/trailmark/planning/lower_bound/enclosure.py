@@ -32,9 +32,9 @@ from trailmark.planning.lower_bound.enclosure_flood import (
     Flood,
     begin,
     go_on,
-    meets,
     new_flood,
 )
+from trailmark.planning.lower_bound.enclosure_proof import meets
 
 __all__ = ["enclosed"]
 
@@ -45,10 +45,13 @@ BALANCE = 2.0
 """Turning within a cell moves the robot by no more than this times half a cell's edge, from some level on."""
 
 SHARES = (0.1, 0.3)
-"""Share of what a configuration may move within a larger cell that its centre must be clear by to count as free."""
+"""Shares of what a configuration may move within a larger cell that its centre must be clear by to count as free.
+
+The smaller, the fewer cells, and the likelier a flood comes through where there is no way; what is proven is so anyway.
+"""
 
 DEPTH = 5
-"""Levels that are tried as the finest, one after the other."""
+"""Levels that are tried as the finest, one after the other, for each share."""
 
 BASE_CELLS = 1 << 14
 """Cells of level 0 at most."""

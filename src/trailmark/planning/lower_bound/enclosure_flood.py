@@ -33,17 +33,18 @@ from trailmark.planning.lower_bound.enclosure_cells import (
     Division,
     I,
     J,
-    kind_of,
     leaf_at,
     neighbours,
     split,
 )
+from trailmark.planning.lower_bound.enclosure_kinds import kind_of, room_for_cores
 from trailmark.se2 import FloatArray
 
-__all__ = ["ENCLOSED", "JOINED", "LEAKS", "UNDER_WAY", "Flood", "begin", "go_on", "meets", "new_flood"]
+__all__ = ["ENCLOSED", "JOINED", "LEAKS", "UNDER_WAY", "Flood", "begin", "go_on", "new_flood"]
 
 FROM, HOPS, QUEUED = COLUMNS, COLUMNS + 1, COLUMNS + 2
-"""More columns of the table: the cell that the flood came from; how far, in mixed cells; waiting in the queue."""
+"""More columns of the table: the cell that the flood came from; how far it is through mixed cells from a free one, in
+halves of the last level's edge; whether it waits in the queue."""
 
 UNREACHED, ROOT = -2, -1
 """In place of a cell that the flood came from."""
@@ -52,7 +53,10 @@ UNDER_WAY, ENCLOSED, LEAKS, JOINED = 0, 1, 2, 3
 """A flood goes on; ended; came to the other end through mixed cells of the finest level; through free cells alone."""
 
 LAST = 1e9
-"""Key of ways through mixed cells of the finest level: they are passed once nothing else is left."""
+"""Added to the keys of ways through mixed cells of the finest level: they are passed once nothing else is left."""
+
+WEIGHT = 3.0
+"""Metres nearer to the other end that a metre more of mixed cells is worth."""
 
 
 class Flood(NamedTuple):
@@ -82,7 +86,7 @@ def new_flood(columns: int, rows: int) -> Flood:
 
 @njit(cache=True)
 def _roomier(flood: Flood) -> Flood:
-    """Return the flood with room for another split and for a hundred times as many entries of the queue."""
+    """Return the flood with room for the children of one more cell and for one more entry of the queue."""
     cells, keys, values = flood.cells, flood.keys, flood.values
     if flood.counts[0] + 8 > len(cells):
         cells = np.empty((2 * len(cells), cells.shape[1]), np.int32)
@@ -116,6 +120,7 @@ def _split(flood: Flood, division: Division, cell: int) -> Flood:
 
 @njit(cache=True)
 def _push(flood: Flood, cell: int, key: float) -> Flood:
+    """Return the flood with a cell in its queue, by that key or the one it waits there with already."""
     if flood.cells[cell, QUEUED] != 0:
         return flood
     if flood.counts[1] + 8 > len(flood.keys):
@@ -136,7 +141,7 @@ def begin(
     finest: int,
 ) -> Flood:
     """Return a flood that is to begin at the first pose; both ends' cells are free or of the finest level."""
-    placed = _room(division)
+    placed = room_for_cores(division)
     for cell in range(flood.counts[0]):
         flood.cells[cell, FROM], flood.cells[cell, QUEUED] = UNREACHED, 0
         if flood.cells[cell, STATE] == FREE:
@@ -153,15 +158,6 @@ def begin(
     return _push(flood, flood.counts[2], 0.0)
 
 
-@njit(cache=True)
-def _room(division: Division) -> FloatArray:
-    """Return room for any core, shape (v, 2)."""
-    most = 1
-    for ring in range(len(division.rings) - 1):
-        most = max(most, division.rings[ring + 1] - division.rings[ring])
-    return np.empty((most, 2))
-
-
 @njit(cache=True, nogil=True)
 def go_on(
     grid: ObstacleGrid,
@@ -174,8 +170,7 @@ def go_on(
     most: int,
 ) -> tuple[int, int, Flood]:
     """Return what a flood has come to after ``most`` cells at most, how many it took, and the flood."""
-    placed, around = _room(division), np.empty(256, np.int64)
-    extent = hypot(division.columns, division.rows) * 2.0 * division.half[0]
+    placed, around = room_for_cores(division), np.empty(256, np.int64)
     taken = 0
     while taken < most:
         if flood.counts[1] == 0:
@@ -191,7 +186,7 @@ def go_on(
         if kind == BLOCKED:
             continue
         if cell == flood.counts[2]:
-            cells[cell, FROM], cells[cell, HOPS] = ROOT, 0 if kind == FREE else (1 << (LEVELS - cells[cell, LEVEL]))
+            cells[cell, FROM], cells[cell, HOPS] = ROOT, 0 if kind == FREE else _across(cells, cell)
         else:
             count, around = neighbours(cells, division, cell, around)
             best, hops = -1, 1 << 30
@@ -205,14 +200,14 @@ def go_on(
                     largest = _largest(cells, best, finest)
                     if largest >= 0:
                         flood = _divide(flood, division, largest)
-                        flood = _push(flood, cell, float(hops))
+                        flood = _push(flood, cell, key)
                         continue
                     if key < LAST:
                         flood = _push(flood, cell, LAST + key)
                         continue
                 cells[cell, HOPS] = 0
             else:
-                cells[cell, HOPS] = hops + (1 << (LEVELS - cells[cell, LEVEL]))
+                cells[cell, HOPS] = hops + _across(cells, cell)
             cells[cell, FROM] = best
             if cell == flood.counts[3]:
                 return (LEAKS if _mixed_before(cells, cell) else JOINED), taken, flood
@@ -223,13 +218,24 @@ def go_on(
             if flood.cells[near, FROM] == UNREACHED and flood.cells[near, QUEUED] == 0:
                 kind = kind_of(flood.cells, near, division, grid, field, robot, placed, finest)
                 if kind != BLOCKED:
-                    level = flood.cells[near, LEVEL]
-                    edge = 2.0 * division.half[level]
-                    x = division.x0 + (flood.cells[near, I] + 0.5) * edge
-                    y = division.y0 + (flood.cells[near, J] + 0.5) * edge
-                    left = 0.4 * hypot(x - other[0], y - other[1]) / extent
-                    flood = _push(flood, near, left + (hops if kind == FREE else hops + 0.5 * (1 << (LEVELS - level))))
+                    way = hops if kind == FREE else hops + 0.5 * _across(flood.cells, near)
+                    key = WEIGHT * division.half[LEVELS - 1] * way + _left(flood.cells, division, near, other)
+                    flood = _push(flood, near, key)
     return UNDER_WAY, taken, flood
+
+
+@njit(cache=True, inline="always")
+def _across(cells: NDArray[np.int32], cell: int) -> int:
+    """Return a cell's edge, as the column HOPS counts it."""
+    return int(1 << (LEVELS - cells[cell, LEVEL]))
+
+
+@njit(cache=True, inline="always")
+def _left(cells: NDArray[np.int32], division: Division, cell: int, other: FloatArray) -> float:
+    """Return how far (metres) a cell's centre is from the other end's position."""
+    half = division.half[cells[cell, LEVEL]]
+    x, y = division.x0 + (2 * cells[cell, I] + 1) * half, division.y0 + (2 * cells[cell, J] + 1) * half
+    return hypot(x - other[0], y - other[1])
 
 
 @njit(cache=True, inline="always")
@@ -278,40 +284,3 @@ def _divide(flood: Flood, division: Division, cell: int) -> Flood:
     for n in range(1, count):
         flood = _push(flood, lost[n], 0.0)
     return flood
-
-
-@njit(cache=True, nogil=True)
-def meets(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    division: Division,
-    flood: Flood,
-    finest: int,
-) -> bool:
-    """Return whether cells that are not blocked lead from one end's to the other's, each to the next over a face.
-
-    The proof rests on this alone: a path that is nowhere blocked lies in the union of the cells that this flood reaches
-    and of the others that are not blocked. Both are closed: to leave the first it must pass a point in both. All cells
-    at that point hold it and so are not blocked; they are joined over faces through it (a small ball less finitely many
-    edges is connected), so that the flood has reached them all.
-    """
-    placed, around = _room(division), np.empty(256, np.int64)
-    cells = flood.cells
-    seen = np.zeros(flood.counts[0], np.bool_)
-    stack = np.empty(flood.counts[0], np.int64)
-    stack[0], count = flood.counts[2], 1
-    seen[flood.counts[2]] = True
-    while count > 0:
-        count -= 1
-        cell = stack[count]
-        if cell == flood.counts[3]:
-            return True
-        number, around = neighbours(cells, division, cell, around)
-        for n in range(number):
-            near = around[n]
-            if not seen[near] and kind_of(cells, near, division, grid, field, robot, placed, finest) != BLOCKED:
-                seen[near] = True
-                stack[count] = near
-                count += 1
-    return False
