@@ -71,13 +71,12 @@ def _is_core(part: Any, robot: Any, hulls: Any, reach: float) -> bool:
     return bool(shapely.covers(robot, part) and (shapely.distance(hulls, part) >= reach).all())
 
 
-def discs(outline: FloatArray, most: int = 24, apart: float = 0.6) -> FloatArray:
-    """Return discs inside the robot, the largest first, none's centre near that of a larger one.
+def discs(outline: FloatArray, most: int = 24) -> FloatArray:
+    """Return discs inside the robot, all over it, the largest first.
 
     Args:
         outline: vertices, shape (v, 2), metres.
         most: how many, at most.
-        apart: centres lie farther than this many radii of the larger one from each other.
 
     Returns:
         Rows x, y, radius; shape (n, 3).
@@ -85,17 +84,23 @@ def discs(outline: FloatArray, most: int = 24, apart: float = 0.6) -> FloatArray
     robot = shapely.Polygon(outline)
     low, high = outline.min(axis=0), outline.max(axis=0)
     step = float(np.sqrt(np.prod(high - low)) / 64.0)
-    x, y = (np.arange(a + 0.5 * step, b, step) for a, b in zip(low, high, strict=True))
+    x, y = (np.linspace(a, b, 2 + 2 * int(0.5 * (b - a) / step) + 1) for a, b in zip(low, high, strict=True))
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     places = places[shapely.contains_xy(robot, places)]
     radius = shapely.distance(robot.exterior, shapely.points(places)) * (1.0 - 1e-9)
-    left = np.ones(len(places), np.bool_)
-    found: list[FloatArray] = []
-    while left.any() and len(found) < most:
-        best = int(np.argmax(np.where(left, radius, -1.0)))
-        found.append(np.array([*places[best], radius[best]]))
-        left &= np.hypot(*(places - places[best]).T) > apart * radius[best]
-    return np.array(found).reshape(-1, 3)
+    order = np.argsort(-radius, kind="stable")
+    rows = np.column_stack([places, radius])[order]
+    # As many as come near to ``most``: none lies near a larger one.
+    apart = 0.6 * rows[:, 2]
+    while True:
+        found, left = [], np.ones(len(rows), np.bool_)
+        while left.any() and len(found) <= most:
+            best = int(np.argmax(left))
+            found.append(rows[best])
+            left &= np.hypot(*(rows[:, :2] - rows[best, :2]).T) > apart[best]
+        if len(found) <= most:
+            return np.array(found).reshape(-1, 3)
+        apart = np.maximum(1.2 * apart, 0.6 * rows[0, 2])
 
 
 def pivot(robot: Robot) -> FloatArray:
