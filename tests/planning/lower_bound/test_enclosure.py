@@ -55,7 +55,7 @@ def test_a_rod_passes_a_corner_up_to_its_known_length(share: float, closed: bool
     less = 0.0 if closed else width
     longest = ((a - less) ** (2 / 3) + (b - less) ** (2 / 3)) ** 1.5
     robot = Robot.rectangle(share * longest - less, width)
-    corridor = Polygon([(0, 0), (8, 0), (8, a), (b, a), (b, 8), (0, 8)])
+    corridor = Polygon(np.array([(0, 0), (8, 0), (8, a), (b, a), (b, 8), (0, 8)], dtype=np.float64))
     world = World("corner", (0.0, 0.0, 8.0, 8.0), boundary=corridor)
     checker, start = StateChecker(world, robot), (5.5, 0.5 * a, 0.0)
     assert enclosed(checker, start, (0.5 * b, 5.5, -0.5 * math.pi), seconds=SECONDS if closed else 0.5) is closed

@@ -36,7 +36,7 @@ from trailmark.planning.lower_bound.enclosure_flood import (
 )
 from trailmark.planning.lower_bound.enclosure_proof import meets
 
-__all__ = ["enclosed"]
+__all__ = ["Space", "enclosed"]
 
 SLICE = 1_000
 """Cells taken from the queue between two looks at the clock: a few milliseconds."""
@@ -86,7 +86,7 @@ def enclosed(
     ends = np.array([se2.configurations(start, name="start"), se2.configurations(goal, name="goal")])
     if checker.robot.sweep_radius == 0.0:
         return False
-    space = _Space(checker)
+    space = Space(checker)
     poses = space.poses(ends)
     orders = (poses, poses[::-1].copy())
     floods = [space.flood(), space.flood()]
@@ -106,23 +106,24 @@ def enclosed(
     return False
 
 
-class _Space:
+class Space:
     """How a world's SE(2) is divided for a robot.
 
     Attributes:
         parts: grid, field and footprint about the pivot, as the kernels take them.
+        pivot: the point of the robot (its frame, shape (2,)) whose place stands for it.
         first: the first level worth trying as the finest.
     """
 
     def __init__(self, checker: StateChecker) -> None:
         footprint, robot = checker.footprint, checker.robot
-        self._pivot = pivot(robot)
-        outline = footprint.outline - self._pivot
+        self.pivot = pivot(robot)
+        outline = footprint.outline - self.pivot
         radius = float(np.hypot(*outline.T).max()) * (1.0 + 1e-12)
-        shift = np.array([*self._pivot, 0.0])
+        shift = np.array([*self.pivot, 0.0])
         about = footprint._replace(
             outline=outline,
-            core=footprint.core - self._pivot,
+            core=footprint.core - self.pivot,
             cover=footprint.cover - shift,
             inner=discs(outline),
             circumradius=radius,
@@ -166,7 +167,7 @@ class _Space:
 
     def poses(self, ends: se2.FloatArray) -> se2.FloatArray:
         """Return the ends with the pivot's position in place of the reference point's, shape (2, 3)."""
-        return np.column_stack([se2.transform(ends, self._pivot[None])[:, 0], ends[:, 2]])
+        return np.column_stack([se2.transform(ends, self.pivot[None])[:, 0], ends[:, 2]])
 
     def flood(self) -> Flood:
         """Return a flood that has not begun."""

@@ -90,10 +90,11 @@ def discs(outline: FloatArray, most: int = 24) -> FloatArray:
     radius = shapely.distance(robot.exterior, shapely.points(places)) * (1.0 - 1e-9)
     order = np.argsort(-radius, kind="stable")
     rows = np.column_stack([places, radius])[order]
-    # As many as come near to ``most``: none lies near a larger one.
+    # None lies near a larger one; ever fewer, until they are not too many.
     apart = 0.6 * rows[:, 2]
     while True:
-        found, left = [], np.ones(len(rows), np.bool_)
+        found: list[FloatArray] = []
+        left = np.ones(len(rows), np.bool_)
         while left.any() and len(found) <= most:
             best = int(np.argmax(left))
             found.append(rows[best])
