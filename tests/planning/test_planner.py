@@ -187,10 +187,19 @@ def test_what_is_closed_is_proven_infeasible() -> None:
     assert narrow.status == "infeasible"
 
 
+def test_what_only_headings_close_is_proven_infeasible() -> None:
+    # The inscribed disc gets round the bend; the robot does not.
+    world = bend(1.0, Robot.rectangle(4.0, 0.4))
+    for start, goal in (((3.0, 0.5, 0.0), (9.5, 7.0, math.pi / 2)), ((9.5, 7.0, math.pi / 2), (3.0, 0.5, 0.0))):
+        result = LandmarkPlanner(world, seed=0).plan(start, goal, LONG, max_iterations=8)
+        assert result.status == "infeasible"
+        assert (result.path, result.lower_bound) == (None, None)
+
+
 @pytest.mark.parametrize("limit", [0.05, 0.5])
 def test_the_time_limit_is_kept(limit: float) -> None:
-    # The inscribed disc gets round the bend, the robot does not: no proof, no path.
-    planner = LandmarkPlanner(bend(1.0, Robot.rectangle(4.0, 0.4)), seed=0)
+    # The inscribed disc gets round the bend, the robot does not, by half a percent: no proof so soon, no path.
+    planner = LandmarkPlanner(bend(1.055, Robot.rectangle(2.4, 0.3)), seed=0)
     # Measured as processor time, which other programs on the machine do not add to.
     begin = time.process_time()
     result = planner.plan((3.0, 0.5, 0.0), (9.5, 7.0, math.pi / 2), limit)
@@ -443,8 +452,8 @@ def test_planning_can_be_stopped_and_tells_what_it_has() -> None:
 
 
 def test_without_a_path_the_nearest_approach_is_told() -> None:
-    # The disc inside the robot gets round the bend, the robot does not.
-    planner = LandmarkPlanner(bend(1.0, Robot.rectangle(4.0, 0.4)), seed=0)
+    # The disc inside the robot gets round the bend, the robot does not, by half a percent.
+    planner = LandmarkPlanner(bend(1.055, Robot.rectangle(2.4, 0.3)), seed=0)
     start, goal = np.array((3.0, 0.5, 0.0)), np.array((9.5, 7.0, math.pi / 2))
     result = planner.plan(start, goal, 60.0, max_iterations=2)
     assert result.status == "timeout"

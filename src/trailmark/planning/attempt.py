@@ -16,9 +16,9 @@ from trailmark.planning.bridge import Bridge
 from trailmark.planning.disc_way import disc_way
 from trailmark.planning.general import SAMPLES_PER_LANDMARK
 from trailmark.planning.headings import turned_evenly
-from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.lower_bound import LowerBound, enclosed
 from trailmark.planning.result import PlanProgress, Status
-from trailmark.planning.scout import AT_FIRST, AT_MOST, Scout
+from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, Scout
 from trailmark.planning.shortening import shorten
 from trailmark.roadmap import Roadmap
 
@@ -53,6 +53,9 @@ KEPT = 5_000
 
 PROOF_SHARE = 0.25
 """Share of the time left that a proof may be expected to take, unless nothing else is left to do."""
+
+ENCLOSURE_SHARE, ENCLOSURE_SECONDS = 0.6, 0.6
+"""Share of the time left, and seconds, that the first search for a proof with headings may take."""
 
 PATIENCE = 16
 """Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
@@ -110,6 +113,7 @@ class Attempt:
         self.lower_bound = float(se2.distance(self.start, self.goal))
         self._proven = bound is None
         self._cutting = 0.0
+        self._enclosing = self._refining = 0.0
         self.turning = self.roadmap.turning
         self._turned = se2.ROTATION_WEIGHT * abs(float(se2.difference(self.start, self.goal)[2]))
         self.best: se2.FloatArray | None = None
@@ -187,10 +191,17 @@ class Attempt:
             if rounds % ROUNDS_PER_GRID == 0:
                 # What keeps failing may need a closer look, or be impossible.
                 self._prove(PROOF_SHARE)
-                band.refine()
+                self._enclose(perf_counter() - self.begin)
+                self._refine(band)
             if scout is not None:
                 self._take(scout.look())
         return rounds
+
+    def _refine(self, band: Band) -> None:
+        """Look at the relaxed problem on cells half as large, if there is time: it takes some five times as long."""
+        begin = perf_counter()
+        if 5.0 * self._refining < self._time_left() and band.refine():
+            self._refining = perf_counter() - begin
 
     def _may_exist(self, band: Band) -> bool:
         """Return whether a path is still sought and not proven not to exist."""
@@ -198,13 +209,16 @@ class Attempt:
 
     def _look_closely(self, band: Band, scout: Scout | None) -> None:
         """Look for a first path without landmarks."""
-        if scout is not None:
-            # A close look at each cell of a short way costs less than larger lattices.
-            far = band.shortest > SHORT * band.relaxation.size
-            if far:
-                self._take(scout.look(AT_MOST - AT_FIRST))
+        # A close look at each cell of a short way costs less than larger lattices.
+        far = band.shortest > SHORT * band.relaxation.size
+        if scout is not None and far:
+            self._take(scout.look(AT_SECOND - AT_FIRST))
         if self.best is None:
             self._prove(PROOF_SHARE)
+        if scout is not None and far and self._may_exist(band):
+            self._enclose(ENCLOSURE_SECONDS)
+            if self._may_exist(band):
+                self._take(scout.look(AT_MOST - AT_SECOND))
         if self._may_exist(band):
             self._disc_way()
 
@@ -329,6 +343,16 @@ class Attempt:
         if self._seconds_to_cut() < share * self._time_left():
             self._proven = True
             self.lower_bound = max(self.lower_bound, self.bound.of(self.start, self.goal, self._whole_cost()).cost)
+
+    def _enclose(self, seconds: float) -> None:
+        """Look for a proof, with headings, that no path exists, unless as much time was spent on that in vain."""
+        seconds = min(seconds, ENCLOSURE_SHARE * self._time_left())
+        if self.bound is None or not self.turning or not seconds > 2.0 * self._enclosing:
+            return
+        self._report("looking for a proof that there is no path")
+        self._enclosing = seconds
+        if enclosed(self.checker, self.start, self.goal, seconds=seconds, stop=self._is_over):
+            self.lower_bound = np.inf
 
     def _seconds_to_cut(self) -> float:
         """Return what cutting free space into triangles is expected to take, at first."""

@@ -14,7 +14,7 @@ from trailmark.planning.lattice import Lattice
 from trailmark.planning.straightening import straightened
 from trailmark.se2 import FloatArray
 
-__all__ = ["AT_FIRST", "AT_MOST", "Scout"]
+__all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "Scout"]
 
 WEIGHT = 2.0
 """Of the cost to go: ways are sought that are soon found, and shortened afterwards."""
@@ -51,8 +51,8 @@ LEVELS = (
     Level(1 << 16, 1.0, 16, 2_000, seats=True),
     Level(1 << 16, 0.5, 8, 2_000, seats=True),
     Level(1 << 16, 1.4, 8, 6_000, seats=True),
-    Level(1 << 16, 1.0, 32, 20_000, seats=True),
-    Level(1 << 16, 2.0, 16, 40_000, seats=True),
+    Level(1 << 16, 2.0, 16, 25_000, seats=True),
+    Level(1 << 16, 1.0, 32, 40_000, seats=True),
     Level(1 << 16, 2.0, 32, 100_000, seats=True),
     Level(1 << 16, 4.0, 64, 1_000_000, seats=True),
 )
@@ -91,8 +91,8 @@ STRETCH = (0.75, 1.25)
 DETOUR = 1.15
 """Over a lattice of eight directions a way may be so much longer than its straightened self."""
 
-AT_FIRST, AT_MOST = 4, 7
-"""Levels looked at before all else, and before landmarks are placed on a short and on a long way; others follow."""
+AT_FIRST, AT_SECOND, AT_MOST = 4, 6, 8
+"""Levels looked at before all else; on a long way, also before and after a proof is sought that there is none."""
 
 
 class Scout:

@@ -22,12 +22,15 @@ SMALL = (
 @lru_cache(maxsize=1)
 def warm_up() -> None:
     """Run every kernel once, on a small world: half a minute on a machine's first use, about a second later on."""
+    from trailmark.planning.lower_bound import enclosed
     from trailmark.planning.planner import LandmarkPlanner
 
     world, robot, (start, goal) = SMALL
     planner = LandmarkPlanner(world, robot, seed=0, warm=False)
     planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.roadmap.certify_all()
+    # Only what is hardly feasible, or not at all, asks for proofs.
+    enclosed(planner.checker, start, goal, budget=1)
 
 
 @lru_cache(maxsize=1)
