@@ -149,6 +149,17 @@ def test_discs_are_left_to_the_triangles_and_bad_ends_are_told() -> None:
     assert not enclosed(StateChecker(wall_with_gap(0.5), Robot.disc(0.4)), (2.0, 2.0, 0.0), (9.0, 2.0, 0.0))
     with pytest.raises(ConfigurationError, match="goal"):
         enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), (2.0, 2.0, 0.0), (9.0, math.nan, 0.0))
+    with pytest.raises(ConfigurationError, match="start: shape"):
+        enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), np.zeros((2, 3)), (9.0, 2.0, 0.0))
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6])
+def test_very_thin_robots_in_large_worlds_end_in_time(width: float) -> None:
+    world = World("large", (-900.0, 0.0, 100.0, 1000.0), (Rectangle((0.0, 500.0), 2.0, 1100.0),))
+    checker = StateChecker(world, Robot.rectangle(3.0, width))
+    begin = perf_counter()
+    assert not enclosed(checker, (-50.0, 500.0, 0.0), (-60.0, 500.0, 1.0), seconds=0.1)
+    assert perf_counter() - begin < 0.5
 
 
 def test_ends_that_are_not_valid_prove_nothing() -> None:

@@ -24,6 +24,7 @@ from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.errors import ConfigurationError
 from trailmark.planning.lower_bound.enclosure_cells import LEVELS, Division
 from trailmark.planning.lower_bound.enclosure_core import core, discs, pivot
 from trailmark.planning.lower_bound.enclosure_flood import (
@@ -83,14 +84,18 @@ def enclosed(
         ConfigurationError: other shapes, or values that are not finite.
     """
     deadline = perf_counter() + seconds
-    ends = np.array([se2.configurations(start, name="start"), se2.configurations(goal, name="goal")])
+    states = [se2.configurations(q, name=name) for q, name in ((start, "start"), (goal, "goal"))]
+    for state, name in zip(states, ("start", "goal"), strict=True):
+        if state.ndim != 1:
+            raise ConfigurationError(f"{name}: shape {state.shape} given, allowed: (3,)")
+    ends = np.array(states)
     if checker.robot.sweep_radius == 0.0:
         return False
     space = Space(checker)
     poses = space.poses(ends)
     orders = (poses, poses[::-1].copy())
     floods = [space.flood(), space.flood()]
-    for share, finest in product(SHARES, range(space.first, space.first + DEPTH)):
+    for share, finest in product(SHARES, range(space.first, min(space.first + DEPTH, LEVELS))):
         division = space.division(finest, share)
         floods = [begin(*space.parts, division, *pair, finest) for pair in zip(floods, orders, strict=True)]
         answer, n = UNDER_WAY, 0
@@ -112,7 +117,7 @@ class Space:
     Attributes:
         parts: grid, field and footprint about the pivot, as the kernels take them.
         pivot: the point of the robot (its frame, shape (2,)) whose place stands for it.
-        first: the first level worth trying as the finest.
+        first: the first level worth trying as the finest; none is if it is LEVELS.
     """
 
     def __init__(self, checker: StateChecker) -> None:
@@ -142,7 +147,7 @@ class Space:
         self._shift, self._turn = sqrt(2.0) * self._half, pi / np.exp2(self._turns)
         self._spread = self._shift + 2.0 * radius * np.sin(0.5 * self._turn)
         self._cores: list[list[se2.FloatArray]] = []
-        self.first = int(np.argmax(self._half <= 0.5 * robot.inscribed_disc.radius))
+        self.first = int(np.count_nonzero(self._half > 0.5 * robot.inscribed_disc.radius))
 
     def division(self, finest: int, share: float) -> Division:
         """Return the division, with the cores of all levels up to ``finest``."""

@@ -83,7 +83,7 @@ def discs(outline: FloatArray, most: int = 24) -> FloatArray:
     """
     robot = shapely.Polygon(outline)
     low, high = outline.min(axis=0), outline.max(axis=0)
-    step = float(np.sqrt(np.prod(high - low)) / 64.0)
+    step = max(float(np.sqrt(np.prod(high - low))) / 64.0, float((high - low).max()) / 400.0)
     x, y = (np.linspace(a, b, 2 + 2 * int(0.5 * (b - a) / step) + 1) for a, b in zip(low, high, strict=True))
     places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     places = places[shapely.contains_xy(robot, places)]
