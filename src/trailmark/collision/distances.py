@@ -213,6 +213,8 @@ def point_depth(grid: ObstacleGrid, x: float, y: float, cap: float) -> float:
     right = min(grid.columns - 1, floor((x + cap - grid.x0) / grid.size))
     low = max(0, floor((y - cap - grid.y0) / grid.size))
     high = min(grid.rows - 1, floor((y + cap - grid.y0) / grid.size))
+    if left > right or low > high:
+        return 0.0
     m = len(grid.segments)
     covered = _blocked_regions(grid, x, y) > 0
     deepest, boundary2 = 0.0, cap * cap

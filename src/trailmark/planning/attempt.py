@@ -12,11 +12,12 @@ from trailmark import se2
 from trailmark.landmarks import Relaxation, k_means_landmarks
 from trailmark.landmarks.informed import Band
 from trailmark.path import Path
+from trailmark.planning.background import BackgroundProof
 from trailmark.planning.bridge import Bridge
 from trailmark.planning.disc_way import disc_way
 from trailmark.planning.general import SAMPLES_PER_LANDMARK
 from trailmark.planning.headings import turned_evenly
-from trailmark.planning.lower_bound import LowerBound, enclosed
+from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.result import PlanProgress, Status
 from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, Scout
 from trailmark.planning.shortening import shorten
@@ -53,9 +54,6 @@ KEPT = 5_000
 
 PROOF_SHARE = 0.25
 """Share of the time left that a proof may be expected to take, unless nothing else is left to do."""
-
-ENCLOSURE_SHARE, ENCLOSURE_SECONDS = 0.6, 0.6
-"""Share of the time left, and seconds, that the first search for a proof with headings may take."""
 
 PATIENCE = 16
 """Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
@@ -113,7 +111,8 @@ class Attempt:
         self.lower_bound = float(se2.distance(self.start, self.goal))
         self._proven = bound is None
         self._cutting = 0.0
-        self._enclosing = self._refining = 0.0
+        self._refining = 0.0
+        self._proof: BackgroundProof | None = None
         self.turning = self.roadmap.turning
         self._turned = se2.ROTATION_WEIGHT * abs(float(se2.difference(self.start, self.goal)[2]))
         self.best: se2.FloatArray | None = None
@@ -123,6 +122,13 @@ class Attempt:
 
     def run(self) -> tuple[Status, se2.FloatArray | None]:
         """Return the status and the best path's states, shape (n, 3), or None."""
+        try:
+            return self._run()
+        finally:
+            if self._proof is not None:
+                self._proof.end()
+
+    def _run(self) -> tuple[Status, se2.FloatArray | None]:
         ends = self._ends()
         if self._straight(ends):
             # Nothing is shorter.
@@ -143,8 +149,13 @@ class Attempt:
             return self._answer()
         band = Band(self.checker, self.relaxation, ends[0], ends[1])
         rounds = self._place(band, scout, nodes)
-        if self.best is None and not (np.isfinite(band.shortest) and np.isfinite(self.lower_bound)):
-            return "infeasible", None
+        if self._may_exist(band):
+            self._prove(1.0)
+            if self._proof is not None:
+                # With rounds at their end and time to spare the answer must not depend on who is faster.
+                self._proof.wait(self._time_left())
+        if self.best is None:
+            return ("timeout" if self._may_exist(band) else "infeasible"), None
         self._prove(PROOF_SHARE)
         if self.best is not None and not (known or rounds or self._close_enough()) and len(self.roadmap) < KEPT:
             self._grow(self.roadmap, band, self._widening(band), FIRST_LANDMARKS)
@@ -191,7 +202,7 @@ class Attempt:
             if rounds % ROUNDS_PER_GRID == 0:
                 # What keeps failing may need a closer look, or be impossible.
                 self._prove(PROOF_SHARE)
-                self._enclose(perf_counter() - self.begin)
+                self._prove_aside()
                 self._refine(band)
             if scout is not None:
                 self._take(scout.look())
@@ -205,20 +216,24 @@ class Attempt:
 
     def _may_exist(self, band: Band) -> bool:
         """Return whether a path is still sought and not proven not to exist."""
-        return self.best is None and bool(np.isfinite(band.shortest)) and bool(np.isfinite(self.lower_bound))
+        return (
+            self.best is None
+            and not self._disproven()
+            and bool(np.isfinite(band.shortest))
+            and bool(np.isfinite(self.lower_bound))
+        )
 
     def _look_closely(self, band: Band, scout: Scout | None) -> None:
         """Look for a first path without landmarks."""
         # A close look at each cell of a short way costs less than larger lattices.
         far = band.shortest > SHORT * band.relaxation.size
         if scout is not None and far:
+            self._prove_aside()
             self._take(scout.look(AT_SECOND - AT_FIRST))
         if self.best is None:
             self._prove(PROOF_SHARE)
         if scout is not None and far and self._may_exist(band):
-            self._enclose(ENCLOSURE_SECONDS)
-            if self._may_exist(band):
-                self._take(scout.look(AT_MOST - AT_SECOND))
+            self._take(scout.look(AT_MOST - AT_SECOND))
         if self._may_exist(band):
             self._disc_way()
 
@@ -344,15 +359,17 @@ class Attempt:
             self._proven = True
             self.lower_bound = max(self.lower_bound, self.bound.of(self.start, self.goal, self._whole_cost()).cost)
 
-    def _enclose(self, seconds: float) -> None:
-        """Look for a proof, with headings, that no path exists, unless as much time was spent on that in vain."""
-        seconds = min(seconds, ENCLOSURE_SHARE * self._time_left())
-        if self.bound is None or not self.turning or not seconds > 2.0 * self._enclosing:
-            return
-        self._report("looking for a proof that there is no path")
-        self._enclosing = seconds
-        if enclosed(self.checker, self.start, self.goal, seconds=seconds, stop=self._is_over):
-            self.lower_bound = np.inf
+    def _prove_aside(self) -> None:
+        """Begin to look for a proof, with headings, that no path exists; searches end once it is found."""
+        if self.best is None and self._proof is None and self.bound is not None and self.turning:
+            self._proof = BackgroundProof(self.checker, self.start, self.goal, max(0.0, self._time_left()))
+
+    def _disproven(self) -> bool:
+        """Return whether it is proven by now that no path exists."""
+        if self._proof is None or not self._proof.found:
+            return False
+        self.lower_bound = np.inf
+        return True
 
     def _seconds_to_cut(self) -> float:
         """Return what cutting free space into triangles is expected to take, at first."""
@@ -374,6 +391,8 @@ class Attempt:
         self.best, self.best_cost = states, cost
         if self.first_cost is None:
             self.first_cost = self._whole_cost()
+            if self._proof is not None:
+                self._proof.cancel()
         self.history.append((perf_counter() - self.begin, self._whole_cost()))
         self._report("shortening")
 
@@ -410,7 +429,9 @@ class Attempt:
         return self._time_left() > 0.0
 
     def _time_left(self) -> float:
-        return -np.inf if self.stop is not None and self.stop() else self.deadline - perf_counter()
+        if self._disproven() or (self.stop is not None and self.stop()):
+            return -np.inf
+        return self.deadline - perf_counter()
 
     def _report(self, phase: str) -> None:
         if self.on_progress is None:

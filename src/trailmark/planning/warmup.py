@@ -22,6 +22,7 @@ SMALL = (
 @lru_cache(maxsize=1)
 def warm_up() -> None:
     """Run every kernel once, on a small world: half a minute on a machine's first use, about a second later on."""
+    from trailmark.collision import StateChecker
     from trailmark.planning.lower_bound import enclosed
     from trailmark.planning.planner import LandmarkPlanner
 
@@ -30,7 +31,10 @@ def warm_up() -> None:
     planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.roadmap.certify_all()
     # Only what is hardly feasible, or not at all, asks for proofs.
-    enclosed(planner.checker, start, goal, budget=1)
+    shut = StateChecker(
+        World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), Robot.rectangle(0.6, 0.4)
+    )
+    enclosed(shut, (0.6, 1.0, 0.0), (2.4, 1.0, 0.0))
 
 
 @lru_cache(maxsize=1)
