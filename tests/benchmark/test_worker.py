@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import threading
@@ -9,6 +10,7 @@ import time
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.benchmark.conftest import job
 
@@ -18,6 +20,8 @@ from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.status import Status
 from trailmark.benchmark.worker import Worker
 from trailmark.path import Path
+from trailmark.shapes import Polygon
+from trailmark.world import Query, Robot, World
 
 ROGUES = "tests.benchmark.rogues:"
 
@@ -56,6 +60,16 @@ def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: P
     assert answer["time"] < 2.5
     if planner != "native:RRTstar":  # which shortens in the same process
         assert answer["simplified_path"] is None
+
+
+def test_what_is_proven_infeasible_is_no_approximate_solution(worker: Worker) -> None:
+    # Landmarks are placed before headings prove that the rod cannot get round the bend: some path leads nearer.
+    inner = np.array([[0, 1], [9, 1], [9, 10], [0, 10]], dtype=float)
+    ends = Query("round", (3.0, 0.5, 0.0), (9.5, 7.0, math.pi / 2))
+    bend = World("bend", (0, 0, 10, 10), (Polygon(inner),), Robot.rectangle(4.0, 0.4), queries=(ends,))
+    answer = worker.run(job(Problem(bend), "landmark", limit=20.0))
+    assert (answer["status"], answer["solved"]) == (Status.INFEASIBLE, False), answer
+    assert not answer["approximate_solution"]
 
 
 def test_no_run_knows_of_those_before_it(worker: Worker, around: Problem) -> None:

@@ -151,7 +151,7 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
     time = perf_counter() - begin
     peak.look()
     path, difference, status = result.path, None, _LANDMARK[result.status]
-    if path is None and result.nearest is not None and len(result.nearest) > 1:
+    if result.status == "timeout" and result.nearest is not None and len(result.nearest) > 1:
         path, status = result.nearest, Status.APPROXIMATE_SOLUTION
     elif path is not None and time > latest(limit) and best and best[0].path is not None:
         path = best[0].path  # the one it had in time
