@@ -9,7 +9,7 @@ import pytest
 
 def test_it_solves_in_a_simple_setup_and_keeps_its_roadmap(run_ompl: Any) -> None:
     found = run_ompl("""
-problem = SE2Problem(shipped("office"))
+problem = SE2Problem(shipped("environment2"))
 planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
 sizes, costs, words, names = [], [], [], []
 for k in range(3):

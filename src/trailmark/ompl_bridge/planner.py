@@ -26,7 +26,7 @@ __all__ = ["LandmarkPlanner"]
 POLL = 0.002
 """Seconds between two looks at the termination condition."""
 
-GRACE = 0.01
+GRACE = 0.05
 """Seconds that the work under way gets to come to its end by itself once planning is to stop."""
 
 
