@@ -52,8 +52,9 @@ LEVELS = (
     Level(1 << 16, 0.6, 10, 1_000, seats=True),
     Level(1 << 16, 1.0, 16, 2_000, seats=True),
     Level(1 << 16, 0.4, 12, 2_000, seats=True),
-    Level(1 << 16, 0.5, 8, 6_000, seats=True),
-    Level(1 << 16, 1.4, 8, 8_000, seats=True),
+    Level(1 << 16, 0.5, 8, 10_000, seats=True),
+    Level(1 << 16, 1.0, 8, 10_000, seats=True),
+    Level(1 << 16, 1.4, 8, 10_000, seats=True),
     Level(1 << 16, 0.5, 16, 20_000, seats=True),
     Level(1 << 16, 2.0, 16, 25_000, seats=True),
     Level(1 << 16, 1.0, 32, 40_000, seats=True),
@@ -95,7 +96,7 @@ STRETCH = (0.75, 1.25)
 DETOUR = 1.15
 """Over a lattice of eight directions a way may be so much longer than its straightened self."""
 
-AT_FIRST, AT_SECOND, AT_MOST = 5, 8, 10
+AT_FIRST, AT_SECOND, AT_MOST = 5, 9, 11
 """Levels looked at before all else; on a long way, also before and after a proof is sought that there is none."""
 
 
