@@ -17,7 +17,7 @@ from trailmark.planning.bridge import Bridge
 from trailmark.planning.disc_way import disc_way
 from trailmark.planning.general import SAMPLES_PER_LANDMARK
 from trailmark.planning.headings import turned_evenly
-from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.lower_bound import SECONDS_A_WAY, LowerBound
 from trailmark.planning.result import PlanProgress, Status
 from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, Scout
 from trailmark.planning.shortening import shorten
@@ -52,8 +52,8 @@ POLISHING = 10
 KEPT = 5_000
 """Nodes up to which the planner's roadmap takes in landmarks of queries that are answered without them."""
 
-PROOF_SHARE = 0.25
-"""Share of the time left that a proof may be expected to take, unless nothing else is left to do."""
+PROOF_SHARE, LAST_SHARE = 0.25, 0.6
+"""Shares of the time left that a proof may be expected to take, before much else is left to do and after that."""
 
 PATIENCE = 16
 """Rounds without a gain of IMPROVEMENT after which a path counts as settled."""
@@ -150,7 +150,7 @@ class Attempt:
         band = Band(self.checker, self.relaxation, ends[0], ends[1])
         rounds = self._place(band, scout, nodes)
         if self._may_exist(band):
-            self._prove(1.0)
+            self._prove(LAST_SHARE)
             if self._proof is not None:
                 # With rounds at their end and time to spare the answer must not depend on who is faster.
                 self._proof.wait(self._time_left())
@@ -160,7 +160,7 @@ class Attempt:
         if self.best is not None and not (known or rounds or self._close_enough()) and len(self.roadmap) < KEPT:
             self._grow(self.roadmap, band, self._widening(band), FIRST_LANDMARKS)
         self._improve(band, ends, int(FIRST_LANDMARKS * GROWTH**rounds), scout)
-        self._prove(1.0)
+        self._prove(LAST_SHARE)
         if self.best is not None:
             self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
         return self._answer()
@@ -339,7 +339,7 @@ class Attempt:
             return False
         self._report("cutting free space into triangles")
         radius = self.checker.robot.inscribed_disc.radius
-        way = disc_way(self.checker.world, radius, self.start[:2], self.goal[:2], self.best_cost)
+        way = disc_way(self.checker.world, radius, self.start[:2], self.goal[:2], self.best_cost, self._time_left)
         states = np.column_stack([way, np.zeros(len(way))])
         if len(way) == 0 or not self.checker.motions_between_valid(states[:-1], states[1:]).all():
             return False
@@ -374,7 +374,9 @@ class Attempt:
     def _seconds_to_cut(self) -> float:
         """Return what cutting free space into triangles is expected to take, at first."""
         if self.bound is not None:
-            self._cutting = max(self._cutting, self.bound.seconds(self.start, self.goal, self._whole_cost()))
+            seconds = self.bound.seconds(self.start, self.goal, self._whole_cost())
+            # The better the path, the less there is to cut. Once that is done, what it took is known no more.
+            self._cutting = seconds if seconds > SECONDS_A_WAY else max(self._cutting, seconds)
         return self._cutting
 
     def _close_enough(self) -> bool:

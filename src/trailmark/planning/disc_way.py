@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import cos, pi
+from time import perf_counter
 
 import numpy as np
 import shapely
@@ -22,8 +24,18 @@ QUARTER = 8
 SPARE = 3e-3
 """Share of its radius by which the disc is made larger: a motion along contact itself would take forever to certify."""
 
+CUTTING = 8.0
+"""Times as long as making a region it takes to cut it into triangles; less in small ones."""
 
-def disc_way(world: World, radius: float, start: FloatArray, goal: FloatArray, most: float) -> FloatArray:
+
+def disc_way(
+    world: World,
+    radius: float,
+    start: FloatArray,
+    goal: FloatArray,
+    most: float,
+    seconds_left: Callable[[], float] = lambda: np.inf,
+) -> FloatArray:
     """Return the bends of a disc's shortest way, shape (k, 2), metres; (0, 2) if none is found.
 
     The obstacles are grown by the radius, with corners cut from outside, so that the disc is free all along. It errs on
@@ -37,9 +49,13 @@ def disc_way(world: World, radius: float, start: FloatArray, goal: FloatArray, m
         start: its centre, shape (2,).
         goal: its centre, shape (2,).
         most: metres; longer ways are of no interest. The fewer obstacles lie near them, the sooner it is done.
+        seconds_left: asked whether to go on once it is known how fast this machine is at the moment.
     """
+    begin = perf_counter()
     within = ellipse(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
     region = _region(world, (1.0 + SPARE) * radius + MARGIN, within)
+    if CUTTING * (perf_counter() - begin) > seconds_left():
+        return np.empty((0, 2))
     for part in shapely.get_parts(region):
         if shapely.intersects_xy(part, [start[0], goal[0]], [start[1], goal[1]]).all():
             length, way = shortest_way(triangulated(part), start, goal)

@@ -17,13 +17,16 @@ from trailmark.planning.lower_bound.region import QUARTER, ellipse, free_region
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
-__all__ = ["Bound", "LowerBound"]
+__all__ = ["SECONDS_A_WAY", "Bound", "LowerBound"]
 
 ROUNDING = 1e-9
 """Relative error that lengths may have; taken off."""
 
 LARGE = 20_000
 """Vertices of a region from which on it is looked at only as far as a query needs."""
+
+MANY = 150_000
+"""Vertices of a region for each of which it takes twice as long as in a small one."""
 
 SECONDS_A_VERTEX, SECONDS_A_WAY = 2.2e-5, 0.003
 """What cutting a region into triangles takes, and a query once that is done, with some to spare."""
@@ -41,6 +44,11 @@ class Bound(NamedTuple):
 
     cost: float
     way: FloatArray
+
+
+def _seconds(vertices: float) -> float:
+    """Return how long cutting a region into triangles, and a way over them, are expected to take."""
+    return SECONDS_A_VERTEX * vertices * (1.0 + vertices / MANY)
 
 
 class LowerBound:
@@ -88,13 +96,13 @@ class LowerBound:
     def seconds(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> float:
         """Return how long :meth:`of` is expected to take."""
         if self._whole or self._size <= LARGE or not np.isfinite(most):
-            return SECONDS_A_WAY if self._whole else SECONDS_A_VERTEX * self._size
+            return SECONDS_A_WAY if self._whole else _seconds(self._size)
         xmin, ymin, xmax, ymax = self.world.bounds
         center = self._center[0]
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
         longest = most * self._stretch
         share = min(1.0, ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
-        return float(SECONDS_A_VERTEX * self._size * share)
+        return _seconds(share * self._size)
 
     def _in_the_open(self, start: FloatArray, goal: FloatArray) -> float:
         """Return what the way would cost without obstacles, metres."""
