@@ -73,7 +73,7 @@ def test_pockets_of_clutter_are_closed() -> None:
 @pytest.mark.parametrize("name", ["rectangle", "L", "thin"])
 def test_nothing_is_claimed_where_the_planner_finds_a_path(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # The planner asks for enclosures itself: a false one would keep it from its path.
-    monkeypatch.setattr("trailmark.planning.attempt.enclosed", lambda *_, **__: False)
+    monkeypatch.setattr("trailmark.planning.background.enclosed", lambda *_, **__: False)
     found = 0
     for seed in range(3):
         world = random_world(seed, 50, size=30.0, radii=(0.5, 3.0), discs=0.2)
