@@ -21,7 +21,7 @@ SMALL = (
 
 @lru_cache(maxsize=1)
 def warm_up() -> None:
-    """Run every kernel once, on a small world: half a minute on a machine's first use, about a second later on."""
+    """Run every kernel once, on a small world: a minute or two on a machine's first use, about a second later on."""
     from trailmark.collision import StateChecker
     from trailmark.planning.lower_bound import enclosed
     from trailmark.planning.planner import LandmarkPlanner
