@@ -13,7 +13,7 @@ import pytest
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
 
 LAYERS: tuple[frozenset[str], ...] = (
-    frozenset({"errors", "heap"}),
+    frozenset({"errors", "heading", "heap"}),
     frozenset({"nearest", "se2", "shapes"}),
     frozenset({"path", "robot", "world", "formats"}),
     frozenset({"curves"}),

@@ -62,15 +62,17 @@ def configurations(q: ArrayLike, *, name: str = "configuration") -> FloatArray:
 
 def wrap(theta: ArrayLike) -> Any:
     """Return angles (radians, any shape) brought into (-pi, pi]; angles already there come back unchanged."""
-    angle = np.asarray(theta, dtype=np.float64)
-    outside = (angle <= -np.pi) | (angle > np.pi)
-    if not outside.any():
-        return angle.copy() if angle.ndim else float(angle)
-    # mod is inexact: an angle that needs no wrapping must survive a round trip to the bit.
-    wrapped = np.where(outside, np.pi - np.mod(np.pi - angle, 2.0 * np.pi), angle)
-    # The modulus of a tiny negative number rounds up to 2 pi itself.
-    wrapped = np.where(wrapped <= -np.pi, np.pi, wrapped)
-    return wrapped if wrapped.ndim else float(wrapped)
+    angle = np.array(theta, dtype=np.float64)
+    far = ~((angle > -3.0 * np.pi) & (angle <= 3.0 * np.pi))
+    if far.any():
+        angle = np.where(far, angle - 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi)), angle)
+    # As trailmark.heading.wrapped does it, to the last bit: whole turns are taken off exactly. A modulus is inexact.
+    for _ in range(2):
+        above, below = angle > np.pi, angle <= -np.pi
+        if not (above.any() or below.any()):
+            break
+        angle = np.where(above, angle - 2.0 * np.pi, np.where(below, angle + 2.0 * np.pi, angle))
+    return angle if angle.ndim else float(angle)
 
 
 def difference(a: ArrayLike, b: ArrayLike) -> FloatArray:

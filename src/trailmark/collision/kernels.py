@@ -11,7 +11,7 @@ it is accepted only once it is covered whole.
 
 from __future__ import annotations
 
-from math import cos, floor, hypot, pi, sin
+from math import cos, floor, hypot, sin
 
 import numpy as np
 from numba import njit
@@ -20,6 +20,7 @@ from trailmark.collision.distances import point_clearance, ring_clearance
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import DEEP_TOLERANCE, Footprint
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.heading import turn
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -239,11 +240,7 @@ def motion(
     counts as free once it is no longer than CONTACT. All of it lies within half of that of the valid end or of
     what is certified already.
     """
-    dx, dy, dtheta = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    if dtheta > pi:
-        dtheta -= 2.0 * pi
-    elif dtheta <= -pi:
-        dtheta += 2.0 * pi
+    dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
     bound = hypot(dx, dy) + robot.sweep_radius * abs(dtheta)
     if bound == 0.0:
         return FREE

@@ -6,11 +6,12 @@ driven backwards), row 1 their sides: 1 left, 0 straight, -1 right. Pieces of le
 
 from __future__ import annotations
 
-from math import cos, fabs, floor, pi, sin
+from math import cos, fabs, sin
 
 import numpy as np
 from numba import njit
 
+from trailmark.heading import turn, wrapped
 from trailmark.se2 import FloatArray
 
 __all__ = ["PIECES", "SAME", "drive", "put", "reversed_word", "seen_from", "unit_length", "walk"]
@@ -46,10 +47,7 @@ def walk(a: FloatArray, word: FloatArray, radius: float, along: float, q: FloatA
         if left <= 0.0:
             break
     q[0], q[1] = x, y
-    if not -pi < theta <= pi:
-        theta = pi - ((pi - theta) - 2.0 * pi * floor((pi - theta) / (2.0 * pi)))
-    # What the modulus of a tiny number rounds to.
-    q[2] = theta if theta > -pi else pi
+    q[2] = wrapped(theta)
 
 
 @njit(cache=True)
@@ -94,12 +92,7 @@ def seen_from(a: FloatArray, b: FloatArray, radius: float) -> tuple[float, float
     """Return b in a's frame: x and y in turning radii, the heading in (-pi, pi]."""
     dx, dy = (b[0] - a[0]) / radius, (b[1] - a[1]) / radius
     c, s = cos(a[2]), sin(a[2])
-    phi = b[2] - a[2]
-    if phi > pi:
-        phi -= 2.0 * pi
-    elif phi <= -pi:
-        phi += 2.0 * pi
-    return c * dx + s * dy, c * dy - s * dx, phi
+    return c * dx + s * dy, c * dy - s * dx, turn(a[2], b[2])
 
 
 @njit(cache=True)

@@ -7,7 +7,7 @@ the clearance field and the footprint's covering discs in place of exact penetra
 
 from __future__ import annotations
 
-from math import cos, floor, pi, sin
+from math import cos, sin
 
 import numpy as np
 from numba import njit
@@ -16,6 +16,7 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField, interpolated
 from trailmark.collision.footprint import Footprint
+from trailmark.heading import wrapped
 
 __all__ = ["retracted"]
 
@@ -65,7 +66,7 @@ def _climb(
             if value > best:
                 best = value
                 q[i, 0], q[i, 1] = x, y
-                q[i, 2] = theta - 2.0 * pi * floor((theta + pi) / (2.0 * pi))
+                q[i, 2] = wrapped(theta)
                 scale *= 1.3
             else:
                 scale *= 0.85

@@ -10,6 +10,7 @@ from ompl import base as ob
 from trailmark.collision import StateChecker
 from trailmark.collision.pointwise import PointwiseChecker
 from trailmark.collision.pointwise_curves import PointwiseCurveChecker
+from trailmark.heading import turn, wrapped
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.states import write_state
@@ -121,16 +122,16 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
 
     def _last_certified(self, a: Configuration, b: Configuration) -> tuple[Configuration, float]:
         """Return the farthest place up to which a refused motion is certified, within LAST_PLACE, and its fraction."""
-        dx, dy, turn = b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2])
+        dx, dy, shorter = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
         radius, steering = self.checker.footprint.sweep_radius, self.steering
-        bound = hypot(dx, dy) + radius * abs(turn)
+        bound = hypot(dx, dy) + radius * abs(shorter)
         if steering is not None:
             bound = steering.lengths(a, b) * (1.0 + radius / steering.radius)
         last, low, high = a, 0.0, 1.0
         while (high - low) * bound > LAST_PLACE:
             middle = 0.5 * (low + high)
             if steering is None:
-                q = (a[0] + middle * dx, a[1] + middle * dy, _wrapped(a[2] + middle * turn))
+                q = (a[0] + middle * dx, a[1] + middle * dy, wrapped(a[2] + middle * shorter))
             else:
                 q = tuple(steering.states(a, b, [middle * steering.lengths(a, b)])[0].tolist())
             # What lies before ``last`` is certified already.
@@ -139,8 +140,3 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
             else:
                 high = middle
         return last, low
-
-
-def _wrapped(angle: float) -> float:
-    """Return an angle (radians) brought into (-pi, pi]; numpy takes ten times as long for a single one."""
-    return pi - (pi - angle) % (2.0 * pi)

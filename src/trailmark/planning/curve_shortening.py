@@ -7,7 +7,7 @@ between its ends, but perhaps not the only one: parts that a shortcut leaves ove
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, floor, pi, sin, sqrt
+from math import cos, pi, sin, sqrt
 
 import numpy as np
 from numba import njit
@@ -20,6 +20,7 @@ from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves.shortest import MOST_WORDS, curve_length, shortest_word
 from trailmark.curves.words import PIECES, walk
+from trailmark.heading import wrapped
 from trailmark.planning.shortening import random_span, uniform
 from trailmark.se2 import FloatArray
 
@@ -241,8 +242,7 @@ def _move(
                 if attempt == 2:
                     q[0], q[1] = path[i, 0], path[i, 1]
                 if attempt > 1:
-                    q[2] += (2.0 * uniform(seed) - 1.0) * min(1.0, scale / radius)
-                    q[2] -= 2.0 * pi * floor((q[2] + pi) / (2.0 * pi))
+                    q[2] = wrapped(q[2] + (2.0 * uniform(seed) - 1.0) * min(1.0, scale / radius))
             first = curve_length(a, q, radius, reverse, words)
             if before - first < GAIN:
                 continue

@@ -24,6 +24,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, motion, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.planning.cost_to_go import CostToGo
 from trailmark.planning.lattice_nodes import (
@@ -298,8 +299,7 @@ def _near(nodes: Nodes, node: int, guide: Guide, q: FloatArray, goal: FloatArray
     x, y = position(nodes, node)
     if hypot(x - guide.x, y - guide.y) >= 1.5 * nodes.size:
         return False
-    away = abs(q[2] - goal[2])
-    return nodes.headings == 1 or min(away, 2.0 * pi - away) < 3.0 * pi / nodes.headings
+    return nodes.headings == 1 or abs(turn(q[2], goal[2])) < 3.0 * pi / nodes.headings
 
 
 @njit(cache=True, inline="always")

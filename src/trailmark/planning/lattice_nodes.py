@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from trailmark.collision import StateChecker
-from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.se2 import ROTATION_WEIGHT, FloatArray, wrap
 
 __all__ = ["ORIGIN", "STRIDES", "TURNS", "Nodes", "came_from", "configuration", "leads_to", "move_cost", "position"]
 
@@ -66,9 +66,7 @@ class Nodes(NamedTuple):
         left, below = floor((x - xmin) / size), floor((y - ymin) / size)
         columns, rows = left + 1 + floor((xmax - x) / size), below + 1 + floor((ymax - y) / size)
         turned = np.empty((headings, 3))
-        turned[:, 0] = start[2] + 2.0 * pi / headings * np.arange(headings)
-        # Into (-pi, pi]: half a turn is +pi.
-        turned[:, 0] -= 2.0 * pi * np.ceil((turned[:, 0] - pi) / (2.0 * pi))
+        turned[:, 0] = wrap(start[2] + 2.0 * pi / headings * np.arange(headings))
         c, s = np.cos(turned[:, 0]), np.sin(turned[:, 0])
         a, b = checker.robot.inscribed_disc.center
         turned[:, 1], turned[:, 2] = s * b - c * a, -s * a - c * b

@@ -9,12 +9,13 @@ non-linear problems in least squares", Quarterly of Applied Mathematics 1944.
 
 from __future__ import annotations
 
-from math import ceil, cos, inf, pi, sin, sqrt
+from math import cos, inf, sin, sqrt
 
 from numba import njit
 
 from trailmark.collision.field import ClearanceField, interpolated
 from trailmark.collision.footprint import Footprint
+from trailmark.heading import wrapped
 from trailmark.se2 import FloatArray
 
 __all__ = ["seat"]
@@ -70,4 +71,4 @@ def seat(field: ClearanceField, robot: Footprint, q: FloatArray, reach: float, t
         x = min(max(x + dx, q[0] - reach), q[0] + reach)
         y = min(max(y + dy, q[1] - reach), q[1] + reach)
         theta = min(max(theta + dt / lever, q[2] - turn), q[2] + turn)
-    q[0], q[1], q[2] = x, y, theta - 2.0 * pi * ceil((theta - pi) / (2.0 * pi))
+    q[0], q[1], q[2] = x, y, wrapped(theta)

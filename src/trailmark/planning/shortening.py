@@ -7,7 +7,7 @@ high-quality paths for motion planning", IJRR 2007, which also brings shortcuts 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, floor, hypot, log2, pi, sin, sqrt
+from math import cos, hypot, log2, pi, sin, sqrt
 
 import numpy as np
 from numba import njit
@@ -18,6 +18,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, motion, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.heading import turn, wrapped
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
 __all__ = ["random_span", "shorten", "uniform"]
@@ -80,20 +81,9 @@ def uniform(seed: NDArray[np.uint64]) -> float:
 
 
 @njit(cache=True)
-def _turn(a: float, b: float) -> float:
-    """Return the shorter turn from heading a to heading b, in (-pi, pi]."""
-    d = b - a
-    if d > pi:
-        d -= 2.0 * pi
-    elif d <= -pi:
-        d += 2.0 * pi
-    return d
-
-
-@njit(cache=True)
 def _cost(a: FloatArray, b: FloatArray, turning: bool) -> float:
     way = hypot(b[0] - a[0], b[1] - a[1])
-    return way + ROTATION_WEIGHT * abs(_turn(a[2], b[2])) if turning else way
+    return way + ROTATION_WEIGHT * abs(turn(a[2], b[2])) if turning else way
 
 
 @njit(cache=True)
@@ -109,12 +99,7 @@ def _between(a: FloatArray, b: FloatArray, t: float, q: FloatArray) -> None:
     """Write the configuration at fraction t of the motion from a to b into q."""
     q[0] = a[0] + t * (b[0] - a[0])
     q[1] = a[1] + t * (b[1] - a[1])
-    theta = a[2] + t * _turn(a[2], b[2])
-    if theta > pi:
-        theta -= 2.0 * pi
-    elif theta <= -pi:
-        theta += 2.0 * pi
-    q[2] = theta
+    q[2] = wrapped(a[2] + t * turn(a[2], b[2]))
 
 
 @njit(cache=True, nogil=True)
@@ -221,22 +206,17 @@ def _heading_shortcut(
     j = i + 2 + int(uniform(seed) * (n - i - 2))
     turned, way = 0.0, 0.0
     for k in range(i, j):
-        turned += abs(_turn(path[k, 2], path[k + 1, 2]))
+        turned += abs(turn(path[k, 2], path[k + 1, 2]))
         way += hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-    turn = _turn(path[i, 2], path[j, 2])
-    if turned - abs(turn) < GAIN:
+    shorter = turn(path[i, 2], path[j, 2])
+    if turned - abs(shorter) < GAIN:
         return path
     result = path.copy()
     along = 0.0
     for k in range(i, j - 1):
         along += hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
         share = along / way if way > 0.0 else (k + 1 - i) / (j - i)
-        theta = path[i, 2] + share * turn
-        if theta > pi:
-            theta -= 2.0 * pi
-        elif theta <= -pi:
-            theta += 2.0 * pi
-        result[k + 1, 2] = theta
+        result[k + 1, 2] = wrapped(path[i, 2] + share * shorter)
     for k in range(i, j):
         if motion(grid, field, robot, placed, queue, result[k], result[k + 1], True, EFFORT) != FREE:
             return path
@@ -320,8 +300,7 @@ def _move(
                 q[1] = path[i, 1] + step * sin(angle)
                 q[2] = path[i, 2]
                 if turning:
-                    q[2] += (uniform(seed) - 0.5) * min(2.0, 2.0 * scale)
-                    q[2] -= 2.0 * pi * floor((q[2] + pi) / (2.0 * pi))
+                    q[2] = wrapped(q[2] + (uniform(seed) - 0.5) * min(2.0, 2.0 * scale))
             if before - _cost(a, q, turning) - _cost(q, b, turning) < GAIN:
                 continue
             if (

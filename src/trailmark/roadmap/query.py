@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import cos, hypot, pi, sin
+from math import cos, hypot, sin
 
 import numpy as np
 from numba import njit
@@ -25,6 +25,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, motion, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.nearest import Forest, nearest_in
 from trailmark.roadmap.roadmap import Roadmap
@@ -168,8 +169,7 @@ def _cost(a: FloatArray, b: FloatArray, turning: bool) -> float:
     way = hypot(b[0] - a[0], b[1] - a[1])
     if not turning:
         return way
-    turn = abs(b[2] - a[2])
-    return float(way + ROTATION_WEIGHT * min(turn, 2.0 * pi - turn))
+    return float(way + ROTATION_WEIGHT * abs(turn(a[2], b[2])))
 
 
 @njit(cache=True, nogil=True)

@@ -6,8 +6,6 @@ Weighted A*, here with weight 1): an edge is checked when the search pops it, no
 
 from __future__ import annotations
 
-from math import pi
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -16,6 +14,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED, motion, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
@@ -149,7 +148,6 @@ def edge_costs(configurations: FloatArray, edges: NDArray[np.int32], turning: bo
     result = np.empty(len(edges))
     for i in range(len(edges)):
         a, b = configurations[edges[i, 0]], configurations[edges[i, 1]]
-        turn = abs(b[2] - a[2])
-        turn = min(turn, 2.0 * pi - turn) if turning else 0.0
-        result[i] = np.hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * turn
+        way = np.hypot(b[0] - a[0], b[1] - a[1])
+        result[i] = way + ROTATION_WEIGHT * abs(turn(a[2], b[2])) if turning else way
     return result
