@@ -174,3 +174,19 @@ def test_lattices_of_diagonals(seed: int) -> None:
         assert not oracle.disagrees(q, valid).any()
         # Contact is exact here, so all that does not collide by the band must be valid, touching included.
         assert (valid == ~oracle.collides(q)).all()
+
+
+@pytest.mark.parametrize("half", [5.0, 0.5, 0.05, 0.01])
+def test_a_sharp_tip_reaches_no_deeper_than_any_other_part(half: float) -> None:
+    """The tip's half angle is given in degrees; the robot drives at a wall, and along inside of one."""
+    width = math.tan(math.radians(half))
+    robot = Robot.polygon([(0, 0), (-1, width), (-1, -width)])
+    wall = Polygon(np.array([[5.0, 0.0], [6.0, 0.0], [6.0, 10.0], [5.0, 10.0]]))
+    for exact in EXACT:
+        checker = StateChecker(World("tip", (0, 0, 10, 10), (wall,)), robot, exact=exact)
+        for turned in (0.0, 0.3, -0.7):
+            assert checker.valid((5.0 - 1e-9, 5.0, turned))
+            for depth in (1.2e-7, 1e-6, 1e-5):
+                assert not checker.valid((5.0 + depth, 5.0, turned))
+                sliding = [(5.0 + depth, 5.0 + k * 5e-7, turned) for k in range(3)]
+                assert not checker.motions_valid(sliding[:-1], sliding[1:]).any()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -95,3 +97,25 @@ def test_huge_configurations_are_outside(obstacle: Polygon | Disc | Rectangle) -
             for q in ((far, 0.0, 1.0), (25.0, far, math.pi), (far, -far, -1.0)):
                 assert scene.collides(np.array(q))
                 assert scene.clearance(np.array(q)) == 0.0
+
+
+def test_threads_may_share_a_scene() -> None:
+    """The robot is one object that is moved to be looked at: without turns, one thread looks at another's robot."""
+    world = World("w", (0, 0, 20, 20), (square(10, 5, 1), square(14, 5, 3)))
+    scene = FclScene(world, Robot.rectangle(2.0, 0.5))
+    rng = np.random.default_rng(3)
+    q = np.column_stack([rng.uniform(7, 18, 4000), rng.uniform(3, 9, 4000), rng.uniform(-3, 3, 4000)])
+    collides = [scene.collides(row) for row in q]
+    clearance = [scene.clearance(row) for row in q[:500]]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as threads:
+            orders = [rng.permutation(len(q)) for _ in range(4)]
+            looks = [threads.submit(lambda order: [scene.collides(q[i]) for i in order], order) for order in orders]
+            rooms = [threads.submit(lambda: [scene.clearance(row) for row in q[:500]]) for _ in range(2)]
+            for order, look in zip(orders, looks, strict=True):
+                assert look.result() == [collides[i] for i in order]
+            assert all(room.result() == clearance for room in rooms)
+    finally:
+        sys.setswitchinterval(interval)

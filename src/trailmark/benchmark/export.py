@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from trailmark import se2
-from trailmark.collision.footprint import TOUCHING_TOLERANCE, eroded, touching_depth
+from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
 from trailmark.shapes import Disc, Polygon, triangulate
 from trailmark.world import Query, Robot, World
 
@@ -72,8 +72,7 @@ def _robot(robot: Robot) -> Json:
     if isinstance(robot.footprint, Disc):
         return {"shape": "disc", "radius": _less_touching(robot.footprint.radius), **common}
     region = robot.outline.shapely()
-    shrunk = eroded(region, touching_depth(robot.outline.rings()[0]))
-    parts = [_polygon(part) for part in shapely.get_parts(shrunk) if not part.is_empty]
+    parts = [_polygon(part) for part in overlap_core(robot.outline.rings()[0])]
     hull = shapely.get_coordinates(shapely.convex_hull(region))[:-1]
     return {"shape": "polygon", "triangles": _triangles(parts or [robot.outline]), "hull": hull.tolist(), **common}
 

@@ -25,10 +25,11 @@ class StateChecker:
     """Collision checks for one robot in one world.
 
     A configuration is valid if the robot overlaps no obstacle by more than 1e-7 m and reaches over ``bounds``
-    and ``boundary`` by no more than that: touching is allowed. A motion is certified if no configuration along
-    it collides; nothing is sampled, so nothing is missed (:mod:`trailmark.collision.kernels` says how). A motion
-    that comes within 1e-6 m of an obstacle more than 1 mm from its ends is not certified, nor is one that needs
-    more than 20,000 distances (40 m at 1 mm from a wall); its first and last 1e-6 m count as free, as its ends are.
+    and ``boundary`` by no more than that, sharp tips included: touching is allowed. A motion is certified if no
+    configuration along it collides; nothing is sampled, so nothing is missed (:mod:`trailmark.collision.kernels`
+    says how). A motion that comes within 1e-6 m of an obstacle more than 1 mm from its ends is not certified, nor
+    is one that needs more than 20,000 distances (40 m at 1 mm from a wall); its first and last 1e-6 m count as
+    free, as its ends are.
 
     The clearance field decides what it can prove, exact distances in compiled code most of the rest, and FCL
     what lies within 3e-7 m of touching. With ``exact="fcl"`` FCL decides all that the field leaves open; it

@@ -9,13 +9,14 @@ flat meshes and against each other.
 from __future__ import annotations
 
 import math
+from threading import Lock
 from typing import Any
 
 import fcl
 import numpy as np
 import shapely
 
-from trailmark.collision.footprint import TOUCHING_TOLERANCE, eroded, touching_depth
+from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, triangulate
 from trailmark.world import Robot, World
@@ -24,7 +25,7 @@ __all__ = ["FclScene"]
 
 
 class FclScene:
-    """A world and a robot as FCL objects.
+    """A world and a robot as FCL objects. Threads that share it take turns: the robot is moved to be looked at.
 
     Args:
         world: obstacles, boundary and bounds.
@@ -32,6 +33,7 @@ class FclScene:
     """
 
     def __init__(self, world: World, robot: Robot) -> None:
+        self._turns = Lock()
         self._bounds = world.bounds
         self._outline = robot.outline.vertices if not isinstance(robot.footprint, Disc) else None
         self._radius = robot.footprint.radius if isinstance(robot.footprint, Disc) else 0.0
@@ -48,19 +50,23 @@ class FclScene:
             return True
         if not self._obstacles:
             return False
-        self._robot_eroded.setTransform(_transform(q))
-        if len(self._obstacles) == 1:
-            request, result = fcl.CollisionRequest(), fcl.CollisionResult()
-            return bool(fcl.collide(self._robot_eroded, self._obstacles[0], request, result) > 0)
-        data = fcl.CollisionData()
-        self._manager.collide(self._robot_eroded, data, fcl.defaultCollisionCallback)
-        return bool(data.result.is_collision)
+        with self._turns:
+            self._robot_eroded.setTransform(_transform(q))
+            if len(self._obstacles) == 1:
+                request, result = fcl.CollisionRequest(), fcl.CollisionResult()
+                return bool(fcl.collide(self._robot_eroded, self._obstacles[0], request, result) > 0)
+            data = fcl.CollisionData()
+            self._manager.collide(self._robot_eroded, data, fcl.defaultCollisionCallback)
+            return bool(data.result.is_collision)
 
     def clearance(self, q: FloatArray) -> float:
         """Return the distance (metres) of the robot at q to all that blocks it; 0 on overlap or outside."""
-        clearance = -self._beyond_bounds(q)
-        transform = _transform(q)
-        self._robot.setTransform(transform)
+        with self._turns:
+            self._robot.setTransform(_transform(q))
+            return self._distance(-self._beyond_bounds(q))
+
+    def _distance(self, clearance: float) -> float:
+        """Return the distance (metres) of the robot where it stands to the obstacles, ``clearance`` at most."""
         for obstacle in self._obstacles:
             # One call per object: distances through a manager cannot tell overlap reliably. Nor can that of a
             # sphere and a mesh, which is a value left over in memory when they overlap: asked first.
@@ -96,9 +102,7 @@ def _robot_geometry(robot: Robot, *, eroding: bool) -> Any:
         radius = robot.footprint.radius
         # A sphere without a radius collides with nothing, not even around its centre.
         return fcl.Sphere(max(radius - TOUCHING_TOLERANCE, 0.5 * radius) if eroding else radius)
-    region = robot.outline.shapely()
-    shrunk = eroded(region, touching_depth(robot.outline.rings()[0])) if eroding else region
-    parts = [part for part in shapely.get_parts(shrunk) if not part.is_empty]
+    parts = overlap_core(robot.outline.rings()[0]) if eroding else []
     return _mesh([_polygon(part) for part in parts] or [robot.outline])
 
 
