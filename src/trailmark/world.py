@@ -137,6 +137,8 @@ class World:
         queries: named planning problems.
         estimates: one for each obstacle, None where the obstacle is known exactly; empty if all are.
         risk: what the obstacles with estimates are grown for; None if they stand as they were measured.
+        sources: the files that it was read from, absolute, which nothing that is written may replace. Worlds compare
+            without them.
 
     Raises:
         WorldError: empty or infinite bounds, two queries of the same name, a boundary with holes, another number of
@@ -151,6 +153,7 @@ class World:
     queries: tuple[Query, ...] = field(default=())
     estimates: tuple[ObstacleEstimate | None, ...] = field(default=())
     risk: RiskBound | None = None
+    sources: tuple[FilePath, ...] = field(default=(), repr=False, compare=False)
 
     def __post_init__(self) -> None:
         try:
@@ -193,7 +196,8 @@ class World:
         """Write the world as trailmark YAML (schema version 1), whole or not at all.
 
         Raises:
-            OutputError: the path cannot be written.
+            OutputError: the path cannot be written, or is the map, image or scenario that the world was read from (a
+                trailmark world file may be written again).
         """
         from trailmark import formats
 

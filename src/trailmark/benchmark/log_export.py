@@ -6,6 +6,7 @@ A log holds one experiment. A database with several becomes several files, numbe
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from typing import Any
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.schema import ENUMS, MEASURED
 from trailmark.formats.files import write_atomically
+from trailmark.formats.outputs import require_apart, require_own
 
 __all__ = ["export_log"]
 
@@ -20,16 +22,17 @@ COLUMNS = {name: kind for name, kind in MEASURED.items() if kind != "TEXT"}
 """The log's rows are split at semicolons and its names at blanks: texts and paths stay in the database."""
 
 
-def export_log(database: Path, log: Path) -> list[Path]:
+def export_log(database: Path, log: Path, inputs: Sequence[Path] = ()) -> list[Path]:
     """Write every experiment of a results database as a log; return the files written.
 
     Args:
         database: written by ``trailmark benchmark``.
         log: the file, where the database holds one experiment; of more, the second goes to ``NAME-2.log``, and so on.
+        inputs: files that none of these may be.
 
     Raises:
         StoreError: the database cannot be read.
-        OutputError: a log cannot be written.
+        OutputError: a log cannot be written, is the database or an input, or is none that trailmark wrote.
     """
     written = []
     try:
@@ -37,6 +40,8 @@ def export_log(database: Path, log: Path) -> list[Path]:
             db.row_factory = sqlite3.Row
             for i, experiment in enumerate(db.execute("SELECT * FROM experiments ORDER BY id").fetchall()):
                 file = log if i == 0 else log.with_name(f"{log.stem}-{i + 1}{log.suffix}")
+                require_apart(file, (database, *inputs))
+                require_own(file)
                 write_atomically(file, _log(db, experiment))
                 written.append(file)
     except sqlite3.Error as error:

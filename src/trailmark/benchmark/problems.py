@@ -123,4 +123,4 @@ def read_problem(text: str) -> Problem:
     data = parse_yaml(text, source)
     if not isinstance(data, dict):
         raise FormatError(source, "no mapping, allowed: the text of a world file")
-    return Problem(world_from_data(data, source))
+    return Problem(replace(world_from_data(data, source), sources=()))

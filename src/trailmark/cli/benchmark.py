@@ -14,6 +14,7 @@ from trailmark.cli.options import (
     JsonOption,
     RobotOption,
     UsageError,
+    keep_inputs,
     load_world,
     output_file,
     read_count,
@@ -142,13 +143,15 @@ def benchmark(
         )
         slots = read_count(workers or "1", "--workers", 1, 1024)
     assert file is not None  # noqa: S101  # --output was given
+    read = [source for problem in problems for source in problem.world.sources] + ([Path(suite)] if suite else [])
+    keep_inputs(read, file, log_file)
     # The scheduler first: if it does not answer, no database is made.
     with _pool(slots, scheduler) as pool, Store(file) as store:
         tally = _run(plan, store, pool, file)
     if log_file is not None:
         from trailmark.benchmark.log_export import export_log
 
-        export_log(file, log_file)
+        export_log(file, log_file, read)
     _print(tally, file, plan.planners, as_json=as_json)
 
 

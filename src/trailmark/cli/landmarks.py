@@ -18,6 +18,7 @@ from trailmark.cli.options import (
     SeedOption,
     UsageError,
     WorldArgument,
+    keep_inputs,
     load_world,
     output_file,
     read_count,
@@ -93,6 +94,7 @@ def landmarks(
     with console.progress("loading") as progress:
         begun = perf_counter()
         loaded = load_world(world)
+        keep_inputs(loaded.sources, picture)
         body = robot_of(loaded, given)
 
         import numpy as np

@@ -14,6 +14,7 @@ from trailmark.cli.options import (
     JsonOption,
     PlotOption,
     UsageError,
+    keep_inputs,
     output_file,
     read_count,
     read_robot,
@@ -197,9 +198,10 @@ def map_log(
 
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
-        from trailmark.estimation.logs import load_log
+        from trailmark.estimation.logs import load_log, log_files
         from trailmark.estimation.world_from_log import map_log as map_records
 
+        keep_inputs(log_files(log), world_file, picture)
         settings = settings_of(
             obstacles=obstacles,
             poses=poses,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -23,6 +24,7 @@ __all__ = [
     "TurningRadiusOption",
     "UsageError",
     "WorldArgument",
+    "keep_inputs",
     "load_world",
     "output_file",
     "read_configuration",
@@ -187,16 +189,37 @@ def steered(robot: Robot, turning_radius: float | None, forward_only: bool) -> R
 def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
     """Return the file to be written, once its suffix is known and it can be written; None for None.
 
+    Without suffixes, whoever writes judges what is there already.
+
     Raises:
-        OutputError: another suffix, or a file that cannot be written.
+        OutputError: another suffix, a file that cannot be written, or one that trailmark did not write.
     """
     if text is None:
         return None
     from trailmark.formats.files import check_writable
+    from trailmark.formats.outputs import require_own
 
     file = Path(text)
     check_writable(file, suffixes)
+    if suffixes:
+        require_own(file)
     return file
+
+
+def keep_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
+    """Raise if an output is one of the files read, or another output; to be asked before long work.
+
+    Raises:
+        OutputError: it is.
+    """
+    from trailmark.formats.outputs import require_apart
+
+    read, written = tuple(inputs), set[Path]()
+    for file in filter(None, outputs):
+        require_apart(file, read)
+        if file.resolve() in written:
+            raise UsageError(f"two outputs name the file {str(file)!r}, allowed: a file for each")
+        written.add(file.resolve())
 
 
 def load_world(text: str) -> World:

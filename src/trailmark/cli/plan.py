@@ -23,6 +23,7 @@ from trailmark.cli.options import (
     TurningRadiusOption,
     UsageError,
     WorldArgument,
+    keep_inputs,
     load_world,
     output_file,
     read_configuration,
@@ -118,6 +119,7 @@ def plan(
     with console.progress("loading") as progress:
         begun = time.perf_counter()
         loaded = load_world(world)
+        keep_inputs(loaded.sources, path_file, picture)
         body = steered(robot_of(loaded, given), radius, forward_only)
         name, a, b = ends or _ends_of(loaded, query)
         loading = time.perf_counter() - begun

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from trailmark.cli import console
-from trailmark.cli.options import UsageError, output_file
+from trailmark.cli.options import UsageError, keep_inputs, output_file
 
 __all__ = ["report"]
 
@@ -37,8 +37,7 @@ def report(
         raise UsageError(
             "neither --html nor --markdown given, allowed: one of them or both (see 'trailmark report --help')"
         )
-    if page is not None and text is not None and page.resolve() == text.resolve():
-        raise UsageError(f"--html and --markdown both name {html!r}, allowed: two files")
+    keep_inputs([Path(results)], page, text)
     from trailmark.benchmark.report import html_report, load_results, markdown_report
     from trailmark.formats.files import write_atomically
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,8 +14,8 @@ from trailmark.cli.options import (
     JsonOption,
     PlotOption,
     RobotOption,
-    UsageError,
     WorldArgument,
+    keep_inputs,
     load_world,
     output_file,
     read_robot,
@@ -54,6 +53,7 @@ def show(world: WorldArgument, robot: RobotOption = None, plot: PlotOption = Non
     picture = output_file(plot, PICTURE_SUFFIXES)
     with console.progress("loading") as progress:
         loaded = _load(world, robot)
+        keep_inputs(loaded.sources, picture)
         if picture is not None:
             from trailmark.plotting import save_world_figure
 
@@ -93,11 +93,9 @@ def convert(
     """Write a world of any format as trailmark YAML."""
     file = output_file(output, (".yaml", ".yml"))
     assert file is not None  # noqa: S101  # only an option that is not given has none
-    source = Path(world)
-    if source.exists() and file.exists() and source.samefile(file):
-        raise UsageError(f"OUT {output!r} is the same file as IN, allowed: another file")
     with console.progress("converting"):
         loaded = _load(world, robot)
+        keep_inputs(loaded.sources, file)
         loaded.save(file)
     console.note(f"{file}: {len(loaded.obstacles):,} obstacles, {len(loaded.queries):,} queries")
 

@@ -72,12 +72,15 @@ def read_movingai(text: str, path: Path) -> World:
     except WorldError as error:
         raise FormatError(path, str(error)) from None
     queries: tuple[Query, ...] = ()
+    sources = [path.absolute()]
     for scen in (path.with_name(path.name + ".scen"), path.with_suffix(".scen")):
         if scen.exists():
             rows = _scenario_rows(scen, (width, height))
             queries = tuple(_query(str(i), row, height) for i, (_, row) in enumerate(rows))
+            sources.append(scen.absolute())
             break
-    return World(path.stem, (0.0, 0.0, float(width), float(height)), obstacles, queries=queries)
+    bounds = (0.0, 0.0, float(width), float(height))
+    return World(path.stem, bounds, obstacles, queries=queries, sources=tuple(sources))
 
 
 def parse_grid(text: str, path: Path) -> NDArray[np.bool_]:

@@ -49,21 +49,23 @@ def read_nav2_map(data: dict[str, Any], path: Path) -> World:
     from trailmark.formats.schema import MapFile, validate
 
     file = validate(MapFile, data, path)
-    free = _free_image(path.parent / file.image, file)
+    image = path.parent / file.image
+    free = _free_image(image, file)
     x, y, yaw = file.origin
     try:
         obstacles = grid_polygons(~free[::-1], file.resolution, (x, y, yaw))
     except WorldError as error:
-        raise FormatError(path.parent / file.image, str(error)) from None
+        raise FormatError(image, str(error)) from None
+    sources = (path.absolute(), image.absolute())
     rows, columns = free.shape
     width, height = columns * file.resolution, rows * file.resolution
     if yaw == 0.0:
-        return World(path.stem, (x, y, x + width, y + height), obstacles)
+        return World(path.stem, (x, y, x + width, y + height), obstacles, sources=sources)
     cos, sin = math.cos(yaw), math.sin(yaw)
     along, across = np.array([cos, sin]) * width, np.array([-sin, cos]) * height
     corners = np.array([x, y]) + np.array([np.zeros(2), along, along + across, across])
     (xmin, ymin), (xmax, ymax) = corners.min(axis=0), corners.max(axis=0)
-    return World(path.stem, (xmin, ymin, xmax, ymax), obstacles, boundary=Polygon(corners))
+    return World(path.stem, (xmin, ymin, xmax, ymax), obstacles, boundary=Polygon(corners), sources=sources)
 
 
 def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:

@@ -73,12 +73,14 @@ def read_cfg(text: str, path: Path) -> World:
     sx, sy, st, gx, gy, gt = (numbers[key] for key in _POSES)
     xmin, ymin, xmax, ymax = (numbers[key] for key in _VOLUME)
     name = problem["name"].value if "name" in problem else ""
+    world, robot = (path.parent / problem[key].value for key in ("world", "robot"))
     return World(
         name=name or path.stem,
         bounds=(xmin, ymin, xmax, ymax),
-        obstacles=_obstacles(path.parent / problem["world"].value),
-        robot=_robot(path.parent / problem["robot"].value),
+        obstacles=_obstacles(world),
+        robot=_robot(robot),
         queries=(Query(QUERY, (sx, sy, st), (gx, gy, gt)),),
+        sources=(path.absolute(), world.absolute(), robot.absolute()),
     )
 
 

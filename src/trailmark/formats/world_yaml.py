@@ -58,6 +58,7 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         queries=tuple(queries),
         estimates=tuple(estimates),
         risk=None if file.risk is None else _build(path, "risk", _risk, file.risk),
+        sources=(path.absolute(),),
     )
 
 

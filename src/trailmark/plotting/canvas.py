@@ -26,7 +26,7 @@ __all__ = [
     *("DPI", "LONG_SIDE", "PICTURE_SUFFIXES"),
     *("BODY", "CANDIDATE", "EDGE", "GOAL", "HATCH", "LANDMARK"),
     *("MARGIN", "OBSTACLE", "OUTSIDE", "PATH", "START", "TEXT"),
-    *("annotate", "draw_lines", "figure_of", "fill", "points_per_metre", "view", "write"),
+    *("annotate", "draw_lines", "figure_of", "fill", "picture_of", "points_per_metre", "view", "write"),
 ]
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
@@ -132,6 +132,19 @@ def points_per_metre(axes: Axes) -> float:
     return float(min(abs(right - left), abs(high - low))) * 72.0 / axes.figure.dpi
 
 
+def picture_of(world: World, file: str | FilePath) -> FilePath:
+    """Return the file for a picture of the world.
+
+    Raises:
+        OutputError: it is one that the world was read from, such as a map's image.
+    """
+    from trailmark.formats.outputs import require_apart
+
+    path = FilePath(file)
+    require_apart(path, world.sources)
+    return path
+
+
 def write(figure: Figure, file: FilePath) -> None:
     """Write a figure, whole or not at all; the same figure gives the same bytes.
 
@@ -144,7 +157,12 @@ def write(figure: Figure, file: FilePath) -> None:
     if kind not in PICTURE_SUFFIXES:
         raise OutputError(f"{file}: suffix {file.suffix!r} given, allowed: {', '.join(PICTURE_SUFFIXES)}")
     buffer = io.BytesIO()
-    dateless: dict[str, Any] = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(kind, {})
+    # No date, and a mark by which a later run knows that it may replace the picture (trailmark.formats.outputs).
+    marks: dict[str, dict[str, Any]] = {
+        ".png": {"Software": "trailmark"},
+        ".svg": {"Date": None, "Creator": "trailmark"},
+        ".pdf": {"CreationDate": None, "Creator": "trailmark"},
+    }
     with matplotlib.rc_context({"svg.hashsalt": "trailmark"}):
-        figure.savefig(buffer, format=kind[1:], dpi=DPI, bbox_inches="tight", pad_inches=0.12, metadata=dateless)
+        figure.savefig(buffer, format=kind[1:], dpi=DPI, bbox_inches="tight", pad_inches=0.12, metadata=marks[kind])
     write_atomically(file, buffer.getvalue())

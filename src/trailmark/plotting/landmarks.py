@@ -15,7 +15,7 @@ from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from trailmark.plotting.canvas import DPI, GOAL, HATCH, LANDMARK, OUTSIDE, START, TEXT, fill, view, write
+from trailmark.plotting.canvas import DPI, GOAL, HATCH, LANDMARK, OUTSIDE, START, TEXT, fill, picture_of, view, write
 from trailmark.plotting.plan import draw_plan
 from trailmark.plotting.world import draw_end, regions_of
 
@@ -60,7 +60,7 @@ def save_landmarks_figure(
         planned: queries of the world and what planning them came to.
 
     Raises:
-        OutputError: another suffix, or a file that cannot be written.
+        OutputError: another suffix, a file that cannot be written, or one that the world was read from.
     """
     grown = [False, True, False, *(False for _ in executions), True, *(True for _ in planned)]
     figure, all_axes = _grid(world, len(grown))
@@ -95,7 +95,7 @@ def save_landmarks_figure(
     style: dict[str, Any] = {"fontsize": 13, "fontweight": "bold", "parse_math": False}
     figure.text(0.0, 1.0 + 0.3 / figure.get_figheight(), title, ha="left", va="bottom", **style)
     _legend(figure, all_axes)
-    write(figure, FilePath(file))
+    write(figure, picture_of(world, file))
 
 
 def draw_initial_execution(axes: Axes, execution: Execution) -> None:

@@ -25,6 +25,7 @@ from trailmark.plotting.canvas import (
     annotate,
     figure_of,
     fill,
+    picture_of,
     points_per_metre,
     view,
     write,
@@ -58,7 +59,7 @@ def save_map_figure(file: str | FilePath, mapped: MappedLog) -> None:
         mapped: of :func:`trailmark.estimation.map_log`.
 
     Raises:
-        OutputError: another suffix, or a file that cannot be written.
+        OutputError: another suffix, a file that cannot be written, or one that the world was read from.
     """
     world = mapped.world
     figure, axes = figure_of(world)
@@ -73,7 +74,7 @@ def save_map_figure(file: str | FilePath, mapped: MappedLog) -> None:
         facts.append(f"NIS {found['nis']['mean']:.2f} of {found['nis']['expected']:.2f}")
     annotate(figure, axes, world.name, " · ".join(facts))
     _legend(figure, axes, entries)
-    write(figure, FilePath(file))
+    write(figure, picture_of(world, file))
 
 
 def draw_map(axes: Axes, mapped: MappedLog) -> list[Entry]:

@@ -23,6 +23,7 @@ from trailmark.plotting.canvas import (
     annotate,
     draw_lines,
     figure_of,
+    picture_of,
     points_per_metre,
     write,
 )
@@ -93,7 +94,7 @@ def save_plan_figure(
         query: its name, for the title.
 
     Raises:
-        OutputError: another suffix, or a file that cannot be written.
+        OutputError: another suffix, a file that cannot be written, or one that the world was read from.
     """
     figure, axes = figure_of(world)
     draw_world(axes, world, robot)
@@ -110,7 +111,7 @@ def save_plan_figure(
         facts = f"{why} · {robot.describe()}"
     annotate(figure, axes, world.name if query is None else f"{world.name} · {query}", facts)
     add_progress(figure, axes, result.history, result.time.get("total") or 0.0, result.lower_bound)
-    write(figure, FilePath(file))
+    write(figure, picture_of(world, file))
 
 
 def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:

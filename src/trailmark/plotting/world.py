@@ -27,6 +27,7 @@ from trailmark.plotting.canvas import (
     annotate,
     figure_of,
     fill,
+    picture_of,
     points_per_metre,
     view,
     write,
@@ -95,7 +96,7 @@ def save_world_figure(file: str | FilePath, world: World) -> None:
     """Write a picture of a world and the first of its queries; ``file`` as for :func:`save_plan_figure`.
 
     Raises:
-        OutputError: another suffix, or a file that cannot be written.
+        OutputError: another suffix, a file that cannot be written, or one that the world was read from.
     """
     figure, axes = figure_of(world)
     draw_world(axes, world, world.robot)
@@ -115,7 +116,7 @@ def save_world_figure(file: str | FilePath, world: World) -> None:
     facts[-1] += f", {len(shown)} shown" if len(shown) < len(world.queries) else ""
     facts.append(world.robot.describe() if world.robot else "no robot")
     annotate(figure, axes, world.name, " · ".join(facts))
-    write(figure, FilePath(file))
+    write(figure, picture_of(world, file))
 
 
 def draw_end(axes: Axes, robot: Robot | None, q: se2.FloatArray, colour: str, marker: str, label: str) -> None:

@@ -20,6 +20,7 @@ from trailmark import se2
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import FormatError, OutputError
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
+from trailmark.formats.outputs import require_apart
 from trailmark.roadmap.curve_roadmap import CurveRoadmap
 from trailmark.roadmap.nav2_route import route_text
 from trailmark.roadmap.roadmap import Roadmap
@@ -61,10 +62,12 @@ def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
         path: the file; its suffix chooses the format.
 
     Raises:
-        OutputError: another suffix, a path that cannot be written, or a GeoJSON file without a certified edge.
+        OutputError: another suffix, a path that cannot be written or that the world was read from, or a GeoJSON file
+            without a certified edge.
     """
     path = FilePath(path)
     check_writable(path, SAVED)
+    require_apart(path, roadmap.checker.world.sources)
     suffix = path.suffix.lower()
     if suffix == ".geojson":
         if isinstance(roadmap, CurveRoadmap):

@@ -43,6 +43,7 @@ def html_report(results: Results) -> str:
     title = escape(f"Benchmark {results.file.stem}")
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="generator" content="trailmark">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         # Whatever a database holds, the page asks for nothing and runs nothing.
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'

@@ -6,12 +6,13 @@ A log's format is told by its content. Only what a file needs is imported for it
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from pathlib import Path as FilePath
 
-from trailmark.errors import FormatError, did_you_mean
+from trailmark.errors import FormatError, OutputError, did_you_mean
 from trailmark.estimation.records import Log
 
-__all__ = ["FORMATS", "load_log", "save_log"]
+__all__ = ["FORMATS", "load_log", "log_files", "save_log"]
 
 FORMATS = ("jsonl", "mrclam", "carmen", "victoria", "rosbag")
 """trailmark's own JSON Lines; an MRCLAM folder; a CARMEN log; GTSAM's Victoria Park file; a ROS 1 or ROS 2 bag."""
@@ -97,11 +98,24 @@ def save_log(log: Log, path: str | FilePath) -> None:
     Loading the file gives the same records: every number is written with all its digits.
 
     Raises:
-        OutputError: the path cannot be written, or a record is none that could be read back.
+        OutputError: the path cannot be written, holds a log of another format, or a record is none that could be read
+            back.
     """
     from trailmark.estimation.logs.jsonl import write_jsonl
 
-    write_jsonl(FilePath(path), log)
+    file = FilePath(path)
+    if file.is_file():
+        with suppress(FormatError):  # no log at all
+            kind = _told_by_content(file)
+            if kind != "jsonl":
+                raise OutputError(f"{file}: a log of the format {kind} is there, allowed: a new file, or JSON Lines")
+    write_jsonl(file, log)
+
+
+def log_files(path: str | FilePath) -> tuple[FilePath, ...]:
+    """Return the files that a log given as for :func:`load_log` is read from, as far as they are there."""
+    file, _ = _robot(FilePath(path), None)
+    return tuple(file.iterdir()) if file.is_dir() else (file,)
 
 
 def _robot(path: FilePath, robot: int | None) -> tuple[FilePath, int | None]:

@@ -1,0 +1,117 @@
+"""Which files an output may replace: none that was read, none that trailmark could not have written itself."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from trailmark.errors import OutputError
+
+__all__ = ["is_world_file", "require_apart", "require_own"]
+
+MARKS = {
+    ".png": b"Software\0trailmark",
+    ".svg": b"<dc:title>trailmark</dc:title>",
+    ".pdf": b"/Creator (trailmark)",
+    ".html": b'<meta name="generator" content="trailmark">',
+    ".htm": b'<meta name="generator" content="trailmark">',
+    ".md": b"Written by `trailmark report`",
+    ".log": b"trailmark version",
+}
+"""What stands near the beginning or the end of the files that trailmark writes and never reads."""
+
+_HEAD, _TAIL = 2**16, 2**12
+"""Bytes at a file's beginning and end that are looked at."""
+
+_MAPPING = re.compile(r"^[\"']?[A-Za-z_][\w. -]*[\"']?[ \t]*:(?:[ \t]|\r?$)", re.MULTILINE)
+_OWN_WORLD = re.compile(r"^trailmark[ \t]*:", re.MULTILINE)
+_NUMBERS = re.compile(r"(?:\s*|\s*#.*|\s*\S*\d\S*(?:\s+\S*\d\S*){2}\s*)")
+
+
+def require_apart(path: Path, inputs: Iterable[Path]) -> None:
+    """Raise if the path is one of the inputs, by whatever name: links, ``./``, other case where that is the same file.
+
+    Args:
+        path: the file to be written.
+        inputs: files that were read.
+
+    Raises:
+        OutputError: it is one of them.
+    """
+    for other in inputs:
+        if _same(path, other):
+            name = "" if path.absolute() == other.absolute() else f" {str(other)!r}"
+            raise OutputError(f"{path}: is the same file as the input{name}, allowed: another file")
+
+
+def require_own(path: Path) -> None:
+    """Raise if there is a file that trailmark could not have written under that name; its suffix tells the format.
+
+    A file that is empty, or that holds nothing of its format at all, may be replaced.
+
+    Raises:
+        OutputError: there is a picture, a table, a map or whatever else of somebody's own.
+    """
+    try:
+        if not path.is_file():
+            return
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+            file.seek(max(len(head), path.stat().st_size - _TAIL))
+            tail = file.read(_TAIL)
+    except (OSError, ValueError):
+        return  # what cannot be read cannot be judged, and whoever writes tells why that fails
+    kind = path.suffix.lower()
+    if head.strip() and not _own(kind, head, tail):
+        raise OutputError(
+            f"{path}: a file that trailmark did not write is there, allowed: a new file, or one to write again"
+        )
+
+
+def is_world_file(path: Path) -> bool:
+    """Return whether a file is a trailmark world file, as far as its first key tells."""
+    try:
+        with path.open("rb") as file:
+            return _OWN_WORLD.search(file.read(_HEAD).decode("utf-8", "replace")) is not None
+    except (OSError, ValueError):
+        return False
+
+
+def _same(path: Path, other: Path) -> bool:
+    try:
+        return path.is_file() and path.samefile(other)
+    except (OSError, ValueError, RuntimeError):  # one that cannot be found is not that file
+        return False
+
+
+def _own(kind: str, head: bytes, tail: bytes) -> bool:
+    if kind in MARKS:
+        return MARKS[kind] in head or MARKS[kind] in tail
+    if b"\0" in head:
+        return False
+    text = head.decode("utf-8", "replace")
+    if kind in (".yaml", ".yml"):
+        return _OWN_WORLD.search(text) is not None or not _MAPPING.search(text)
+    if kind == ".json":
+        return _own_json(text, whole=not tail)
+    if kind == ".csv":
+        return "".join(text.split("\n", 1)[0].split()) == "x,y,theta" or "," not in text
+    if kind in (".path", ".txt"):
+        lines = text.split("\n")
+        return all(_NUMBERS.fullmatch(line) for line in (lines[:-1] if tail else lines))
+    return True
+
+
+def _own_json(text: str, whole: bool) -> bool:
+    """Return whether JSON has a member ``states``, as all records of ours; what is no JSON at all is nobody's data."""
+    if not text.lstrip().startswith(("{", "[")):
+        return True
+    if not whole:
+        return '"states"' in text
+    try:
+        data = json.loads(text)
+    except ValueError:
+        return '"states"' in text
+    return isinstance(data, dict) and "states" in data

@@ -1,0 +1,131 @@
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from trailmark.errors import OutputError
+from trailmark.formats.outputs import require_apart, require_own
+from trailmark.formats.path_files import write_path
+from trailmark.plotting import save_world_figure
+from trailmark.world import World
+
+NAV2 = "image: yard.pgm\nresolution: 0.1\norigin: [0.0, 0.0, 0.0]\n"
+
+
+def picture(file: Path) -> Path:
+    Image.fromarray(np.full((20, 30), 254, dtype=np.uint8)).save(file)
+    return file
+
+
+def test_an_input_is_known_by_whatever_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "sub").mkdir()
+    real = picture(tmp_path / "real.png")
+    (tmp_path / "soft.png").symlink_to(real)
+    (tmp_path / "dir").symlink_to(tmp_path)
+    os.link(real, tmp_path / "hard.png")
+    monkeypatch.chdir(tmp_path)
+    names = ["real.png", "./real.png", "sub/../real.png", "soft.png", "hard.png", "dir/real.png", str(real)]
+    for name in names:
+        with pytest.raises(OutputError, match=r"allowed: another file") as caught:
+            require_apart(Path(name), [Path("nowhere"), real])
+        assert str(caught.value).startswith(str(Path(name)))
+    picture(tmp_path / "other.png")
+    for name in ("other.png", "new.png", "sub", "/dev/null"):
+        require_apart(Path(name), [real, Path("/dev/null"), Path("x" * 400), Path("nul\0")])
+
+
+FOREIGN = {
+    "map.yaml": NAV2,
+    "compose.yml": "# services\nservices:\n  web: {image: x}\n",
+    "photo.png": "not by trailmark",
+    "drawing.svg": "<svg xmlns='http://www.w3.org/2000/svg'/>",
+    "paper.pdf": "%PDF-1.4 something",
+    "page.html": "<html>mine</html>",
+    "README.md": "# trailmark\n\nMotion planning; `trailmark report` makes tables.\n",
+    "settings.json": '{"key": 1}',
+    "list.json": "[1, 2]",
+    "table.csv": "time,value\n1,2\n",
+    "notes.txt": "buy milk\n",
+    "rows.path": "1 2 3\n4 5\n",
+    "server.log": "12:00 started\n",
+    "binary.csv": "\0\1\2",
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_files_of_others_are_kept(tmp_path: Path, name: str) -> None:
+    file = tmp_path / name
+    file.write_text(FOREIGN[name])
+    with pytest.raises(OutputError, match=r"a file that trailmark did not write is there"):
+        require_own(file)
+    assert file.read_text() == FOREIGN[name]
+
+
+@pytest.mark.parametrize("name", ["new.yaml", "empty.json", "left.json", "left.yaml", "folder.yaml"])
+def test_nothing_is_in_the_way(tmp_path: Path, name: str) -> None:
+    content = {"empty.json": " \n", "left.json": "old", "left.yaml": "old"}
+    if name in content:
+        (tmp_path / name).write_text(content[name])
+    elif name == "folder.yaml":
+        (tmp_path / name).mkdir()  # told by whoever writes
+    require_own(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
+def test_own_pictures_are_written_again(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"world{suffix}"
+    save_world_figure(file, World("yard", (0.0, 0.0, 3.0, 2.0)))
+    require_own(file)
+
+
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".path", ".txt"])
+@pytest.mark.parametrize("rows", [1, 30_000])
+def test_own_paths_are_written_again(tmp_path: Path, suffix: str, rows: int) -> None:
+    file = tmp_path / f"path{suffix}"
+    states = np.random.default_rng(0).normal(size=(rows, 3))
+    states[:, 0] *= 1e-7
+    write_path(file, states)
+    require_own(file)
+    if suffix == ".json":
+        file.write_text(json.dumps({"world": "yard", "status": "timeout", "states": []}))
+        require_own(file)
+
+
+def test_own_worlds_are_written_again_and_maps_are_not(tmp_path: Path) -> None:
+    world = World("yard", (0.0, 0.0, 3.0, 2.0))
+    own = tmp_path / "own.yaml"
+    world.save(own)
+    require_own(own)
+    World.load(own).save(own)  # as somebody who edits it does
+
+    picture(tmp_path / "yard.pgm")
+    (tmp_path / "map.yaml").write_text(NAV2)
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+    loaded = World.load(tmp_path / "map.yaml")
+    assert set(loaded.sources) == {tmp_path / "map.yaml", tmp_path / "yard.pgm"}
+    for name in ("map.yaml", "yard.pgm"):
+        with pytest.raises(OutputError, match="same file as the input"):
+            loaded.save(tmp_path / name)
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_a_picture_never_replaces_the_map_it_shows(tmp_path: Path) -> None:
+    image = picture(tmp_path / "yard.png")
+    (tmp_path / "map.yaml").write_text(NAV2.replace("pgm", "png"))
+    before = image.read_bytes()
+    with pytest.raises(OutputError, match="same file as the input"):
+        save_world_figure(image, World.load(tmp_path / "map.yaml"))
+    assert image.read_bytes() == before
+
+
+def test_sources_are_no_part_of_a_world(tmp_path: Path) -> None:
+    world = World("yard", (0.0, 0.0, 3.0, 2.0))
+    world.save(tmp_path / "yard.yaml")
+    again = World.load(tmp_path / "yard.yaml")
+    assert again.sources == (tmp_path / "yard.yaml",)
+    assert (again, hash(again), repr(again)) == (world, hash(world), repr(world))
