@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from itertools import pairwise
 
 import pytest
 
@@ -40,3 +41,23 @@ def test_a_format_error_comes_back_from_a_worker_process(line: int | None) -> No
     back = pickle.loads(pickle.dumps(error))  # noqa: S301  # what a process pool does, with our own bytes
     assert type(back) is FormatError
     assert (str(back), back.path, back.problem, back.line) == (str(error), "a.yaml", "no world", line)
+
+
+def test_what_came_up_in_compiled_code_arrives_as_it_was_raised() -> None:
+    def failing(*nested: BaseException) -> None:
+        for outer, inner in pairwise(nested):
+            outer.__cause__ = inner
+        raise nested[0]
+
+    ctrl_c = KeyboardInterrupt()
+    with pytest.raises(KeyboardInterrupt) as caught:
+        errors.as_raised(failing)(SystemError("a result with an exception set"), ctrl_c)
+    assert caught.value is ctrl_c
+    with pytest.raises(TimeoutError):
+        errors.as_raised(failing)(SystemError("outer"), SystemError("inner"), TimeoutError())
+    # One of its own stays what it is, and so does all else.
+    with pytest.raises(SystemError, match="own"):
+        errors.as_raised(failing)(SystemError("own"))
+    with pytest.raises(LookupError):
+        errors.as_raised(failing)(LookupError(), SystemError())
+    assert errors.as_raised(divmod)(7, 2) == (3, 1)

@@ -7,8 +7,10 @@ each into one line on stderr and exit status 2. "No path found" is not an error 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
+from functools import wraps
+from typing import ParamSpec, TypeVar
 
 __all__ = [
     "ConfigurationError",
@@ -17,8 +19,12 @@ __all__ = [
     "ShapeError",
     "TrailmarkError",
     "WorldError",
+    "as_raised",
     "did_you_mean",
 ]
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class TrailmarkError(Exception):
@@ -69,3 +75,25 @@ def did_you_mean(given: str, allowed: Iterable[str]) -> str:
     close = get_close_matches(given, names, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
     return f"{hint}allowed: {', '.join(names) if names else 'none'}"
+
+
+def as_raised(function: Callable[P, R]) -> Callable[P, R]:
+    """Return the function with exceptions that come up on the way into or out of compiled code as they were raised.
+
+    Ctrl-C there, or whatever else a signal handler raises, arrives as ``SystemError: CPUDispatcher(...) returned a
+    result with an exception set``, or as one of several around one another.
+    """
+
+    @wraps(function)
+    def called(*args: P.args, **options: P.kwargs) -> R:
+        try:
+            return function(*args, **options)
+        except SystemError as error:
+            cause: BaseException = error
+            while isinstance(cause, SystemError) and cause.__cause__ is not None:
+                cause = cause.__cause__
+            if cause is error:
+                raise
+            raise cause from None
+
+    return called

@@ -38,6 +38,7 @@ def others() -> int:
 
 def test_a_proof_is_found() -> None:
     proof = BackgroundProof(StateChecker(SHUT), *ENDS, 60.0)
+    proof.begin()
     proof.wait(60.0)
     assert proof.found
     proof.end()
@@ -47,6 +48,7 @@ def test_a_proof_is_found() -> None:
 def test_nothing_is_found_where_there_is_a_path() -> None:
     assert LandmarkPlanner(SLIT, seed=0).plan(*ENDS, 20.0, max_iterations=4).status == "solved"
     proof = BackgroundProof(StateChecker(SLIT), *ENDS, 0.3)
+    proof.begin()
     proof.wait(60.0)
     assert not proof.found
     assert others() == 0
@@ -55,6 +57,7 @@ def test_nothing_is_found_where_there_is_a_path() -> None:
 def test_what_is_no_longer_wanted_ends_soon() -> None:
     enclosed(StateChecker(SHUT), *ENDS)
     proof = BackgroundProof(StateChecker(SLIT), *ENDS, 600.0)
+    proof.begin()
     begin = time.perf_counter()
     proof.cancel()
     proof.end()

@@ -362,7 +362,9 @@ class Attempt:
     def _prove_aside(self) -> None:
         """Begin to look for a proof, with headings, that no path exists; searches end once it is found."""
         if self.best is None and self._proof is None and self.bound is not None and self.turning:
+            # Known first, so that an exception in between does not leave it running.
             self._proof = BackgroundProof(self.checker, self.start, self.goal, max(0.0, self._time_left()))
+            self._proof.begin()
 
     def _disproven(self) -> bool:
         """Return whether it is proven by now that no path exists."""

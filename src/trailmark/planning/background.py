@@ -37,6 +37,9 @@ class BackgroundProof:
         self._seconds = seconds
         self._unwanted = Event()
         self._thread = Thread(target=self._look, name="proof of infeasibility", daemon=True)
+
+    def begin(self) -> None:
+        """Begin to look."""
         self._thread.start()
 
     def wait(self, seconds: float) -> None:
@@ -50,7 +53,8 @@ class BackgroundProof:
     def end(self) -> None:
         """Stop looking."""
         self.cancel()
-        self._thread.join()
+        if self._thread.ident is not None:
+            self._thread.join()
 
     def _look(self) -> None:
         checker, start, goal = self._query

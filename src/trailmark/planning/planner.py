@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
-from trailmark.errors import ConfigurationError
+from trailmark.errors import ConfigurationError, as_raised
 from trailmark.landmarks import Relaxation
 from trailmark.path import Path
 from trailmark.planning.attempt import Attempt, OnProgress
@@ -111,6 +111,7 @@ class LandmarkPlanner:
         # Whether landmarks have been spread over all free space.
         self._spread = False
 
+    @as_raised
     def build(self, landmarks: int | None = None) -> Roadmap:
         """Spread landmarks over all free space, join them to the roadmap, and return it.
 
@@ -131,6 +132,7 @@ class LandmarkPlanner:
             self._build_time += perf_counter() - begin
         return self.roadmap
 
+    @as_raised
     def plan(
         self,
         start: ArrayLike,
@@ -199,6 +201,7 @@ class LandmarkPlanner:
         self._build_time = 0.0
         return self._result(attempt, status, states, build)
 
+    @as_raised
     def plan_many(
         self,
         starts: ArrayLike,
@@ -287,8 +290,8 @@ class LandmarkPlanner:
                 elif not self._spread:
                     grow_general(self.roadmap, self.relaxation, self._rng)
                     self._spread = True
-                self._learnt = False
                 self._kept = QueryGraph(self.roadmap)
+                self._learnt = False
                 self._build_time += perf_counter() - begin
             return self._kept
 

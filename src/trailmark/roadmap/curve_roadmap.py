@@ -13,8 +13,8 @@ from trailmark.collision.curve_motions import CurveChecker
 from trailmark.collision.kernels import BLOCKED, UNDECIDED
 from trailmark.curves import Steering
 from trailmark.roadmap.curve_search import lazy_shortest_curves
-from trailmark.roadmap.links import Rows
-from trailmark.roadmap.roadmap import Roadmap, Search
+from trailmark.roadmap.roadmap import Roadmap, Search, of_each, require_nodes
+from trailmark.roadmap.store import Store
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -48,27 +48,25 @@ class CurveRoadmap(Roadmap):
         self._motions = CurveChecker(checker, steering)
         self.steering = self._motions.steering
         super().__init__(checker)
-        if self.directed:
-            self._into = Rows((), np.int64)
 
     @property
     def directed(self) -> bool:
         """Whether edges lead one way only."""
         return not self.steering.reverse
 
-    def _join_near(self, added: NDArray[np.int64], k: int) -> None:
+    def _join_near(self, store: Store, first: int, k: int) -> None:
         """Join new nodes to and from those with the shortest curves among their nearest ones.
 
         Nearest in the embedding (x, y, ρ·cos θ, ρ·sin θ), since turning by an angle takes about as much way as driving
         it round.
         """
-        first = int(added[0])
-        near = min(len(self) - 1, CANDIDATES * k)
-        found = self._index.query(se2.embed(self.configurations[first:], self._radius), near, first=first)
-        each = np.broadcast_to(added[:, None], found.shape)
+        nodes = store.nodes.view
+        near = min(len(nodes) - 1, CANDIDATES * k)
+        found = store.index().query(se2.embed(nodes[first:], self._radius), near, first=first)
+        each = np.broadcast_to(np.arange(first, len(nodes))[:, None], found.shape)
         ways = [(each, found), (found, each)] if self.directed else [(each, found)]
-        pairs, lengths = zip(*(self._shortest(a, b, k) for a, b in ways), strict=True)
-        self._connect(np.concatenate(pairs), UNDECIDED, np.concatenate(lengths))
+        pairs, lengths = zip(*(self._shortest(nodes, a, b, k) for a, b in ways), strict=True)
+        self._connect(store, np.concatenate(pairs), UNDECIDED, np.concatenate(lengths))
 
     @property
     def _radius(self) -> float:
@@ -81,10 +79,17 @@ class CurveRoadmap(Roadmap):
             q: shape (n, 3).
             parents: (n,): a node, or ``len(self) + i`` for the i-th of ``q``, from which a curve leads to it.
             into: whether the curves lead to the parents instead.
+
+        Raises:
+            ConfigurationError: another shape, values that are not finite, a node that is not there.
         """
-        added = self.add(q)
+        rows = np.atleast_2d(se2.configurations(q))
+        require_nodes(parents, len(self) + len(rows))
+        store = self._changing()
+        added = self._add(store, rows)
         ends = (added, parents) if into else (parents, added)
-        self._connect(np.column_stack(ends), UNDECIDED)
+        self._connect(store, np.column_stack(ends), UNDECIDED)
+        self._commit(store)
         return added
 
     def reached(self, node: int, *, against: bool = False) -> NDArray[np.bool_]:
@@ -98,13 +103,13 @@ class CurveRoadmap(Roadmap):
 
     def distances_to(self, node: int) -> se2.FloatArray:
         """Return the length (metres) of the shortest curve from every node to a node, shape (n,)."""
+        require_nodes([node], len(self))
         return np.asarray(self.steering.lengths(self.configurations, self.configurations[node]))
 
     def _motions_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
         return self._motions.motions_between_valid(a, b)
 
-    def _lengths_of(self, edges: NDArray[np.int32]) -> se2.FloatArray:
-        q = self.configurations
+    def _lengths_of(self, q: se2.FloatArray, edges: NDArray[np.int32]) -> se2.FloatArray:
         return np.asarray(self.steering.lengths(q[edges[:, 0]], q[edges[:, 1]]))
 
     def drawn(self, edges: NDArray[np.bool_]) -> se2.FloatArray:
@@ -137,9 +142,10 @@ class CurveRoadmap(Roadmap):
             graph.add_edge(u, v, length=length, certified=certified, clearance=room)
         return graph
 
-    def _shortest(self, a: NDArray[np.int64], b: NDArray[np.int64], k: int) -> tuple[NDArray[np.int64], se2.FloatArray]:
+    def _shortest(
+        self, q: se2.FloatArray, a: NDArray[np.int64], b: NDArray[np.int64], k: int
+    ) -> tuple[NDArray[np.int64], se2.FloatArray]:
         """Return of each row of pairs (n, c) the k with the shortest curves, as rows from, to; and their lengths."""
-        q = self.configurations
         lengths = np.asarray(self.steering.lengths(q[a.ravel()], q[b.ravel()])).reshape(a.shape)
         chosen = np.argpartition(lengths, min(k, a.shape[1]) - 1, axis=1)[:, :k]
         first, second, ways = (np.take_along_axis(rows, chosen, 1).ravel() for rows in (a, b, lengths))
@@ -148,8 +154,10 @@ class CurveRoadmap(Roadmap):
     def _as_kept(self, edges: NDArray[Any]) -> NDArray[Any]:
         return edges if self.directed else np.sort(edges, axis=1)
 
-    def _connect(self, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None = None) -> None:
-        self._add_missing(self._as_kept(pairs), status, lengths)
+    def _connect(
+        self, store: Store, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None = None
+    ) -> None:
+        self._add_missing(store, self._as_kept(pairs), status, lengths)
 
     def _search(
         self,
@@ -160,23 +168,22 @@ class CurveRoadmap(Roadmap):
         limit: float,
         against: bool = False,
     ) -> Search:
-        checker = self.checker
+        checker, parts = self.checker, self._whole().parts()
         nodes, reached = lazy_shortest_curves(
             checker.grid,
             checker.field,
             checker.footprint,
             self.steering.radius,
             self.steering.reverse,
-            self.configurations,
-            (self._into if against else self._heads).view,
-            self._following.view,
-            self.edges,
-            self.lengths,
-            self.status,
+            parts.configurations,
+            parts.into if against else parts.heads,
+            parts.following,
+            parts.edges,
+            parts.lengths,
+            parts.status,
             int(start),
             int(goal),
-            to_go,
-            np.zeros(len(self), np.bool_) if banned is None else banned,
+            *of_each(len(parts.heads), to_go, banned),
             float(limit),
         )
         return Search(nodes, reached)

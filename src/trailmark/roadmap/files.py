@@ -159,7 +159,7 @@ def _digest(digest: Any, array: NDArray[Any], kind: str) -> None:
 
 def _npz_bytes(roadmap: Roadmap) -> bytes:
     world = fingerprint(roadmap.checker)
-    q, edges, status = roadmap.configurations, roadmap.edges, roadmap.status
+    q, edges, _, status = roadmap.rows()
     checksum = _checksum(world, q, edges, status, not roadmap.checker.robot.reverse)
     buffer = io.BytesIO()
     np.savez_compressed(

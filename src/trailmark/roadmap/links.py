@@ -35,6 +35,12 @@ class Rows:
         """The rows that are there; what is written into them stays, until more are appended."""
         return self._array[: self._count]
 
+    def first(self, count: int) -> Rows:
+        """Return the first rows, shared with these until more are appended to either."""
+        rows = Rows(self._array.shape[1:], self._array.dtype)
+        rows._array, rows._count = self._array, count
+        return rows
+
     def append(self, rows: Any, count: int | None = None) -> None:
         """Append rows, or the same row ``count`` times."""
         first = self._count

@@ -28,7 +28,7 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.nearest import Forest, nearest_in
-from trailmark.roadmap.roadmap import Roadmap
+from trailmark.roadmap.roadmap import Roadmap, require_nodes
 from trailmark.roadmap.sparse import Links, distances_from, sparse_links
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
@@ -81,9 +81,9 @@ class QueryGraph:
         roadmap.certify_all()
         self.checker: StateChecker = roadmap.checker
         self.turning = roadmap.turning
-        self.configurations = roadmap.configurations.copy()
-        free = roadmap.certified
-        edges, lengths = roadmap.edges[free], roadmap.lengths[free]
+        rows = roadmap.rows()
+        free = rows[3] == FREE
+        self.configurations, edges, lengths = rows[0].copy(), rows[1][free], rows[2][free]
         n = len(self.configurations)
         self.links: Links = sparse_links(n, edges, lengths, stretch)
         self.distances, self.components = distances_from(self.links, beacons)
@@ -136,7 +136,11 @@ class QueryGraph:
         Args:
             start: node, 0 to n - 1.
             goal: node.
+
+        Raises:
+            ConfigurationError: a node that is not there.
         """
+        require_nodes([start, goal], len(self))
         q = self.configurations
         first, last = (np.array([node], dtype=np.int64) for node in (start, goal))
         with self._scratch() as scratch:

@@ -13,14 +13,15 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
-from trailmark.nearest import Forest, NearestNeighbours
-from trailmark.roadmap.links import Rows, find_edges, link, new_pairs
+from trailmark.nearest import Forest
+from trailmark.roadmap.links import find_edges, new_pairs
 from trailmark.roadmap.search import edge_costs, lazy_shortest_path
+from trailmark.roadmap.store import Store
 
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["Roadmap", "Search", "neighbour_count"]
+__all__ = ["Roadmap", "Search", "neighbour_count", "of_each", "require_nodes"]
 
 
 def neighbour_count(n: int) -> int:
@@ -45,10 +46,27 @@ class Search(NamedTuple):
     reached: NDArray[np.bool_]
 
 
+class _Kept(NamedTuple):
+    """What a roadmap is made of, replaced as a whole: a change that is cut short has not taken place.
+
+    Attributes:
+        store: holds the nodes and edges, and while a change is under way more of them.
+        nodes: how many count.
+        edges: how many count.
+        whole: whether index and links are made of exactly those; not while a change is under way, or was cut short.
+    """
+
+    store: Store
+    nodes: int
+    edges: int
+    whole: bool
+
+
 class Roadmap:
     """Nodes are valid configurations, edges are motions between near ones, each checked at most once.
 
-    Nodes and edges are only ever added, in time that hardly depends on how many are there already.
+    Nodes and edges are only ever added, in time that hardly depends on how many are there already; an exception, at
+    whatever place, leaves the roadmap as it was or as it was to become. One thread may change it at a time.
 
     Args:
         checker: decides which motions are certified.
@@ -57,11 +75,7 @@ class Roadmap:
     def __init__(self, checker: StateChecker) -> None:
         self.checker = checker
         self.turning = checker.footprint.disc_radius < 0.0
-        self._nodes, self._edges = Rows((3,), np.float64), Rows((2,), np.int32)
-        self._lengths, self._status = Rows((), np.float64), Rows((), np.uint8)
-        self._index = NearestNeighbours(4)
-        self._following, self._heads = Rows((), np.int64), Rows((), np.int64)
-        self._into = self._heads
+        self._kept = _Kept(Store(self._radius, self.directed), 0, 0, whole=True)
 
     @classmethod
     def from_arrays(
@@ -80,29 +94,43 @@ class Roadmap:
             status: (m,), FREE, BLOCKED or UNDECIDED.
         """
         roadmap = cls(checker)
-        roadmap._append(np.asarray(configurations, dtype=np.float64))
-        roadmap._join(roadmap._as_kept(np.asarray(edges)), np.asarray(status, dtype=np.uint8))
+        store = roadmap._changing()
+        store.nodes.append(np.asarray(configurations, dtype=np.float64))
+        pairs = np.asarray(edges).reshape(-1, 2)
+        require_nodes(pairs, len(configurations))
+        roadmap._join(store, roadmap._as_kept(pairs), np.asarray(status, dtype=np.uint8))
+        roadmap._commit(store)
         return roadmap
+
+    def rows(self) -> tuple[se2.FloatArray, NDArray[np.int32], se2.FloatArray, NDArray[np.uint8]]:
+        """Return ``configurations``, ``edges``, ``lengths`` and ``status`` of one moment, whoever adds to them."""
+        store, n, m, _ = self._kept
+        return store.nodes.view[:n], store.edges.view[:m], store.lengths.view[:m], store.status.view[:m]
 
     @property
     def configurations(self) -> se2.FloatArray:
         """The nodes, (n, 3). Read-only."""
-        return self._nodes.view
+        return self.rows()[0]
 
     @property
     def edges(self) -> NDArray[np.int32]:
         """The nodes that each edge joins, (m, 2) int32; of a car's, the nodes that it leads from and to. Read-only."""
-        return self._edges.view
+        return self.rows()[1]
 
     @property
     def lengths(self) -> se2.FloatArray:
         """Cost of each edge in metres, (m,): ‖Δxy‖ + 0.5·|Δθ|, a disc robot's ‖Δxy‖, a car's curve's length."""
-        return self._lengths.view
+        return self.rows()[2]
 
     @property
     def status(self) -> NDArray[np.uint8]:
         """FREE (certified), BLOCKED or UNDECIDED for each edge, (m,) uint8. What is written into it stays."""
-        return self._status.view
+        return self.rows()[3]
+
+    @property
+    def directed(self) -> bool:
+        """Whether edges lead one way only."""
+        return False
 
     def save(self, path: str | FilePath) -> None:
         """Write the roadmap to a file: see :func:`trailmark.roadmap.files.save_roadmap`."""
@@ -118,7 +146,7 @@ class Roadmap:
         return load_roadmap(path, checker)
 
     def __len__(self) -> int:
-        return len(self.configurations)
+        return self._kept.nodes
 
     @property
     def certified(self) -> NDArray[np.bool_]:
@@ -133,12 +161,17 @@ class Roadmap:
 
         Args:
             q: valid configurations.
-            neighbours: edges per new node; by default PRM*'s bound (:func:`neighbour_count`).
+            neighbours: edges per new node, >= 1; by default PRM*'s bound (:func:`neighbour_count`).
+
+        Raises:
+            ConfigurationError: another shape, values that are not finite, ``neighbours`` below 1.
         """
-        added = self._append(q)
-        n = len(self)
-        if len(added) and n > 1:
-            self._join_near(added, min(n - 1, neighbour_count(n) if neighbours is None else neighbours))
+        rows = np.atleast_2d(se2.configurations(q))
+        if neighbours is not None and neighbours < 1:
+            raise ConfigurationError(f"neighbours: {neighbours} given, allowed: 1 or more")
+        store = self._changing()
+        added = self._add(store, rows, neighbours)
+        self._commit(store)
         return added
 
     def add_path(self, states: se2.FloatArray, first: int, last: int) -> NDArray[np.int64]:
@@ -148,33 +181,64 @@ class Roadmap:
             states: shape (p, 3), the first and the last one those of the nodes ``first`` and ``last``.
             first: node that the path begins at.
             last: node that it ends at.
+
+        Raises:
+            ConfigurationError: another shape, values that are not finite, a node that is not there.
         """
-        added = self.add(states[1:-1])
+        inner = np.atleast_2d(se2.configurations(states))[1:-1]
+        require_nodes([first, last], len(self))
+        store = self._changing()
+        added = self._add(store, inner)
         along = np.concatenate([[first], added, [last]]).astype(np.int64)
-        self._connect(np.column_stack([along[:-1], along[1:]]), FREE)
+        self._connect(store, np.column_stack([along[:-1], along[1:]]), FREE)
+        self._commit(store)
         return added
 
     def nearest(self) -> Forest:
         """Return an index of its own over the nodes in the embedding that :meth:`add` describes."""
-        return self._index.merged()
+        return self._whole().index().merged()
+
+    def _changing(self) -> Store:
+        """Return what a change is made in; it takes place once it is committed, in one step."""
+        store = self._whole()
+        self._kept = self._kept._replace(store=store, whole=False)
+        return store
+
+    def _commit(self, store: Store) -> None:
+        parts, index = store.parts(), store.index()
+        self._kept = _Kept(store, len(index), len(parts.edges), whole=True)
+
+    def _whole(self) -> Store:
+        """Return the store, with exactly the nodes and edges that count."""
+        kept = self._kept
+        return kept.store if kept.whole else kept.store.remade(kept.nodes, kept.edges)
 
     @property
     def _radius(self) -> float:
         """R of the embedding, metres."""
         return self.checker.footprint.sweep_radius
 
-    def _join_near(self, added: NDArray[np.int64], k: int) -> None:
-        """Join new nodes to their k nearest ones."""
-        first, nodes = int(added[0]), self.configurations
-        pairs = new_pairs(self._index.query(se2.embed(nodes[first:], self._radius), k, first=first), first)
-        pairs = self._both_ways(pairs)
-        self._join(pairs, self.checker.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]]))
+    def _add(self, store: Store, q: se2.FloatArray, neighbours: int | None = None) -> NDArray[np.int64]:
+        """Add nodes and edges to their nearest neighbours; return the new nodes."""
+        first = len(store.nodes.view)
+        n = first + len(q)
+        store.nodes.append(q)
+        if len(q) and n > 1:
+            self._join_near(store, first, min(n - 1, neighbour_count(n) if neighbours is None else neighbours))
+        return np.arange(first, n)
 
-    def _both_ways(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+    def _join_near(self, store: Store, first: int, k: int) -> None:
+        """Join the nodes from ``first`` on to their k nearest ones."""
+        nodes = store.nodes.view
+        pairs = new_pairs(store.index().query(se2.embed(nodes[first:], self._radius), k, first=first), first)
+        pairs = self._both_ways(nodes, pairs)
+        self._join(store, pairs, self.checker.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]]))
+
+    def _both_ways(self, nodes: se2.FloatArray, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return those of the pairs whose motion is the same in both directions."""
         if not self.turning:
             return pairs
-        heading = self.configurations[:, 2]
+        heading = nodes[:, 2]
         # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
         return np.asarray(pairs[np.abs(heading[pairs[:, 0]] - heading[pairs[:, 1]]) != np.pi])
 
@@ -182,43 +246,35 @@ class Roadmap:
         """Return edges, shape (m, 2), from the node that they are kept from."""
         return edges
 
-    def _lengths_of(self, edges: NDArray[np.int32]) -> se2.FloatArray:
-        return np.asarray(edge_costs(self.configurations, edges, self.turning))
+    def _lengths_of(self, nodes: se2.FloatArray, edges: NDArray[np.int32]) -> se2.FloatArray:
+        return np.asarray(edge_costs(nodes, edges, self.turning))
 
-    def _connect(self, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None = None) -> None:
+    def _connect(
+        self, store: Store, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None = None
+    ) -> None:
         """Add edges, shape (p, 2), that are not there yet; mark those that are FREE if that is their status."""
-        pairs = self._both_ways(np.sort(pairs, axis=1))
-        self._add_missing(pairs, status, lengths)
+        pairs = self._both_ways(store.nodes.view, np.sort(pairs, axis=1))
+        self._add_missing(store, pairs, status, lengths)
 
-    def _add_missing(self, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None) -> None:
-        there = find_edges(self._heads.view, self._following.view, self.edges, pairs)
+    def _add_missing(self, store: Store, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None) -> None:
+        parts = store.parts()
+        there = find_edges(parts.heads, parts.following, parts.edges, pairs)
         if status == FREE:
-            self.status[there[there >= 0]] = FREE
+            parts.status[there[there >= 0]] = FREE
         missing = np.flatnonzero(there < 0)
         # A pair may be given twice.
-        _, first = np.unique(pairs[missing] @ np.array([len(self), 1]), return_index=True)
+        _, first = np.unique(pairs[missing] @ np.array([len(parts.heads), 1]), return_index=True)
         new = missing[np.sort(first)]
-        self._join(pairs[new], np.full(len(new), status, np.uint8), None if lengths is None else lengths[new])
+        self._join(store, pairs[new], np.full(len(new), status, np.uint8), None if lengths is None else lengths[new])
 
-    def _append(self, q: se2.FloatArray) -> NDArray[np.int64]:
-        """Add nodes without edges; return them."""
-        added = np.arange(len(self), len(self) + len(q))
-        self._nodes.append(q)
-        self._index.add(se2.embed(self.configurations[added[0] :] if len(q) else q, self._radius))
-        self._heads.append(-1, len(q))
-        if self._into is not self._heads:
-            self._into.append(-1, len(q))
-        return added
-
-    def _join(self, pairs: NDArray[Any], status: NDArray[np.uint8], lengths: se2.FloatArray | None = None) -> None:
+    def _join(
+        self, store: Store, pairs: NDArray[Any], status: NDArray[np.uint8], lengths: se2.FloatArray | None = None
+    ) -> None:
         """Add edges between nodes, shape (m, 2), that are not there yet."""
-        first, joined = len(self.edges), np.ascontiguousarray(pairs, dtype=np.int32).reshape(-1, 2)
-        self._lengths.append(self._lengths_of(joined) if lengths is None else lengths)
-        self._status.append(status)
-        self._following.append(-1, 2 * len(joined))
-        # Last, so that whoever reads meanwhile finds all that belongs to an edge.
-        self._edges.append(joined)
-        link(self._heads.view, self._into.view, self._following.view, self.edges, first)
+        joined = np.ascontiguousarray(pairs, dtype=np.int32).reshape(-1, 2)
+        store.edges.append(joined)
+        store.lengths.append(self._lengths_of(store.nodes.view, joined) if lengths is None else lengths)
+        store.status.append(status)
 
     def shortest_path(
         self,
@@ -241,12 +297,9 @@ class Roadmap:
             limit: give up above this cost, metres.
 
         Raises:
-            ConfigurationError: a node that is not there.
+            ConfigurationError: a node that is not there, ``to_go`` or ``banned`` of another length.
         """
-        n = len(self.configurations)
-        for node in (start, goal):
-            if not 0 <= node < n:
-                raise ConfigurationError(f"node {node} given, allowed: 0 to {n - 1}")
+        require_nodes([start, goal], len(self))
         if to_go is None:
             to_go = self.distances_to(goal)
         return self._search(start, goal, to_go, banned, limit)
@@ -254,27 +307,27 @@ class Roadmap:
     def _search(
         self, start: int, goal: int, to_go: se2.FloatArray, banned: NDArray[np.bool_] | None, limit: float
     ) -> Search:
-        checker = self.checker
+        checker, parts = self.checker, self._whole().parts()
         nodes, reached = lazy_shortest_path(
             checker.grid,
             checker.field,
             checker.footprint,
-            self.configurations,
-            self._heads.view,
-            self._following.view,
-            self.edges,
-            self.lengths,
-            self.status,
+            parts.configurations,
+            parts.heads,
+            parts.following,
+            parts.edges,
+            parts.lengths,
+            parts.status,
             int(start),
             int(goal),
-            to_go,
-            np.zeros(len(self), np.bool_) if banned is None else banned,
+            *of_each(len(parts.heads), to_go, banned),
             float(limit),
         )
         return Search(nodes, reached)
 
     def distances_to(self, node: int) -> se2.FloatArray:
         """Return every node's straight distance to a node, shape (n,), in the metric of ``lengths``."""
+        require_nodes([node], len(self))
         target = self.configurations[node]
         if self.turning:
             return np.asarray(se2.distance(self.configurations, target))
@@ -282,9 +335,10 @@ class Roadmap:
 
     def certify_all(self) -> None:
         """Check every edge that nobody has checked yet, in one batch."""
-        undecided = np.flatnonzero(self.status == UNDECIDED)
-        a, b = self.configurations[self.edges[undecided, 0]], self.configurations[self.edges[undecided, 1]]
-        self.status[undecided] = np.where(self._motions_valid(a, b), FREE, BLOCKED)
+        q, edges, _, status = self.rows()
+        undecided = np.flatnonzero(status == UNDECIDED)
+        a, b = q[edges[undecided, 0]], q[edges[undecided, 1]]
+        status[undecided] = np.where(self._motions_valid(a, b), FREE, BLOCKED)
 
     def _motions_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
         return self.checker.motions_between_valid(a, b)
@@ -300,12 +354,32 @@ class Roadmap:
         import networkx as nx
 
         graph = nx.Graph()
-        clearance = np.asarray(self.checker.clearance(self.configurations)) if len(self) else np.empty(0)
-        for i, (q, room) in enumerate(zip(self.configurations.tolist(), clearance.tolist(), strict=True)):
+        configurations, edges, lengths, status = self.rows()
+        clearance = np.asarray(self.checker.clearance(configurations)) if len(configurations) else np.empty(0)
+        for i, (q, room) in enumerate(zip(configurations.tolist(), clearance.tolist(), strict=True)):
             graph.add_node(i, configuration=tuple(q), clearance=room)
-        kept = self.status != BLOCKED
-        rows = zip(self.edges[kept].tolist(), self.lengths[kept].tolist(), self.certified[kept].tolist(), strict=True)
+        kept = status != BLOCKED
+        rows = zip(edges[kept].tolist(), lengths[kept].tolist(), (status[kept] == FREE).tolist(), strict=True)
         for (u, v), length, certified in rows:
             room = min(clearance[u], clearance[v])
             graph.add_edge(u, v, length=length, certified=certified, clearance=float(room))
         return graph
+
+
+def of_each(
+    n: int, to_go: se2.FloatArray, banned: NDArray[np.bool_] | None
+) -> tuple[se2.FloatArray, NDArray[np.bool_]]:
+    """Return what a search takes of each node, (n,) each: compiled code reads on beyond a shorter array."""
+    closed = np.zeros(n, np.bool_) if banned is None else banned
+    for name, rows in (("to_go", to_go), ("banned", closed)):
+        if np.shape(rows) != (n,):
+            raise ConfigurationError(f"{name}: shape {np.shape(rows)} given, allowed: ({n},), one for each node")
+    return to_go, closed
+
+
+def require_nodes(nodes: Any, n: int) -> None:
+    """Raise a ConfigurationError unless all nodes are there, of n."""
+    given = np.asarray(nodes)
+    wrong = given[(given < 0) | (given >= n)]
+    if len(wrong):
+        raise ConfigurationError(f"node {wrong[0]} given, allowed: 0 to {n - 1}")

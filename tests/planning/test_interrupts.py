@@ -1,0 +1,157 @@
+"""Exceptions that cut planning short: they arrive as what they are, and what is planned afterwards is right."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections import Counter
+from collections.abc import Callable
+from types import FrameType
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+from numpy.typing import NDArray
+from tests.support.interrupts import interrupted, lines_run
+
+from trailmark import LandmarkPlanner
+from trailmark.landmarks import free_samples
+from trailmark.planning import PlanProgress
+from trailmark.planning.warmup import warm_up_curves
+
+FloatArray = NDArray[np.float64]
+Judge = Callable[..., float]
+
+WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
+
+ROADMAP = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/links.py", "nearest.py")
+PLANNING = ("planning/planner.py", "planning/attempt.py", "planning/many.py", "planning/background.py")
+
+
+def queries(planner: LandmarkPlanner, n: int) -> FloatArray:
+    """Starts and goals in one part of the world, shape (n, 2, 3)."""
+    ends = free_samples(planner.checker, 4 * n, random_state=8)
+    reached = planner.relaxation.component(ends[0])
+    return ends[reached[planner.relaxation.cells(planner.relaxation.disc_centers(ends))]][: 2 * n].reshape(-1, 2, 3)
+
+
+def assert_sound(planner: LandmarkPlanner, judge: Judge, pairs: FloatArray, *, rounds: int = 1) -> None:
+    """Assert that what the planner answers now is free, by shapely, and that nothing is left running."""
+    q, edges, lengths, status = planner.roadmap.rows()
+    assert len(lengths) == len(status) == len(edges)
+    assert edges.max(initial=-1) < len(q)
+    for start, goal in pairs:
+        result = planner.plan(start, goal, 20.0, max_iterations=rounds)
+        assert result.path is not None
+        assert result.path.cost == pytest.approx(judge(WORLD, planner.robot, start, goal, result.path.states))
+    assert not [t for t in threading.enumerate() if t.name == "proof of infeasibility"]
+
+
+@pytest.mark.parametrize("name", ["rectangle", "disc"])
+def test_plans_after_an_interrupt_at_any_line_are_free(name: str, judge: Judge) -> None:
+    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4)
+    pairs = queries(planner, 12)
+    planner.build(150)
+    plain = planner.plan(pairs[0, 0], pairs[0, 1], 20.0, max_iterations=1)
+    assert plain.status == "solved"
+    hits = k = 0
+    for step in range(300):
+        start, goal = pairs[step % len(pairs)]
+        files = ROADMAP if step % 2 else PLANNING
+
+        def plan(start: FloatArray = start, goal: FloatArray = goal) -> object:
+            return planner.plan(start, goal, 20.0, max_iterations=1)
+
+        k += 1 + step // 20
+        if not interrupted(files, plan, k):
+            # All lines of this query have had their turn.
+            k = 0
+        else:
+            hits += 1
+        if step % 60 == 59:
+            assert_sound(planner, judge, pairs[step // 60 :: 5])
+    assert hits > 200
+
+
+def test_many_queries_after_an_interrupt_at_any_line_are_free(judge: Judge) -> None:
+    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=300)
+    pairs = queries(planner, 6)
+
+    def many() -> object:
+        return planner.plan_many(pairs[:, 0], pairs[:, 1], 20.0, max_iterations=1)
+
+    fresh = lines_run(PLANNING + ROADMAP, many)
+    for k in [*range(0, 60, 3), *range(60, fresh, 97)]:
+        planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=300, checker=planner.checker)
+        assert interrupted(PLANNING + ROADMAP, many, k)
+        for (start, goal), result in zip(pairs, planner.plan_many(pairs[:, 0], pairs[:, 1], 20.0), strict=True):
+            assert result.path is not None
+            judge(WORLD, planner.robot, start, goal, result.path.states)
+
+
+def test_an_exception_of_a_callback_leaves_all_sound(judge: Judge) -> None:
+    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4)
+    pairs = queries(planner, 10)
+
+    class StopHere(Exception):  # noqa: N818  # no error
+        pass
+
+    raised = 0
+    for step in range(60):
+        left = [step % 13]
+
+        def asked(left: list[int] = left) -> bool:
+            left[0] -= 1
+            if left[0] < 0:
+                raise StopHere
+            return False
+
+        def told(progress: PlanProgress, asked: Callable[[], bool] = asked) -> None:
+            asked()
+
+        ends = pairs[step % 10, 0], pairs[step % 10, 1]
+        try:
+            if step % 2:
+                planner.plan(*ends, 20.0, max_iterations=3, on_progress=told)
+            else:
+                planner.plan(*ends, 20.0, max_iterations=3, stop=asked)
+        except StopHere:
+            raised += 1
+    assert raised > 20
+    assert_sound(planner, judge, pairs, rounds=3)
+
+
+@pytest.mark.parametrize("car", [False, True])
+def test_ctrl_c_arrives_as_such(car: bool) -> None:
+    if threading.current_thread() is not threading.main_thread():
+        pytest.skip("signals go to the main thread")
+    robot = ROBOTS["rectangle"]
+    if car:
+        warm_up_curves()
+        robot = robot.steered(1.0)
+    planner = LandmarkPlanner(WORLD, robot, seed=4)
+    pairs = queries(planner, 10)
+    rng = np.random.default_rng(2)
+    arrived: Counter[str] = Counter()
+
+    def ctrl_c(number: int, frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, ctrl_c)
+    try:
+        for step in range(60):
+            ends = pairs[step % 10, 0], pairs[step % 10, 1]
+            try:
+                signal.setitimer(signal.ITIMER_REAL, rng.uniform(1e-4, 0.06))
+                planner.plan(*ends, 0.06)
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+            except KeyboardInterrupt:
+                arrived["KeyboardInterrupt"] += 1
+            except BaseException as error:
+                arrived[type(error).__name__] += 1
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0.0)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert set(arrived) == {"KeyboardInterrupt"}
+    assert arrived["KeyboardInterrupt"] > 20
