@@ -37,6 +37,7 @@ _HOME = {
     "Steering": "curves",
     "ConfigurationError": "errors",
     "FormatError": "errors",
+    "InternalErrorWarning": "errors",
     "OutputError": "errors",
     "ShapeError": "errors",
     "TrailmarkError": "errors",

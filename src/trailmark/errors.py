@@ -15,6 +15,7 @@ from typing import ParamSpec, TypeVar
 __all__ = [
     "ConfigurationError",
     "FormatError",
+    "InternalErrorWarning",
     "OutputError",
     "ShapeError",
     "TrailmarkError",
@@ -63,6 +64,10 @@ class FormatError(TrailmarkError, ValueError):
         # An exception is made anew from its message alone, which is not how this one is made: it would not come
         # back from a worker process.
         return type(self), (self.path, self.problem, self.line)
+
+
+class InternalErrorWarning(UserWarning):
+    """An error of trailmark's own, found before it did harm; the message says where what reproduces it was written."""
 
 
 class OutputError(TrailmarkError, OSError):

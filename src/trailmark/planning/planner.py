@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 from threading import RLock
 from time import perf_counter
@@ -19,9 +20,11 @@ from trailmark.path import Path
 from trailmark.planning.attempt import Attempt, OnProgress
 from trailmark.planning.car import CarAttempt
 from trailmark.planning.general import grow_general, spread_landmarks
+from trailmark.planning.incident import report_incident
+from trailmark.planning.last_look import LastLook
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.many import Answer, KeptRoadmap, each
-from trailmark.planning.result import PlanResult, Status
+from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.planning.warmup import warm_up, warm_up_curves
 from trailmark.roadmap import CurveRoadmap, Roadmap
 from trailmark.roadmap.query import QueryGraph
@@ -31,6 +34,9 @@ __all__ = ["LandmarkPlanner"]
 
 MAX_LANDMARKS = 200_000
 """Most landmarks that may be asked for: more take longer than anybody waits."""
+
+TRIES = 3
+"""Attempts at a query, should the paths that are found not stand the last look."""
 
 GAP = 1e-4
 """A path within a ten-thousandth of the optimum is as good as any."""
@@ -95,10 +101,11 @@ class LandmarkPlanner:
         self.checker = StateChecker(world, robot) if checker is None else checker
         self.robot = self.checker.robot
         self.steering = Steering.of(self.robot)
+        self._last_look = LastLook(world, self.robot)
         if warm and self.steering is not None:
             warm_up_curves()
             begin = perf_counter()
-        self.roadmap = Roadmap(self.checker) if self.steering is None else CurveRoadmap(self.checker, self.steering)
+        self.roadmap = self._new_roadmap()
         self._build_time = perf_counter() - begin
         self._landmarks = landmarks
         self._rng = np.random.default_rng(self.seed)
@@ -184,22 +191,58 @@ class LandmarkPlanner:
         if self._landmarks is not None and len(self.roadmap) == 0:
             self.build()
             build = self._build_time
-        attempt = (Attempt if self.steering is None else CarAttempt)(
-            self.roadmap,
-            self.relaxation,
-            self._rng,
-            ends,
-            begin=begin,
-            time_limit=time_limit,
-            max_iterations=max_iterations,
-            on_progress=on_progress,
-            stop=stop,
-            bound=self.bound,
-            gap=gap,
-        )
-        status, states = attempt.run()
+        for _ in range(TRIES):
+            attempt = (Attempt if self.steering is None else CarAttempt)(
+                self.roadmap,
+                self.relaxation,
+                self._rng,
+                ends,
+                begin=begin,
+                time_limit=time_limit,
+                max_iterations=max_iterations,
+                on_progress=None if on_progress is None else self._looked_at(on_progress, ends),
+                stop=stop,
+                bound=self.bound,
+                gap=gap,
+            )
+            status, states = attempt.run()
+            path = self._path(states)
+            if path is None or self._is_certified(path, ends):
+                break
+            # Whatever is wrong may be in the roadmap.
+            self.roadmap, self._kept, self._spread = self._new_roadmap(), None, False
+            status, path = "timeout", None
         self._build_time = 0.0
-        return self._result(attempt, status, states, build)
+        return self._result(attempt, status, path, build)
+
+    def _new_roadmap(self) -> Roadmap:
+        return Roadmap(self.checker) if self.steering is None else CurveRoadmap(self.checker, self.steering)
+
+    def _is_certified(self, path: Path, ends: se2.FloatArray) -> bool:
+        """Return whether a path stands the last look; report it as trailmark's own error if it does not."""
+        fault = self._last_look.fault(path, *ends)
+        if fault is not None:
+            states = path.knots if isinstance(path, CurvePath) else path.states
+            details = {"seed": self.seed, "states": states.tolist()}
+            report_incident(f"a path that was found is not free: {fault}", self.world, self.robot, *ends, **details)
+        return fault is None
+
+    def _looked_at(self, on_progress: OnProgress, ends: se2.FloatArray) -> OnProgress:
+        """Return a callback that hands on paths only once they stood the last look."""
+        passed: Path | None = None
+
+        def hand_on(progress: PlanProgress) -> None:
+            nonlocal passed
+            path = progress.path
+            if path is not None and path != passed:
+                if self._last_look.fault(path, *ends) is None:
+                    passed = path
+                else:
+                    # At the end it is reported, unless a better path has taken its place.
+                    progress = replace(progress, path=None, cost=None)
+            on_progress(progress)
+
+        return hand_on
 
     @as_raised
     def plan_many(
@@ -247,8 +290,9 @@ class LandmarkPlanner:
 
             def answer(i: int) -> None:
                 found = kept.answer(i, ends[i, 0], ends[i, 1], time_limit)
-                if found.states is not None:
-                    results[i] = self._result(found, "solved", found.states, 0.0)
+                path = self._path(found.states)
+                if path is not None and self._is_certified(path, ends[i]):
+                    results[i] = self._result(found, "solved", path, 0.0)
 
             each(answer, count, workers, on_progress)
         for i in range(count):
@@ -321,10 +365,7 @@ class LandmarkPlanner:
             return None
         return Path(states) if self.steering is None else CurvePath(states, self.steering)
 
-    def _result(
-        self, attempt: Attempt | Answer, status: Status, states: se2.FloatArray | None, build: float
-    ) -> PlanResult:
-        path = self._path(states)
+    def _result(self, attempt: Attempt | Answer, status: Status, path: Path | None, build: float) -> PlanResult:
         clearance = None
         if path is not None:
             # Between the states too: as fine as a tenth of the inscribed disc, at most 2,000 places.
