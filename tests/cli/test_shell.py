@@ -211,3 +211,25 @@ def test_start_up_is_quick() -> None:
         return time.perf_counter() - begun
 
     assert min(seconds() for _ in range(3)) < 0.4
+
+
+def test_what_is_wrong_with_trailmark_itself_is_told_in_one_line(
+    shell: Shell, yard: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import warnings
+
+    from trailmark.errors import InternalErrorWarning
+    from trailmark.planning import LandmarkPlanner
+
+    right = LandmarkPlanner.plan
+
+    def plan(self: LandmarkPlanner, *arguments: Any, **options: Any) -> Any:
+        warnings.warn("a path that was found is not free", InternalErrorWarning, stacklevel=1)
+        warnings.warn("advice to programmers", DeprecationWarning, stacklevel=1)
+        return right(self, *arguments, **options)
+
+    monkeypatch.setattr(LandmarkPlanner, "plan", plan)
+    run = shell("plan", str(yard), "--query", "across")
+    assert run.status == 0
+    # Once while kernels are warmed up, once in earnest.
+    assert set(run.err.splitlines()) == {"trailmark: warning: a path that was found is not free"}

@@ -21,7 +21,7 @@ import typer
 import trailmark
 from trailmark.cli import benchmark, console, landmarks, map, plan, report, worlds  # noqa: A004 # a command's file has its name
 from trailmark.cli.options import UsageError
-from trailmark.errors import TrailmarkError
+from trailmark.errors import InternalErrorWarning, TrailmarkError
 
 __all__ = ["app", "main"]
 
@@ -98,6 +98,12 @@ def _run(words: Sequence[str]) -> int:
         # Other libraries' advice to programmers; -W and PYTHONWARNINGS still show it.
         if not sys.warnoptions:
             warnings.simplefilter("ignore")
+        # What trailmark found wrong with itself, though, everybody is told, in one line.
+        warnings.filterwarnings("always", category=InternalErrorWarning)
+        shown = warnings.showwarning
+        warnings.showwarning = lambda message, category, *rest: (
+            console.warn(str(message)) if category is InternalErrorWarning else shown(message, category, *rest)
+        )
         try:
             with command.make_context("trailmark", list(words)) as context:
                 command.invoke(context)

@@ -16,7 +16,7 @@ import typer
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-__all__ = ["Progress", "fail", "json_text", "note", "print_table", "progress", "say", "silence_stdout"]
+__all__ = ["Progress", "fail", "json_text", "note", "print_table", "progress", "say", "silence_stdout", "warn"]
 
 _PATIENCE = 0.3  # seconds of work before a display appears
 
@@ -49,6 +49,11 @@ def note(text: str) -> None:
 def fail(problem: str) -> None:
     """Print a problem as one line on stderr."""
     typer.echo(f"{_styled('trailmark: error:', fg='red', bold=True)} {_one_line(problem)}", err=True)
+
+
+def warn(problem: str) -> None:
+    """Print what is wrong, though the command goes on, as one line on stderr."""
+    typer.echo(f"{_styled('trailmark: warning:', fg='yellow', bold=True)} {_one_line(problem)}", err=True)
 
 
 def silence_stdout() -> None:

@@ -1,0 +1,151 @@
+"""Is the first path as soon as it was? This checkout against another, turn by turn in one run; and what the last look costs.
+
+Two processes load either checkout's package and answer the same problems of benchmarks/ahead_problems.py in turns, so
+that whatever else the machine does meets both. Writes results/first_path.{json,md}.
+
+    python -m benchmarks.first_path --base PATH [--worlds 8] [--seeds 3] [--limit 0.25]
+
+PATH is the root of the other checkout, for example a ``git worktree`` of an earlier commit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from benchmarks.machine import describe_machine, markdown_table
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+
+
+def answer(worlds: int) -> None:
+    """Answer problems by number, read from standard input, until it ends: what the two processes do."""
+    from benchmarks.ahead_problems import cases
+    from trailmark.planning import LandmarkPlanner
+    from trailmark.planning.warmup import warm_up
+
+    warm_up()
+    known = [case for case in cases(worlds, data=True) if case.feasible is not False]
+    print(json.dumps([case.problem.key for case in known]), flush=True)
+    for line in sys.stdin:
+        number, seed, limit = json.loads(line)
+        problem = known[number].problem
+        planner = LandmarkPlanner(problem.world, problem.robot, seed=seed)
+        result = planner.plan(problem.query.start, problem.query.goal, time_limit=limit)
+        row: dict[str, Any] = {"first": result.time["first_solution"], "cost": result.cost}
+        if result.path is not None and hasattr(planner, "_last_look"):
+            # The median of three, since a cold cache is the last plan's fault.
+            times = []
+            for _ in range(3):
+                begin = perf_counter()
+                planner._last_look.fault(result.path, result.path.states[0], result.path.states[-1])
+                times.append(perf_counter() - begin)
+            row["look"] = float(np.median(times))
+        print(json.dumps(row), flush=True)
+
+
+class Side:
+    """A process that answers by one checkout's package."""
+
+    def __init__(self, root: Path, worlds: int) -> None:
+        own = {**os.environ, "PYTHONPATH": os.pathsep.join([str(root / "src"), str(ROOT)])}
+        command = [sys.executable, "-m", "benchmarks.first_path", "--answer", "--worlds", str(worlds)]
+        self.process = subprocess.Popen(
+            command, cwd=ROOT, env=own, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self.keys: list[str] = self._read()
+
+    def ask(self, number: int, seed: int, limit: float) -> dict[str, Any]:
+        """Return what one plan gave."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps([number, seed, limit]) + "\n")
+        self.process.stdin.flush()
+        row: dict[str, Any] = self._read()
+        return row
+
+    def _read(self) -> Any:
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        if not line:
+            raise RuntimeError(f"the process ended with status {self.process.wait()}")
+        return json.loads(line)
+
+    def end(self) -> None:
+        """Let the process end."""
+        assert self.process.stdin is not None
+        self.process.stdin.close()
+        self.process.wait()
+
+
+def main() -> int:
+    """Measure and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--base", type=Path)
+    parser.add_argument("--worlds", type=int, default=8)
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--limit", type=float, default=0.25)
+    parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.answer:
+        answer(options.worlds)
+        return 0
+    if options.base is None:
+        parser.error("--base is missing: the other checkout's root")
+    sides = [Side(options.base.resolve(), options.worlds), Side(ROOT, options.worlds)]
+    assert sides[0].keys == sides[1].keys
+    rows: list[dict[str, Any]] = []
+    for number, key in enumerate(sides[1].keys):
+        for seed in range(options.seeds):
+            # Who goes first changes, so that neither always finds the caches cold.
+            order = (0, 1) if (number + seed) % 2 else (1, 0)
+            found = {side: sides[side].ask(number, seed, options.limit) for side in order}
+            rows.append({"problem": key, "seed": seed, "before": found[0], "now": found[1]})
+        print(f"\r{number + 1} of {len(sides[1].keys)} problems", end="", file=sys.stderr, flush=True)
+    for side in sides:
+        side.end()
+    _write(rows, options)
+    return 0
+
+
+def _write(rows: list[dict[str, Any]], options: argparse.Namespace) -> None:
+    both = [r for r in rows if r["before"]["first"] is not None and r["now"]["first"] is not None]
+    ratios = np.log([r["now"]["first"] / r["before"]["first"] for r in both])
+    problems = sorted({r["problem"] for r in both})
+    each = np.array([np.mean([x for x, r in zip(ratios, both, strict=True) if r["problem"] == p]) for p in problems])
+    draws = np.random.default_rng(0).choice(each, (2000, len(each))).mean(axis=1)
+    low, high = np.exp(np.quantile(draws, [0.025, 0.975]))
+    looks = np.array([r["now"]["look"] for r in rows if "look" in r["now"]])
+    solved = [sum(r[side]["first"] is not None for r in rows) for side in ("before", "now")]
+    costs = np.log([r["now"]["cost"] / r["before"]["cost"] for r in both if r["before"]["cost"] > 0.0])
+    ratio, look = float(np.exp(each.mean())), float(np.median(looks))
+    table = [
+        [
+            "first path, now / before, geometric mean over problems",
+            f"{ratio:.3f} ({low:.3f}..{high:.3f})",
+            "at most 1.05",
+        ],
+        ["last look, median", f"{look * 1e3:.2f} ms", "at most 1 ms"],
+        ["last look, 95 %", f"{np.quantile(looks, 0.95) * 1e3:.2f} ms", ""],
+        ["solved within the limit, before / now", f"{solved[0]} / {solved[1]} of {len(rows)}", ""],
+        ["cost at the limit, now / before, geometric mean", f"{float(np.exp(costs.mean())):.4f}", ""],
+    ]
+    text = (
+        f"# First paths, before and now\n\n{len(problems)} problems, {options.seeds} seeds, limit {options.limit:g} s, "
+        f"both checkouts in turns in one run.\n\n{markdown_table(['figure', 'value', 'wanted'], table)}\n\n{describe_machine()}\n"
+    )
+    (RESULTS / "first_path.md").write_text(text)
+    (RESULTS / "first_path.json").write_text(json.dumps(rows, indent=1) + "\n")
+    print("\n" + text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
