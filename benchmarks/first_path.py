@@ -1,4 +1,4 @@
-"""Is the first path as soon as it was? This checkout against another, turn by turn in one run; and what the last look costs.
+"""Are first paths as soon as they were? This checkout against another, in turns in one run; what the last look costs.
 
 Two processes load either checkout's package and answer the same problems of benchmarks/ahead_problems.py in turns, so
 that whatever else the machine does meets both. Writes results/first_path.{json,md}.
@@ -138,10 +138,9 @@ def _write(rows: list[dict[str, Any]], options: argparse.Namespace) -> None:
         ["solved within the limit, before / now", f"{solved[0]} / {solved[1]} of {len(rows)}", ""],
         ["cost at the limit, now / before, geometric mean", f"{float(np.exp(costs.mean())):.4f}", ""],
     ]
-    text = (
-        f"# First paths, before and now\n\n{len(problems)} problems, {options.seeds} seeds, limit {options.limit:g} s, "
-        f"both checkouts in turns in one run.\n\n{markdown_table(['figure', 'value', 'wanted'], table)}\n\n{describe_machine()}\n"
-    )
+    table_text = markdown_table(["figure", "value", "wanted"], table)
+    what = f"{len(problems)} problems, {options.seeds} seeds, limit {options.limit:g} s, both checkouts in turns."
+    text = f"# First paths, before and now\n\n{what}\n\n{table_text}\n\n{describe_machine()}\n"
     (RESULTS / "first_path.md").write_text(text)
     (RESULTS / "first_path.json").write_text(json.dumps(rows, indent=1) + "\n")
     print("\n" + text)
