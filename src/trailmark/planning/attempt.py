@@ -267,7 +267,10 @@ class Attempt:
         q = self.roadmap.configurations
         reached = np.flatnonzero(self.roadmap.shortest_path(start, goal).reached)
         last = int(reached[np.argmin(se2.distance(q[reached], q[goal]))])
-        return np.asarray(q[self.roadmap.shortest_path(start, last).nodes])
+        states = np.array(q[self.roadmap.shortest_path(start, last).nodes])
+        if not self.turning:
+            states[:, 2] = self.start[2]
+        return states
 
     def _search(
         self, roadmap: Roadmap, band: Band | None, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None

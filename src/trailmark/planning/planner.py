@@ -365,6 +365,13 @@ class LandmarkPlanner:
             return None
         return Path(states) if self.steering is None else CurvePath(states, self.steering)
 
+    def _nearest(self, attempt: Attempt | Answer) -> Path | None:
+        """Return the path that ends nearest to the goal, if one was found and it stands the last look."""
+        path = self._path(attempt.nearest)
+        if path is None or not self._is_certified(path, np.array([attempt.start, path.states[-1]])):
+            return None
+        return path
+
     def _result(self, attempt: Attempt | Answer, status: Status, path: Path | None, build: float) -> PlanResult:
         clearance = None
         if path is not None:
@@ -380,7 +387,7 @@ class LandmarkPlanner:
             min_clearance=clearance,
             landmarks=len(self.roadmap),
             edges=int(np.count_nonzero(self.roadmap.status)),
-            nearest=None if path is not None else self._path(attempt.nearest),
+            nearest=None if path is not None else self._nearest(attempt),
             history=tuple(attempt.history),
             time={
                 "load": 0.0,
