@@ -30,7 +30,7 @@ __all__ = ["PARTS", "Part"]
 FloatArray = NDArray[np.float64]
 Rng = np.random.Generator
 
-HALVINGS = 45
+HALVINGS = 32
 """Times that the gap between an accepted and a refused configuration or motion is halved."""
 
 AWAY = tuple(name for name in SCALES if name != "plain")
@@ -124,7 +124,7 @@ def motions(rng: Rng, report: Report, scale: str = "plain", n: int = 300) -> Non
             report.case("motion", world, question("motion", np.array([a[i], b[i]])), complaint)
 
 
-def curves(rng: Rng, report: Report, scale: str = "plain", n: int = 60) -> None:
+def curves(rng: Rng, report: Report, scale: str = "plain", n: int = 120) -> None:
     """Cars' curves pushed until they are barely certified."""
     world = random_scene(rng, scale, as_car(random_robot(rng), rng))
     robot = world.robot
@@ -157,7 +157,7 @@ def _pushed(
     a = a[np.asarray(valid(a))][: 6 * n]
     if len(a) == 0:
         return None
-    reach = robot.circumradius * 10.0 ** rng.uniform(-1.5, 1.0, (len(a), 1))
+    reach = robot.circumradius * 10.0 ** rng.uniform(-1.5, 0.6, (len(a), 1))
     b = a + rng.normal(size=a.shape) * np.column_stack([reach, reach, rng.choice([0.0, 0.1, 1.0, 3.0], len(a))])
     both = np.column_stack([a, b])
     both[:, 3:] = _wrapped(both[:, 3:])
@@ -372,5 +372,5 @@ PARTS = {
     "carved": Part(carved, "carved worlds", 3_000),
     "bounds": Part(bounds, "bounds", 10_000),
     "angles": Part(angles, "half turns", 100_000),
-    "scales": Part(scales, "scaled worlds", 600),
+    "scales": Part(scales, "scaled worlds", 300),
 }
