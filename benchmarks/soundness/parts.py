@@ -13,7 +13,7 @@ from benchmarks.soundness.carving import carved_world, drive_along, random_drive
 from benchmarks.soundness.cases import judge_path, judge_result, question
 from benchmarks.soundness.reference import REFUSED, Reference, deepest, moves
 from benchmarks.soundness.report import Report, kind_of
-from benchmarks.soundness.scenes import SCALES, as_car, random_robot, random_scene
+from benchmarks.soundness.scenes import SCALES, random_car, random_disc, random_robot, random_scene
 from benchmarks.soundness.walls import spiked_world
 from trailmark import se2
 from trailmark.collision import StateChecker
@@ -126,7 +126,7 @@ def motions(rng: Rng, report: Report, scale: str = "plain", n: int = 300) -> Non
 
 def curves(rng: Rng, report: Report, scale: str = "plain", n: int = 120) -> None:
     """Cars' curves pushed until they are barely certified."""
-    world = random_scene(rng, scale, as_car(random_robot(rng), rng))
+    world = random_scene(rng, scale, random_car)
     robot = world.robot
     assert robot is not None
     checker, reference = StateChecker(world, robot), Reference(world, robot)
@@ -192,8 +192,8 @@ def _wrapped(rows: FloatArray) -> FloatArray:
 
 def paths(rng: Rng, report: Report, scale: str = "plain", queries: int = 12) -> None:
     """Plans one by one and many at once, of robots that move every way and of cars."""
-    car = rng.random() < 0.35
-    world = random_scene(rng, scale, as_car(random_robot(rng), rng) if car else None)
+    car = rng.random() < 0.5
+    world = random_scene(rng, scale, random_car if car else random_robot)
     robot = world.robot
     assert robot is not None
     seed = int(rng.integers(1000))
@@ -204,14 +204,14 @@ def paths(rng: Rng, report: Report, scale: str = "plain", queries: int = 12) -> 
     q = q[: len(q) // 2 * 2][: 4 * queries]
     if len(q) < 4:
         return
-    seconds = float(rng.choice([0.02, 0.05, 0.1]))
-    alone, many = q[:6], q[6:]
+    seconds = float(rng.choice([0.1, 0.2] if car else [0.02, 0.05, 0.1]))
+    alone, many = (q, q[:0]) if car else (q[:6], q[6:])
     for pair in alone.reshape(-1, 2, 3):
         asked = question("plan", pair, seconds=seconds, seed=seed)
         report.about_to_ask(world, asked)
         result = planner.plan(pair[0], pair[1], time_limit=seconds)
         _judged(report, world, robot, asked, pair, result, reference)
-    if len(many) and not car:
+    if len(many):
         asked = question("many", many, seconds=seconds, seed=seed)
         report.about_to_ask(world, asked)
         for pair, result in zip(
@@ -266,9 +266,10 @@ def bounds(rng: Rng, report: Report, scale: str | None = None) -> None:
         report.count("plans")
         report.ask(world, question("plan", ends, seconds=0.1, seed=0))
         return
-    robot = Robot.disc(float(rng.uniform(0.05, 0.8))) if rng.random() < 0.7 else random_robot(rng)
-    world = random_scene(rng, scale or str(rng.choice(list(SCALES))), robot)
-    robot = world.robot or robot
+    make = random_disc if rng.random() < 0.7 else random_robot
+    world = random_scene(rng, scale or str(rng.choice(list(SCALES))), make)
+    robot = world.robot
+    assert robot is not None
     planner, bound = LandmarkPlanner(world, robot, seed=0), LowerBound(world, robot)
     q = _uniform(world, 200, rng)
     q = q[np.asarray(planner.checker.valid(q))]
@@ -296,7 +297,7 @@ def bounds(rng: Rng, report: Report, scale: str | None = None) -> None:
 def _bounds_of_cars(rng: Rng, report: Report) -> None:
     """Drives in the open, single arcs among them, far from the origin."""
     _, origin = SCALES[str(rng.choice([name for name in SCALES if name not in ("1 mm", "100 km")]))]
-    robot = as_car(Robot.rectangle(1.0, 0.5), rng)
+    robot = random_car(rng)
     radius = robot.turning_radius
     assert radius is not None
     x, y = origin

@@ -13,7 +13,7 @@ from trailmark.errors import ShapeError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
 
-__all__ = ["SCALES", "as_car", "random_robot", "random_scene", "scaled", "shallow_ring", "turned"]
+__all__ = ["SCALES", "random_car", "random_disc", "random_robot", "random_scene", "scaled", "shallow_ring", "turned"]
 
 FloatArray = NDArray[np.float64]
 Rng = np.random.Generator
@@ -46,8 +46,9 @@ def scaled(shape: Shape, scale: float, origin: tuple[float, float] = (0.0, 0.0))
     return Rectangle(center, scale * shape.length, scale * shape.width, shape.heading)
 
 
-def as_car(robot: Robot, rng: Rng) -> Robot:
-    """Return the robot with a random turning radius, that reverses or does not."""
+def random_car(rng: Rng) -> Robot:
+    """Return a robot with a random turning radius, that reverses or does not."""
+    robot = random_robot(rng)
     return robot.steered(float(robot.circumradius * rng.uniform(0.5, 3.0)), bool(rng.random() < 0.5))
 
 
@@ -72,6 +73,11 @@ def random_robot(rng: Rng) -> Robot:
         return Robot.polygon(star_polygon(rng, (0.0, 0.0), float(rng.uniform(0.3, 1.0))).vertices)
     names = sorted(ROBOTS)
     return Robot(scaled(ROBOTS[names[int(rng.integers(len(names)))]].footprint, float(rng.uniform(0.3, 1.0))))
+
+
+def random_disc(rng: Rng) -> Robot:
+    """Return a round robot."""
+    return Robot.disc(float(rng.uniform(0.05, 0.8)))
 
 
 def shallow_ring(rng: Rng, low: FloatArray, high: FloatArray, unevenness: float) -> FloatArray:
@@ -140,13 +146,13 @@ def _clutter(rng: Rng) -> list[Shape]:
 KINDS: tuple[Callable[[Rng], list[Shape]], ...] = (_uneven_walls, _slivers, _abutting, _clutter, _clutter)
 
 
-def random_scene(rng: Rng, scale: str = "plain", robot: Robot | None = None) -> World:
+def random_scene(rng: Rng, scale: str = "plain", make: Callable[[Rng], Robot] = random_robot) -> World:
     """Return a world with its robot.
 
     Args:
         rng: where chance comes from.
         scale: one of SCALES.
-        robot: to be scaled with the world; a random one if None.
+        make: the robot, which is scaled with the world.
     """
     factor, origin = SCALES[scale]
     while True:
@@ -158,7 +164,7 @@ def random_scene(rng: Rng, scale: str = "plain", robot: Robot | None = None) -> 
                     rng, np.array([0.5, 0.5]), np.array([19.5, 19.5]), float(10.0 ** rng.uniform(-6, -1))
                 )
                 boundary = scaled(Polygon(ring), factor, origin)
-            chosen = random_robot(rng) if robot is None else robot
+            chosen = make(rng)
             body = scaled(chosen.footprint, factor)
             steering = None if chosen.turning_radius is None else factor * chosen.turning_radius
             x, y = origin

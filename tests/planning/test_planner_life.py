@@ -1,4 +1,4 @@
-"""A planner's life, as chance has it: queries, many at once, files, threads, interrupts; what it says is always true."""
+"""A planner's life as chance has it: queries, many at once, files, threads, interrupts; what it says is true."""
 
 from __future__ import annotations
 
@@ -130,7 +130,8 @@ class Life(RuleBasedStateMachine):
             if what == "build":
                 return self.planner.build(40)
             with tempfile.TemporaryDirectory() as folder:
-                return self.planner.roadmap.save(Path(folder) / "roadmap.npz")
+                self.planner.roadmap.save(Path(folder) / "roadmap.npz")
+            return None
 
         interrupted(FILES, act, line, error)
 
