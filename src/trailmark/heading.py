@@ -10,7 +10,8 @@ from __future__ import annotations
 from math import pi
 
 import numpy as np
-from numba import njit
+
+from trailmark.compiled import njit
 
 __all__ = ["turn", "wrapped"]
 

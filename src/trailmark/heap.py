@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from trailmark.compiled import njit
 
 __all__ = ["heap_grow", "heap_pop", "heap_push"]
 

@@ -11,8 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from trailmark.compiled import njit
 
 __all__ = ["Forest", "NearestNeighbours", "near_to_near", "nearest_in", "room_for"]
 

@@ -31,6 +31,14 @@ queries:
 """
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _compiled() -> None:
+    """Compile before any test looks at stderr, where compiling is told."""
+    from trailmark.planning.warmup import warm_up
+
+    warm_up()
+
+
 class Run(NamedTuple):
     status: int
     out: str

@@ -44,6 +44,29 @@ def test_every_command_has_help(shell: Shell, command: list[str]) -> None:
     assert " ".join(["trailmark", *command]) in run.out
 
 
+def test_the_package_runs_as_a_program() -> None:
+    done = subprocess.run([sys.executable, "-m", "trailmark", "--version"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, f"trailmark {trailmark.__version__}\n")
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"), [("trailmark wo", ["worlds"]), ("trailmark plan --turn", ["--turning-radius"])]
+)
+def test_words_are_completed(typed: str, offered: list[str]) -> None:
+    asked = {"_TRAILMARK_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
+    done = subprocess.run(COMMAND, capture_output=True, text=True, check=False, env=os.environ | asked)
+    assert (done.returncode, done.stdout.split(), done.stderr) == (0, offered, "")
+
+
+@pytest.mark.parametrize("heading", ["90", "-180", "6.3"])
+def test_headings_in_degrees_are_told(shell: Shell, yard: Path, planner: Any, heading: str) -> None:
+    run = shell("plan", yard, "--start", f"1,1,{heading}", "--goal=9,5,-6.28")
+    assert run.status == 0
+    assert run.err.count("\n") == 1
+    assert f"the heading {heading} is taken as radians" in run.err
+    assert len(planner.calls) == 1
+
+
 def test_version(shell: Shell) -> None:
     assert shell("--version") == (0, f"trailmark {trailmark.__version__}\n", "")
 

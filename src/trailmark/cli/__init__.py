@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import os
 import signal
 import sys
 import warnings
@@ -19,7 +20,7 @@ from typing import Annotated, Any
 import typer
 
 import trailmark
-from trailmark.cli import benchmark, console, landmarks, map, plan, report, worlds  # noqa: A004 # a command's file has its name
+from trailmark.cli import benchmark, console, landmarks, map, plan, report, warmup, worlds  # noqa: A004 # a command's file has its name
 from trailmark.cli.options import UsageError
 from trailmark.errors import InternalErrorWarning, TrailmarkError
 
@@ -31,7 +32,6 @@ _ALLOCATIONS = 10_000
 app = typer.Typer(
     name="trailmark",
     help="Certified motion planning for a mobile robot with a shape and a heading.",
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -41,6 +41,10 @@ app.command("map")(map.map_log)
 app.command("benchmark")(benchmark.benchmark)
 app.command("report")(report.report)
 app.add_typer(worlds.app, name="worlds")
+app.add_typer(warmup.app, name="warmup")
+
+_COMPLETE = "_TRAILMARK_COMPLETE"
+"""Set by the shell's completion script, which asks for the words that may come next."""
 
 
 def _print_version(asked: bool) -> None:
@@ -93,6 +97,8 @@ def main(args: Sequence[str] | None = None) -> int:
 def _run(words: Sequence[str]) -> int:
     """Run one command; return its exit status or raise what stopped it."""
     command = typer.main.get_command(app)
+    if _COMPLETE in os.environ:
+        return int(command.main(list(words), "trailmark", _COMPLETE, standalone_mode=False) or 0)
     status = 0
     with warnings.catch_warnings():
         # Other libraries' advice to programmers; -W and PYTHONWARNINGS still show it.

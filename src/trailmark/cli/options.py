@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from trailmark.cli import console
+
 if TYPE_CHECKING:
     from trailmark.world import Robot, World
 
@@ -83,7 +85,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object,
 
 
 def read_configuration(text: str, option: str) -> Configuration:
-    """Return the configuration that an option gives as ``X,Y,T``.
+    """Return the configuration that an option gives as ``X,Y,T``; a heading beyond a full turn is warned of.
 
     Raises:
         UsageError: anything but three finite numbers.
@@ -94,6 +96,11 @@ def read_configuration(text: str, option: str) -> Configuration:
         x = y = theta = math.nan
     if not all(map(math.isfinite, (x, y, theta))):
         raise UsageError(f"{option} {text!r} given, allowed: X,Y,T, finite numbers (metres, metres, radians)")
+    if abs(theta) > 2.0 * math.pi:
+        console.warn(
+            f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, "
+            f"give {math.radians(theta):.6g}"
+        )
     return x, y, theta
 
 

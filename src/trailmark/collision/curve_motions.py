@@ -12,7 +12,6 @@ from __future__ import annotations
 from math import cos, fabs, sin
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
@@ -32,6 +31,7 @@ from trailmark.collision.kernels import (
     workspace,
 )
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.curves import Steering
 from trailmark.curves.shortest import MOST_WORDS, equally_short, shortest_word
 from trailmark.curves.words import PIECES, drive, reversed_word

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import floor, hypot, sqrt
 
 import numpy as np
-from numba import njit
 
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["point_clearance", "point_depth", "ring_clearance"]

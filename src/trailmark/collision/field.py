@@ -6,10 +6,10 @@ from math import floor, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 
 __all__ = ["ClearanceField", "build_field", "clearance_at", "interpolated"]
 

@@ -14,12 +14,12 @@ from __future__ import annotations
 from math import cos, floor, hypot, sin
 
 import numpy as np
-from numba import njit
 
 from trailmark.collision.distances import point_clearance, ring_clearance
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import DEEP_TOLERANCE, Footprint
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.se2 import FloatArray
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from trailmark.compiled import njit
 from trailmark.shapes import Disc
 from trailmark.world import World
 

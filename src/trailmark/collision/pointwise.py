@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import carray, njit, types  # type: ignore[attr-defined]  # numba does export carray
+from numba import carray, types  # type: ignore[attr-defined]  # numba does export carray
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
@@ -18,6 +18,7 @@ from trailmark.collision.checker import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 
 __all__ = ["PointwiseChecker", "room_at", "unpacked"]
 

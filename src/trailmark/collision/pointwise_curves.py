@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from trailmark.collision import kernels
 from trailmark.collision.checker import StateChecker
 from trailmark.collision.curve_motions import CurveChecker, every_curve_free
 from trailmark.collision.pointwise import PointwiseChecker, room_at, unpacked
+from trailmark.compiled import njit
 from trailmark.curves import Steering
 from trailmark.curves.shortest import MOST_WORDS
 from trailmark.curves.words import PIECES

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from math import acos, asin, atan2, cos, fabs, floor, hypot, pi, sin, sqrt
 
-from numba import njit
-
+from trailmark.compiled import njit
 from trailmark.curves.words import SAME, put
 from trailmark.se2 import FloatArray
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from trailmark.compiled import njit
 from trailmark.curves.dubins import dubins_words
 from trailmark.curves.reeds_shepp import reeds_shepp_words
 from trailmark.curves.words import PIECES, reversed_word, seen_from, unit_length, walk

@@ -9,8 +9,8 @@ from __future__ import annotations
 from math import cos, fabs, sin
 
 import numpy as np
-from numba import njit
 
+from trailmark.compiled import njit
 from trailmark.heading import turn, wrapped
 from trailmark.se2 import FloatArray
 

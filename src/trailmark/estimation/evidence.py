@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import floor, hypot, inf
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from trailmark.compiled import njit
 from trailmark.errors import WorldError
 from trailmark.se2 import FloatArray
 

@@ -13,7 +13,6 @@ from functools import cached_property
 from math import hypot, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark import se2
@@ -22,6 +21,7 @@ from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 
 __all__ = ["CostMap", "Relaxation"]
 

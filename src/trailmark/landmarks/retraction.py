@@ -10,12 +10,12 @@ from __future__ import annotations
 from math import cos, sin
 
 import numpy as np
-from numba import njit
 
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField, interpolated
 from trailmark.collision.footprint import Footprint
+from trailmark.compiled import njit
 from trailmark.heading import wrapped
 
 __all__ = ["retracted"]

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from math import ceil, floor, inf, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
+from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
 
 __all__ = ["TIGHTNESS", "CostToGo"]

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from math import cos, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision.curve_motions import CurveChecker, curve_free
@@ -18,6 +17,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.curves.shortest import MOST_WORDS, curve_length, shortest_word
 from trailmark.curves.words import PIECES, walk
 from trailmark.heading import wrapped

@@ -13,7 +13,6 @@ from math import ceil, cos, floor, pi, sin
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark import se2
@@ -22,6 +21,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.curves.words import PIECES, walk
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.landmarks.kmeans import lloyd

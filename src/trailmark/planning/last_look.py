@@ -19,10 +19,10 @@ from math import cos, hypot, sin
 
 import numpy as np
 import shapely
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.compiled import njit
 from trailmark.curves import CurvePath
 from trailmark.path import Path
 from trailmark.se2 import FloatArray

@@ -16,7 +16,6 @@ from math import hypot, pi
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
@@ -24,6 +23,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, motion, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.planning.cost_to_go import CostToGo

@@ -6,9 +6,9 @@ from math import floor, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from trailmark.collision import StateChecker
+from trailmark.compiled import njit
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray, wrap
 
 __all__ = ["ORIGIN", "STRIDES", "TURNS", "Nodes", "came_from", "configuration", "leads_to", "move_cost", "position"]

@@ -11,8 +11,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from trailmark.compiled import njit
 
 __all__ = ["CHECKED", "DONE", "FEWEST", "SEATED", "VALID", "Tree", "entry_of", "grown", "new_tree"]
 

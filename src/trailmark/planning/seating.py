@@ -11,10 +11,9 @@ from __future__ import annotations
 
 from math import cos, inf, sin, sqrt
 
-from numba import njit
-
 from trailmark.collision.field import ClearanceField, interpolated
 from trailmark.collision.footprint import Footprint
+from trailmark.compiled import njit
 from trailmark.heading import wrapped
 from trailmark.se2 import FloatArray
 

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from math import cos, hypot, log2, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
@@ -18,6 +17,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, motion, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.heading import turn, wrapped
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 

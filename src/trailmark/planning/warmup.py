@@ -9,7 +9,7 @@ import numpy as np
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
-__all__ = ["SMALL", "warm_up", "warm_up_curves"]
+__all__ = ["SMALL", "warm_up", "warm_up_curves", "warm_up_queries"]
 
 SMALL = (
     World("warm-up", (0.0, 0.0, 6.0, 4.0), (Rectangle((3.0, 1.0), 0.5, 2.0),)),
@@ -35,6 +35,17 @@ def warm_up() -> None:
         World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), Robot.rectangle(0.6, 0.4)
     )
     enclosed(shut, (0.6, 1.0, 0.0), (2.4, 1.0, 0.0))
+
+
+@lru_cache(maxsize=1)
+def warm_up_queries() -> None:
+    """Run every kernel that only :meth:`LandmarkPlanner.plan_many` needs once, as :func:`warm_up` does the others."""
+    from trailmark.planning.planner import LandmarkPlanner
+
+    world, robot, (start, goal) = SMALL
+    planner = LandmarkPlanner(world, robot, seed=0, warm=False)
+    planner.build(50)
+    planner.plan_many([start, goal], [goal, start], time_limit=600.0)
 
 
 @lru_cache(maxsize=1)

@@ -6,7 +6,6 @@ As :mod:`trailmark.roadmap.search` does for straight motions, but edges may lead
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision.curve_motions import curve_free
@@ -14,6 +13,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, UNDECIDED, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.curves.shortest import MOST_WORDS
 from trailmark.curves.words import PIECES
 from trailmark.heap import heap_pop, heap_push

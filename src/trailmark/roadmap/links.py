@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from trailmark.compiled import njit
 from trailmark.nearest import room_for
 
 __all__ = ["Rows", "find_edges", "link", "new_pairs"]

@@ -16,7 +16,6 @@ from contextlib import contextmanager
 from math import cos, hypot, sin
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark import se2
@@ -25,6 +24,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, motion, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.nearest import Forest, nearest_in

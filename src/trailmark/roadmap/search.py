@@ -7,13 +7,13 @@ Weighted A*, here with weight 1): an edge is checked when the search pops it, no
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED, motion, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray

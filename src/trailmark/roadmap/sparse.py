@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.se2 import FloatArray
 

@@ -12,9 +12,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
 
 __all__ = [

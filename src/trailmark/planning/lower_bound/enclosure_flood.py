@@ -14,12 +14,12 @@ from math import hypot, pi
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.planning.lower_bound.enclosure_cells import (
     BLOCKED,

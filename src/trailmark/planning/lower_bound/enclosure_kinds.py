@@ -9,7 +9,6 @@ from __future__ import annotations
 from math import cos, hypot, pi, sin, sqrt
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision.distances import point_clearance, point_depth, ring_clearance
@@ -17,6 +16,7 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import field_clearance, field_value
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.planning.lower_bound.enclosure_cells import (
     BLOCKED,
     FREE,

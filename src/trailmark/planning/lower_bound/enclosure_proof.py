@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
 from trailmark.planning.lower_bound.enclosure_cells import BLOCKED, Division, neighbours
 from trailmark.planning.lower_bound.enclosure_flood import Flood
 from trailmark.planning.lower_bound.enclosure_kinds import kind_of, room_for_cores

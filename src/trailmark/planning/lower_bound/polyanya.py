@@ -10,9 +10,9 @@ from __future__ import annotations
 from math import hypot
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.planning.lower_bound.mesh import Mesh, locate
 

@@ -1,0 +1,70 @@
+"""``trailmark warmup``: compile all kernels now, so that nothing compiles later."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import typer
+
+from trailmark.cli import console
+from trailmark.cli.options import JsonOption
+
+__all__ = ["app"]
+
+app = typer.Typer(help="Compile all kernels now, so that no later command has to.", invoke_without_command=True)
+
+
+@app.callback()
+def warmup(as_json: JsonOption = False) -> None:
+    """Compile all kernels now, so that no later command or program has to: up to four minutes, once."""
+    from trailmark.planning.warmup import warm_up, warm_up_curves, warm_up_queries
+
+    begun = time.perf_counter()
+    stages: dict[str, Callable[[], None]] = {
+        "planning": warm_up,
+        "many queries": warm_up_queries,
+        "cars": warm_up_curves,
+        "OMPL's planners": _warm_up_pointwise,
+        "laser scans": _warm_up_scans,
+    }
+    with console.progress("preparing (compiles on first use)") as progress:
+        for name, warm in stages.items():
+            progress.stage(f"preparing the kernels for {name}")
+            warm()
+    seconds = time.perf_counter() - begun
+    if as_json:
+        console.say(console.json_text({"kernels": list(stages), "time": {"total": seconds}}))
+    else:
+        console.say(f"the kernels for {', '.join(stages)} are ready ({seconds:.1f} s)")
+
+
+def _warm_up_pointwise() -> None:
+    """Run every kernel that answers for one configuration or motion a call."""
+    from trailmark.collision import StateChecker
+    from trailmark.collision.pointwise import PointwiseChecker
+    from trailmark.collision.pointwise_curves import PointwiseCurveChecker
+    from trailmark.planning.warmup import SMALL
+
+    world, robot, ends = SMALL
+    a, b = (tuple(q) for q in ends.tolist())
+    for reverse in (None, True, False):
+        if reverse is None:
+            single = PointwiseChecker(StateChecker(world, robot))
+        else:
+            single = PointwiseCurveChecker(StateChecker(world, robot.steered(0.4, reverse)))
+        single.valid(*a)
+        single.clearance(*a)
+        single.motion_valid(a, b)
+        single.step_valid(*a, *b)
+
+
+def _warm_up_scans() -> None:
+    """Run every kernel that makes a map from scans."""
+    import numpy as np
+
+    from trailmark.estimation.mapping import map_scans
+    from trailmark.estimation.records import Scan
+
+    scan = Scan(0.0, np.full(31, 2.0), -1.0, 2.0 / 30.0, 5.0)
+    map_scans([scan, scan._replace(t=1.0), scan._replace(t=2.0)], np.zeros((3, 3)))

@@ -1,0 +1,204 @@
+"""The cache of compiled kernels: found everywhere, never stale, never a reason to fail; compiling is told."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from trailmark import compiled
+
+SOURCE = Path(compiled.__file__).resolve().parent
+
+INNER = """
+from trailmark.compiled import njit
+
+SHIFT = {shift}
+
+@njit(cache=True)
+def inner(x):
+    return {inner}
+"""
+OUTER = """
+from probe import inner as module
+from probe.inner import SHIFT, inner
+from trailmark.compiled import njit
+
+@njit(cache=True)
+def by_name(x):
+    return inner(x)
+
+@njit(cache=True)
+def by_module(x):
+    return module.inner(x)
+
+@njit(cache=True)
+def by_constant(x):
+    return x + SHIFT
+
+@njit(cache=True)
+def far(x):
+    return by_name(x)
+"""
+PROGRAM = """
+import sys
+from probe.outer import by_constant, by_module, by_name, far
+kernels = (by_name, by_module, by_constant, far)
+print([kernel(1) for kernel in kernels], [sum(kernel.stats.cache_hits.values()) for kernel in kernels])
+"""
+
+
+@pytest.fixture
+def probe(tmp_path: Path) -> Path:
+    """A package of four small kernels, called trailmark so that its own code counts."""
+    folder = tmp_path / "trailmark_probe"
+    write(folder, shift=10, inner="x + 1")
+    return folder
+
+
+def write(folder: Path, shift: int, inner: str) -> None:
+    folder.mkdir(exist_ok=True)
+    (folder / "__init__.py").touch()
+    (folder / "inner.py").write_text(INNER.format(shift=shift, inner=inner).replace("probe", folder.name))
+    (folder / "outer.py").write_text(OUTER.replace("probe", folder.name))
+
+
+def run(folder: Path, program: str = PROGRAM, **environment: str) -> tuple[str, str]:
+    """Return what a program prints on stdout and stderr, but for the line that a slow machine compiles."""
+    path = os.pathsep.join([str(folder.parent), str(SOURCE.parent)])
+    done = subprocess.run(
+        [sys.executable, "-c", program.replace("probe", folder.name)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+        env={k: v for k, v in os.environ.items() if not k.startswith("NUMBA")} | {"PYTHONPATH": path} | environment,
+    )
+    lines = [line for line in done.stderr.splitlines(keepends=True) if ": compiling " not in line]
+    return done.stdout.strip(), "".join(lines)
+
+
+def nowhere(folder: Path) -> dict[str, str]:
+    """Take the places where numba would write away, from root too: a file stands in the folder's place."""
+    (folder / "__pycache__").touch()
+    return {"HOME": "/dev/null/none", "XDG_CACHE_HOME": "/dev/null/none"}
+
+
+def test_code_is_kept_and_found_again(probe: Path) -> None:
+    assert run(probe) == ("[2, 2, 11, 2] [0, 0, 0, 0]", "")
+    assert run(probe) == ("[2, 2, 11, 2] [1, 1, 1, 1]", "")
+
+
+@pytest.mark.parametrize(
+    ("shift", "inner", "answers"), [(10, "x + 2", "[3, 3, 11, 3]"), (20, "x + 1", "[2, 2, 21, 2]")]
+)
+def test_no_kernel_runs_old_code_of_another_file(probe: Path, shift: int, inner: str, answers: str) -> None:
+    run(probe)
+    write(probe, shift, inner)
+    assert run(probe)[0].startswith(answers)
+
+
+def test_without_a_place_the_temporary_folder_serves(probe: Path, tmp_path: Path) -> None:
+    environment = nowhere(probe) | {"TMPDIR": str(tmp_path)}
+    kept = tmp_path / f"trailmark-{os.getuid()}"
+    for hits in ("[0, 0, 0, 0]", "[1, 1, 1, 1]"):
+        out, err = run(probe, **environment)
+        assert out == f"[2, 2, 11, 2] {hits}"
+        assert err == f"trailmark: no cache folder for compiled kernels can be written to, they are kept in {kept}\n"
+    assert kept.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize("trap", ["open to all", "a link", "a file"])
+def test_a_folder_that_others_may_have_made_is_not_trusted(probe: Path, tmp_path: Path, trap: str) -> None:
+    kept = tmp_path / f"trailmark-{os.getuid()}"
+    if trap == "open to all":
+        kept.mkdir()
+        kept.chmod(0o777)
+    elif trap == "a link":
+        (tmp_path / "theirs").mkdir()
+        kept.symlink_to(tmp_path / "theirs")
+    else:
+        kept.touch()
+    out, err = run(probe, **nowhere(probe), TMPDIR=str(tmp_path))
+    assert out == "[2, 2, 11, 2] [0, 0, 0, 0]"
+    assert err.count("\n") == 1
+    assert f"{kept}\n" not in err
+    assert not list(kept.iterdir() if kept.is_dir() else ())
+
+
+def test_without_any_place_there_is_no_cache(probe: Path) -> None:
+    out, err = run(probe, "import tempfile; tempfile.tempdir = '/dev/null/none'\n" + PROGRAM, **nowhere(probe))
+    assert out == "[2, 2, 11, 2] [0, 0, 0, 0]"
+    assert err.startswith("trailmark: no folder can be written to")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("content", [b"", b"\x80\x05", b"not a pickle"])
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_damaged_files_are_compiled_anew(probe: Path, kind: str, content: bytes) -> None:
+    run(probe)
+    files = list(probe.rglob(f"*.{kind}"))
+    assert len(files) == 5
+    for file in files:
+        file.write_bytes(content)
+    assert run(probe) == ("[2, 2, 11, 2] [0, 0, 0, 0]", "")
+    assert run(probe) == ("[2, 2, 11, 2] [1, 1, 1, 1]", "")
+
+
+def test_a_full_disk_is_one_line(probe: Path) -> None:
+    full = """
+import errno, os, numba.core.caching as caching
+def replace(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+caching.os = type("Full", (), {**{n: getattr(os, n) for n in dir(os)}, "replace": staticmethod(replace)})
+"""
+    out, err = run(probe, full + PROGRAM)
+    assert out == "[2, 2, 11, 2] [0, 0, 0, 0]"
+    assert err == "trailmark: compiled kernels cannot be kept: No space left on device\n"
+    assert not list(probe.rglob("*.nb[ic]*"))
+
+
+def test_kernels_run_as_python_too(probe: Path) -> None:
+    plain = PROGRAM.replace("[sum(kernel.stats.cache_hits.values()) for kernel in kernels]", "''")
+    assert run(probe, plain, NUMBA_DISABLE_JIT="1") == ("[2, 2, 11, 2]", "")
+
+
+def test_compiling_is_told_once_in_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, said = [0.0], list[str]()
+    monkeypatch.setattr(compiled, "perf_counter", lambda: clock[0])
+    announcer = compiled._Announcer()
+    announcer.say = said.append
+
+    def compile_at(begin: float, end: float, module: str = "trailmark.heap") -> None:
+        what: Any = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=module))})
+        clock[0] = begin
+        announcer.on_start(what)
+        clock[0] = end
+        announcer.on_end(what)
+
+    compile_at(10.0, 10.6)
+    assert said == []  # what is over at once is not worth a word
+    compile_at(10.7, 11.4)
+    compile_at(11.5, 20.0)
+    compile_at(20.1, 21.0)
+    assert len(said) == 1
+    assert said[0].startswith("compiling ")
+    compile_at(60.0, 65.0, "somebody.else")
+    compile_at(65.1, 67.0, "somebody.else")
+    assert len(said) == 1
+    compile_at(100.0, 101.5, "trailmark.curves.words")
+    compile_at(101.6, 103.0, "trailmark.curves.words")
+    assert len(said) == 2
+    assert "further kernels for trailmark.curves.words" in said[1]
+
+
+def test_every_kernel_is_made_here() -> None:
+    for file in SOURCE.rglob("*.py"):
+        text = file.read_text(encoding="utf-8")
+        imported = [line for line in text.splitlines() if line.startswith(("from numba import", "import numba"))]
+        assert file.name == "compiled.py" or not any("njit" in line for line in imported), file
