@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -60,6 +61,32 @@ def test_fcl_may_decide_all() -> None:
     assert single.clearance(3.0, 5.0, 0.0) == pytest.approx(0.5)
     assert single.motion_valid((3.0, 5.0, 0.0), (3.0, 7.0, 0.0))
     assert not single.motion_valid((3.0, 5.0, 0.0), (7.0, 5.0, 0.0))
+
+
+@pytest.mark.parametrize("exact", ["kernel", "fcl"])
+@pytest.mark.parametrize("robot", [Robot.rectangle(1.0, 0.5), Robot.disc(0.4)], ids=["rectangle", "disc"])
+def test_what_is_no_configuration_is_neither_valid_nor_reached(robot: Robot, exact: Literal["kernel", "fcl"]) -> None:
+    # A thin wall between the two ends, both in wide open space.
+    world = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 5.0), 0.2, 10.0),))
+    single = PointwiseChecker(StateChecker(world, robot, exact=exact))
+    good, beyond = (5.0, 5.0, 0.0), (15.0, 5.0, 0.0)
+    for wrong in (np.nan, np.inf, -np.inf, 1e300, -1e300):
+        for axis in range(3):
+            q = tuple(wrong if i == axis else value for i, value in enumerate(beyond))
+            assert not single.valid(*q), q
+            assert single.clearance(*q) == 0.0, q
+            assert not single.step_valid(*q, *q), q
+            for a, b in ((good, q), (q, good)):
+                assert not single.motion_valid(a, b), (a, b)
+                assert not single.step_valid(*a, *b), (a, b)
+    assert not single.valid(np.inf, -np.inf, 0.0)
+    # OMPL turns by more than once around between headings that it has not brought into [-pi, pi].
+    for heading in (np.nextafter(np.pi, 4.0), -np.nextafter(np.pi, 4.0), 4.0, -7.0, 1e6):
+        assert not single.valid(5.0, 5.0, heading)
+        assert not single.motion_valid(good, (6.0, 5.0, heading))
+    assert single.valid(5.0, 5.0, np.pi)
+    assert single.valid(5.0, 5.0, -np.pi)
+    assert single.step_valid(*good, 6.0, 5.0, -np.pi)
 
 
 def test_the_arrays_outlive_their_checker() -> None:

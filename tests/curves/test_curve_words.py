@@ -10,7 +10,7 @@ import pytest
 from trailmark import se2
 from trailmark.curves.dubins import dubins_words
 from trailmark.curves.reeds_shepp import reeds_shepp_words
-from trailmark.curves.words import drive, reversed_word, seen_from, unit_length, walk
+from trailmark.curves.words import drive, reversed_word, rounding, seen_from, unit_length, walk
 
 WORDS = {"dubins": dubins_words, "reeds-shepp": reeds_shepp_words}
 
@@ -30,7 +30,7 @@ def integrated(q: np.ndarray, sides: np.ndarray, ways: np.ndarray, radius: float
 
 def words_to(kind: str, a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
     words = np.empty((60, 2, 5))
-    return words[: WORDS[kind](*seen_from(a, b, radius), words)]
+    return words[: WORDS[kind](*seen_from(a, b, radius), rounding(a, b, radius), words)]
 
 
 @pytest.mark.parametrize("kind", WORDS)
@@ -46,7 +46,9 @@ def test_every_word_leads_to_the_goal(kind: str, radius: float) -> None:
             end = np.empty(3)
             walk(a, word, radius, math.inf, end)
             assert np.abs(se2.difference(end, b)).max() < 1e-9 * max(1.0, radius)
-            seen.add("".join("SLR"[int(side)] + "-+"[int(way > 0.0)] for way, side in word.T if way))
+            # A piece on the wrong side of 0 by a hair is driven in the other direction.
+            if not ((word[0] != 0.0) & (np.abs(word[0]) < 1.1e-3)).any():
+                seen.add("".join("SLR"[int(side)] + "-+"[int(way > 0.0)] for way, side in word.T if way))
     # All six words of Dubins, and the 48 of Reeds and Shepp (none is left out because a piece happens to be 0).
     assert len(seen) == (6 if kind == "dubins" else 48)
 

@@ -12,8 +12,8 @@ import pytest
 
 from trailmark import se2
 from trailmark.curves import Steering
-from trailmark.curves.shortest import MOST_WORDS, curve_states, equally_short
-from trailmark.curves.words import reversed_word
+from trailmark.curves.shortest import MOST_WORDS, all_words, curve_states
+from trailmark.curves.words import reversed_word, unit_length
 
 ORACLE = """
 import sys
@@ -100,9 +100,11 @@ def test_lengths_and_places_are_ompls(answers: dict[str, np.ndarray], reverse: b
     assert len(other) < 0.02 * len(a)
     words = np.empty((MOST_WORDS, 2, 5))
     for i in other:
-        _, count, swapped = equally_short(a[i], b[i], steering.radius, reverse, 1e-8, words)
+        n, swapped = all_words(a[i], b[i], steering.radius, reverse, words)
+        alike = [word for word in words[:n] if steering.radius * unit_length(word) < lengths[i] + 1e-8]
+        count = len(alike)
         assert count > 1
-        alike = [reversed_word(word) if swapped else word for word in words[:count]]
+        alike = [reversed_word(word) if swapped else word for word in alike]
         on_them = curve_states(a[[i] * count], np.array(alike), steering.radius, np.full((count, 1), t[i] * lengths[i]))
         assert np.abs(se2.difference(on_them[:, 0], expected[i])).max(axis=1).min() < 1e-6
 

@@ -57,6 +57,66 @@ tell(other=half.getYaw(), across=si.isValid(half))
     assert found["back"] == found["across"]
 
 
+def test_half_a_turn_back_is_certified_both_ways_round(run_ompl: Any) -> None:
+    # OMPL turns clockwise through the free side; the path that trailmark returns goes counter-clockwise, into the post.
+    found = run_ompl("""
+from trailmark.shapes import Disc
+robot = Robot.polygon([(0.0, -0.1), (2.0, -0.1), (2.0, 0.1), (0.0, 0.1)])
+ends = ((5.0, 5.0, np.pi / 2), (5.0, 5.0, -np.pi / 2))
+for name, x in (("left", 4.0), ("right", 6.0), ("far", 9.0)):
+    problem = SE2Problem(World("post", (0.0, 0.0, 10.0, 10.0), (Disc((x, 5.0), 0.2),), robot), query=ends)
+    a, b = (state(problem.information, q) for q in ends)
+    tell(**{name: [problem.information.checkMotion(a, b), problem.information.checkMotion(b, a)]})
+""")
+    assert found == {"left": [False, True], "right": [False, False], "far": [True, True]}
+
+
+def test_states_that_are_none_are_refused(run_ompl: Any) -> None:
+    found = run_ompl("""
+from trailmark.shapes import Rectangle
+world = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 5.0), 0.2, 10.0),), Robot.rectangle(1.0, 0.5))
+for name, robot in (("straight", world.robot), ("curves", world.robot.steered(1.0)),
+                    ("forwards", world.robot.steered(1.0, False))):
+    problem = SE2Problem(world, robot, ((5.0, 5.0, 0.0), (15.0, 5.0, 0.0)))
+    si, good = problem.information, state(problem.information, (5.0, 5.0, 0.0))
+    answers = []
+    for wrong in (np.nan, np.inf, -np.inf, 40.0):
+        for set_it in ("setX", "setY", "setYaw"):
+            odd = state(si, (15.0, 5.0, 0.0))
+            getattr(odd, set_it)(float(wrong))
+            answers += [si.isValid(odd), si.checkMotion(good, odd), si.checkMotion(odd, good)]
+    beyond = state(si, (15.0, 5.0, 0.0))
+    tell(**{name: [any(answers), si.isValid(beyond), si.checkMotion(good, beyond), si.checkMotion(good, good)]})
+""")
+    assert found == {name: [False, True, False, True] for name in ("straight", "curves", "forwards")}
+
+
+def test_nothing_is_compiled_or_built_within_the_first_check(run_ompl: Any) -> None:
+    found = run_ompl("""
+import trailmark
+from numba.core.dispatcher import Dispatcher
+def compiled():
+    kernels = {id(f): f for name, module in list(sys.modules.items()) if name.startswith("trailmark")
+               for f in vars(module).values() if isinstance(f, Dispatcher)}
+    return sum(len(f.overloads) for f in kernels.values())
+import trailmark.collision.checker as module
+from trailmark.shapes import Rectangle
+scene = module.FclScene
+world = World("wall", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 5.0), 2.0, 2.0),), Robot.rectangle(1.0, 1.0))
+for name, robot in (("straight", world.robot), ("curves", world.robot.steered(0.7))):
+    problem = SE2Problem(world, robot, ((2.0, 5.0, 0.0), (2.5, 5.0, 0.0)))
+    si, before = problem.information, compiled()
+    # Building another scene would fail.
+    module.FclScene = None
+    a, b, touching = (state(si, q) for q in (problem.start, problem.goal, (3.5, 5.0, 0.0)))
+    answers = [si.isValid(touching), si.checkMotion(a, b), si.checkMotion(a, touching), problem.validity.clearance(a)]
+    module.FclScene = scene
+    tell(**{name: [compiled() - before, before > 0, *answers]})
+""")
+    for name in ("straight", "curves"):
+        assert found[name] == [0, True, True, True, True, pytest.approx(1.5)]
+
+
 def test_the_parts_work_in_a_set_up_of_the_users_own(run_ompl: Any) -> None:
     found = run_ompl("""
 from trailmark import StateChecker

@@ -75,6 +75,60 @@ tell(handler=signal.getsignal(signal.SIGINT) is signal.default_int_handler)
     assert found["handler"]
 
 
+@pytest.mark.parametrize("what", ["solve", "simplify"])
+def test_a_second_ctrl_c_gets_through_to_what_heeds_no_condition(run_ompl: Any, what: str) -> None:
+    found = run_ompl(f"""
+import signal, subprocess, time
+from trailmark.ompl_bridge import planning
+problem = SE2Problem(shipped("maze"))
+problem.set_planner("RRTstar")
+problem.solve(0.3)
+class Endless:
+    # The path simplifier goes on for as long as nothing can be joined.
+    def __init__(self, single):
+        self.single = single
+    def valid(self, *q):
+        time.sleep(0.001)
+        return self.single.valid(*q)
+    def step_valid(self, *ends):
+        return self.valid(*ends[3:]) and self.single.step_valid(*ends)
+if {what!r} == "simplify":
+    problem.motions._single = Endless(problem.motions._single)
+begin = time.perf_counter()
+killer = subprocess.Popen([sys.executable, "-c",
+    f"import os, signal, time; [(time.sleep(0.5), os.kill({{os.getpid()}}, signal.SIGINT)) for _ in range(2)]"])
+try:
+    with planning():
+        if {what!r} == "solve":
+            problem.setup.getPlanner().solve(ob.timedPlannerTerminationCondition(60.0))
+        else:
+            og.PathSimplifier(problem.information).reduceVertices(problem.setup.getSolutionPath(), 10**7, 10**7)
+    tell(raised="nothing")
+except KeyboardInterrupt:
+    tell(raised="KeyboardInterrupt")
+tell(seconds=time.perf_counter() - begin)
+killer.wait()
+tell(handler=signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+os._exit(0)
+""")
+    assert found["raised"] == "KeyboardInterrupt"
+    # The first one has not ended it, the second one has: long before the time is up.
+    assert 0.9 < found["seconds"] < 30.0
+    assert found["handler"]
+
+
+def test_an_ignored_ctrl_c_stays_ignored(run_ompl: Any) -> None:
+    found = run_ompl("""
+import signal
+from trailmark.ompl_bridge import planning
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+with planning():
+    os.kill(os.getpid(), signal.SIGINT)
+tell(handler=signal.getsignal(signal.SIGINT) is signal.SIG_IGN)
+""")
+    assert found["handler"]
+
+
 def test_unwatched_errors_are_warnings(run_ompl: Any) -> None:
     found = run_ompl("""
 import warnings

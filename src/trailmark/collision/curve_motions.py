@@ -33,15 +33,12 @@ from trailmark.collision.kernels import (
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.curves import Steering
-from trailmark.curves.shortest import MOST_WORDS, equally_short, shortest_word
-from trailmark.curves.words import PIECES, drive, reversed_word
+from trailmark.curves.shortest import MOST_WORDS, shortest_word
+from trailmark.curves.words import PIECES, drive
 from trailmark.errors import ConfigurationError
 from trailmark.se2 import FloatArray
 
-__all__ = ["CurveChecker", "curve_free", "curve_motion", "every_curve_free"]
-
-TIE = 1e-8
-"""Metres: curves that differ in length by no more than this may be taken for one another by another program."""
+__all__ = ["CurveChecker", "curve_free", "curve_motion"]
 
 
 class CurveChecker:
@@ -193,31 +190,6 @@ def curve_free(
 ) -> int:
     """Return FREE if the shortest curve from a to b, both valid, is certified, BLOCKED if it is not."""
     return curve_motion(grid, field, robot, placed, queue, a, shortest_word(a, b, radius, reverse, words), radius)
-
-
-@njit(cache=True)
-def every_curve_free(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    placed: FloatArray,
-    queue: FloatArray,
-    words: FloatArray,
-    a: FloatArray,
-    b: FloatArray,
-    radius: float,
-    reverse: bool,
-) -> int:
-    """Return FREE if all curves from a to b that are as short as the shortest are certified.
-
-    For programs that choose among them themselves, as OMPL does.
-    """
-    _, count, swapped = equally_short(a, b, radius, reverse, TIE, words)
-    for k in range(count):
-        word = reversed_word(words[k]) if swapped else words[k]
-        if curve_motion(grid, field, robot, placed, queue, a, word, radius) != FREE:
-            return BLOCKED
-    return FREE
 
 
 @njit(cache=True, nogil=True)

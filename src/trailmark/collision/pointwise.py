@@ -6,6 +6,7 @@ addresses in one array of integers; a call then passes that array and the coordi
 
 from __future__ import annotations
 
+from math import isfinite, pi
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 
-__all__ = ["PointwiseChecker", "room_at", "unpacked"]
+__all__ = ["PointwiseChecker", "given", "pointer", "room_at", "unpacked"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -28,6 +29,9 @@ IntArray = NDArray[np.int64]
 
 class PointwiseChecker:
     """The answers of a StateChecker, one at a time and with little overhead.
+
+    Numbers that are no configuration (not finite, or a heading outside [-pi, pi]) are neither valid nor part of a
+    certified motion. All that is compiled or built on first use is so on construction, before a planner's clock runs.
 
     Args:
         checker: whose answers these are; kept alive, since the addresses are those of its arrays.
@@ -46,11 +50,21 @@ class PointwiseChecker:
         )
         self._address: int = self._places.ctypes.data
         self._by_fcl = checker.exact == "fcl"
+        self._warm_up()
+
+    def _warm_up(self) -> None:
+        """Call all that is compiled once, and have FCL's scene built."""
+        inside = (float(self.checker.world.bounds[0]), float(self.checker.world.bounds[1]), 0.0)
+        _valid(self._address, *inside)
+        _clearance(self._address, *inside)
+        _motion(self._address, *inside, *inside)
+        _step(self._address, *inside, *inside)
+        self.checker.scene.collides(np.array(inside))
 
     def valid(self, x: float, y: float, theta: float) -> bool:
-        """Return whether a configuration is valid (metres, radians; finite)."""
+        """Return whether a configuration is valid (metres, radians)."""
         if self._by_fcl:
-            return bool(self.checker.valid((x, y, theta)))
+            return given(x, y, theta) and bool(self.checker.valid((x, y, theta)))
         answer = _valid(self._address, x, y, theta)
         if answer == kernels.UNDECIDED:
             return not self.checker.scene.collides(np.array([x, y, theta]))
@@ -59,12 +73,14 @@ class PointwiseChecker:
     def clearance(self, x: float, y: float, theta: float) -> float:
         """Return the distance (metres) to the nearest obstacle or bound; 0 on contact or overlap."""
         if self._by_fcl:
-            return float(self.checker.clearance((x, y, theta)))
+            return float(self.checker.clearance((x, y, theta))) if given(x, y, theta) else 0.0
         return float(_clearance(self._address, x, y, theta))
 
     def motion_valid(self, a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
         """Return whether the motion from a to b, both known to be valid, is certified free of collision."""
         if self._by_fcl:
+            if not (given(*a) and given(*b)):
+                return False
             return bool(self.checker.motions_between_valid(np.array([a]), np.array([b]))[0])
         return bool(_motion(self._address, *a, *b) == kernels.FREE)
 
@@ -121,24 +137,24 @@ def _to_pointer(typing_context: Any, address: Any) -> Any:
     return types.voidptr(address), build
 
 
-_pointer: Any = intrinsic(_to_pointer)
+pointer: Any = intrinsic(_to_pointer)
 
 
 @njit(cache=True, inline="always")
 def _numbers_at(address: int) -> FloatArray:
-    return carray(_pointer(carray(_pointer(address), (37,), np.int64)[36]), (11,), np.float64)
+    return carray(pointer(carray(pointer(address), (37,), np.int64)[36]), (11,), np.float64)
 
 
 @njit(cache=True, inline="always")
 def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     """Return the kernels' arguments: of each array there are address, rows and columns, then the numbers' address."""
-    places, numbers = carray(_pointer(address), (37,), np.int64), _numbers_at(address)
+    places, numbers = carray(pointer(address), (37,), np.int64), _numbers_at(address)
     grid = ObstacleGrid(
-        carray(_pointer(places[0]), (places[1], places[2]), np.float64),
-        carray(_pointer(places[3]), (places[4], places[5]), np.float64),
-        carray(_pointer(places[6]), (places[7],), np.int64),
-        carray(_pointer(places[9]), (places[10],), np.int32),
-        carray(_pointer(places[12]), (places[13],), np.int32),
+        carray(pointer(places[0]), (places[1], places[2]), np.float64),
+        carray(pointer(places[3]), (places[4], places[5]), np.float64),
+        carray(pointer(places[6]), (places[7],), np.int64),
+        carray(pointer(places[9]), (places[10],), np.int32),
+        carray(pointer(places[12]), (places[13],), np.int32),
         numbers[0],
         numbers[1],
         numbers[2],
@@ -146,18 +162,18 @@ def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
         places[31],
     )
     field = ClearanceField(
-        carray(_pointer(places[15]), (places[16], places[17]), np.float32),
+        carray(pointer(places[15]), (places[16], places[17]), np.float32),
         numbers[3],
         numbers[4],
         numbers[5],
         numbers[6],
     )
     robot = Footprint(
-        carray(_pointer(places[18]), (places[19], places[20]), np.float64),
-        carray(_pointer(places[21]), (places[22], places[23]), np.float64),
+        carray(pointer(places[18]), (places[19], places[20]), np.float64),
+        carray(pointer(places[21]), (places[22], places[23]), np.float64),
         numbers[7],
-        carray(_pointer(places[24]), (places[25], places[26]), np.float64),
-        carray(_pointer(places[27]), (places[28], places[29]), np.float64),
+        carray(pointer(places[24]), (places[25], places[26]), np.float64),
+        carray(pointer(places[27]), (places[28], places[29]), np.float64),
         numbers[8],
         numbers[9],
         numbers[10],
@@ -168,22 +184,32 @@ def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
 @njit(cache=True, inline="always")
 def room_at(address: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return room for the placed outline, for the queue of a motion's gaps, and for a motion's ends."""
-    places = carray(_pointer(address), (37,), np.int64)
+    places = carray(pointer(address), (37,), np.int64)
     return (
-        carray(_pointer(places[33]), (places[32], 2), np.float64),
-        carray(_pointer(places[34]), (128, 2), np.float64),
-        carray(_pointer(places[35]), (2, 3), np.float64),
+        carray(pointer(places[33]), (places[32], 2), np.float64),
+        carray(pointer(places[34]), (128, 2), np.float64),
+        carray(pointer(places[35]), (2, 3), np.float64),
     )
+
+
+@njit(cache=True, inline="always")
+def given(x: float, y: float, theta: float) -> bool:
+    """Return whether numbers are a configuration: the kernels take what compares false with everything for free."""
+    return isfinite(x + y) and -pi <= theta <= pi
 
 
 @njit(cache=True)
 def _valid(address: int, x: float, y: float, theta: float) -> int:
+    if not given(x, y, theta):
+        return kernels.BLOCKED
     grid, field, robot = unpacked(address)
     return int(kernels.state(grid, field, robot, room_at(address)[0], x, y, theta))
 
 
 @njit(cache=True)
 def _clearance(address: int, x: float, y: float, theta: float) -> float:
+    if not given(x, y, theta):
+        return 0.0
     grid, field, robot = unpacked(address)
     q = np.empty((1, 3))
     q[0, 0], q[0, 1], q[0, 2] = x, y, theta
@@ -192,6 +218,8 @@ def _clearance(address: int, x: float, y: float, theta: float) -> float:
 
 @njit(cache=True)
 def _motion(address: int, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
+    if not (given(ax, ay, at) and given(bx, by, bt)):
+        return kernels.BLOCKED
     grid, field, robot = unpacked(address)
     placed, queue, ends = room_at(address)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
@@ -202,6 +230,8 @@ def _motion(address: int, ax: float, ay: float, at: float, bx: float, by: float,
 @njit(cache=True)
 def _step(address: int, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
     """Return FREE or BLOCKED for the end b and the motion to it; UNDECIDED where b is left to FCL."""
+    if not (given(ax, ay, at) and given(bx, by, bt)):
+        return kernels.BLOCKED
     grid, field, robot = unpacked(address)
     placed, queue, ends = room_at(address)
     answer = int(kernels.state(grid, field, robot, placed, bx, by, bt))

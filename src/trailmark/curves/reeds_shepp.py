@@ -15,8 +15,10 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["reeds_shepp_words"]
 
-_ZERO = 1e-14
-"""An angle or length that is negative by no more than this is rounded to 0."""
+_SPARE = 1e-3
+"""How far (radians, turning radii) a piece may be on the wrong side of 0: it is driven in the other direction then.
+
+That leads to the goal as well, so that no word is lost to rounding, however large the coordinates."""
 
 _LSL, _LSR, _LRL = (1.0, 0.0, 1.0, 0.0, 0.0), (1.0, 0.0, -1.0, 0.0, 0.0), (1.0, -1.0, 1.0, 0.0, 0.0)
 _LRLR, _LRSL, _LRSR = (1.0, -1.0, 1.0, -1.0, 0.0), (1.0, -1.0, 0.0, 1.0, 0.0), (1.0, -1.0, 0.0, -1.0, 0.0)
@@ -27,6 +29,20 @@ _LRSLR = (1.0, -1.0, 0.0, 1.0, -1.0)
 def _half_turn(angle: float) -> float:
     """Return an angle in [-pi, pi)."""
     return angle - 2.0 * pi * floor((angle + pi) / (2.0 * pi))
+
+
+@njit(cache=True, inline="always")
+def _outer(first: float, total: float, side: float, spare: float) -> tuple[float, float]:
+    """Return the first and the last arc, together ``total``, or their difference if ``side`` is -1.
+
+    One that is below 0 by no more than ``spare``, by which a turn moves the goal no more than rounding does, is left
+    out, so that it costs no cusp; the other one makes up for the heading.
+    """
+    t = _half_turn(first)
+    if -spare <= t < 0.0:
+        t = 0.0
+    v = _half_turn(side * (total - t))
+    return (_half_turn(total), 0.0) if -spare <= v < 0.0 else (t, v)
 
 
 @njit(cache=True)
@@ -42,17 +58,18 @@ def _ends(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[float,
 
 
 @njit(cache=True)
-def reeds_shepp_words(x: float, y: float, phi: float, words: FloatArray) -> int:
+def reeds_shepp_words(x: float, y: float, phi: float, same: float, words: FloatArray) -> int:
     """Write the words that lead to (x, y, phi) into ``words``; return how many there are (at least one).
 
     Args:
         x: ahead of the car, turning radii.
         y: to its left, turning radii.
         phi: heading relative to the car's, radians in (-pi, pi].
+        same: turning radii by which rounding may have moved (x, y); words may end as far beside it.
         words: shape (m, 2, 5), m >= 56.
     """
     n = 0
-    if fabs(y) < SAME and fabs(phi) < SAME:
+    if fabs(y) < same and fabs(phi) < SAME:
         n = put(words, n, _LSL, (0.0, x, 0.0, 0.0, 0.0), 1.0, 1.0, False)
     sin_phi, cos_phi = sin(phi), cos(phi)
     for order in range(2):
@@ -68,25 +85,25 @@ def reeds_shepp_words(x: float, y: float, phi: float, words: FloatArray) -> int:
             xl, yl, xr, yr = xs - s, ys - 1.0 + c, xs + s, ys - 1.0 - c
             dl, dr = hypot(xl, yl), hypot(xr, yr)
             if not backward:
-                n = _same_in_both_orders(xl, yl, dl, xr, yr, dr, ps, flip, mirror, words, n)
+                n = _same_in_both_orders(xl, yl, dl, xr, yr, dr, ps, same, flip, mirror, words, n)
             if dl <= 4.0:
                 # 8.3 and 8.4: C|C|C and C|CC; in the opposite order CC|C.
                 u = -2.0 * asin(0.25 * dl)
                 t = _half_turn(atan2(yl, xl) + 0.5 * u + pi)
-                if t >= -_ZERO:
+                if t >= -_SPARE:
                     n = put(words, n, _LRL, (t, u, _half_turn(ps - t + u), 0.0, 0.0), flip, mirror, backward)
             if dl >= 2.0:
                 # 8.9: C|CSC with equal outer turns.
                 r = sqrt(dl * dl - 4.0)
                 t = _half_turn(atan2(yl, xl) + atan2(r, -2.0))
                 v = _half_turn(ps - 0.5 * pi - t)
-                if t >= -_ZERO and r >= 2.0 - _ZERO and v <= _ZERO:
+                if t >= -_SPARE and r >= 2.0 - _SPARE and v <= _SPARE:
                     n = put(words, n, _LRSL, (t, -0.5 * pi, 2.0 - r, v, 0.0), flip, mirror, backward)
             if dr >= 2.0:
                 # 8.10: C|CSC with different outer turns.
                 t = atan2(xr, -yr)
                 v = _half_turn(t + 0.5 * pi - ps)
-                if t >= -_ZERO and v <= _ZERO:
+                if t >= -_SPARE and v <= _SPARE:
                     n = put(words, n, _LRSR, (t, -0.5 * pi, 2.0 - dr, v, 0.0), flip, mirror, backward)
     return n
 
@@ -100,45 +117,44 @@ def _same_in_both_orders(
     yr: float,
     dr: float,
     phi: float,
+    same: float,
     flip: float,
     mirror: float,
     words: FloatArray,
     n: int,
 ) -> int:
     """Write the words of the formulas whose words come in both orders anyway; return how many rows there are now."""
-    if dl < SAME:
+    if dl < same:
         # One circle: how its arc is shared out among the two turns is all the same.
         n = put(words, n, _LSL, (phi, 0.0, 0.0, 0.0, 0.0), flip, mirror, False)
     else:
         # 8.1: CSC with equal turns.
-        t = atan2(yl, xl)
-        v = _half_turn(phi - t)
-        if t >= -_ZERO and v >= -_ZERO:
+        t, v = _outer(atan2(yl, xl), phi, 1.0, same / dl)
+        if t >= -_SPARE and v >= -_SPARE:
             n = put(words, n, _LSL, (t, dl, v, 0.0, 0.0), flip, mirror, False)
-    if dr > 2.0 - SAME:
+    if dr > 2.0 - same:
         # 8.2: CSC with different turns.
         u = sqrt(max(0.0, dr * dr - 4.0))
-        t = _half_turn(atan2(yr, xr) + atan2(2.0, u))
-        v = _half_turn(t - phi)
-        if t >= -_ZERO and v >= -_ZERO:
+        t, v = _outer(atan2(yr, xr) + atan2(2.0, u), phi, -1.0, same / dr)
+        if t >= -_SPARE and v >= -_SPARE:
             n = put(words, n, _LSR, (t, u, v, 0.0, 0.0), flip, mirror, False)
     if dr <= 2.0:
         # 8.7: CC|CC.
         u = acos(0.5 + 0.25 * dr)
         t, v = _ends(u, -u, xr, yr, phi)
-        if t >= -_ZERO and v <= _ZERO:
+        if t >= -_SPARE and v <= _SPARE:
             n = put(words, n, _LRLR, (t, u, -u, v, 0.0), flip, mirror, False)
     if 4.0 <= dr * dr <= 20.0:
         # 8.8: C|CC|C.
         u = -acos((20.0 - dr * dr) / 16.0)
         t, v = _ends(u, u, xr, yr, phi)
-        if t >= -_ZERO and v >= -_ZERO:
+        if t >= -_SPARE and v >= -_SPARE:
             n = put(words, n, _LRLR, (t, u, u, v, 0.0), flip, mirror, False)
     if dr >= sqrt(20.0):
         # 8.11: C|CSC|C.
         u = 4.0 - sqrt(dr * dr - 4.0)
         t = _half_turn(atan2((4.0 - u) * xr - 2.0 * yr, -2.0 * xr + (u - 4.0) * yr))
         v = _half_turn(t - phi)
-        if t >= -_ZERO and v >= -_ZERO:
+        if t >= -_SPARE and v >= -_SPARE:
             n = put(words, n, _LRSLR, (t, -0.5 * pi, u, -0.5 * pi, v), flip, mirror, False)
     return n

@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from math import fabs
+
 import numpy as np
 
 from trailmark.compiled import njit
 from trailmark.curves.dubins import dubins_words
 from trailmark.curves.reeds_shepp import reeds_shepp_words
-from trailmark.curves.words import PIECES, reversed_word, seen_from, unit_length, walk
+from trailmark.curves.words import PIECES, reversed_word, rounding, seen_from, unit_length, walk
 from trailmark.se2 import FloatArray
 
-__all__ = ["curve_length", "curve_lengths", "curve_states", "curve_words", "equally_short", "shortest_word"]
+__all__ = [
+    "all_words",
+    "as_long",
+    "curve_length",
+    "curve_lengths",
+    "curve_states",
+    "curve_words",
+    "shortest_of",
+    "shortest_word",
+]
 
 MOST_WORDS = 56
 """Rows that either kind of car asks for at most."""
@@ -25,57 +36,62 @@ def _comes_first(a: FloatArray, b: FloatArray) -> bool:
 
 
 @njit(cache=True)
-def equally_short(
-    a: FloatArray, b: FloatArray, radius: float, reverse: bool, slack: float, words: FloatArray
-) -> tuple[int, int, bool]:
-    """Write the words from a to b into ``words``, shape (MOST_WORDS, 2, 5), the shortest ones first.
+def all_words(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> tuple[int, bool]:
+    """Write all words from a to b into ``words``; return how many there are, and whether they lead from b to a.
 
     Of a car that reverses, the curve from b to a is that from a to b driven back, to the last bit: it is always
     computed from the one that comes first. Where that is b, the words lead from b to a.
+    """
+    swapped = reverse and not _comes_first(a, b)
+    x, y, phi = seen_from(b, a, radius) if swapped else seen_from(a, b, radius)
+    same = rounding(a, b, radius)
+    n = reeds_shepp_words(x, y, phi, same, words) if reverse else dubins_words(x, y, phi, same, words)
+    return n, swapped
+
+
+@njit(cache=True)
+def shortest_of(words: FloatArray, n: int) -> tuple[int, float]:
+    """Return which of the first n words is the shortest, the first of those that are, and its length in radii."""
+    best, shortest = 0, np.inf
+    for k in range(n):
+        length = unit_length(words[k])
+        if length < shortest:
+            best, shortest = k, length
+    return best, shortest
+
+
+@njit(cache=True)
+def shortest_word(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> FloatArray:
+    """Return the word, shape (2, 5), of the shortest curve from a to b.
 
     Args:
         a: from, shape (3,).
         b: to, shape (3,).
         radius: turning radius, metres.
         reverse: whether the car drives backwards too.
-        slack: metres by which words may be longer than the shortest.
-        words: where to; the rest of it is used up.
-
-    Returns:
-        Index of the shortest word, how many are as short up to ``slack`` (rows 0 to that number), and whether they
-        lead from b to a.
+        words: room, shape (MOST_WORDS, 2, 5).
     """
-    swapped = reverse and not _comes_first(a, b)
-    x, y, phi = seen_from(b, a, radius) if swapped else seen_from(a, b, radius)
-    n = reeds_shepp_words(x, y, phi, words) if reverse else dubins_words(x, y, phi, words)
-    best, shortest = 0, np.inf
-    for k in range(n):
-        length = unit_length(words[k])
-        if length < shortest:
-            best, shortest = k, length
-    if slack <= 0.0:
-        return best, 1, swapped
-    kept = 0
-    for k in range(n):
-        if unit_length(words[k]) <= shortest + slack / radius:
-            words[kept] = words[k]
-            best = kept if k == best else best
-            kept += 1
-    return best, kept, swapped
+    n, swapped = all_words(a, b, radius, reverse, words)
+    best, _ = shortest_of(words, n)
+    return reversed_word(words[best]) if swapped else words[best]
 
 
 @njit(cache=True)
-def shortest_word(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> FloatArray:
-    """Return the word, shape (2, 5), of the shortest curve from a to b; ``words`` is room, shape (MOST_WORDS, 2, 5)."""
-    best, _, swapped = equally_short(a, b, radius, reverse, 0.0, words)
-    return reversed_word(words[best]) if swapped else words[best]
+def as_long(words: FloatArray, n: int, best: int, length: float, slack: float, number: int) -> int:
+    """Return which of the first n words, but ``best``, is the ``number``-th of that length (radii), -1 if none is."""
+    for k in range(n):
+        if k != best and fabs(unit_length(words[k]) - length) <= slack:
+            number -= 1
+            if number == 0:
+                return k
+    return -1
 
 
 @njit(cache=True)
 def curve_length(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> float:
     """Return the length (metres) of the shortest curve from a to b; ``words`` is room as above."""
-    best, _, _ = equally_short(a, b, radius, reverse, 0.0, words)
-    return radius * unit_length(words[best])
+    n, _ = all_words(a, b, radius, reverse, words)
+    return radius * shortest_of(words, n)[1]
 
 
 @njit(cache=True, nogil=True)

@@ -14,13 +14,16 @@ from trailmark.compiled import njit
 from trailmark.heading import turn, wrapped
 from trailmark.se2 import FloatArray
 
-__all__ = ["PIECES", "SAME", "drive", "put", "reversed_word", "seen_from", "unit_length", "walk"]
+__all__ = ["PIECES", "SAME", "drive", "put", "reversed_word", "rounding", "seen_from", "unit_length", "walk"]
 
 PIECES = 5
 """Pieces of a word at most."""
 
 SAME = 1e-10
-"""Turning radii by which a configuration may miss a straight line or an arc and still count as lying on it."""
+"""Turning radii, and radians, by which a configuration may miss a straight line or an arc and still count as on it."""
+
+_PLACES = 16 * 2.0**-52
+"""Part of the largest coordinate that rounding may move a place by: a few roundings of each end and in between."""
 
 
 @njit(cache=True, inline="always")
@@ -93,6 +96,13 @@ def seen_from(a: FloatArray, b: FloatArray, radius: float) -> tuple[float, float
     dx, dy = (b[0] - a[0]) / radius, (b[1] - a[1]) / radius
     c, s = cos(a[2]), sin(a[2])
     return c * dx + s * dy, c * dy - s * dx, turn(a[2], b[2])
+
+
+@njit(cache=True)
+def rounding(a: FloatArray, b: FloatArray, radius: float) -> float:
+    """Return the turning radii by which b, seen from a, may miss a line or an arc that it was computed to lie on."""
+    largest = max(fabs(a[0]), fabs(a[1]), fabs(b[0]), fabs(b[1]))
+    return max(SAME, _PLACES * largest / radius)
 
 
 @njit(cache=True)

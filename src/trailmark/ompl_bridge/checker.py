@@ -9,9 +9,9 @@ from ompl import base as ob
 
 from trailmark.collision import StateChecker
 from trailmark.collision.pointwise import PointwiseChecker
-from trailmark.collision.pointwise_curves import PointwiseCurveChecker
 from trailmark.heading import turn, wrapped
 from trailmark.ompl_bridge.guard import caught
+from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.states import write_state
 
@@ -67,7 +67,8 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
     """Motions certified free of collision: no resolution, nothing missed.
 
     The space decides what a motion is: straight in an ``SE2StateSpace``, a shortest curve in a ``DubinsStateSpace`` or
-    ``ReedsSheppStateSpace``. Where several curves are as short, all of them must be free, whichever OMPL follows.
+    ``ReedsSheppStateSpace``. Where several curves are as short, or rounding makes OMPL take a longer one, the curve
+    that OMPL follows is found out and certified beside the one that trailmark takes; if that fails, it is refused.
 
     Args:
         information: the ``SpaceInformation`` of an SE(2)-like space within the world's bounds.
@@ -88,9 +89,8 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
         self.checker = checker
         self.checked = 0
         self.steering = steering_of(information)
-        self._single = (
-            PointwiseChecker(checker) if self.steering is None else PointwiseCurveChecker(checker, self.steering)
-        )
+        self._single = PointwiseChecker(checker)
+        self._curves = None if self.steering is None else OmplCurves(information, checker, self.steering)
 
     def checkMotion(self, first: Any, second: Any, last_valid: Any = None) -> bool:  # noqa: N802  # OMPL's name
         """Return whether a motion is certified, its end included; its start is known to be valid.
@@ -105,15 +105,21 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
             self.checked += 1
             ax, ay, at = first.getX(), first.getY(), first.getYaw()
             bx, by, bt = second.getX(), second.getY(), second.getYaw()
-            if bt - at == -pi and self.steering is None:
-                # Exactly half a turn back: OMPL turns clockwise, as trailmark does from b to a.
-                return self._single.valid(bx, by, bt) and self._single.motion_valid((bx, by, bt), (ax, ay, at))
-            if self._single.step_valid(ax, ay, at, bx, by, bt):
+            if self._curves is not None:
+                free = self._single.valid(bx, by, bt) and self._curves.certified(first, second)
+            else:
+                free = self._single.step_valid(ax, ay, at, bx, by, bt)
+                if free and bt - at == -pi:
+                    # Exactly half a turn back: OMPL turns clockwise, as trailmark does from b to a only.
+                    free = self._single.motion_valid((bx, by, bt), (ax, ay, at))
+            if free:
                 return True
             if last_valid is not None:
-                a, b = (ax, ay, at), (bx, by, bt)
-                # The pair's state may be ``second`` itself, which was read above.
-                q, last_valid.second = self._last_certified(a, b)
+                # The pair's state may be ``second`` itself: it is written to once all is known.
+                if self._curves is not None:
+                    q, last_valid.second = _last_on_curve(self._curves, first, second)
+                else:
+                    q, last_valid.second = self._last_certified((ax, ay, at), (bx, by, bt))
                 if last_valid.first is not None:
                     write_state(last_valid.first, q)
         except BaseException as error:  # nothing may pass through OMPL's C++
@@ -121,22 +127,34 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
         return False
 
     def _last_certified(self, a: Configuration, b: Configuration) -> tuple[Configuration, float]:
-        """Return the farthest place up to which a refused motion is certified, within LAST_PLACE, and its fraction."""
+        """Return the farthest place up to which a refused straight motion is certified, and its fraction."""
         dx, dy, shorter = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
-        radius, steering = self.checker.footprint.sweep_radius, self.steering
-        bound = hypot(dx, dy) + radius * abs(shorter)
-        if steering is not None:
-            bound = steering.lengths(a, b) * (1.0 + radius / steering.radius)
+        if b[2] - a[2] == -pi:
+            shorter = -pi
+        bound = hypot(dx, dy) + self.checker.footprint.sweep_radius * abs(shorter)
         last, low, high = a, 0.0, 1.0
         while (high - low) * bound > LAST_PLACE:
             middle = 0.5 * (low + high)
-            if steering is None:
-                q = (a[0] + middle * dx, a[1] + middle * dy, wrapped(a[2] + middle * shorter))
-            else:
-                q = tuple(steering.states(a, b, [middle * steering.lengths(a, b)])[0].tolist())
+            q = (a[0] + middle * dx, a[1] + middle * dy, wrapped(a[2] + middle * shorter))
             # What lies before ``last`` is certified already.
             if self._single.valid(*q) and self._single.motion_valid(last, q):
                 last, low = q, middle
             else:
                 high = middle
         return last, low
+
+
+def _last_on_curve(curves: OmplCurves, first: Any, second: Any) -> tuple[Configuration, float]:
+    """Return the farthest place found on OMPL's curve to which OMPL's curve is certified, and its fraction."""
+    bound = curves.bound(first, second)
+    last, low, high = (first.getX(), first.getY(), first.getYaw()), 0.0, 1.0
+    # A length that is no number ends it at once.
+    while (high - low) * bound > LAST_PLACE:
+        middle = 0.5 * (low + high)
+        # The curve to a place on a curve need not be a part of it, as OMPL computes it.
+        q, free = curves.part(first, second, middle)
+        if free:
+            last, low = q, middle
+        else:
+            high = middle
+    return last, low

@@ -2,7 +2,10 @@
 
 An exception must not pass through OMPL's C++: PRM aborts the process on one. So callbacks catch everything, note the
 first error and ask the planning to end. Python raises KeyboardInterrupt wherever it happens to be, even at a
-callback's first instruction, before any ``try``; while OMPL plans, a handler of our own only takes note of it.
+callback's first instruction, before any ``try``; while OMPL plans, a handler of our own only takes note of it. What
+does not heed a termination condition (OMPL's path simplifier, or a planner started with another one) would go on
+until its time is up: a second Ctrl-C is raised at once, through OMPL. It leaves OMPL's objects in an unknown state, and
+PRM and PRMstar of OMPL 2.0 abort the process on it.
 """
 
 from __future__ import annotations
@@ -28,6 +31,7 @@ class _Session:
         self.thread = threading.get_ident()
         self.condition = condition
         self.error: BaseException | None = None
+        self.interrupts = 0
 
     def fail(self, error: BaseException) -> None:
         if self.error is None:
@@ -36,6 +40,9 @@ class _Session:
             self.condition.terminate()
 
     def interrupted(self, number: int, frame: FrameType | None) -> None:
+        self.interrupts += 1
+        if self.interrupts > 1:
+            raise KeyboardInterrupt
         self.fail(KeyboardInterrupt())
 
 
@@ -47,9 +54,14 @@ def caught(error: BaseException) -> None:
 
     Where nothing watches over the planning, that is, where it was started neither by :func:`solve` nor within
     :func:`planning`, the error becomes a warning.
+
+    Raises:
+        KeyboardInterrupt: the second Ctrl-C.
     """
     mine = [session for session in _sessions if session.thread == threading.get_ident()]
     for session in (mine or _sessions)[-1:]:
+        if session.interrupts > 1:
+            raise KeyboardInterrupt from error
         session.fail(error)
         return
     try:
@@ -67,12 +79,17 @@ def caught(error: BaseException) -> None:
 def planning(condition: Any = None) -> Iterator[None]:
     """Watch over a planning: at the end of the block, raise what went wrong in a callback, or a Ctrl-C within it.
 
+    A second Ctrl-C within the block is raised at once.
+
     Args:
         condition: the ``PlannerTerminationCondition`` that the planning heeds; without one, it ends by itself.
     """
     session = _Session(condition)
-    main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGINT, session.interrupted) if main else None
+    before = signal.getsignal(signal.SIGINT)
+    # Nothing else than a handler in Python makes Ctrl-C an exception: what ignores it goes on ignoring it.
+    main = threading.current_thread() is threading.main_thread() and callable(before)
+    if main:
+        signal.signal(signal.SIGINT, session.interrupted)
     _sessions.append(session)
     try:
         yield

@@ -1,0 +1,77 @@
+"""OmplCurves: the curves that OMPL's Dubins and Reeds-Shepp spaces drive, certified as they are driven."""
+
+from __future__ import annotations
+
+from math import hypot, pi
+from typing import Any
+
+from trailmark.collision import StateChecker
+from trailmark.collision.footprint import TOUCHING_TOLERANCE
+from trailmark.collision.pointwise_curves import TIE, PointwiseCurveChecker
+from trailmark.curves import Steering
+from trailmark.ompl_bridge.states import opened, state
+
+__all__ = ["OmplCurves"]
+
+
+class OmplCurves:
+    """Certifies the curves that ``space.interpolate`` follows, whichever of the words they are.
+
+    On nearly degenerate pairs (straight ahead, a single arc), OMPL's formulas lose the shortest word to rounding and
+    take a longer one; of several that are as short it takes any. The bindings do not tell which one, but lengths do,
+    and places on the curve.
+
+    Args:
+        information: the ``SpaceInformation`` of the space; only the space is kept.
+        checker: trailmark's checker for world and robot.
+        steering: of the cars that the space is for.
+    """
+
+    def __init__(self, information: Any, checker: StateChecker, steering: Steering) -> None:
+        self._space = information.getStateSpace()
+        # The scoped state of OMPL 1.7 is kept beside what is in it, which it frees otherwise.
+        self._made = state(information, (0.0, 0.0, 0.0)), state(information, (0.0, 0.0, 0.0))
+        self._place, self._end = (opened(made) for made in self._made)
+        self._single = PointwiseCurveChecker(checker, steering)
+        self._reach = max(checker.footprint.sweep_radius, steering.radius)
+        self._bound = 1.0 + checker.footprint.sweep_radius / steering.radius
+        # What computes the same place in another order differs by rounding.
+        self._alike = TOUCHING_TOLERANCE + 2.0**-48 * max(abs(value) for value in checker.world.bounds)
+
+    def certified(self, first: Any, second: Any) -> bool:
+        """Return whether the curve that OMPL drives between two states known to be valid is certified.
+
+        So is trailmark's own between them, which may be another one.
+        """
+        a = (first.getX(), first.getY(), first.getYaw())
+        b = (second.getX(), second.getY(), second.getYaw())
+        own = self._single.shortest(a, b)
+        if own is None:
+            return False
+        length = self._space.distance(first, second)
+        if abs(length - own[0]) <= TIE and self._passes(first, second, own[1]):
+            return True
+        return any(self._passes(first, second, marks) for marks in self._single.others(a, b, length))
+
+    def bound(self, first: Any, second: Any) -> float:
+        """Return how far (metres) OMPL's curve between two states moves any point of the robot at most."""
+        return float(self._space.distance(first, second) * self._bound)
+
+    def part(self, first: Any, second: Any, fraction: float) -> tuple[tuple[float, float, float], bool]:
+        """Return the place at a fraction of OMPL's curve, and whether OMPL's curve to there is certified."""
+        end = self._end
+        self._space.interpolate(first, second, fraction, end)
+        q = (end.getX(), end.getY(), end.getYaw())
+        return q, self._single.valid(*q) and self.certified(first, end)
+
+    def _passes(self, first: Any, second: Any, marks: list[list[float]]) -> bool:
+        """Return whether OMPL's curve passes all marks, up to the depth that counts as touching."""
+        place = self._place
+        for fraction, x, y, theta in marks:
+            self._space.interpolate(first, second, fraction, place)
+            turned = abs(place.getYaw() - theta)
+            beside = hypot(place.getX() - x, place.getY() - y) + self._reach * min(turned, abs(turned - 2.0 * pi))
+            # The other way round, a place that is no number would pass.
+            if not beside <= self._alike:
+                return False
+        return True
