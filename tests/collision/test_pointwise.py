@@ -72,7 +72,8 @@ def test_what_is_no_configuration_is_neither_valid_nor_reached(robot: Robot, exa
     good, beyond = (5.0, 5.0, 0.0), (15.0, 5.0, 0.0)
     for wrong in (np.nan, np.inf, -np.inf, 1e300, -1e300):
         for axis in range(3):
-            q = tuple(wrong if i == axis else value for i, value in enumerate(beyond))
+            values = [wrong if i == axis else value for i, value in enumerate(beyond)]
+            q = (values[0], values[1], values[2])
             assert not single.valid(*q), q
             assert single.clearance(*q) == 0.0, q
             assert not single.step_valid(*q, *q), q
