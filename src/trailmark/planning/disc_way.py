@@ -58,7 +58,8 @@ def disc_way(
         return np.empty((0, 2))
     for part in shapely.get_parts(region):
         if shapely.intersects_xy(part, [start[0], goal[0]], [start[1], goal[1]]).all():
-            length, way = shortest_way(triangulated(part), start, goal)
+            mesh = triangulated(part)
+            length, way = (np.inf, np.empty((0, 2))) if mesh is None else shortest_way(mesh, start, goal)
             return way if np.isfinite(length) else np.empty((0, 2))
     return np.empty((0, 2))
 

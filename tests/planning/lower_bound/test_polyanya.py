@@ -11,9 +11,16 @@ import pytest
 import shapely
 from benchmarks.random_worlds import random_world
 
-from trailmark.planning.lower_bound.mesh import locate, triangulated
+from trailmark.planning.lower_bound import mesh as meshes
+from trailmark.planning.lower_bound.mesh import Mesh, locate
 from trailmark.planning.lower_bound.polyanya import shortest_way
 from trailmark.planning.lower_bound.region import free_region
+
+
+def triangulated(polygon: Any) -> Mesh:
+    mesh = meshes.triangulated(polygon)
+    assert mesh is not None
+    return mesh
 
 
 def by_visibility(polygon: Any, start: np.ndarray, goal: np.ndarray) -> float:

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.curves import Steering
-from trailmark.planning.lower_bound.mesh import Mesh, triangulated
+from trailmark.planning.lower_bound.grown import QUARTER
+from trailmark.planning.lower_bound.mesh import Mesh, locate, triangulated
 from trailmark.planning.lower_bound.polyanya import shortest_way
-from trailmark.planning.lower_bound.region import QUARTER, ellipse, free_region
+from trailmark.planning.lower_bound.region import ellipse, free_region, local_origin
+from trailmark.planning.lower_bound.separation import Separation
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -21,6 +23,9 @@ __all__ = ["SECONDS_A_WAY", "Bound", "LowerBound"]
 
 ROUNDING = 1e-9
 """Relative error that lengths may have; taken off."""
+
+DIGITS = 1e-14
+"""Share of the largest coordinate, and of the region's size, that a length may be wrong by, too."""
 
 LARGE = 20_000
 """Vertices of a region from which on it is looked at only as far as a query needs."""
@@ -136,40 +141,110 @@ class LowerBound:
 
     def _way_within(self, a: FloatArray, b: FloatArray, longest: float) -> tuple[float, FloatArray] | None:
         """Return what :meth:`_way` does, as far as it is below ``longest``: all such ways lie within an ellipse."""
-        around = ellipse(a, b, longest)
-        parts = shapely.get_parts(free_region(self.world, self.robot.inscribed_disc.radius, around))
-        at = [np.flatnonzero(shapely.intersects_xy(parts, *point)) for point in (a, b)]
-        if len(at[0]) == 0 or len(at[1]) == 0:
-            return None
-        if at[0][0] != at[1][0]:
-            return longest, np.empty((0, 2))
-        length, way = shortest_way(triangulated(parts[at[0][0]]), a, b)
-        return (min(length, longest) * (1.0 - ROUNDING), way) if np.isfinite(length) else None
+        around = ellipse(a - self._origin, b - self._origin, longest)
+        parts = self._cut(around)
+        # The smaller is soonest proven.
+        for part in sorted(self._around(parts, a, b), key=shapely.get_num_coordinates):
+            mesh = self._proven(part, (a, b), longest)
+            if mesh is not None:
+                found = self._in(mesh, a, b)
+                return None if found is None else (min(found[0], longest * (1.0 - ROUNDING)), found[1])
+        return None
 
     def _way(self, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
         """Return the length of the disc centre's shortest way and its bends; None if that cannot be told."""
-        parts = [int(p) for point in (a, b) for p in self._tree.query(shapely.Point(point), predicate="intersects")[:1]]
-        if len(parts) < 2:
-            # An end outside of the region: rounding. Nothing is claimed.
+        near = {int(p) for q in (a, b) for p in self._tree.query(shapely.Point(q - self._origin), "intersects")}
+        # The smaller is soonest proven.
+        for part in sorted(near, key=lambda n: int(shapely.get_num_coordinates(self._parts[n]))):
+            if part not in self._meshes:
+                self._meshes[part] = self._proven(self._parts[part])
+            mesh = self._meshes[part]
+            if mesh is not None:
+                return self._in(mesh, a, b)
+        return None
+
+    def _in(self, mesh: Mesh, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
+        """Return what :meth:`_way` does, by a mesh that no way leads out of; None if it holds neither end."""
+        ends = a - self._origin, b - self._origin
+        inside = [locate(mesh, end) >= 0 for end in ends]
+        if not any(inside):
+            # Rounding. Nothing is claimed.
             return None
-        if parts[0] != parts[1]:
+        if not all(inside):
             return np.inf, np.empty((0, 2))
-        length, way = shortest_way(self._mesh(parts[0]), a, b)
-        return (length * (1.0 - ROUNDING), way) if np.isfinite(length) else None
+        length, way = shortest_way(mesh, *ends)
+        if not np.isfinite(length):
+            return None
+        size = max(float(np.abs(self.world.bounds).max()), float(np.abs(mesh.points).max()))
+        return max(0.0, length * (1.0 - ROUNDING) - DIGITS * size * (len(way) + 4)), way + self._origin
+
+    def _proven(
+        self, part: Any, ends: tuple[FloatArray, FloatArray] | None = None, longest: float = np.inf
+    ) -> Mesh | None:
+        """Return a part of the region cut into triangles, None unless it is proven that none but long ways leave it.
+
+        Args:
+            part: polygon relative to the origin.
+            ends: of a query: ways longer than ``longest`` may leave it.
+            longest: metres.
+        """
+        mesh = triangulated(part)
+        if mesh is None:
+            return None
+        edges = mesh.points[mesh.edges] + self._origin
+        open_ = ~self._separation.edges_block(edges)
+        if ends is not None and open_.any():
+            open_[open_] = _least_detours(edges[open_], *ends) < longest * (1.0 - ROUNDING)
+        return None if open_.any() else mesh
+
+    def _cut(self, within: Any = None) -> Any:
+        """Return the region's parts relative to the origin, shape (n,); none if shapely fails."""
+        try:
+            region = free_region(self.world, self.robot.inscribed_disc.radius, within, origin=self._origin)
+        except shapely.errors.GEOSException:
+            return np.empty(0, dtype=object)
+        parts = shapely.get_parts(region)
+        return parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+
+    def _around(self, parts: Any, a: FloatArray, b: FloatArray) -> list[Any]:
+        """Return the parts, one or two, in which the ends lie."""
+        at = [shapely.intersects_xy(parts, *(end - self._origin)) for end in (a, b)]
+        return list(parts[at[0] | at[1]]) if len(parts) else []
+
+    @cached_property
+    def _origin(self) -> FloatArray:
+        return local_origin(self.world)
+
+    @cached_property
+    def _separation(self) -> Separation:
+        return Separation(self.world, self.robot.inscribed_disc.radius)
 
     @cached_property
     def _parts(self) -> Any:
-        return shapely.get_parts(free_region(self.world, self.robot.inscribed_disc.radius))
+        return self._cut()
 
     @cached_property
     def _tree(self) -> Any:
         return shapely.STRtree(self._parts)
 
-    def _mesh(self, part: int) -> Mesh:
-        if part not in self._meshes:
-            self._meshes[part] = triangulated(self._parts[part])
-        return self._meshes[part]
-
     @cached_property
-    def _meshes(self) -> dict[int, Mesh]:
+    def _meshes(self) -> dict[int, Mesh | None]:
         return {}
+
+
+def _least_detours(edges: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the length of the shortest way from a to b over each edge (n, 2, 2), as if nothing were in between."""
+    p, d = edges[:, 0], edges[:, 1] - edges[:, 0]
+    square = np.maximum((d * d).sum(axis=1), 1e-300)
+    u, v = ((point - p)[:, None] for point in (a, b))
+    along = [np.einsum("nij,nj->n", w, d) / square for w in (u, v)]
+    off = [np.abs(w[:, 0, 0] * d[:, 1] - w[:, 0, 1] * d[:, 0]) / np.sqrt(square) for w in (u, v)]
+    total = np.maximum(off[0] + off[1], 1e-300)
+    # As light is mirrored: where the two ends' distances from the line divide it.
+    share = np.clip((along[0] * off[1] + along[1] * off[0]) / total, 0.0, 1.0)
+    # Of a convex function, the tangent at any point is a lower bound: rounding of the share does no harm.
+    at = p + share[:, None] * d
+    ways = [at - a, at - b]
+    length = sum(np.hypot(*way.T) for way in ways)
+    slope = sum((way * d).sum(axis=1) / np.maximum(np.hypot(*way.T), 1e-300) for way in ways)
+    return np.asarray(length + np.minimum(slope * (0.0 - share), slope * (1.0 - share)))

@@ -9,59 +9,76 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from trailmark.planning.lower_bound.grown import QUARTER, grown, strips
 from trailmark.shapes import Disc, Shape
 from trailmark.world import World
 
-__all__ = ["MARGIN", "ellipse", "free_region"]
+__all__ = ["MARGIN", "ellipse", "free_region", "local_origin"]
+
+FloatArray = NDArray[np.float64]
 
 MARGIN = 2e-6
 """Metres by which the disc is made smaller: more than contact may overlap and polygons' coordinates be wrong by."""
 
-QUARTER = 8
-"""Chords for each quarter of a circle: their middles lie 0.5 % of the radius inside of it."""
+AT_ORIGIN = (0.0, 0.0)
 
 
-def free_region(world: World, radius: float, within: Any = None) -> Any:
+def local_origin(world: World) -> FloatArray:
+    """Return the point, shape (2,), relative to which regions are made: coordinates far from 0 have fewer digits."""
+    xmin, ymin, xmax, ymax = world.bounds
+    return np.round(np.array([0.5 * (xmin + xmax), 0.5 * (ymin + ymax)]))
+
+
+def free_region(
+    world: World, radius: float, within: Any = None, *, origin: FloatArray | tuple[float, float] = AT_ORIGIN
+) -> Any:
     """Return a region (shapely) that contains every position of a disc's centre at which the disc is free.
 
     Round corners are cut by chords, which lie inside the obstacles grown by the radius; so the region errs on the free
-    side only.
+    side only, but for the rounding of shapely's overlays (:mod:`trailmark.planning.lower_bound.separation`).
 
     Args:
         world: obstacles, bounds, boundary.
         radius: of the disc, metres; 0 for a point.
-        within: a region outside of which obstacles do not matter and nothing is returned.
+        within: a region, relative to ``origin``, outside of which obstacles do not matter and nothing is returned.
+        origin: what the region's coordinates are relative to.
     """
     r = max(radius - MARGIN, 0.0)
-    xmin, ymin, xmax, ymax = world.bounds
+    xmin, ymin, xmax, ymax = np.asarray(world.bounds) - [*origin, *origin]
     region = shapely.box(xmin + r, ymin + r, xmax - r, ymax - r)
+    taken: list[Any] = []
     if world.boundary is not None:
-        inside = world.boundary.shapely()
-        region = shapely.intersection(region, shapely.buffer(inside, -r, quad_segs=QUARTER) if r > 0.0 else inside)
+        inside = shapely.orient_polygons(_moved([world.boundary.shapely()], origin))
+        region = shapely.intersection(region, inside[0])
+        if r > 0.0:
+            taken += strips(shapely.reverse(shapely.get_rings(inside)), r)
     if within is not None:
         region = shapely.intersection(region, within)
     shapes = world.obstacles
     if within is not None:
-        boxes = shapely.box(*np.array([s.bounding_box() for s in shapes]).reshape(-1, 4).T)
-        near = shapely.dwithin(boxes, within, r + MARGIN)
+        boxes = np.array([s.bounding_box() for s in shapes]).reshape(-1, 4) - [*origin, *origin]
+        near = shapely.dwithin(shapely.box(*boxes.T), within, r + MARGIN)
         shapes = tuple(s for s, close in zip(shapes, near, strict=True) if close)
-    grown = [*_polygons(shapes, r), *_discs(shapes, r)]
-    return shapely.difference(region, shapely.union_all(grown)) if grown else region
+    polygons = _moved([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], origin)
+    taken += [*(grown(polygons, r) if r > 0.0 else polygons), *_discs(shapes, r, origin)]
+    return shapely.difference(region, shapely.union_all(taken)) if taken else region
 
 
-def _polygons(shapes: Sequence[Shape], r: float) -> list[Any]:
-    regions = np.array([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], dtype=object)
-    if len(regions) == 0:
-        return []
-    return list(shapely.buffer(regions, r, quad_segs=QUARTER)) if r > 0.0 else list(regions)
+def _moved(polygons: list[Any], origin: FloatArray | tuple[float, float]) -> NDArray[Any]:
+    """Return polygons relative to an origin, shape (n,)."""
+    array: NDArray[Any] = np.array(polygons, dtype=object)
+    return array if not np.any(origin) else shapely.transform(array, lambda points: points - origin)
 
 
-def _discs(shapes: Sequence[Shape], r: float) -> list[Any]:
-    rows = [(*s.center, s.radius - MARGIN + r) for s in shapes if isinstance(s, Disc)]
-    return [shapely.Point(x, y).buffer(size, quad_segs=2 * QUARTER) for x, y, size in rows if size > 0.0]
+def _discs(shapes: Sequence[Shape], r: float, origin: FloatArray | tuple[float, float]) -> list[Any]:
+    rows = np.array([(*s.center, s.radius) for s in shapes if isinstance(s, Disc)]).reshape(-1, 3)
+    sizes = rows[:, 2] - MARGIN + r
+    # A convex line is not simplified; its arcs are drawn inside.
+    discs = shapely.buffer(shapely.points(rows[:, :2] - origin), sizes, quad_segs=2 * QUARTER)
+    return [disc for disc, size in zip(discs, sizes, strict=True) if size > 0.0]
 
 
-def ellipse(a: NDArray[np.float64], b: NDArray[np.float64], longest: float) -> Any:
+def ellipse(a: FloatArray, b: FloatArray, longest: float) -> Any:
     """Return a polygon around all points whose distances to a and b add up to no more than ``longest``."""
     apart = float(np.hypot(*(b - a)))
     major = 0.5 * max(longest, apart) + MARGIN

@@ -1,0 +1,128 @@
+"""Separation: a proof that a disc's centre cannot cross some lines, which shares nothing with what has drawn them.
+
+A disc of radius r that is centred within r of a convex thing (a segment, a disc) meets it; and what is within r of a
+convex thing is convex. So an edge, or a convex cell, blocks the way as soon as all its corners lie nearer than r to one
+part of an obstacle's outline. Whoever is shut in by such edges stays inside: by whatever means they were found, and
+however wrong these were.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from math import hypot
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
+from trailmark.world import World
+
+__all__ = ["CERTAIN", "Separation"]
+
+FloatArray = NDArray[np.float64]
+
+CERTAIN = 1e-6
+"""Metres by which a disc must overlap: more than contact may (1e-7 m) and coordinates up to 1e7 m be rounded by."""
+
+HALVINGS = 24
+"""Times at most that an edge is cut in halves: what blocks one half need not block the other."""
+
+
+class Separation:
+    """What a disc of some radius cannot cross in a world.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        radius: metres.
+    """
+
+    def __init__(self, world: World, radius: float) -> None:
+        self.world = world
+        self.reach = radius - CERTAIN
+
+    @cached_property
+    def _grid(self) -> ObstacleGrid:
+        return build_grid(self.world, cell_size_for(self.world, self.reach))
+
+    def edges_block(self, edges: FloatArray) -> NDArray[np.bool_]:
+        """Return which edges, shape (n, 2, 2) in the world's frame, the disc's centre can be nowhere on; shape (n,)."""
+        if self.reach <= 0.0:
+            return np.zeros(len(edges), np.bool_)
+        return np.asarray(_edges_block(self._grid, np.ascontiguousarray(edges), self.reach))
+
+    def cells_block(self, corners: FloatArray) -> NDArray[np.bool_]:
+        """Return which convex cells, shape (n, k, 2), the disc's centre can be nowhere in for certain; shape (n,)."""
+        if self.reach <= 0.0:
+            return np.zeros(len(corners), np.bool_)
+        return np.asarray(_cells_block(self._grid, np.ascontiguousarray(corners), self.reach))
+
+
+@njit(cache=True)
+def _one_blocks(grid: ObstacleGrid, corners: FloatArray, reach: float) -> bool:
+    """Return whether all corners, shape (k, 2), lie within reach of one and the same segment or disc."""
+    x, y = corners[0, 0], corners[0, 1]
+    # All that blocks is within reach of the first corner, too.
+    first = max(0, int((x - reach - grid.x0) / grid.size)), max(0, int((y - reach - grid.y0) / grid.size))
+    last_column = min(grid.columns - 1, int((x + reach - grid.x0) / grid.size))
+    last_row = min(grid.rows - 1, int((y + reach - grid.y0) / grid.size))
+    for row in range(first[1], last_row + 1):
+        for column in range(first[0], last_column + 1):
+            cell = row * grid.columns + column
+            for place in range(grid.cell_start[cell], grid.cell_start[cell + 1]):
+                item, k = grid.items[place], 0
+                while k < len(corners) and _near(grid, item, corners[k, 0], corners[k, 1], reach):
+                    k += 1
+                if k == len(corners):
+                    return True
+    return False
+
+
+@njit(cache=True)
+def _near(grid: ObstacleGrid, item: int, x: float, y: float, reach: float) -> bool:
+    """Return whether a point lies within reach of a segment or a disc."""
+    if item >= len(grid.segments):
+        disc = grid.discs[item - len(grid.segments)]
+        return bool(hypot(x - disc[0], y - disc[1]) <= disc[2] + reach)
+    ax, ay, bx, by = grid.segments[item]
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    share = ((x - ax) * dx + (y - ay) * dy) / square if square > 0.0 else 0.0
+    share = min(1.0, max(0.0, share))
+    # Some point of the segment, the nearest but for rounding: its distance is never too small.
+    return bool(hypot(x - (ax + share * dx), y - (ay + share * dy)) <= reach)
+
+
+@njit(cache=True, nogil=True)
+def _edges_block(grid: ObstacleGrid, edges: FloatArray, reach: float) -> NDArray[np.bool_]:
+    found = np.zeros(len(edges), np.bool_)
+    waiting = np.empty((HALVINGS + 2, 2, 2))
+    for n in range(len(edges)):
+        waiting[0] = edges[n]
+        # How often each has been halved: the stack holds one of each depth at most.
+        depth = np.zeros(HALVINGS + 2, np.int64)
+        count = 1
+        while count > 0:
+            edge = waiting[count - 1]
+            if _one_blocks(grid, edge, reach):
+                count -= 1
+                continue
+            if depth[count - 1] == HALVINGS:
+                break
+            deeper = depth[count - 1] + 1
+            mx, my = 0.5 * (edge[0, 0] + edge[1, 0]), 0.5 * (edge[0, 1] + edge[1, 1])
+            waiting[count, 0] = edge[0]
+            waiting[count, 1, 0], waiting[count, 1, 1] = mx, my
+            waiting[count - 1, 0, 0], waiting[count - 1, 0, 1] = mx, my
+            depth[count - 1] = depth[count] = deeper
+            count += 1
+        found[n] = count == 0
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _cells_block(grid: ObstacleGrid, corners: FloatArray, reach: float) -> NDArray[np.bool_]:
+    found = np.zeros(len(corners), np.bool_)
+    for n in range(len(corners)):
+        found[n] = _one_blocks(grid, corners[n], reach)
+    return found
