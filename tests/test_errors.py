@@ -61,3 +61,11 @@ def test_what_came_up_in_compiled_code_arrives_as_it_was_raised() -> None:
     with pytest.raises(LookupError):
         errors.as_raised(failing)(LookupError(), SystemError())
     assert errors.as_raised(divmod)(7, 2) == (3, 1)
+
+
+def test_a_message_is_one_line_however_long_what_was_given() -> None:
+    error = FormatError("map.yaml", f"height '{'a' * 70_000}\n' given, allowed: a whole number above 0", 3)
+    assert "\n" not in str(error)
+    assert len(str(error)) < 1100
+    assert str(error).startswith("map.yaml:3: height 'aaa")
+    assert str(error).endswith("allowed: a whole number above 0")

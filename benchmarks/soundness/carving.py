@@ -118,6 +118,8 @@ def carved_world(rng: Rng, car: bool = False, scale: str = "plain") -> Carved | 
         bulge = SLACK * margin * (1.0 + radius / robot.circumradius)
     else:
         way = _straight_way(rng, start)
+        if rng.random() < 0.4:
+            way = _wavering(rng, way, robot.circumradius)
         places, cost = _fine(way, most), float(_costs(way).sum())
         bulge = SLACK * margin
     if len(places) > 4000:
@@ -160,6 +162,19 @@ def _straight_way(rng: Rng, start: FloatArray) -> FloatArray:
         theta = float(np.angle(np.exp(1j * (last[2] + turn))))
         rows.append(np.array([last[0] + length * math.cos(heading), last[1] + length * math.sin(heading), theta]))
     return np.array(rows)
+
+
+def _wavering(rng: Rng, way: FloatArray, size: float) -> FloatArray:
+    """Return a way that wavers to both sides by up to a hundredth of the robot: its walls are shallow waves."""
+    rows, most = [way[:1]], size * 10.0 ** rng.uniform(-4.0, -1.8)
+    for a, b in pairwise(way):
+        t = np.sort(rng.uniform(0.05, 0.95, int(rng.integers(1, 8))))
+        turn = float(np.angle(np.exp(1j * (b[2] - a[2]))))
+        between = a + t[:, None] * np.array([b[0] - a[0], b[1] - a[1], turn])
+        between[:, :2] += most * rng.uniform(-1.0, 1.0, (len(t), 2))
+        between[:, 2] = np.angle(np.exp(1j * between[:, 2]))
+        rows += [between, b[None]]
+    return np.concatenate(rows)
 
 
 def _costs(way: FloatArray) -> FloatArray:

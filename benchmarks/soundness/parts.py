@@ -30,7 +30,7 @@ __all__ = ["PARTS", "Part"]
 FloatArray = NDArray[np.float64]
 Rng = np.random.Generator
 
-HALVINGS = 32
+HALVINGS = 28
 """Times that the gap between an accepted and a refused configuration or motion is halved."""
 
 AWAY = tuple(name for name in SCALES if name != "plain")
@@ -246,11 +246,11 @@ def carved(rng: Rng, report: Report, scale: str = "plain") -> None:
     cost, seed = known.cost, int(rng.integers(1000))
     report.ask(world, question("bound", ends, cost=cost))
     report.count("bounds")
-    seconds = float(rng.choice([0.05, 0.3, 1.0], p=[0.7, 0.2, 0.1]))
+    seconds = float(rng.choice([0.05, 0.3, 1.0], p=[0.8, 0.15, 0.05]))
     report.ask(world, question("plan", ends, cost=cost, seconds=seconds, seed=seed))
     report.count("plans")
     if rng.random() < 0.5:
-        report.ask(world, question("enclosed", ends, cost=cost, seconds=0.3))
+        report.ask(world, question("enclosed", ends, cost=cost, seconds=0.2))
         report.count("enclosures tried")
 
 

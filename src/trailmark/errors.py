@@ -28,8 +28,17 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
+LONGEST = 1000
+"""Characters of a message at most: what was given may be a whole file on one line."""
+
+
 class TrailmarkError(Exception):
-    """Base class of all errors that trailmark raises on purpose."""
+    """Base class of all errors that trailmark raises on purpose. The message is one line."""
+
+    def __str__(self) -> str:
+        text = " ".join(super().__str__().splitlines())
+        # What is allowed stands at the end.
+        return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
 class ShapeError(TrailmarkError, ValueError):

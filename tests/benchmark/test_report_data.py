@@ -162,3 +162,14 @@ def test_a_locked_database_is_one_line(small: Path, monkeypatch: pytest.MonkeyPa
         db.execute("BEGIN EXCLUSIVE")
         with pytest.raises(StoreError, match="locked by another program"):
             load_results(small)
+
+
+@pytest.mark.parametrize("value", ["", "[[", b"\xff\xfe"])
+def test_a_cell_that_is_no_number_is_told(database: Path, tmp_path: Path, value: object) -> None:
+    file = tmp_path / "damaged.db"
+    file.write_bytes(database.read_bytes())
+    with closing(sqlite3.connect(file)) as db:
+        db.execute("UPDATE runs SET time = ?", (value,))
+        db.commit()
+    with pytest.raises(StoreError, match=r"damaged\.db: a cell holds what its column does not"):
+        load_results(file)

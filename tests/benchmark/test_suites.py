@@ -84,3 +84,9 @@ def test_the_suites_that_ship_can_be_run(file: Path) -> None:
     assert all(Path(entry.world).suffix == "" for entry in suite.entries if not entry.optional), (
         "shipped worlds by name"
     )
+
+
+def test_a_world_that_no_file_can_be_named_after_is_taken_for_a_name(tmp_path: Path) -> None:
+    file = tmp_path / "suite.yaml"
+    file.write_text(f"worlds: [{'a' * 5000}]\nplanners: [landmark]\n")
+    assert read_suite(file).entries[0].world == "a" * 5000

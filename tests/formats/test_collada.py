@@ -181,6 +181,7 @@ DEEP = "".join(
         (document(nodes="<lookat>1 2 3</lookat>"), "<lookat> given, allowed: <matrix>, <translate>, <rotate>, <scale>"),
         (document(nodes="<scale>a b c</scale>"), "<scale> holds something other than numbers"),
         (document(positions=SQUARE.replace("2", "nan")), "a coordinate that is not a finite number given"),
+        (document(positions=SQUARE.replace("2", "9e15")), "a coordinate of 9e+15 m given, allowed: at most 1e+08 m"),
         (document(positions=SQUARE.replace("2", "two")), "<float_array> holds something other than numbers"),
         (document(positions="0 0 0 1 0 0"), "input POSITION has an index beyond its 2 entries"),
         (document(faces=TRIANGLES.replace("0 1 2", "0 1 -2")), "input POSITION has an index beyond its 4 entries"),

@@ -223,6 +223,8 @@ class Store:
         """Turn SQLite's errors into one line."""
         try:
             yield
+        except (TypeError, ValueError) as error:
+            raise StoreError(f"{self.path}: a cell holds what its column does not: {error}") from None
         except sqlite3.Error as error:
             hints = {"database is locked": "locked by another program", "file is not a database": "no SQLite database"}
             problem = hints.get(str(error), str(error))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,8 +109,9 @@ def _entry(item: Any, where: str, here: Path, folder: Path) -> Entry:
     optional = world.startswith(DATA)
     if optional:
         world = str(folder / world.removeprefix(DATA))
-    elif (here / world).is_file():
-        world = str(here / world)
+    else:
+        with suppress(OSError):  # no file can have that name: it is too long
+            world = str(here / world) if (here / world).is_file() else world
     return Entry(
         world=world,
         optional=optional,

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from trailmark.errors import FormatError
 from trailmark.formats.files import read_bytes
+from trailmark.shapes import LIMIT
 
 __all__ = ["MAX_FACES", "Mesh", "read_collada"]
 
@@ -118,6 +119,9 @@ class _Reader:
         mesh = Mesh(np.concatenate(triangles), tuple(polygons), np.concatenate(vertices))
         if not all(np.isfinite(array).all() for array in (mesh.triangles, mesh.vertices, *polygons)):
             raise _ColladaError("a coordinate that is not a finite number given")
+        # Beyond what shapes may hold, growing a wall to a sheet takes memory without end.
+        if (most := float(np.abs(mesh.vertices).max())) > LIMIT:
+            raise _ColladaError(f"a coordinate of {most:g} m given, allowed: at most {LIMIT:g} m")
         return mesh
 
     def _placed(self, node: ElementTree.Element, matrix: FloatArray, depth: int) -> Iterator[tuple[FloatArray, _Group]]:
@@ -268,7 +272,8 @@ def _transform(element: ElementTree.Element) -> FloatArray:
 
 
 def _moved(matrix: FloatArray, points: FloatArray) -> FloatArray:
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no number after that is refused
+        return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
 
 def _numbers(element: ElementTree.Element, kind: type[np.int64 | np.float64]) -> NDArray[Any]:

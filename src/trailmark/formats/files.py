@@ -25,8 +25,9 @@ def read_bytes(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
     try:
         with path.open("rb") as file:
             size = os.fstat(file.fileno()).st_size
-            # Pipes have no size to ask for, so what is read is bounded too.
-            data = file.read(limit + 1) if size <= limit else b""
+            # What is asked for is set aside at once, so no more than there is; pipes have no size, yet are bounded too.
+            data = file.read(min(size, limit) + 1) if size <= limit else b""
+            data += file.read(limit + 1 - len(data)) if len(data) > size else b""
     except (OSError, ValueError) as error:
         raise FormatError(path, f"cannot be read: {_reason(error)}") from None
     size = max(size, len(data))

@@ -128,7 +128,11 @@ def _free_image(path: Path, file: MapFile) -> NDArray[np.bool_]:
     from PIL import Image, UnidentifiedImageError
 
     allowed = f"allowed: an image of the kinds {', '.join(IMAGE_KINDS.values())}"
-    if path.is_dir():
+    try:
+        folder = path.is_dir()
+    except OSError as error:  # no file can have that name
+        raise FormatError(path, f"image cannot be read: {error.strerror}") from None
+    if folder:
         raise FormatError(path, f"a directory given, {allowed}")
     try:
         with warnings.catch_warnings():

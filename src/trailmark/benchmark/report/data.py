@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.schema import APPLICATION, MEASURED, VERSION
 from trailmark.benchmark.status import Status
-from trailmark.errors import FormatError
+from trailmark.errors import FormatError, TrailmarkError
 
 __all__ = ["Curve", "Problem", "Results", "Runs", "load_results"]
 
@@ -263,6 +263,10 @@ def _opened(file: Path) -> Iterator[sqlite3.Connection]:
         with closing(_connect(file)) as db:
             _check_schema(db, file)
             yield db
+    except TrailmarkError:
+        raise
+    except (TypeError, ValueError, OverflowError) as error:
+        raise StoreError(f"{file}: a cell holds what its column does not: {error}; {ALLOWED}") from None
     except sqlite3.Error as error:
         problem = "locked by another program" if "locked" in str(error) else str(error)
         raise StoreError(f"{file}: cannot be read: {problem}; {ALLOWED}") from None

@@ -1,0 +1,1 @@
+"""Damaged files: what readers make of them. ``python -m benchmarks.fuzz``."""

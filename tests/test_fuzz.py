@@ -1,0 +1,31 @@
+"""Damaged files: readers refuse them by trailmark's errors, in one line, with little memory and time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from benchmarks.fuzzing.attack import attack, available
+from benchmarks.fuzzing.targets import TARGETS
+from benchmarks.soundness.workers import Worker
+
+COUNT = 25
+"""Damaged files for each reader: under a minute in all; ``python -m benchmarks.fuzz`` takes as long as it is given."""
+
+
+@pytest.fixture(scope="module")
+def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
+    worker = Worker(attack, tmp_path_factory.mktemp("fuzz") / "asking.pickle", seconds=120.0)
+    yield worker
+    worker.close()
+
+
+@pytest.mark.parametrize("name", list(TARGETS))
+def test_damaged_files_are_refused_in_one_line(name: str, worker: Worker) -> None:
+    if not available(name):
+        pytest.skip("real data not found, or an extra is not installed")
+    outcome = worker.do({"target": name, "seed": 0, "count": COUNT})
+    assert outcome.problem is None, outcome.asking
+    read, refused, found = outcome.value
+    assert [finding.problem for finding in found] == []
+    assert read + refused == COUNT
