@@ -212,6 +212,23 @@ def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.M
     assert (result.status, result.path) == ("timeout", None)
 
 
+@pytest.mark.parametrize("robot", [Robot.disc(0.4), Robot.rectangle(0.8, 0.4).steered(0.5)])
+def test_a_lower_bound_above_a_cost_is_not_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath, robot: Robot
+) -> None:
+    from trailmark.planning.lower_bound.bound import Bound, LowerBound
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr(LowerBound, "of", lambda *arguments: Bound(40.0, np.empty((0, 2))))
+    planner = LandmarkPlanner(WALL, robot, seed=0)
+    with pytest.warns(InternalErrorWarning, match="lower bound of 40"):
+        result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1)
+    assert result.status == "solved"
+    assert result.cost is not None
+    assert result.lower_bound == pytest.approx(8.0)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
 def test_good_paths_cause_no_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

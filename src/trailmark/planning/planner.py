@@ -372,6 +372,16 @@ class LandmarkPlanner:
             return None
         return path
 
+    def _lower_bound(self, attempt: Attempt | Answer, path: Path | None) -> float:
+        """Return the bound that was proven; one above a path's cost is reported as an error instead."""
+        if path is None or attempt.lower_bound <= path.cost * (1.0 + 1e-9) + 1e-9:
+            return attempt.lower_bound
+        ends = np.array([attempt.start, attempt.goal])
+        problem = f"a lower bound of {attempt.lower_bound!r} was said to hold where a path costs {path.cost!r}"
+        states = path.knots if isinstance(path, CurvePath) else path.states
+        report_incident(problem, self.world, self.robot, *ends, seed=self.seed, states=states.tolist())
+        return float(se2.distance(*ends) if self.steering is None else self.steering.lengths(*ends))
+
     def _result(self, attempt: Attempt | Answer, status: Status, path: Path | None, build: float) -> PlanResult:
         clearance = None
         if path is not None:
@@ -382,7 +392,7 @@ class LandmarkPlanner:
             status=status,
             path=path,
             seed=self.seed,
-            lower_bound=None if status == "infeasible" else attempt.lower_bound,
+            lower_bound=None if status == "infeasible" else self._lower_bound(attempt, path),
             first_cost=attempt.first_cost,
             min_clearance=clearance,
             landmarks=len(self.roadmap),
