@@ -219,8 +219,8 @@ def test_a_lower_bound_above_a_cost_is_not_told(
     from trailmark.planning.lower_bound.bound import Bound, LowerBound
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr(LowerBound, "of", lambda *arguments: Bound(40.0, np.empty((0, 2))))
     planner = LandmarkPlanner(WALL, robot, seed=0)
+    monkeypatch.setattr(LowerBound, "of", lambda *arguments: Bound(40.0, np.empty((0, 2))))
     with pytest.warns(InternalErrorWarning, match="lower bound of 40"):
         result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1)
     assert result.status == "solved"
