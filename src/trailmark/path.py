@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
+from trailmark.arguments import number, number_array
 from trailmark.errors import ConfigurationError
 
-__all__ = ["Path"]
+__all__ = ["Path", "fractions"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,7 @@ class Path:
         """
         steps = se2.distance(self.states[:-1], self.states[1:])
         along = np.concatenate([[0.0], np.cumsum(steps)])
-        where = np.clip(np.asarray(fraction, dtype=np.float64), 0.0, 1.0) * along[-1]
+        where = np.clip(fractions(fraction), 0.0, 1.0) * along[-1]
         if len(self.states) == 1:
             return np.broadcast_to(self.states[0], (*where.shape, 3)).copy()
         segment = np.clip(np.searchsorted(along, where, side="right") - 1, 0, len(steps) - 1)
@@ -86,8 +87,7 @@ class Path:
         Raises:
             ConfigurationError: a step that is not a finite number above 0.
         """
-        if not (np.isfinite(step) and step > 0.0):
-            raise ConfigurationError(f"resample: step {step!r} given, allowed: a finite number above 0")
+        step = number(step, "resample: step", above=0.0)
         pieces = [self.states[:1]]
         for a, b in zip(self.states[:-1], self.states[1:], strict=True):
             n = max(1, int(np.ceil(se2.distance(a, b) / step)))
@@ -98,3 +98,15 @@ class Path:
     def reversed(self) -> Path:
         """Return the path from its end to its start; it has the same cost."""
         return Path(self.states[::-1])
+
+
+def fractions(value: ArrayLike) -> se2.FloatArray:
+    """Return fractions of a path as a float array of any shape, or say what is wrong.
+
+    Raises:
+        ConfigurationError: values that are no numbers, or NaN.
+    """
+    found = number_array(value, "path: fraction")
+    if np.isnan(found).any():
+        raise ConfigurationError("path: fraction: NaN given, allowed: numbers from 0 to 1")
+    return found

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from trailmark import se2
+from trailmark.arguments import brief, one_of, real
 from trailmark.errors import ShapeError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
@@ -39,6 +40,8 @@ class Robot:
 
     def __post_init__(self) -> None:
         self._check_steering()
+        hint = " (from text: Robot.parse('disc:1'))" if isinstance(self.footprint, str) else ""
+        one_of(self.footprint, (Disc, Rectangle, Polygon), "robot: footprint:", hint=hint, error=ShapeError)
         shape = self.footprint
         if isinstance(shape, Polygon):
             if shape.holes:
@@ -59,7 +62,7 @@ class Robot:
     @classmethod
     def polygon(cls, vertices: Sequence[Sequence[float]] | se2.FloatArray) -> Robot:
         """Return a robot with any simple outline; ``vertices`` of shape (n, 2), metres, robot frame."""
-        return cls(Polygon(np.asarray(vertices, dtype=np.float64)))
+        return cls(Polygon(vertices))  # type: ignore[arg-type]  # it makes arrays itself
 
     @classmethod
     def parse(cls, text: str) -> Robot:
@@ -71,7 +74,7 @@ class Robot:
         Raises:
             ShapeError: anything else.
         """
-        kind, _, rest = text.partition(":")
+        kind, _, rest = one_of(text, str, "robot:", error=ShapeError).partition(":")
         try:
             if kind == "disc":
                 return cls.disc(float(rest))
@@ -150,15 +153,16 @@ class Robot:
 
     def _check_steering(self) -> None:
         radius = self.turning_radius
-        if not isinstance(self.reverse, bool):
-            raise ShapeError(f"robot: reverse {self.reverse!r} given, allowed: True, False")
+        if not isinstance(self.reverse, bool | np.bool_):
+            raise ShapeError(f"robot: reverse {brief(self.reverse)} given, allowed: True, False")
+        object.__setattr__(self, "reverse", bool(self.reverse))
         if radius is None:
             if not self.reverse:
                 raise ShapeError("robot: reverse False given without a turning radius, allowed: with one")
             return
-        number = isinstance(radius, int | float | np.integer | np.floating) and not isinstance(radius, bool)
-        if not (number and 0.0 < radius <= TURNING_LIMIT):
+        if not 0.0 < real(radius) <= TURNING_LIMIT:
             raise ShapeError(
-                f"robot: turning_radius {radius!r} given, allowed: a number above 0 and at most {TURNING_LIMIT:g} m"
+                f"robot: turning_radius {brief(radius)} given, "
+                f"allowed: a number above 0 and at most {TURNING_LIMIT:g} m"
             )
         object.__setattr__(self, "turning_radius", float(radius))

@@ -7,12 +7,12 @@ function takes arrays of shape ``(..., 3)`` and broadcasts like numpy. The dista
 
 from __future__ import annotations
 
-import reprlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trailmark.arguments import number_array
 from trailmark.errors import ConfigurationError
 
 __all__ = [
@@ -45,12 +45,7 @@ def configurations(q: ArrayLike, *, name: str = "configuration") -> FloatArray:
     Raises:
         ConfigurationError: other shapes, or values that are not finite numbers.
     """
-    try:
-        # In C order: to the compiled kernels, another memory layout is another type and another compilation.
-        array = np.array(q, dtype=np.float64, order="C")
-    except (TypeError, ValueError, OverflowError):
-        given = " ".join(reprlib.repr(q).split())
-        raise ConfigurationError(f"{name}: {given} is not an array of numbers x, y, theta") from None
+    array = number_array(q, name, "{} is not an array of numbers x, y, theta")
     if array.ndim not in (1, 2) or array.shape[-1] != 3:
         raise ConfigurationError(f"{name}: shape {array.shape} given, allowed: (3,) or (n, 3) for x, y, theta")
     if not np.isfinite(array).all():

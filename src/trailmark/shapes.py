@@ -7,13 +7,14 @@ themselves when they are made.
 from __future__ import annotations
 
 import math
-import reprlib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trailmark.arguments import brief, number_array, real
 from trailmark.errors import ShapeError
 
 if TYPE_CHECKING:
@@ -118,6 +119,8 @@ class Polygon:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", _ring(self.vertices, "polygon: vertices"))
+        if not isinstance(self.holes, Iterable) or isinstance(self.holes, str):
+            raise ShapeError(f"polygon: holes {brief(self.holes)} given, allowed: a list of rings of points [x, y]")
         holes = tuple(_ring(hole, f"polygon: holes[{i}]") for i, hole in enumerate(self.holes))
         object.__setattr__(self, "holes", holes)
         import shapely
@@ -194,10 +197,7 @@ def triangulate(polygon: Polygon) -> FloatArray:
 
 
 def _ring(points: ArrayLike, name: str) -> FloatArray:
-    try:
-        ring = np.array(points, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise ShapeError(f"{name}: {_brief(points)} is not a list of points [x, y]") from None
+    ring = number_array(points, name, "{} is not a list of points [x, y]", error=ShapeError)
     if ring.ndim != 2 or ring.shape[1] != 2:
         raise ShapeError(f"{name}: shape {ring.shape} given, allowed: (n, 2)")
     if not np.isfinite(ring).all():
@@ -216,10 +216,10 @@ def _point(value: object, name: str) -> tuple[float, float]:
     try:
         x, y = list(value)  # type: ignore[call-overload]  # the except below is the check
     except (TypeError, ValueError):
-        raise ShapeError(f"{name} {_brief(value)} given, allowed: two numbers x, y") from None
+        raise ShapeError(f"{name} {brief(value)} given, allowed: two numbers x, y") from None
     point = _number(x, name), _number(y, name)
     if max(map(abs, point)) > LIMIT:
-        raise ShapeError(f"{name} {_brief(value)} given, allowed: coordinates of at most {LIMIT:g} m")
+        raise ShapeError(f"{name} {brief(value)} given, allowed: coordinates of at most {LIMIT:g} m")
     return point
 
 
@@ -231,15 +231,7 @@ def _positive(value: object, name: str) -> float:
 
 
 def _number(value: object, name: str) -> float:
-    try:
-        number = float(value)  # type: ignore[arg-type]  # the except below is the check
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
+    number = real(value)
     if not math.isfinite(number):
-        raise ShapeError(f"{name} {_brief(value)} given, allowed: a finite number")
+        raise ShapeError(f"{name} {brief(value)} given, allowed: a finite number")
     return number
-
-
-def _brief(value: object) -> str:
-    """Return a value for a message: on one line, and cut where it is long."""
-    return " ".join(reprlib.repr(value).split())

@@ -10,14 +10,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
+from trailmark.arguments import brief, each_of, number_array, one_of, real
 from trailmark.errors import WorldError, did_you_mean
 from trailmark.robot import Robot
-from trailmark.shapes import Polygon, Rectangle, Shape
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
 __all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
 
@@ -34,6 +36,7 @@ class Query:
     goal: tuple[float, float, float]
 
     def __post_init__(self) -> None:
+        one_of(self.name, str, "query: name:", error=WorldError)
         for end in ("start", "goal"):
             q = se2.configurations(getattr(self, end), name=f"query {self.name!r}: {end}")
             if q.ndim != 1:
@@ -65,6 +68,7 @@ class ObstacleEstimate:
     share: float | None = None
 
     def __post_init__(self) -> None:
+        one_of(self.mean, (Disc, Rectangle, Polygon), "estimate: mean:", error=WorldError)
         most = 5 if isinstance(self.mean, Rectangle) else 3
         kind = type(self.mean).__name__.lower()
         name = f"estimate of a {kind}: covariance"
@@ -105,10 +109,10 @@ class RiskBound:
         if confidence == 1.0:
             raise WorldError("risk: confidence 1 given, allowed: a number above 0 and below 1")
         object.__setattr__(self, "confidence", confidence)
-        reach = self.reach
-        if not (isinstance(reach, int | float) and 0.0 <= reach < math.inf):
-            raise WorldError(f"risk: reach {reach!r} given, allowed: metres, 0 or more")
-        object.__setattr__(self, "reach", float(reach))
+        reach = real(self.reach)
+        if not 0.0 <= reach < math.inf:
+            raise WorldError(f"risk: reach {brief(self.reach)} given, allowed: metres, 0 or more")
+        object.__setattr__(self, "reach", reach)
         if self.pose_covariance is not None:
             covariance = _covariance(self.pose_covariance, "risk: pose_covariance", (3,))
             object.__setattr__(self, "pose_covariance", covariance)
@@ -122,6 +126,11 @@ class RiskBound:
 
     def __hash__(self) -> int:
         return hash((self.confidence, self.reach))
+
+    def covers(self, robot: Robot) -> bool:
+        """Return whether obstacles grown for this bound keep it for that robot too: a heading error moves it less."""
+        pose = self.pose_covariance
+        return pose is None or pose[2, 2] == 0.0 or robot.sweep_radius <= (1.0 + 1e-9) * self.reach
 
 
 @dataclass(frozen=True)
@@ -156,20 +165,26 @@ class World:
     sources: tuple[FilePath, ...] = field(default=(), repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        one_of(self.name, str, "world: name:", error=WorldError)
         try:
-            bounds = tuple(float(v) for v in self.bounds)
-        except (TypeError, ValueError, OverflowError):
+            bounds = tuple(real(v) for v in self.bounds)
+        except TypeError:
             bounds = ()
         if len(bounds) != 4 or not all(abs(v) <= BOUNDS_LIMIT for v in bounds):
             raise WorldError(
-                f"bounds: {self.bounds!r} given, allowed: four numbers xmin, ymin, xmax, ymax of at most "
+                f"bounds: {brief(self.bounds)} given, allowed: four numbers xmin, ymin, xmax, ymax of at most "
                 f"{BOUNDS_LIMIT:g} m"
             )
         if not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
             raise WorldError(f"bounds: {list(bounds)} given, allowed: xmin < xmax and ymin < ymax")
         object.__setattr__(self, "bounds", bounds)
-        object.__setattr__(self, "obstacles", tuple(self.obstacles))
-        object.__setattr__(self, "queries", tuple(self.queries))
+        kinds: dict[str, Any] = {"obstacles": (Disc, Rectangle, Polygon), "queries": Query}
+        kinds["estimates"] = (ObstacleEstimate, type(None))
+        for name, kind in kinds.items():
+            object.__setattr__(self, name, each_of(getattr(self, name), kind, name, error=WorldError))
+        one_of(self.robot, (Robot, type(None)), "world: robot:", hint=" (Robot.parse)", error=WorldError)
+        one_of(self.boundary, (Polygon, type(None)), "world: boundary:", error=WorldError)
+        one_of(self.risk, (RiskBound, type(None)), "world: risk:", error=WorldError)
         if self.boundary is not None and self.boundary.holes:
             raise WorldError("boundary: a polygon with holes given, allowed: without (make the holes obstacles)")
         names = [query.name for query in self.queries]
@@ -213,6 +228,7 @@ class World:
             if not self.queries:
                 raise WorldError(f"world {self.name!r} holds no query, give a start and a goal")
             return self.queries[0]
+        one_of(name, (str, type(None)), "query:", error=WorldError)
         for query in self.queries:
             if query.name == name:
                 return query
@@ -244,10 +260,7 @@ class World:
 
 def _covariance(value: ArrayLike, name: str, sizes: Sequence[int]) -> se2.FloatArray:
     """Return a symmetric matrix without negative eigenvalues, read-only, or say what is wrong."""
-    try:
-        matrix = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):
-        raise WorldError(f"{name}: no matrix of numbers given") from None
+    matrix = number_array(value, name, "no matrix of numbers given", error=WorldError)
     if matrix.shape not in {(k, k) for k in sizes}:
         allowed = ", ".join(f"({k}, {k})" for k in sizes)
         raise WorldError(f"{name}: shape {matrix.shape} given, allowed: {allowed}")
@@ -265,6 +278,7 @@ def _covariance(value: ArrayLike, name: str, sizes: Sequence[int]) -> se2.FloatA
 
 def _between(value: object, name: str, low: float, high: float) -> float:
     """Return a number above ``low`` and at most ``high``, or say what is wrong."""
-    if isinstance(value, bool) or not isinstance(value, int | float | np.floating) or not low < value <= high:
-        raise WorldError(f"{name} {value!r} given, allowed: a number above {low:g} and at most {high:g}")
-    return float(value)
+    number = real(value)
+    if not low < number <= high:
+        raise WorldError(f"{name} {brief(value)} given, allowed: a number above {low:g} and at most {high:g}")
+    return number

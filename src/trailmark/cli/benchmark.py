@@ -14,6 +14,7 @@ from trailmark.cli.options import (
     JsonOption,
     RobotOption,
     UsageError,
+    grown_for,
     keep_inputs,
     load_world,
     output_file,
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from trailmark.benchmark.problems import Problem
     from trailmark.benchmark.runner import Benchmark, Tally
     from trailmark.benchmark.suites import Suite
+    from trailmark.world import Robot, World
 
 __all__ = ["benchmark"]
 
@@ -182,7 +184,7 @@ def _problems(worlds: list[str], suite: Suite | None, robot: str | None, queries
     from trailmark.library import shipped_worlds
 
     given = read_robot(robot)
-    found = [problem for text in worlds for problem in problems_of(load_world(text), given, queries)]
+    found = [problem for text in worlds for problem in problems_of(_grown(load_world(text), given), given, queries)]
     for entry in suite.entries if suite is not None else ():
         if entry.missing:
             console.note(f"left out, for it is not there: {entry.world}")
@@ -190,10 +192,17 @@ def _problems(worlds: list[str], suite: Suite | None, robot: str | None, queries
         world = load_world(entry.world)
         names = [*entry.names, *(query.name for query in entry.queries)]
         world = replace(world, queries=(*entry.queries, *world.queries))
-        found += problems_of(world, given or read_robot(entry.robot), queries or names)
+        body = given or read_robot(entry.robot)
+        found += problems_of(_grown(world, body), body, queries or names)
     if not found:
         raise UsageError(f"no world given, allowed: files, or {', '.join(shipped_worlds())}, or --suite FILE")
     return list({problem.key: problem for problem in found}.values())
+
+
+def _grown(world: World, robot: Robot | None) -> World:
+    """Return the world, grown for the robot that planners get, where there is one."""
+    body = robot or world.robot
+    return world if body is None else grown_for(world, body)
 
 
 @contextmanager

@@ -18,6 +18,7 @@ from trailmark.cli.options import (
     SeedOption,
     UsageError,
     WorldArgument,
+    grown_for,
     keep_inputs,
     load_world,
     output_file,
@@ -96,6 +97,7 @@ def landmarks(
         loaded = load_world(world)
         keep_inputs(loaded.sources, picture)
         body = robot_of(loaded, given)
+        loaded = grown_for(loaded, body)
 
         import numpy as np
 

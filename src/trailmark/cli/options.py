@@ -26,6 +26,7 @@ __all__ = [
     "TurningRadiusOption",
     "UsageError",
     "WorldArgument",
+    "grown_for",
     "keep_inputs",
     "load_world",
     "output_file",
@@ -239,6 +240,19 @@ def load_world(text: str) -> World:
     from trailmark.world import World
 
     return World.load(library.find_world(text))
+
+
+def grown_for(world: World, robot: Robot) -> World:
+    """Return the world; its obstacles are grown anew, and that is told, if they were grown for a lesser robot."""
+    if world.risk is None or world.risk.covers(robot):
+        return world
+    from trailmark.estimation.risk import regrow
+
+    console.warn(
+        f"world {world.name!r} was grown for a robot that reaches {world.risk.reach:g} m: its obstacles are grown "
+        f"anew for this one ({robot.describe()}), with confidence {world.risk.confidence:g}"
+    )
+    return regrow(world.with_robot(robot), world.risk.confidence)
 
 
 def robot_of(world: World, given: Robot | None) -> Robot:

@@ -23,6 +23,7 @@ from trailmark.cli.options import (
     TurningRadiusOption,
     UsageError,
     WorldArgument,
+    grown_for,
     keep_inputs,
     load_world,
     output_file,
@@ -121,6 +122,7 @@ def plan(
         loaded = load_world(world)
         keep_inputs(loaded.sources, path_file, picture)
         body = steered(robot_of(loaded, given), radius, forward_only)
+        loaded = grown_for(loaded, body)
         name, a, b = ends or _ends_of(loaded, query)
         loading = time.perf_counter() - begun
 

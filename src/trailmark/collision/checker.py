@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
+from trailmark.arguments import brief, number, one_of
 from trailmark.collision import kernels
 from trailmark.collision.fcl_scene import FclScene
 from trailmark.collision.field import ClearanceField, build_field
@@ -43,7 +44,8 @@ class StateChecker:
             where that would take more than 2^18 cells (2^20 where cells would be larger than the robot).
 
     Raises:
-        WorldError: neither ``robot`` nor ``world.robot`` is given.
+        WorldError: neither ``robot`` nor ``world.robot`` is given; the world's obstacles were grown for the errors of a
+            robot that reaches less far (:meth:`trailmark.world.RiskBound.covers`).
     """
 
     def __init__(
@@ -54,13 +56,23 @@ class StateChecker:
         exact: Literal["kernel", "fcl"] = "kernel",
         cell: float | None = None,
     ) -> None:
+        one_of(world, World, "world:", hint=" (World.load reads one)", error=WorldError)
+        one_of(
+            robot, (Robot, type(None)), "robot:", hint=" (Robot.parse('disc:0.2') makes one of text)", error=WorldError
+        )
         chosen = robot or world.robot
         if chosen is None:
             raise WorldError(f"world {world.name!r} names no robot, give one (such as disc:0.2)")
-        if exact not in ("kernel", "fcl"):
-            raise WorldError(f"exact: {exact!r} given, allowed: 'kernel', 'fcl'")
-        if cell is not None and not (np.isfinite(cell) and cell > 0.0):
-            raise WorldError(f"cell: {cell!r} given, allowed: a finite number above 0")
+        if world.risk is not None and not world.risk.covers(chosen):
+            raise WorldError(
+                f"world {world.name!r}: grown for a robot that reaches {world.risk.reach:g} m, and robot "
+                f"{chosen.describe()} given, allowed: one that reaches no farther, or "
+                "trailmark.estimation.regrow(world.with_robot(robot), confidence)"
+            )
+        if not isinstance(exact, str) or exact not in ("kernel", "fcl"):
+            raise WorldError(f"exact: {brief(exact)} given, allowed: 'kernel', 'fcl'")
+        if cell is not None:
+            cell = number(cell, "cell:", above=0.0, unit="m", error=WorldError)
         self.world = world
         self.robot: Robot = chosen
         self.exact = exact
@@ -107,8 +119,7 @@ class StateChecker:
             ConfigurationError: another shape, values that are not finite, or a negative cap.
         """
         states = se2.configurations(q)
-        if not cap >= 0.0:
-            raise ConfigurationError(f"clearance: cap {cap!r} given, allowed: 0 or more")
+        cap = number(cap, "clearance: cap", least=0.0, infinite=True)
         rows = np.atleast_2d(states)
         if self.exact == "fcl":
             found = np.minimum([self.scene.clearance(row) for row in rows], cap)

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
+from trailmark.arguments import number, one_of
 from trailmark.curves.steering import Curves, Steering
 from trailmark.errors import ConfigurationError
-from trailmark.path import Path
+from trailmark.path import Path, fractions
 
 __all__ = ["CurvePath"]
 
@@ -43,6 +44,7 @@ class CurvePath(Path):
     steering: Steering
 
     def __post_init__(self) -> None:
+        one_of(self.steering, Steering, "path: steering:")
         knots = Path(self.knots).states
         object.__setattr__(self, "knots", knots)
         object.__setattr__(self, "states", self._rows(self._places(SAGITTA)))
@@ -94,7 +96,7 @@ class CurvePath(Path):
         Returns:
             Shape (m, 3), or (3,) for a scalar.
         """
-        where = np.clip(np.asarray(fraction, dtype=np.float64), 0.0, 1.0) * self.length
+        where = np.clip(fractions(fraction), 0.0, 1.0) * self.length
         return self._on_curves(where.ravel()).reshape(*where.shape, 3)
 
     def resample(self, step: float) -> Path:
@@ -103,8 +105,7 @@ class CurvePath(Path):
         Raises:
             ConfigurationError: a step that is not a finite number above 0.
         """
-        if not (np.isfinite(step) and step > 0.0):
-            raise ConfigurationError(f"resample: step {step!r} given, allowed: a finite number above 0")
+        step = number(step, "resample: step", above=0.0)
         return Path(self._rows(self._places(SAGITTA, step)))
 
     def reversed(self) -> CurvePath:

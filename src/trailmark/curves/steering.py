@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
+from trailmark.arguments import number, number_array, one_of, truth
 from trailmark.errors import ConfigurationError
 from trailmark.world import Robot
 
@@ -58,13 +58,13 @@ class Steering:
     reverse: bool = True
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.radius) and self.radius > 0.0):
-            raise ConfigurationError(f"turning radius {self.radius!r} given, allowed: a finite number above 0 (metres)")
-        object.__setattr__(self, "radius", float(self.radius))
+        object.__setattr__(self, "radius", number(self.radius, "turning radius", above=0.0, unit="m"))
+        object.__setattr__(self, "reverse", truth(self.reverse, "reverse:"))
 
     @classmethod
     def of(cls, robot: Robot) -> Steering | None:
         """Return a robot's steering; None if it moves in every direction."""
+        one_of(robot, Robot, "steering: robot:")
         return None if robot.turning_radius is None else cls(robot.turning_radius, robot.reverse)
 
     @property
@@ -113,7 +113,9 @@ class Steering:
 
         starts, ends = _pairs(a, b)
         words = curve_words(starts, ends, self.radius, self.reverse)
-        ways = np.maximum(np.asarray(along, dtype=np.float64), 0.0)
+        ways = np.maximum(np.atleast_1d(number_array(along, "curves: along")), 0.0)
+        if ways.ndim > 2 or (ways.ndim == 2 and len(ways) not in (1, len(starts))):
+            raise ConfigurationError(f"curves: along of shape {ways.shape} given, allowed: (k,) or ({len(starts)}, k)")
         ways = np.array(np.broadcast_to(ways, (len(starts), ways.shape[-1])), order="C")
         found = curve_states(starts, words, self.radius, ways)
         return np.asarray(found if max(np.ndim(a), np.ndim(b)) == 2 else found[0])

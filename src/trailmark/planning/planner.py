@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from dataclasses import replace
 from functools import cached_property
 from threading import RLock
@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
+from trailmark.arguments import callback, number, one_of, truth, whole
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
-from trailmark.errors import ConfigurationError, as_raised
+from trailmark.errors import ConfigurationError, WorldError, as_raised
 from trailmark.landmarks import Relaxation
 from trailmark.path import Path
 from trailmark.planning.attempt import Attempt, OnProgress
@@ -37,6 +38,9 @@ MAX_LANDMARKS = 200_000
 
 TRIES = 3
 """Attempts at a query, should the paths that are found not stand the last look."""
+
+MAX_WORKERS = 1024
+"""Most threads that answer queries, however many are asked for."""
 
 GAP = 1e-4
 """A path within a ten-thousandth of the optimum is as good as any."""
@@ -71,12 +75,13 @@ class LandmarkPlanner:
         seed: the same seed gives the same paths, as long as no time limit cuts in; None draws one.
         landmarks: landmarks spread over all free space before the first query; by default none, since every
             query places its own.
-        checker: one that is there already for this world and robot.
+        checker: one that is there already for this world and robot; without ``robot``, its robot counts.
         warm: load the compiled kernels now (:func:`trailmark.planning.warmup.warm_up`), so that no query pays for it.
 
     Raises:
         WorldError: neither ``robot`` nor ``world.robot`` is given.
-        ConfigurationError: ``landmarks`` below 1 or above MAX_LANDMARKS, a negative seed.
+        ConfigurationError: ``landmarks`` below 1 or above MAX_LANDMARKS, a negative seed, a checker for another world
+            or robot; for arguments of another kind too.
     """
 
     def __init__(
@@ -89,13 +94,13 @@ class LandmarkPlanner:
         checker: StateChecker | None = None,
         warm: bool = True,
     ) -> None:
-        if landmarks is not None and not 1 <= landmarks <= MAX_LANDMARKS:
-            raise ConfigurationError(f"landmarks: {landmarks} given, allowed: 1 to {MAX_LANDMARKS}")
-        if seed is not None and seed < 0:
-            raise ConfigurationError(f"seed: {seed} given, allowed: 0 or more")
-        self.world = world
-        self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else int(seed)
-        if warm:
+        if landmarks is not None:
+            landmarks = whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
+        self.world = one_of(world, World, "world:", hint=" (World.load reads one)", error=WorldError)
+        if checker is not None:
+            _require_same(one_of(checker, StateChecker, "checker:"), world, robot)
+        self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
+        if truth(warm, "warm:"):
             warm_up()
         begin = perf_counter()
         self.checker = StateChecker(world, robot) if checker is None else checker
@@ -128,9 +133,7 @@ class LandmarkPlanner:
         Raises:
             ConfigurationError: ``landmarks`` below 1, or no free space to place them in.
         """
-        k = landmarks if landmarks is not None else self._landmarks or 200
-        if not 1 <= k <= MAX_LANDMARKS:
-            raise ConfigurationError(f"landmarks: {k} given, allowed: 1 to {MAX_LANDMARKS}")
+        k = self._landmarks or 200 if landmarks is None else whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
         with self._growing:
             begin = perf_counter()
             radius = self.checker.footprint.sweep_radius if self.steering is None else self.steering.radius
@@ -166,12 +169,10 @@ class LandmarkPlanner:
         Raises:
             ConfigurationError: start or goal is not valid, the time limit is not above 0, or the gap is negative.
         """
-        if not gap >= 0.0:
-            raise ConfigurationError(f"gap: {gap} given, allowed: 0 or more")
-        if not time_limit > 0.0:
-            raise ConfigurationError(f"time limit: {time_limit} s given, allowed: more than 0")
-        if max_iterations is not None and max_iterations < 1:
-            raise ConfigurationError(f"max iterations: {max_iterations} given, allowed: 1 or more")
+        gap = number(gap, "gap:", least=0.0, infinite=True)
+        time_limit, max_iterations = _limits(time_limit, max_iterations)
+        callback(on_progress, "on_progress:")
+        callback(stop, "stop:")
         with self._growing:
             return self._plan(start, goal, time_limit, max_iterations, on_progress, stop, gap)
 
@@ -276,12 +277,11 @@ class LandmarkPlanner:
         Raises:
             ConfigurationError: a start or goal is not valid, their numbers differ, or an option is out of range.
         """
-        if not time_limit > 0.0:
-            raise ConfigurationError(f"time limit: {time_limit} s given, allowed: more than 0")
-        if workers < 1:
-            raise ConfigurationError(f"workers: {workers} given, allowed: 1 or more")
-        if max_iterations is not None and max_iterations < 1:
-            raise ConfigurationError(f"max iterations: {max_iterations} given, allowed: 1 or more")
+        time_limit, max_iterations = _limits(time_limit, max_iterations)
+        workers = min(whole(workers, "workers:", 1), MAX_WORKERS)
+        callback(on_progress, "on_progress:")
+        if all(isinstance(q, Sized) and len(q) == 0 for q in (starts, goals)):
+            return []
         ends = self._valid_ends(starts, goals)
         count = len(ends)
         results: list[PlanResult | None] = [None] * count
@@ -405,4 +405,20 @@ class LandmarkPlanner:
                 "first_solution": attempt.history[0][0] if attempt.history else None,
                 "total": perf_counter() - attempt.begin,
             },
+        )
+
+
+def _limits(time_limit: float, max_iterations: int | None) -> tuple[float, int | None]:
+    """Return the limits of a query, checked."""
+    seconds = number(time_limit, "time limit:", above=0.0, infinite=True, unit="s")
+    return seconds, None if max_iterations is None else whole(max_iterations, "max iterations:", 1)
+
+
+def _require_same(checker: StateChecker, world: World, robot: Robot | None) -> None:
+    """Raise if a checker is for another world or robot: its answers would be wrong here."""
+    if checker.world is not world and checker.world.with_robot(checker.robot) != world.with_robot(checker.robot):
+        raise ConfigurationError(f"checker: of another world ({checker.world.name!r}) given, allowed: of this one")
+    if robot is not None and robot != checker.robot:
+        raise ConfigurationError(
+            f"checker: for another robot ({checker.robot.describe()}) given, allowed: for {robot.describe()}"
         )
