@@ -7,8 +7,9 @@ Computational Geometry 18, 1997.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from trailmark.compiled import njit
 
 __all__ = ["ROUNDED", "orientation", "orientations"]
 

@@ -12,10 +12,10 @@ from functools import cached_property
 from math import hypot
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
+from trailmark.compiled import njit
 from trailmark.world import World
 
 __all__ = ["CERTAIN", "Separation"]
