@@ -14,7 +14,7 @@ from benchmarks.soundness.cases import judge_path, judge_result, question
 from benchmarks.soundness.reference import REFUSED, Reference, deepest, moves
 from benchmarks.soundness.report import Report, kind_of
 from benchmarks.soundness.scenes import SCALES, random_car, random_disc, random_robot, random_scene
-from benchmarks.soundness.walls import spiked_world
+from benchmarks.soundness.walls import ceiling_world, spiked_world
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.curve_motions import CurveChecker
@@ -240,7 +240,10 @@ def carved(rng: Rng, report: Report, scale: str = "plain") -> None:
     """Worlds with a way that is known: it must not be called infeasible, and no bound may lie above its cost."""
     known = None
     while known is None:
-        known = carved_world(rng, car=bool(rng.random() < 0.2), scale=scale)
+        if rng.random() < 0.3:
+            known = ceiling_world(rng, scale)
+        else:
+            known = carved_world(rng, car=bool(rng.random() < 0.2), scale=scale)
     world, ends = known.world, known.way[[0, -1]]
     report.count("carved worlds")
     cost, seed = known.cost, int(rng.integers(1000))

@@ -11,6 +11,7 @@ from benchmarks.soundness import exact
 from benchmarks.soundness.carving import carved_world
 from benchmarks.soundness.reference import Reference, deepest, moves
 from benchmarks.soundness.scenes import SCALES
+from benchmarks.soundness.walls import ceiling_world
 
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -84,6 +85,16 @@ def test_half_a_millimetre_of_overlap_at_the_end_of_a_turn_is_found() -> None:
     a, b = np.zeros((1, 3)), np.array([[0.0, 0.0, 0.5 * math.pi]])
     worst, _ = deepest(reference, moves(a, b), np.array([0.46 * math.pi]))
     assert worst[0] == pytest.approx(5e-4, abs=6e-5)
+
+
+@pytest.mark.parametrize("scale", list(SCALES))
+def test_the_way_below_a_ceiling_has_room(scale: str) -> None:
+    rng = np.random.default_rng(3)
+    known = None
+    while known is None:
+        known = ceiling_world(rng, scale)
+    assert known.world.robot is not None
+    assert Reference(known.world, known.world.robot).clearance(known.way).min() >= known.margin > 0.0
 
 
 @pytest.mark.parametrize("scale", list(SCALES))
