@@ -14,9 +14,11 @@ from trailmark.landmarks.informed import Band
 from trailmark.path import Path
 from trailmark.planning.background import BackgroundProof
 from trailmark.planning.bridge import Bridge
+from trailmark.planning.claims import contradicted, grid_separates
 from trailmark.planning.disc_way import disc_way
 from trailmark.planning.general import SAMPLES_PER_LANDMARK
 from trailmark.planning.headings import turned_evenly
+from trailmark.planning.incident import report_incident
 from trailmark.planning.lower_bound import SECONDS_A_WAY, LowerBound
 from trailmark.planning.result import PlanProgress, Status
 from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, Scout
@@ -108,8 +110,10 @@ class Attempt:
         self.on_progress, self.stop = on_progress, stop
         self.nearest: se2.FloatArray | None = None
         self.bound, self.gap = bound, gap
-        self.lower_bound = float(se2.distance(self.start, self.goal))
+        self.lower_bound = self._least_cost()
         self._proven = bound is None
+        # Whether something that was claimed turned out to be wrong.
+        self._refuted = False
         self._cutting = 0.0
         self._refining = 0.0
         self._proof: BackgroundProof | None = None
@@ -155,7 +159,12 @@ class Attempt:
                 # With rounds at their end and time to spare the answer must not depend on who is faster.
                 self._proof.wait(self._time_left())
         if self.best is None:
-            return ("timeout" if self._may_exist(band) else "infeasible"), None
+            return self._without_path(band), None
+        if not np.isfinite(band.shortest):
+            # The grid says that there is none; it is no guide.
+            self._claim(np.inf)
+            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
+            return self._answer()
         self._prove(PROOF_SHARE)
         if self.best is not None and not (known or rounds or self._close_enough()) and len(self.roadmap) < KEPT:
             self._grow(self.roadmap, band, self._widening(band), FIRST_LANDMARKS)
@@ -360,7 +369,31 @@ class Attempt:
             return
         if self._seconds_to_cut() < share * self._time_left():
             self._proven = True
-            self.lower_bound = max(self.lower_bound, self.bound.of(self.start, self.goal, self._whole_cost()).cost)
+            self._claim(self.bound.of(self.start, self.goal, self._whole_cost()).cost)
+
+    def _claim(self, bound: float) -> None:
+        """Take a lower bound over, unless a path that is known costs less: then nothing is claimed any more."""
+        self.lower_bound = max(self.lower_bound, bound)
+        if self.best is None or not contradicted(self.lower_bound, self._whole_cost()):
+            return
+        problem = f"a lower bound of {self.lower_bound:g} m is above the cost of a path, {self._whole_cost():g} m"
+        report_incident(problem, self.checker.world, self.checker.robot, self.start, self.goal)
+        self.lower_bound, self._proven, self._refuted = self._least_cost(), True, True
+
+    def _least_cost(self) -> float:
+        """Return what the way would cost without obstacles, metres."""
+        return float(se2.distance(self.start, self.goal))
+
+    def _without_path(self, band: Band) -> Status:
+        """Return what there is to say without a path; a claim of the relaxed problem's grid is proven anew."""
+        if self._may_exist(band):
+            return "timeout"
+        if np.isfinite(self.lower_bound):
+            if grid_separates(band.relaxation, band.to_goal, self.start, self.goal):
+                self.lower_bound = np.inf
+            else:
+                self._prove(LAST_SHARE)
+        return self._answer()[0]
 
     def _prove_aside(self) -> None:
         """Begin to look for a proof, with headings, that no path exists; searches end once it is found."""
@@ -371,10 +404,10 @@ class Attempt:
 
     def _disproven(self) -> bool:
         """Return whether it is proven by now that no path exists."""
-        if self._proof is None or not self._proof.found:
+        if self._refuted or self._proof is None or not self._proof.found:
             return False
-        self.lower_bound = np.inf
-        return True
+        self._claim(np.inf)
+        return not self._refuted
 
     def _seconds_to_cut(self) -> float:
         """Return what cutting free space into triangles is expected to take, at first."""
@@ -396,6 +429,7 @@ class Attempt:
         if cost >= self.best_cost:
             return
         self.best, self.best_cost = states, cost
+        self._claim(self.lower_bound)
         if self.first_cost is None:
             self.first_cost = self._whole_cost()
             if self._proof is not None:

@@ -54,7 +54,10 @@ class CarAttempt(Attempt):
         # A round car has a heading too.
         self.turning = True
         self.motions = CurveChecker(self.checker, self.steering)
-        self.lower_bound = float(self.steering.lengths(self.start, self.goal))
+
+    def _least_cost(self) -> float:
+        """Return the length of the shortest curve without obstacles, metres."""
+        return float(self.roadmap.steering.lengths(self.start, self.goal))
 
     def _straight(self, ends: se2.FloatArray) -> bool:
         """Return whether the shortest curve leads from start to goal."""

@@ -10,7 +10,9 @@ import numpy as np
 
 from trailmark import se2
 from trailmark.path import Path
+from trailmark.planning.claims import contradicted
 from trailmark.planning.headings import turned_evenly
+from trailmark.planning.incident import report_incident
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.shortening import shorten
 from trailmark.roadmap.query import QueryGraph
@@ -132,6 +134,10 @@ class KeptRoadmap:
             if graph.cost(found) < graph.cost(best):
                 best = found
         answer.offer(shorten(self.checker, best, rng, sweeps=SWEEPS, stop=late))
+        if contradicted(answer.lower_bound, answer.cost):
+            problem = f"a lower bound of {answer.lower_bound:g} m is above the cost of a path, {answer.cost:g} m"
+            report_incident(problem, self.checker.world, self.checker.robot, start, goal)
+            answer.lower_bound = float(se2.distance(start, goal))
         return answer
 
     def _tightest(self, states: se2.FloatArray) -> se2.FloatArray:

@@ -17,7 +17,7 @@ from math import ceil, log2, pi, sqrt
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
@@ -25,7 +25,9 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.errors import ConfigurationError
-from trailmark.planning.lower_bound.enclosure_cells import LEVELS, Division
+from trailmark.planning.incident import report_incident
+from trailmark.planning.lower_bound.enclosure_cells import LEVEL, LEVELS, Division, I, J, K
+from trailmark.planning.lower_bound.enclosure_check import free_somewhere
 from trailmark.planning.lower_bound.enclosure_core import core, discs, pivot
 from trailmark.planning.lower_bound.enclosure_flood import (
     ENCLOSED,
@@ -105,7 +107,16 @@ def enclosed(
             answer, taken, floods[n] = go_on(*space.parts, division, floods[n], orders[n][1], finest, SLICE)
             budget -= taken
             if answer == ENCLOSED:
-                return not meets(*space.parts, division, floods[n], finest)
+                leads, rim = meets(*space.parts, division, floods[n], finest)
+                if leads:
+                    return False
+                boxes = space.boxes(floods[n], rim)
+                if free_somewhere(checker.world, checker.robot, *boxes, lambda: perf_counter() >= deadline):
+                    problem = "cells that shut the robot in hold a configuration that is free"
+                    report_incident(problem, checker.world, checker.robot, *states)
+                    return False
+                # What nobody had the time to look at again is not told.
+                return perf_counter() < deadline
             # Where one comes to the other end, the other comes too: on to smaller cells.
             n = 1 - n
     return False
@@ -168,6 +179,17 @@ class Space:
             np.concatenate([np.empty((0, 2)), *rings]),
             np.concatenate([[0], np.cumsum([len(ring) for ring in rings])]).astype(np.int64),
             cores,
+        )
+
+    def boxes(self, flood: Flood, cells: NDArray[np.int64]) -> tuple[se2.FloatArray, se2.FloatArray, se2.FloatArray]:
+        """Return the middle (n, 3) and half the extent (n, 3) of cells, of the pivot's place, and the pivot, (2,)."""
+        rows = flood.cells[cells]
+        half, turn = self._half[rows[:, LEVEL]], self._turn[rows[:, LEVEL]]
+        x, y = (o + (2 * rows[:, c] + 1) * half for o, c in zip(self._origin, (I, J), strict=True))
+        return (
+            np.column_stack([x, y, (2 * rows[:, K] + 1) * turn - pi]),
+            np.column_stack([half, half, turn]),
+            self.pivot,
         )
 
     def poses(self, ends: se2.FloatArray) -> se2.FloatArray:

@@ -1,0 +1,119 @@
+"""A second look at a proof by cells of SE(2): is the robot really nowhere free in the cells that shut it in?
+
+Where a proof is wrong, a way leads through one of those cells. So each is looked at by shapely alone, which shares
+nothing with what found it: what the robot covers at the cell's centre, less all that lies nearer to its outline than
+the robot moves within the cell, is covered throughout the cell; if it meets an obstacle, no place there is free. What
+is not settled so is divided, and with it the centres grow dense just where a way might be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trailmark.se2 import FloatArray
+from trailmark.world import Robot, World
+
+__all__ = ["free_somewhere"]
+
+HALVINGS = 7
+"""Times that a cell's edges are halved: to a hundredth, some millimetres of a cell as large as a robot."""
+
+MOST = 200_000
+"""Cells that are looked at: a second or two, if it comes to that."""
+
+BATCH = 2_000
+"""Cells between two looks at the clock: some ten milliseconds."""
+
+CHILDREN = np.array(list(product((-0.5, 0.5), repeat=3)))
+
+
+def free_somewhere(
+    world: World,
+    robot: Robot,
+    middle: FloatArray,
+    extent: FloatArray,
+    pivot: FloatArray,
+    stop: Callable[[], bool] = lambda: False,
+) -> bool:
+    """Return whether a configuration in one of the boxes is found at which the robot meets nothing.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        robot: footprint.
+        middle: of each box: place of the pivot (metres) and heading (radians), shape (n, 3).
+        extent: half the box's edges, those along x and y alike, shape (n, 3).
+        pivot: in the robot's frame, shape (2,).
+        stop: asked every few milliseconds whether to end; nothing is found then.
+    """
+    space = _Space(world)
+    outline = np.asarray(robot.outline.rings()[0]) - pivot
+    left = MOST
+    for _ in range(HALVINGS + 1):
+        unsettled = []
+        # Boxes of one size are looked at together: the robot's middle is the same in all.
+        sizes, kind = np.unique(extent, axis=0, return_inverse=True)
+        for n, size in enumerate(sizes):
+            core = _core(outline, size)
+            boxes = np.flatnonzero(kind.ravel() == n)
+            for first in range(0, len(boxes), BATCH):
+                of = boxes[first : first + BATCH]
+                left -= len(of)
+                if left < 0 or stop():
+                    return False
+                if not space.meets(_placed([outline], middle[of])).all():
+                    return True
+                unsettled.append(of[~space.meets(_placed(core, middle[of]))] if core else of)
+        open_ = np.concatenate(unsettled) if unsettled else np.empty(0, np.int64)
+        if len(open_) == 0:
+            return False
+        middle = (middle[open_][:, None] + CHILDREN * extent[open_][:, None]).reshape(-1, 3)
+        extent = np.repeat(0.5 * extent[open_], len(CHILDREN), axis=0)
+    return False
+
+
+class _Space:
+    """What the robot must not meet or leave."""
+
+    def __init__(self, world: World) -> None:
+        # Discs as polygons about them, by 1 mm at most: what is said to be free is.
+        self._tree = shapely.STRtree([shape.polygon().shapely() for shape in world.obstacles])
+        self._rooms = [shapely.box(*world.bounds)]
+        if world.boundary is not None:
+            self._rooms.append(world.boundary.shapely())
+        shapely.prepare(self._rooms)
+
+    def meets(self, placed: list[Any]) -> NDArray[np.bool_]:
+        """Return which of n robots, given as arrays of their pieces (shapely), meet an obstacle or leave a room."""
+        found = np.zeros(len(placed[0]), np.bool_)
+        for pieces in placed:
+            found[self._tree.query(pieces, predicate="intersects")[0]] = True
+            for room in self._rooms:
+                found |= ~shapely.covers(room, pieces)
+        return found
+
+
+def _placed(rings: list[FloatArray], q: FloatArray) -> list[Any]:
+    """Return an array of n polygons for each ring about the pivot, at configurations (n, 3)."""
+    c, s = np.cos(q[:, 2]), np.sin(q[:, 2])
+    turn = np.stack([np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)], axis=-2)
+    return [shapely.polygons(ring @ turn + q[:, None, :2]) for ring in rings]
+
+
+def _core(outline: FloatArray, extent: FloatArray) -> list[FloatArray]:
+    """Return rings inside the outline that lie farther from it than it moves within half a box's edges."""
+    radius = float(np.hypot(*outline.T).max())
+    moves = np.sqrt(2.0) * extent[0] + 2.0 * radius * np.sin(0.5 * min(extent[2], np.pi)) + 1e-9
+    robot = shapely.Polygon(outline)
+    parts = shapely.get_parts(shapely.buffer(robot, -1.03 * moves, join_style="mitre"))
+    # Buffers are not exact: measured anew. A part's outline is all that can meet first.
+    return [
+        shapely.get_coordinates(part.exterior)
+        for part in parts
+        if not part.is_empty and part.distance(robot.exterior) >= moves and robot.covers(part)
+    ]
