@@ -11,7 +11,20 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["abort", "crash", "eat", "fail", "hang", "honest", "leave", "lie", "shout", "stray"]
+__all__ = [
+    "abort",
+    "crash",
+    "eat",
+    "fail",
+    "hang",
+    "honest",
+    "leave",
+    "lie",
+    "run_ahead",
+    "shout",
+    "stray",
+    "turn_back",
+]
 
 
 def honest(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
@@ -47,6 +60,22 @@ def fail(*args: Any) -> None:
 
 def leave(*args: Any) -> None:
     os._exit(7)
+
+
+def turn_back(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
+    """Set the clock back, so that the solution comes before the start."""
+    from trailmark.benchmark import child
+
+    child.perf_counter = lambda: time.perf_counter() - 100.0  # type: ignore[attr-defined]  # which it imports
+    return np.array([start, goal])
+
+
+def run_ahead(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
+    """Set the clock ahead by less than the limit."""
+    from trailmark.benchmark import child
+
+    child.perf_counter = lambda: time.perf_counter() + 0.9  # type: ignore[attr-defined]  # which it imports
+    return np.array([start, goal])
 
 
 def lie(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:

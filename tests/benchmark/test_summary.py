@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 from tests.benchmark.conftest import experiment, solved
 
+from trailmark.benchmark.labels import differences
 from trailmark.benchmark.record import RunRecord
+from trailmark.benchmark.report import load_results
 from trailmark.benchmark.store import Store
 from trailmark.benchmark.summary import summary_rows
 
@@ -23,3 +27,46 @@ def test_medians_and_counts(tmp_path: Path) -> None:
         ("good", "3/3", "0", "0.250 s", "x 1.100", "x 1.000"),
         ("bad", "0/2", "1", "-", "-", "-"),
     ]
+
+
+def test_experiments_of_one_name_have_rows_of_their_own(tmp_path: Path) -> None:
+    file = tmp_path / "results.db"
+    with Store(file) as store:
+        first, second = experiment(), experiment()
+        second = replace(second, identity={**second.identity, "time_limit": 5.0}, time_limit=5.0)
+        planner = store.planner("good", "")
+        for row, cost in ((store.experiment(first), 10.0), (store.experiment(second), 8.0)):
+            store.add(row, planner, solved(0, solution_length=cost, simplified_solution_length=cost))
+    rows = summary_rows(file, ["good"])[1:]
+    assert [row[1:2] for row in rows] == [("1/1",), ("1/1",)]
+    assert rows[1][0] == "good (limit 5 s)"
+    assert rows[0][0].startswith("good (limit ")
+    names = [problem.name for problem in load_results(file).problems]
+    assert len(set(names)) == 2
+    assert names[1].endswith("(limit 5 s)")
+
+
+def test_what_sets_experiments_apart() -> None:
+    def setup(**identity: object) -> str:
+        return json.dumps({"identity": identity})
+
+    found = differences(
+        [
+            (1, "a", setup(problem="0123456789", time_limit=1.0)),
+            (2, "a", setup(problem="abcdefghij", time_limit=1.0)),
+            (3, "b", setup(problem="x", time_limit=1.0)),
+            (4, "c", setup(problem="x")),
+            (5, "c", setup(problem="x")),
+            (6, "d", None),
+            (7, "d", "not JSON"),
+        ]
+    )
+    assert found == {
+        1: "problem 01234567",
+        2: "problem abcdefgh",
+        3: "",
+        4: "no. 4",
+        5: "no. 5",
+        6: "no. 6",
+        7: "no. 7",
+    }

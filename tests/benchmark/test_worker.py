@@ -118,6 +118,17 @@ def test_the_referee_has_the_last_word(rogue: str, why: str, worker: Worker, ahe
     assert answer["path"] is not None, "kept for replay"
 
 
+@pytest.mark.parametrize("rogue", ["turn_back", "run_ahead"])
+def test_times_are_held_against_the_clock_outside(rogue: str, worker: Worker, ahead: Problem) -> None:
+    answer = worker.run(job(ahead, ROGUES + rogue, limit=1.0))
+    assert (answer["solved"], answer["correct_solution"]) == (True, False)
+    assert "s stated, allowed: 0 to the" in answer["failure"]
+    assert answer["time_to_first_solution"] is None
+    assert answer["curve"] == []
+    assert 0.0 <= answer["time"] < 0.9
+    assert worker.run(job(ahead, ROGUES + "honest"))["correct_solution"]
+
+
 def test_what_a_planner_prints_is_no_answer(worker: Worker, ahead: Problem) -> None:
     assert worker.run(job(ahead, ROGUES + "shout"))["status"] == Status.TIMEOUT
 

@@ -28,6 +28,9 @@ from trailmark.errors import TrailmarkError
 
 __all__ = ["Zygote", "main"]
 
+CLOCKS = 1e-3
+"""Seconds by which a child's clock may be ahead of the one here."""
+
 KEPT = 4
 """Problems kept ready."""
 
@@ -94,6 +97,7 @@ class Zygote:
             os.close(writer)
             try:
                 answer, hung = self._collect(reader, child, begin, _patience(job))
+                answer["wrong time"] = _wrong_time(answer)
             finally:
                 os.close(reader)
                 with contextlib.suppress(ProcessLookupError):
@@ -127,13 +131,20 @@ class Zygote:
                 return answer, False
             *lines, pending = (pending + chunk).split(b"\n")
             for line in lines:
+                # What a child says of its times is held against this clock.
+                answer.setdefault("answered", perf_counter() - begin)
                 answer |= json.loads(line)
                 deadline = perf_counter() + patience
 
     def _referee(self, prepared: Prepared, answer: Answer) -> None:
         """Have the paths judged; what a planner calls a solution and is none is a failure."""
         answer["correct_solution"] = False
-        if not answer.get("solved"):
+        wrong = answer.pop("wrong time", None)
+        if wrong is not None:
+            # Nothing of what it says of its times is believed.
+            answer |= {"time": answer["answered"], "curve": [], "time_to_first_solution": None}
+            answer |= {"first_solution_length": None, "failure": f"refused: {wrong}"}
+        if not answer.get("solved") or wrong is not None:
             return
         fault = prepared.referee.fault(answer["path"], *prepared.ends)
         answer["correct_solution"] = fault is None
@@ -169,6 +180,16 @@ def main() -> None:
         *lines, pending = (pending + chunk).split(b"\n")
         for line in lines:
             _say(replies, zygote.run(json.loads(line)))
+
+
+def _wrong_time(answer: Answer) -> str | None:
+    """Return what is wrong with the times that a child states, or None."""
+    times = [answer.get("time"), answer.get("time_to_first_solution"), *(t for t, _ in answer.get("curve", ()))]
+    most = float(answer.get("answered", 0.0))
+    for t in times:
+        if t is not None and not 0.0 <= t <= most + CLOCKS:
+            return f"a time of {t:g} s stated, allowed: 0 to the {most:.3f} s that went by until the answer"
+    return None
 
 
 def _patience(job: dict[str, Any]) -> tuple[float, float]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.benchmark.errors import StoreError
+from trailmark.benchmark.labels import differences
 from trailmark.benchmark.schema import APPLICATION, MEASURED, VERSION
 from trailmark.benchmark.status import Status
 from trailmark.errors import FormatError, TrailmarkError
@@ -181,7 +182,8 @@ def load_results(file: Path) -> Results:
             "SELECT id, name, timelimit, memorylimit, runcount, version, hostname, cpuinfo, date, seed, setup "
             "FROM experiments ORDER BY id"
         ).fetchall()
-        problems = [_problem(db, row, names) for row in rows]
+        apart = differences((row[0], str(row[1] or f"problem {row[0]}"), row[10]) for row in rows)
+        problems = [_problem(db, row, names, apart[row[0]]) for row in rows]
     done = [problem for problem in problems if problem.runs]
     if not done:
         raise StoreError(f"{file}: holds no finished run, allowed: a database with at least one")
@@ -191,8 +193,9 @@ def load_results(file: Path) -> Results:
     return Results(file, done, planners, {name: settings[name] for name in planners}, empty)
 
 
-def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, str]) -> Problem:
+def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, str], apart: str) -> Problem:
     key, name, time_limit, memory_limit, wanted = row[:5]
+    name = f"{name or f'problem {key}'}{apart and f' ({apart})'}"
     facts: dict[str, Any] = dict(zip(("version", "hostname", "cpuinfo", "date", "seed"), row[5:10], strict=True))
     facts["setup"] = _json_object(row[10])
     curves: dict[int, list[tuple[float, float]]] = {}
@@ -206,7 +209,7 @@ def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, s
     for run_row in db.execute(query, (key,)):
         by_planner.setdefault(names.get(run_row[0], f"planner {run_row[0]}"), []).append(run_row[1:])
     runs = {planner: _runs(found, curves) for planner, found in by_planner.items()}
-    return Problem(key, str(name or f"problem {key}"), float(time_limit), memory_limit, int(wanted or 0), facts, runs)
+    return Problem(key, name, float(time_limit), memory_limit, int(wanted or 0), facts, runs)
 
 
 def _runs(rows: Sequence[tuple[Any, ...]], curves: Mapping[int, list[tuple[float, float]]]) -> Runs:
