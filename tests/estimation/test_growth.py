@@ -243,3 +243,34 @@ def test_bad_covariances_are_one_line(covariance: object, problem: str) -> None:
     with pytest.raises(WorldError, match=problem) as caught:
         ObstacleEstimate(Disc((0, 0), 1), covariance)  # type: ignore[arg-type]  # the test's point
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["L", "frame", "star"])
+@pytest.mark.parametrize("offset", [1e4, 1e6, 5e6])
+def test_far_from_the_origin_nothing_is_missing(name: str, offset: float) -> None:
+    shape = SHAPES[name]
+    assert isinstance(shape, Polygon)
+    rng = np.random.default_rng(int(offset))
+    for _ in range(5):
+        shift = offset * rng.uniform(-1.0, 1.0, 2)
+        far = Polygon(shape.vertices + shift, tuple(hole + shift for hole in shape.holes))
+        covariance = random_covariance(rng, 2)
+        grown = grow(ObstacleEstimate(far, covariance), 0.9).polygon()
+        ellipse = math.sqrt(float(chi2.ppf(0.9, 2))) * np.linalg.cholesky(covariance)
+        for angle in np.linspace(0.0, 2.0 * np.pi, 24):
+            by = ellipse @ (np.cos(angle), np.sin(angle))
+            # Of the shape moved as far as it goes: what is on its outline lies in the region, to some ulps.
+            for ring in shapely.get_rings(shapely.transform(far.shapely(), lambda p, by=by, o=shift: p - o + by)):
+                points = shapely.points(shapely.get_coordinates(shapely.segmentize(ring, 0.05)))
+                near = shapely.transform(grown.shapely(), lambda p, o=shift: p - o)
+                assert shapely.distance(near, points).max() <= 4.0 * np.spacing(offset)
+
+
+def test_what_an_overlay_loses_is_made_up_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    estimate = ObstacleEstimate(FRAME, 1e-4 * np.eye(2))
+    whole = grow(estimate, 0.999).polygon().shapely()
+    union_all = shapely.union_all
+    for lose in (lambda parts: parts[:-1], lambda parts: parts[1:2] + parts[3:4]):
+        monkeypatch.setattr(shapely, "union_all", lambda parts, lose=lose: union_all(lose(parts)))
+        grown = grow(estimate, 0.999).polygon().shapely()
+        assert shapely.covers(shapely.buffer(grown, 1e-9), whole)

@@ -31,3 +31,12 @@ def test_the_swept_region_is_what_the_robot_covers(name: str) -> None:
     # No point moves farther than 5 cm from one body to the next.
     assert shapely.covers(shapely.buffer(shapely.union_all(bodies), 0.03), region)
     assert shapely.covers(swept_region(robot, states[0]), robot.outline.shapely())
+
+
+def test_far_from_the_origin_it_is_the_same_region() -> None:
+    states = np.array([[0, 0, 0], [3, 0, 2.5], [3, 2, -2.5]])
+    near = swept_region(ROBOTS["L"], states)
+    for offset in (1e4, 1e6):
+        far = swept_region(ROBOTS["L"], states + np.array([offset, -offset, 0.0]))
+        back = shapely.transform(far, lambda points, o=offset: points - [o, -o])
+        assert shapely.hausdorff_distance(near, back) <= 4.0 * np.spacing(offset)

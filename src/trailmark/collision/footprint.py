@@ -143,7 +143,8 @@ def _gap(region: shapely.Polygon, core: FloatArray) -> float:
     inside = shapely.Polygon(core)
     gap = 1.1 * float(shapely.distance(shapely.points(region.exterior.coords), inside).max())
     # The corners are the farthest, unless the erosion cut a part off. Buffers are polygons within the true ones.
-    return gap if shapely.covers(shapely.buffer(inside, gap, quad_segs=16), region) else np.inf
+    # By less than the gap: a buffer fills concavities of up to 1 % of its distance.
+    return gap if shapely.covers(shapely.buffer(inside, 0.98 * gap, quad_segs=16), region) else np.inf
 
 
 def _cover(region: shapely.Polygon, wanted: int) -> tuple[FloatArray, FloatArray]:

@@ -190,21 +190,30 @@ def _outlined(shape: Polygon, clouds: FloatArray) -> Polygon:
     """
     import shapely
 
-    pieces, first = [shape.shapely()], 0
+    # Relative to a vertex: overlays round, and may snap, by shares of their coordinates.
+    origin = shape.vertices[0]
+    pieces, first = [shapely.transform(shape.shapely(), lambda points: points - origin)], 0
     for ring in (shape.vertices, *shape.holes):
-        own = clouds[first : first + len(ring)]
+        own = clouds[first : first + len(ring)] - origin
         edges = np.concatenate([own, np.roll(own, -1, axis=0)], axis=1)
         pieces += shapely.convex_hull(shapely.multipoints(edges)).tolist()
         first += len(ring)
     # An error along an edge sweeps no area.
     region = shapely.union_all([piece for piece in pieces if shapely.get_dimensions(piece) == 2])
+    size = float(np.abs(clouds - origin).max())
     if shapely.get_num_geometries(region) > 1:
         # Rounding parted what touches: a hair's breadth joins it.
-        region = shapely.buffer(region, 1e-9 * float(np.abs(clouds).max()), join_style="mitre")
-    region = max(shapely.get_parts(region), key=shapely.area)
+        region = shapely.buffer(region, 1e-9 * size, join_style="mitre")
+    # Whatever an overlay has lost, nothing of the obstacle may be missing: its hull has it all.
+    around = shapely.get_coordinates(shapely.segmentize(pieces, 0.1 * size))
+    shapely.prepare(region)
+    whole = shapely.dwithin(region, shapely.points(around), 1e-9 * size).all()
+    if not whole or shapely.get_num_geometries(region) > 1:
+        return _hull(around + origin)
+    region = shapely.get_parts(region)[0]
     holes = [ring for ring in region.interiors if shapely.Polygon(ring).area > 1e-12]
-    rings = (shapely.get_coordinates(hole) for hole in holes)
-    return Polygon(shapely.get_coordinates(region.exterior), tuple(rings))
+    rings = (shapely.get_coordinates(hole) + origin for hole in holes)
+    return Polygon(shapely.get_coordinates(region.exterior) + origin, tuple(rings))
 
 
 def _vertices(shape: Shape) -> tuple[FloatArray, FloatArray]:

@@ -27,7 +27,10 @@ def swept_region(robot: Robot, states: ArrayLike, *, turn: float = 0.02) -> Any:
     """
     import shapely
 
-    q = np.atleast_2d(np.asarray(states, dtype=np.float64))
+    q = np.atleast_2d(np.array(states, dtype=np.float64))
+    # Relative to where it begins: overlays round, and may snap, by shares of their coordinates.
+    origin = q[0, :2].copy()
+    q[:, :2] -= origin
     placed = [q[:1]]
     for a, b in itertools.pairwise(q):
         n = 1 if robot.sweep_radius == 0.0 else max(1, math.ceil(abs(float(difference(a, b)[2])) / turn))
@@ -41,5 +44,6 @@ def swept_region(robot: Robot, states: ArrayLike, *, turn: float = 0.02) -> Any:
     pairs = np.concatenate([corners[:, :-1], corners[:, 1:]], axis=2) if len(poses) > 1 else corners
     swept = shapely.convex_hull(shapely.multipoints(pairs.reshape(-1, pairs.shape[2], 2)))
     # Within a piece a point keeps within R·turn²/8 of the line from its first to its last place. The arcs of a
-    # buffer are drawn inside of it, by a hundredth at most.
-    return shapely.buffer(shapely.union_all(swept), 1.01 * robot.sweep_radius * turn**2 / 8.0)
+    # buffer are drawn inside of it, by 1.1 % at most; what else it does to outlines makes them larger.
+    region = shapely.buffer(shapely.union_all(swept), 1.02 * robot.sweep_radius * turn**2 / 8.0)
+    return shapely.transform(region, lambda points: points + origin)
