@@ -20,6 +20,7 @@ import tempfile
 import threading
 import time
 import traceback
+import warnings
 from collections import Counter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,6 +32,7 @@ from benchmarks.random_worlds import ROBOTS, random_states, random_world
 from benchmarks.soundness.cases import judge_result
 from benchmarks.soundness.reference import Reference
 from trailmark import LandmarkPlanner, World
+from trailmark.errors import InternalErrorWarning
 from trailmark.formats.files import write_atomically
 from trailmark.planning import PlanResult
 from trailmark.roadmap import Roadmap
@@ -223,6 +225,8 @@ def measure(minutes: float, threads: int, seed: int) -> dict[str, Any]:
     """Return what was measured."""
     rows: list[dict[str, float]] = []
     with tempfile.TemporaryDirectory() as folder:
+        # What the library finds of its own errors before they do harm is an error all the same.
+        warnings.simplefilter("error", InternalErrorWarning)
         soak = Soak(seed, Path(folder))
         begin = time.perf_counter()
         soak.start(threads)

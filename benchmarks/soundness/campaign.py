@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -18,6 +19,7 @@ from benchmarks.soundness import cases
 from benchmarks.soundness.parts import PARTS
 from benchmarks.soundness.report import Report
 from benchmarks.soundness.workers import Outcome
+from trailmark.errors import InternalErrorWarning
 
 __all__ = ["SECONDS_A_CHUNK", "Campaign", "ask_case", "code_version", "run_chunk"]
 
@@ -42,17 +44,25 @@ def run_chunk(task: dict[str, Any], asking: Path) -> dict[str, Any]:
     """Run one chunk of a part, in a worker."""
     rng = np.random.default_rng([task["seed"], list(PARTS).index(task["part"]), task["chunk"]])
     report = Report(Path(task["folder"]), asking, task["version"])
-    try:
-        PARTS[task["part"]].run(rng, report)
-    except Exception:
-        report.raised()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("ignore")
+        warnings.simplefilter("always", InternalErrorWarning)
+        try:
+            PARTS[task["part"]].run(rng, report)
+        except Exception:
+            report.raised()
+    for warning in told:
+        # Found by the library itself before it did harm: an error all the same.
+        report.internal(str(warning.message))
     return {"counts": dict(report.counts), "wrong": dict(report.wrong), "found": report.found}
 
 
 def ask_case(folder: str, asking: Path) -> str | None:
     """Ask again what a case asks, in a worker."""
     world, asked = cases.load(Path(folder))
-    return cases.ask(world, asked)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", InternalErrorWarning)
+        return cases.ask(world, asked)
 
 
 class Campaign:

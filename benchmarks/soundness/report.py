@@ -66,12 +66,18 @@ class Report:
 
     def raised(self) -> None:
         """Keep what was being asked when an exception came: none may, of what is asked here."""
-        complaint = traceback.format_exc(limit=-3)
+        self._of_the_last("exception", traceback.format_exc(limit=-3))
+
+    def internal(self, message: str) -> None:
+        """Keep what was asked last, since the library has found an error of its own."""
+        self._of_the_last("internal", message)
+
+    def _of_the_last(self, kind: str, complaint: str) -> None:
         if self.asking.exists():
             world, asked = pickle.loads(self.asking.read_bytes())  # noqa: S301  our own file
-            self.case("exception", world, asked, complaint)
+            self.case(kind, world, asked, complaint)
         else:
-            self.wrong["exception"] += 1
+            self.wrong[kind] += 1
             print(complaint, file=sys.stderr)
 
     def case(self, kind: str, world: World, asked: Question, complaint: str) -> None:
