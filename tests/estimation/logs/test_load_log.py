@@ -108,3 +108,8 @@ def test_save_and_load(tmp_path: Path) -> None:
     assert (tmp_path / "b.jsonl.gz").read_bytes()[:2] == b"\x1f\x8b"
     assert load_log(tmp_path / "b.jsonl.gz").records == log.records
     assert load_log(tmp_path / "b.jsonl.gz").name == "a"
+
+
+def test_a_name_that_no_file_can_have(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="cannot be read: File name too long"):
+        load_log(tmp_path / ("a" * 5000))

@@ -63,6 +63,10 @@ def load_log(
     file = FilePath(path)
     if format is not None and format not in FORMATS:
         raise FormatError(file, f"format {format!r} given, {did_you_mean(format, FORMATS)}")
+    try:
+        file.exists()
+    except OSError as error:  # no file can have that name, or its folder may not be looked into
+        raise FormatError(file, f"cannot be read: {error.strerror}") from None
     if format in (None, "mrclam"):
         file, robot = _robot(file, robot)
     kind = _told_by_content(file) if format is None else format
