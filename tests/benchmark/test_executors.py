@@ -79,7 +79,10 @@ def test_a_killed_worker_only_repeats_its_runs(tmp_path: Path) -> None:
                 time.sleep(0.02)
             first.send_signal(signal.SIGKILL)
             out, err = benchmark.communicate(timeout=60)
-    assert (benchmark.returncode, err) == (0, "")
+    # On a busy machine Dask warns on stderr of event loops that were unresponsive.
+    assert benchmark.returncode == 0, err
+    assert "trailmark" not in err
+    assert "Traceback" not in err
     assert f"{RUNS} runs made, 0 of them without" in out
     assert sorted(runs_in(results)) == [(1, seed) for seed in range(RUNS)]
 

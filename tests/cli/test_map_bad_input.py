@@ -231,7 +231,7 @@ sys.exit(main(["map", {str(log)!r}, "--output", {str(log.parent / "world.yaml")!
         assert process.stdout is not None
         assert process.stdout.readline() == "mapping\n"
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=120)
     assert process.returncode == 130
     assert err == "trailmark: error: interrupted\n"
     assert list(log.parent.iterdir()) == [log]

@@ -8,7 +8,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -151,7 +150,7 @@ sys.exit(main(["plan", {str(yard)!r}, "--output", {str(yard.parent / "path.json"
         assert process.stdout is not None
         assert process.stdout.readline() == "planning\n"
         process.send_signal(number)
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=120)
     assert process.returncode == status
     assert err == f"trailmark: error: {'interrupted' if number == signal.SIGINT else 'terminated'}\n"
     assert list(yard.parent.iterdir()) == [yard]
@@ -229,9 +228,11 @@ def test_a_process_ends_without_complaints(loaded: str) -> None:
 
 def test_start_up_is_quick() -> None:
     def seconds() -> float:
-        begun = time.perf_counter()
+        """Return processor time: that of the clock is the machine's, with all that runs beside."""
+        before = os.times()
         subprocess.run([*COMMAND, "--version"], capture_output=True, check=True)
-        return time.perf_counter() - begun
+        after = os.times()
+        return after.children_user + after.children_system - before.children_user - before.children_system
 
     assert min(seconds() for _ in range(3)) < 0.4
 

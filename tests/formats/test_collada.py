@@ -151,10 +151,10 @@ LAUGHS = (
     ],
 )
 def test_document_types_and_entities_are_refused(tmp_path: Path, text: bytes) -> None:
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(FormatError, match="given, allowed: no document type and no entities"):
         read(tmp_path, text)
-    assert time.perf_counter() - begin < 5.0
+    assert time.process_time() - begin < 5.0
 
 
 DEEP = "".join(

@@ -43,7 +43,7 @@ def test_an_error_in_a_callback_ends_the_planning_and_is_raised(run_ompl: Any) -
         found = run_ompl(f"name = {name!r}" + BREAKING)
         raised, seconds, again = found[name]
         assert raised == "callback", name
-        assert seconds < 5.0, name
+        assert seconds < 15.0, name
         assert again, name
 
 
@@ -71,7 +71,7 @@ killer.wait()
 tell(handler=signal.getsignal(signal.SIGINT) is signal.default_int_handler)
 """)
     assert found["raised"] == "KeyboardInterrupt"
-    assert found["seconds"] < 5.0
+    assert found["seconds"] < 25.0
     assert found["handler"]
 
 

@@ -50,7 +50,9 @@ def cluster(address: str) -> Iterator[Pool]:
     try:
         from distributed import Client
     except ImportError:
-        raise WorkerError("--scheduler needs Dask: pip install 'distributed>=2024.8'") from None
+        raise WorkerError(
+            "--scheduler needs Dask: pip install 'distributed>=2024.8' (what pip install 'trailmark[cluster]' adds)"
+        ) from None
     try:
         client: Any = Client(address, timeout=ANSWERING, set_as_default=False)  # type: ignore[no-untyped-call]  # Dask's own
     except (OSError, ValueError, TimeoutError) as error:

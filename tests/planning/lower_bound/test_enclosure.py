@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 import pytest
@@ -138,9 +138,9 @@ def _grid(oracle: Oracle) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
 def test_time_stop_and_budget_end_it() -> None:
     case = next(c for c in random_cases(1, first=102) if c.kind == "random 500, L")
     query, checker = case.problem.world.queries[0], StateChecker(case.problem.world, case.problem.robot)
-    begin = perf_counter()
+    begin = process_time()
     assert not enclosed(checker, query.start, query.goal, seconds=0.03)
-    assert perf_counter() - begin < 0.15
+    assert process_time() - begin < 0.15
     assert not enclosed(checker, query.start, query.goal, stop=lambda: True)
     assert not enclosed(checker, query.start, query.goal, budget=2000)
 
@@ -157,9 +157,9 @@ def test_discs_are_left_to_the_triangles_and_bad_ends_are_told() -> None:
 def test_very_thin_robots_in_large_worlds_end_in_time(width: float) -> None:
     world = World("large", (-900.0, 0.0, 100.0, 1000.0), (Rectangle((0.0, 500.0), 2.0, 1100.0),))
     checker = StateChecker(world, Robot.rectangle(3.0, width))
-    begin = perf_counter()
+    begin = process_time()
     assert not enclosed(checker, (-50.0, 500.0, 0.0), (-60.0, 500.0, 1.0), seconds=0.1)
-    assert perf_counter() - begin < 0.5
+    assert process_time() - begin < 0.5
 
 
 def test_ends_that_are_not_valid_prove_nothing() -> None:
