@@ -44,7 +44,7 @@ def grid_separates(relaxation: Relaxation, to_goal: CostMap, start: FloatArray, 
         goal: valid, shape (3,).
     """
     checker = relaxation.checker
-    separation = Separation(checker.world, checker.robot.inscribed_disc.radius)
+    separation = Separation(checker.world, checker.robot.inscribed_disc.radius, checker.grid)
     component = np.isfinite(to_goal.cost)
     first, last = (int(relaxation.cells(relaxation.disc_centers(q))) for q in (start, goal))
     if component.ravel()[first] or not component.ravel()[last]:

@@ -11,7 +11,7 @@ import shapely
 
 from trailmark.planning.lower_bound.mesh import triangulated
 from trailmark.planning.lower_bound.polyanya import shortest_way
-from trailmark.planning.lower_bound.region import MARGIN, ellipse
+from trailmark.planning.lower_bound.region import MARGIN, ellipse, near_shapes
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import World
@@ -72,10 +72,9 @@ def _region(world: World, r: float, within: shapely.Polygon) -> shapely.Geometry
     region = shapely.intersection(inside, within)
     if world.boundary is not None:
         region = shapely.intersection(region, shapely.buffer(world.boundary.shapely(), -r * outer, quad_segs=QUARTER))
-    boxes = shapely.box(*np.array([s.bounding_box() for s in world.obstacles]).reshape(-1, 4).T)
-    near = np.flatnonzero(shapely.dwithin(boxes, within, 1.01 * r))
-    discs = [s for i in near if isinstance(s := world.obstacles[i], Disc)]
-    outlines = [s.polygon().shapely() for i in near if not isinstance(s := world.obstacles[i], Disc)]
+    near = near_shapes(world, within, 1.01 * r)
+    discs = [s for s in near if isinstance(s, Disc)]
+    outlines = [s.polygon().shapely() for s in near if not isinstance(s, Disc)]
     grown = list(shapely.buffer(np.array(outlines, dtype=object), r * outer, quad_segs=QUARTER)) if outlines else []
     grown += [shapely.Point(*s.center).buffer((s.radius + r) * outer, quad_segs=QUARTER) for s in discs]
     return shapely.difference(region, shapely.union_all(grown)) if grown else region

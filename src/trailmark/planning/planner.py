@@ -351,7 +351,7 @@ class LandmarkPlanner:
     @cached_property
     def bound(self) -> LowerBound:
         """Proves lower bounds; what it computes is kept from query to query."""
-        return LowerBound(self.world, self.robot)
+        return LowerBound(self.world, self.robot, self.checker.grid)
 
     @property
     def relaxation(self) -> Relaxation:

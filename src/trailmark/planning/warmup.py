@@ -23,6 +23,8 @@ SMALL = (
 def warm_up() -> None:
     """Run every kernel once, on a small world: a minute or two on a machine's first use, about a second later on."""
     from trailmark.collision import StateChecker
+    from trailmark.landmarks import Relaxation
+    from trailmark.planning.claims import grid_separates
     from trailmark.planning.lower_bound import enclosed
     from trailmark.planning.planner import LandmarkPlanner
 
@@ -34,7 +36,10 @@ def warm_up() -> None:
     shut = StateChecker(
         World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), Robot.rectangle(0.6, 0.4)
     )
-    enclosed(shut, (0.6, 1.0, 0.0), (2.4, 1.0, 0.0))
+    ends = np.array([[0.6, 1.0, 0.0], [2.4, 1.0, 0.0]])
+    enclosed(shut, *ends)
+    relaxation = Relaxation(shut)
+    grid_separates(relaxation, relaxation.costs_from(ends[1], until=ends[0]), *ends)
 
 
 @lru_cache(maxsize=1)

@@ -28,7 +28,7 @@ def by_visibility(polygon: Any, start: np.ndarray, goal: np.ndarray) -> float:
     points = np.array([start, goal, *np.unique(shapely.get_coordinates(polygon), axis=0)])
     i, j = np.triu_indices(len(points), 1)
     lines = shapely.linestrings(np.stack([points[i], points[j]], axis=1))
-    inside = shapely.covers(polygon.buffer(1e-9), lines)
+    inside = shapely.covers(polygon.buffer(1e-9 * max(1.0, 1e-3 * float(np.abs(points).max()))), lines)
     graph = nx.Graph()
     lengths = np.hypot(*(points[i] - points[j]).T)
     graph.add_weighted_edges_from(zip(i[inside].tolist(), j[inside].tolist(), lengths[inside].tolist(), strict=True))
@@ -87,3 +87,31 @@ def test_neighbours_know_each_other_and_corners_are_reflex() -> None:
                 assert edge <= set(mesh.triangles[other].tolist())
     corners = {tuple(p) for p in mesh.points[mesh.corner].tolist()}
     assert corners == {(4.0, 4.0), (4.0, 6.0), (6.0, 4.0), (6.0, 6.0)}
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e3, 1e5])
+def test_many_vertices_in_a_row_turned_and_moved(offset: float) -> None:
+    # Unit cells and lattice triangles: on paper most vertices lie in rows, as doubles beside them.
+    pairs = 0
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        cells = [shapely.box(x, y, x + 1, y + 1) for x in range(8) for y in range(8) if rng.random() < 0.25]
+        corners = rng.integers(0, 9, (2, 3, 2))
+        triangles = [t for t in map(shapely.Polygon, corners.astype(float)) if t.area > 0.0]
+        region = shapely.difference(shapely.box(0, 0, 8, 8), shapely.union_all(cells + triangles))
+        part = max(shapely.get_parts(region), key=shapely.area)
+        angle, scale = seed * 0.7, (1.0, 0.1, 1.0 / 3.0)[seed % 3]
+        turn = scale * np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        polygon = shapely.transform(part, lambda points, turn=turn: points @ turn + offset)
+        own = [len(ring.coords) - 1 for ring in shapely.get_rings(polygon)]
+        if not polygon.is_valid or sum(own) != len(np.unique(shapely.get_coordinates(polygon), axis=0)):
+            # Where it touches itself, a mesh has no way and a visibility graph has.
+            continue
+        q = rng.uniform(0.0, 8.0, (60, 2))
+        q = q[shapely.contains_xy(shapely.buffer(part, -1e-3), q)][:4] @ turn + offset
+        mesh = triangulated(polygon)
+        for start, goal in pairwise(q):
+            length, _ = shortest_way(mesh, start, goal)
+            assert length == pytest.approx(by_visibility(polygon, start, goal), rel=1e-8, abs=1e-9 * offset + 1e-9)
+            pairs += 1
+    assert pairs > 20

@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
 from trailmark.planning.lower_bound.grown import QUARTER
 from trailmark.planning.lower_bound.mesh import Mesh, locate, triangulated
@@ -35,6 +36,9 @@ MANY = 150_000
 
 SECONDS_A_VERTEX, SECONDS_A_WAY = 2.2e-5, 0.003
 """What cutting a region into triangles takes, and a query once that is done, with some to spare."""
+
+SECONDS_AN_OBSTACLE = 5e-6
+"""What it takes to tell whether an obstacle lies near a query."""
 
 FloatArray = NDArray[np.float64]
 
@@ -67,10 +71,12 @@ class LowerBound:
     Args:
         world: obstacles, bounds, boundary.
         robot: footprint.
+        grid: the world's outlines in cells, if they are there already.
     """
 
-    def __init__(self, world: World, robot: Robot) -> None:
+    def __init__(self, world: World, robot: Robot, grid: ObstacleGrid | None = None) -> None:
         self.world, self.robot = world, robot
+        self._grid = grid
 
     def of(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> Bound:
         """Return the bound for a query.
@@ -107,7 +113,7 @@ class LowerBound:
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
         longest = most * self._stretch
         share = min(1.0, ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
-        return _seconds(share * self._size)
+        return _seconds(share * self._size) + SECONDS_AN_OBSTACLE * len(self.world.obstacles)
 
     def _in_the_open(self, start: FloatArray, goal: FloatArray) -> float:
         """Return what the way would cost without obstacles, metres."""
@@ -217,7 +223,7 @@ class LowerBound:
 
     @cached_property
     def _separation(self) -> Separation:
-        return Separation(self.world, self.robot.inscribed_disc.radius)
+        return Separation(self.world, self.robot.inscribed_disc.radius, self._grid)
 
     @cached_property
     def _parts(self) -> Any:

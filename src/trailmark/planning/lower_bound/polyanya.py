@@ -42,6 +42,8 @@ parent."""
 def shortest_way(mesh: Mesh, start: FloatArray, goal: FloatArray) -> tuple[float, FloatArray]:
     """Return the length (metres) of the shortest path and its bends, shape (k, 2), ends included.
 
+    It passes no point at which the region's outline touches itself.
+
     Args:
         mesh: the region.
         start: shape (2,).

@@ -10,10 +10,10 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark.planning.lower_bound.grown import QUARTER, grown, strips
-from trailmark.shapes import Disc, Shape
+from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import World
 
-__all__ = ["MARGIN", "ellipse", "free_region", "local_origin"]
+__all__ = ["MARGIN", "ellipse", "free_region", "local_origin", "near_shapes"]
 
 FloatArray = NDArray[np.float64]
 
@@ -54,14 +54,33 @@ def free_region(
             taken += strips(shapely.reverse(shapely.get_rings(inside)), r)
     if within is not None:
         region = shapely.intersection(region, within)
-    shapes = world.obstacles
-    if within is not None:
-        boxes = np.array([s.bounding_box() for s in shapes]).reshape(-1, 4) - [*origin, *origin]
-        near = shapely.dwithin(shapely.box(*boxes.T), within, r + MARGIN)
-        shapes = tuple(s for s, close in zip(shapes, near, strict=True) if close)
+    shapes = world.obstacles if within is None else near_shapes(world, within, r + MARGIN, origin)
     polygons = _moved([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], origin)
     taken += [*(grown(polygons, r) if r > 0.0 else polygons), *_discs(shapes, r, origin)]
     return shapely.difference(region, shapely.union_all(taken)) if taken else region
+
+
+def near_shapes(
+    world: World, within: Any, distance: float, origin: FloatArray | tuple[float, float] = AT_ORIGIN
+) -> list[Shape]:
+    """Return the obstacles that may be so near (metres) to a region, relative to ``origin``: all that are, and more."""
+    shapes = np.array([*world.obstacles, None], dtype=object)[:-1]
+    boxes = np.empty((len(shapes), 4))
+    polygons = np.array([isinstance(shape, Polygon) for shape in shapes], np.bool_)
+    if polygons.any():
+        rings = [shape.vertices for shape in shapes[polygons]]
+        points, first = np.concatenate(rings), np.cumsum([0, *(len(ring) for ring in rings[:-1])])
+        boxes[polygons, :2] = np.minimum.reduceat(points, first)
+        boxes[polygons, 2:] = np.maximum.reduceat(points, first)
+    rows = [
+        (*shape.center, shape.radius if isinstance(shape, Disc) else 0.5 * np.hypot(shape.length, shape.width))
+        for shape in shapes[~polygons]
+    ]
+    x, y, reach = np.array(rows).reshape(-1, 3).T
+    boxes[~polygons] = np.column_stack([x - reach, y - reach, x + reach, y + reach])
+    shapely.prepare(within)
+    near = shapely.dwithin(shapely.box(*(boxes - [*origin, *origin]).T), within, distance)
+    return list(shapes[near])
 
 
 def _moved(polygons: list[Any], origin: FloatArray | tuple[float, float]) -> NDArray[Any]:

@@ -35,15 +35,18 @@ class Separation:
     Args:
         world: obstacles, bounds, boundary.
         radius: metres.
+        grid: the world's outlines in cells, if they are there already, of whatever size.
     """
 
-    def __init__(self, world: World, radius: float) -> None:
-        self.world = world
+    def __init__(self, world: World, radius: float, grid: ObstacleGrid | None = None) -> None:
         self.reach = radius - CERTAIN
+        self._world, self._known = world, grid
 
     @cached_property
     def _grid(self) -> ObstacleGrid:
-        return build_grid(self.world, cell_size_for(self.world, self.reach))
+        if self._known is not None:
+            return self._known
+        return build_grid(self._world, cell_size_for(self._world, self.reach))
 
     def edges_block(self, edges: FloatArray) -> NDArray[np.bool_]:
         """Return which edges, shape (n, 2, 2) in the world's frame, the disc's centre can be nowhere on; shape (n,)."""
