@@ -36,7 +36,8 @@ tell(sizes=sizes, costs=costs, words=words, names=names, again=again, cleared=fr
     assert found["ends"] == found["wanted"]
     for ours, theirs, result in found["costs"]:
         assert abs(ours - theirs) < 1e-9
-        assert abs(ours - result) < 1e-9
+        # With fewer vertices than the result, and hardly longer.
+        assert -1e-2 * result < ours - result < 1.01e-4 * result
     # The roadmap grows from query to query, unless each is to start from nothing.
     assert found["sizes"] == sorted(found["sizes"])
     assert found["sizes"][0] > 20

@@ -57,8 +57,13 @@ def states_of(path: Any) -> se2.FloatArray:
 
 
 def path_to_ompl(information: Any, path: Path | ArrayLike) -> Any:
-    """Return a ``PathGeometric`` through the states of a path or of an array (n, 3)."""
+    """Return a ``PathGeometric`` through the states of a path or of an array (n, 3).
+
+    Exactly half a turn back, which OMPL would turn clockwise, gets a state in its middle.
+    """
     rows = path.states if isinstance(path, Path) else np.atleast_2d(se2.configurations(path))
+    back = np.flatnonzero(np.diff(rows[:, 2]) == -np.pi)
+    rows = np.insert(rows, back + 1, se2.interpolate(rows[back], rows[back + 1], 0.5), axis=0)
     made = og.PathGeometric(information)
     for row in rows:
         # Kept in a variable: OMPL 1.7 frees a scoped state that nothing holds.
