@@ -90,15 +90,19 @@ def uneven(seed: int, *, scale: float = 1.0, offset: float = 0.0) -> Attack:
     """Return a disc of radius 1 that passes between a post and a ceiling that is uneven by some millimetres."""
     rng = np.random.default_rng(seed)
     frame = _Frame.random(rng, scale, offset)
-    x = np.sort(rng.uniform(-4.0, 4.0, int(rng.integers(2, 14))))
+    x = rng.uniform(-4.0, 4.0, int(rng.integers(1, 8)))
+    # Some with another beside it: a step.
+    x = np.sort(np.concatenate([x, x[rng.random(len(x)) < 0.5] + 1e-3]))
     y = 2.0 + rng.uniform(0.0, rng.choice([0.005, 0.01, 0.05]), len(x))
     ceiling = np.array([(-5.0, 2.0), *zip(x, y, strict=True), (5.0, 2.0)])
-    play = float(10.0 ** rng.uniform(-4.5, -2.0))
+    play = float(10.0 ** rng.uniform(-4.5, -2.5))
     # As high as the disc can be at each place, less half the play; 1e-6 is more than sampling misses.
     u = np.linspace(-3.9, 3.9, 2001)
     above = shapely.get_coordinates(shapely.segmentize(shapely.LineString(ceiling), 2e-3))
     way = np.column_stack([u, _under(above, u) - 1e-6 - 0.5 * play])
-    at = float(rng.uniform(-3.0, 3.0))
+    # Where the disc is highest, most is lost if the ceiling counts as even.
+    middle = np.abs(u) < 3.0
+    at = float(u[middle][np.argmax(way[middle, 1])])
     beside = np.maximum(0.0, np.abs(u - at) - 0.02)
     near = beside < 1.0
     top = float((way[near, 1] - np.sqrt(1.0 - beside[near] ** 2)).min()) - 0.5 * play
