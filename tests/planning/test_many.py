@@ -89,7 +89,8 @@ def test_answers_do_not_depend_on_the_number_of_threads() -> None:
         planner = planner_for("rectangle")
         planner.build(800)
         starts, goals = queries(planner, 40)
-        answers.append(planner.plan_many(starts, goals, time_limit=60.0, workers=workers))
+        # One query is planned until it settles, which takes a minute on a busy machine.
+        answers.append(planner.plan_many(starts, goals, time_limit=600.0, workers=workers))
     for other in answers[1:]:
         for a, b in zip(answers[0], other, strict=True):
             assert (a.status, a.lower_bound, a.first_cost) == (b.status, b.lower_bound, b.first_cost)
@@ -112,6 +113,9 @@ def test_many_threads_ask_one_planner_while_it_grows() -> None:
         return all(a.path == b.path for a, b in zip(expected, found, strict=True))
 
     def grow(i: int) -> bool:
+        # What is known already adds nothing.
+        with planner._growing:
+            planner.roadmap.add(free_samples(planner.checker, 20, random_state=i))
         return planner.plan(starts[i], goals[i], time_limit=60.0, max_iterations=1).status == "solved"
 
     with ThreadPoolExecutor(4) as threads:
@@ -180,12 +184,75 @@ def test_bad_arguments(change: dict[str, object], message: str) -> None:
 
 def test_a_general_roadmap_stops_where_more_would_not_help() -> None:
     planner = LandmarkPlanner(World("open", (0, 0, 10, 10)), Robot.disc(0.3), seed=0)
-    rounds = grow_general(Roadmap(planner.checker), planner.relaxation, np.random.default_rng(0))
+    told: list[int] = []
+    roadmap = Roadmap(planner.checker)
+    rounds, graph, whole = grow_general(
+        roadmap, planner.relaxation, np.random.default_rng(0), told=lambda: told.append(len(roadmap))
+    )
+    assert whole
+    assert len(graph) == len(roadmap) == told[-1]
+    assert len(told) == 8
     assert [r.solved for r in rounds] == [r.probes for r in rounds]
     assert len(rounds) == 2
     full = LandmarkPlanner(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4.0, 4.0),)), Robot.disc(0.5), seed=0)
     with pytest.raises(TrailmarkError, match="no free place for the robot was found"):
         full._ready()
+
+
+def test_building_keeps_to_the_time_and_goes_on_later() -> None:
+    planner = planner_for("rectangle")
+    left = iter([0.0])
+    rounds, graph, whole = grow_general(
+        planner.roadmap, planner.relaxation, np.random.default_rng(0), seconds_left=lambda: next(left)
+    )
+    # One part, then the time was up.
+    assert not rounds
+    assert not whole
+    assert 10 <= len(planner.roadmap) <= 16
+    assert len(graph) == len(planner.roadmap)
+    seen: list[tuple[int, int]] = []
+    starts, goals = queries(planner, 8)
+    results = planner.plan_many(starts, goals, 60.0, on_progress=lambda done, of: seen.append((done, of)))
+    assert {r.status for r in results} == {"solved"}
+    # Reports while it is built, then for each query.
+    building = [entry for entry in seen if entry == (0, 8)]
+    assert len(building) >= 4
+    assert seen[len(building) :] == [(i + 1, 8) for i in range(8)]
+    assert len(planner.roadmap) > 1_000
+
+
+def test_many_queries_can_be_stopped() -> None:
+    planner = planner_for("rectangle")
+    starts, goals = queries(planner, 8)
+    results = planner.plan_many(starts, goals, 60.0, stop=lambda: True)
+    assert [r.status for r in results] == ["timeout"] * 8
+    assert all(
+        r.path is None and r.lower_bound == pytest.approx(math.dist(a[:2], b[:2]), abs=2.0)
+        for r, a, b in zip(results, starts, goals, strict=True)
+    )
+    # Hardly anything was built; the next call goes on with it.
+    assert len(planner.roadmap) <= 16
+    asked = [0]
+
+    def later() -> bool:
+        asked[0] += 1
+        return asked[0] > 40
+
+    some = planner.plan_many(starts, goals, 60.0, stop=later)
+    assert len(some) == 8
+    assert {r.status for r in planner.plan_many(starts, goals, 60.0)} == {"solved"}
+
+
+def test_landmarks_that_were_asked_for_keep_to_half_of_the_limit() -> None:
+    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=100_000)
+    starts, goals = queries(planner, 1)
+    result = planner.plan(starts[0], goals[0], 0.5)
+    assert result.status == "solved"
+    assert 16 <= result.landmarks < 100_000
+    before = planner._to_place
+    assert 0 < before < 100_000
+    planner.plan(starts[0], goals[0], 0.5)
+    assert planner._to_place < before
 
 
 def test_each_stops_at_the_first_exception() -> None:

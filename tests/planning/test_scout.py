@@ -232,8 +232,10 @@ def test_with_little_time_few_nodes_are_taken_and_nothing_counts_as_exhausted(
 ) -> None:
     # Two levels in turn that look over the same lattice.
     monkeypatch.setattr(scout, "LEVELS", (LEVELS[-1], LEVELS[-1]))
-    seconds = [10.5 * scout.SECONDS_A_NODE]
+    seconds = [0.0]
     looking = Scout(StateChecker(WALL, CAR), ACROSS[0], ACROSS[1], 0.5, lambda: seconds[0])
+    # The costs to go come first.
+    seconds[0] = 10.5 * scout.SECONDS_A_NODE + looking.cells * scout.SECONDS_A_CELL
     # Too few nodes to come around the wall, from either end.
     assert looking.look().shape == (0, 3)
     assert [search[3] for search in recorder.seen] == [10, 10]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from tests.support.interrupts import interrupted, lines_run
 
+from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError, TrailmarkError
@@ -130,10 +131,15 @@ def actions(roadmap: Roadmap) -> dict[str, Action]:
     way = way_of(roadmap)
     states = roadmap.configurations[way].copy()
     first, last = int(way[0]), int(way[-1])
+    middles = states
+    if not isinstance(roadmap, CurveRoadmap):
+        # Half of its states are nodes.
+        middles = np.repeat(states, 2, axis=0)[:-1]
+        middles[1::2] = se2.interpolate(states[:-1], states[1:], 0.5)
     found: dict[str, Action] = {
         # 40 more: the index is sorted anew.
         "add": lambda r: r.add(more),
-        "add_path": lambda r: r.add_path(states, first, last),
+        "add_path": lambda r: r.add_path(middles),
         "search": lambda r: r.shortest_path(first, last, limit=1e9),
         "certify": lambda r: r.certify_all(),
         "nearest": lambda r: r.nearest(),
@@ -195,7 +201,7 @@ def test_another_exception_leaves_it_whole_too() -> None:
     with pytest.raises(ConfigurationError):
         roadmap.add(np.array([[1.0, 2.0, np.nan]]))
     with pytest.raises(ConfigurationError):
-        roadmap.add_path(roadmap.configurations[:3], 0, len(roadmap))
+        roadmap.add_path(np.array([[1.0, 2.0, 0.0], [1.0, np.inf, 0.0]]))
     assert all(np.array_equal(a, b) for a, b in zip(contents(roadmap), before, strict=True))
     assert_whole(roadmap)
 

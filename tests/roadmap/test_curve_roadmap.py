@@ -104,8 +104,12 @@ def test_paths_and_trees_are_added_once() -> None:
     nodes = next(p for p in (roadmap.shortest_path(0, i).nodes for i in range(1, 60)) if len(p) > 3)
     q = roadmap.configurations[nodes]
     before = len(roadmap)
-    added = roadmap.add_path(q, int(nodes[0]), int(nodes[-1]))
-    assert added.tolist() == list(range(before, before + len(nodes) - 2))
+    # All are nodes already, then none but the ends.
+    assert roadmap.add_path(q).tolist() == nodes.tolist()
+    q[1:-1, 0] += 1e-9
+    along_path = roadmap.add_path(q)
+    added = along_path[1:-1]
+    assert along_path.tolist() == [nodes[0], *range(before, before + len(nodes) - 2), nodes[-1]]
     pairs = np.sort(roadmap.edges, axis=1)
     assert len(np.unique(pairs, axis=0)) == len(pairs)
     along = np.sort(np.column_stack([[nodes[0], *added], [*added, nodes[-1]]]), axis=1)

@@ -119,21 +119,26 @@ def test_a_path_is_joined_edge_by_edge(name: str) -> None:
     states = roadmap.configurations[way]
     # New vertices near and far apart: halfway along every motion, then only some of them.
     middles = 0.5 * (states[:-1, :2] + states[1:, :2])
-    for path in (
-        np.insert(states[:, :2], np.arange(1, len(states)), middles, axis=0),
-        states[[0, *range(2, len(states) - 1, 3), -1], :2],
+    for shift, path in enumerate(
+        (
+            np.insert(states[:, :2], np.arange(1, len(states)), middles, axis=0),
+            states[[0, *range(2, len(states) - 1, 3), -1], :2],
+        )
     ):
-        q = np.column_stack([path, np.full(len(path), 0.5)])
+        q = np.column_stack([path + 1e-3 * (shift + 1), np.full(len(path), 0.5)])
         q[[0, -1]] = states[[0, -1]]
         n = len(roadmap)
-        added = roadmap.add_path(q, int(way[0]), int(way[-1]))
-        assert added.tolist() == list(range(n, n + len(path) - 2))
-        assert np.array_equal(roadmap.configurations[added], q[1:-1])
+        along = roadmap.add_path(q)
+        assert along.tolist() == [int(way[0]), *range(n, n + len(path) - 2), int(way[-1])]
+        assert np.array_equal(roadmap.configurations[along], q)
         pairs = [tuple(sorted(pair)) for pair in roadmap.edges.tolist()]
         assert len(set(pairs)) == len(pairs) == len(roadmap.lengths) == len(roadmap.status)
         status = dict(zip(pairs, roadmap.status.tolist(), strict=True))
-        along = [int(way[0]), *added.tolist(), int(way[-1])]
-        assert {status[min(u, v), max(u, v)] for u, v in pairwise(along)} == {FREE}
+        assert {status[min(u, v), max(u, v)] for u, v in pairwise(along.tolist())} == {FREE}
+        # Once more, it is there already; a state given twice in a row counts once.
+        edges = len(roadmap.edges)
+        assert roadmap.add_path(np.repeat(q, 2, axis=0)).tolist() == along.tolist()
+        assert (len(roadmap), len(roadmap.edges)) == (n + len(path) - 2, edges)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -190,7 +195,7 @@ def test_shortest_paths_are_networkxs(seed: int, name: str, obstacles: int) -> N
         left: Any = graph.copy()
         left.remove_nodes_from(np.flatnonzero(banned).tolist())
         for rest, ban in ((graph, None), (left, banned)):
-            nodes, reached = roadmap.shortest_path(start, goal, banned=ban)
+            nodes, reached, _ = roadmap.shortest_path(start, goal, banned=ban)
             joined = set(nx.single_source_dijkstra_path_length(rest, start))
             assert set(np.flatnonzero(reached).tolist()) <= joined
             if goal not in joined:

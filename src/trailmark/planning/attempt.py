@@ -20,10 +20,13 @@ from trailmark.planning.general import SAMPLES_PER_LANDMARK
 from trailmark.planning.headings import turned_evenly
 from trailmark.planning.incident import report_incident
 from trailmark.planning.lower_bound import SECONDS_A_WAY, LowerBound
+from trailmark.planning.recall import Recall
 from trailmark.planning.result import PlanProgress, Status
-from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, Scout
+from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, SECONDS_A_NODE, Scout
 from trailmark.planning.shortening import shorten
+from trailmark.planning.straightening import without_needless
 from trailmark.roadmap import Roadmap
+from trailmark.roadmap.roadmap import UNBOUNDED
 
 __all__ = ["LLOYD_STEPS", "Attempt", "OnProgress"]
 
@@ -52,7 +55,23 @@ POLISHING = 10
 """Sweeps with added vertices that the best path gets in each round."""
 
 KEPT = 5_000
-"""Nodes up to which the planner's roadmap takes in landmarks of queries that are answered without them."""
+"""Nodes up to which the planner's roadmap takes in what queries bring that it might answer without."""
+
+WORSE, LONGER = 1.03, 1.3
+"""Times the best path's cost: what the roadmap knows is about as good up to the first, once it is shortened; what is
+looked for in it may be longer at first, up to the second."""
+
+DUPLICATE = 0.05
+"""Of the inscribed disc's radius: a landmark that lies nearer to a node that is joined already is not added."""
+
+SECONDS_A_RELAXED_CELL, SECONDS_AN_EDGE = 1.5e-6, 5e-6
+"""What a cell of the relaxed problem, and a node or an edge of the roadmap that a search looks at, may take."""
+
+AT_LEISURE = 1_000
+"""Nodes and edges of the roadmap looked at before landmarks are placed."""
+
+RECALL_MOST, RECALL_SHARE = 20_000, 0.1
+"""Nodes and edges looked at for a better path at most, and the share of the time left that this may take."""
 
 PROOF_SHARE, LAST_SHARE = 0.25, 0.6
 """Shares of the time left that a proof may be expected to take, before much else is left to do and after that."""
@@ -83,6 +102,7 @@ class Attempt:
         goal: shape (3,).
         begin: as given.
         first_cost: the first path's cost, metres.
+        effort: nodes and edges that searches took until then.
         history: (seconds, cost in metres) of each better path.
         nearest: without a path, the states (n, 3) of one from the start to where it comes nearest to the goal.
         lower_bound: proven lower bound on any path's cost, metres; infinite if it proves that there is none.
@@ -105,7 +125,9 @@ class Attempt:
     ) -> None:
         self.checker, self.roadmap, self.relaxation, self.rng = roadmap.checker, roadmap, relaxation, rng
         self.start, self.goal = ends
-        self.begin, self.deadline = begin, begin + time_limit
+        self.begin, self.deadline, self.limit = begin, begin + time_limit, time_limit
+        # What the last sweep of shortening took, and the last landmarks, each.
+        self._sweeping = self._growing = 0.0
         self.rounds_left = max_iterations
         self.on_progress, self.stop = on_progress, stop
         self.nearest: se2.FloatArray | None = None
@@ -118,10 +140,15 @@ class Attempt:
         self._refining = 0.0
         self._proof: BackgroundProof | None = None
         self.turning = self.roadmap.turning
+        self.sought = roadmap
+        self.recall = Recall(roadmap, self.start, self.goal)
+        self.scout: Scout | None = None
+        self._known_cost = np.inf
         self._turned = se2.ROTATION_WEIGHT * abs(float(se2.difference(self.start, self.goal)[2]))
         self.best: se2.FloatArray | None = None
         self.best_cost = np.inf
         self.first_cost: float | None = None
+        self.effort = 0
         self.history: list[tuple[float, float]] = []
 
     def run(self) -> tuple[Status, se2.FloatArray | None]:
@@ -137,22 +164,21 @@ class Attempt:
         if self._straight(ends):
             # Nothing is shorter.
             self._offer(ends)
+            self._known_cost = self.best_cost
             return self._answer()
-        # Not before there is need: joining the ends to an empty roadmap would only hold up the first path.
-        nodes = self.roadmap.add(ends) if len(self.roadmap) else None
-        if nodes is not None:
-            self._search(self.roadmap, None, nodes)
-        known, scout = self.best is not None, self._scout(ends)
+        self.recall = Recall(self.roadmap, *ends)
+        scout = self.scout = self._scout(ends)
+        self._take_known(self.recall.look_at_once())
+        known = self.best is not None
         if not known and scout is not None:
             self._report("looking for a first path")
-            self._take(scout.look(AT_FIRST))
-        if nodes is None:
-            nodes = self.roadmap.add(ends)
-        if self.best is not None and self._time_left() <= 0.0:
-            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
+            self._look(scout, AT_FIRST)
+        if self._too_late_for_cells(scout):
             return self._answer()
+        begin = perf_counter()
         band = Band(self.checker, self.relaxation, ends[0], ends[1])
-        rounds = self._place(band, scout, nodes)
+        self._refining = perf_counter() - begin
+        rounds = self._place(band, scout, ends)
         if self._may_exist(band):
             self._prove(LAST_SHARE)
             if self._proof is not None:
@@ -163,16 +189,47 @@ class Attempt:
         if not np.isfinite(band.shortest):
             # The grid says that there is none; it is no guide.
             self._claim(np.inf)
-            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
             return self._answer()
         self._prove(PROOF_SHARE)
-        if self.best is not None and not (known or rounds or self._close_enough()) and len(self.roadmap) < KEPT:
-            self._grow(self.roadmap, band, self._widening(band), FIRST_LANDMARKS)
+        if not (known or rounds or self._close_enough()):
+            self._look_again(band)
         self._improve(band, ends, int(FIRST_LANDMARKS * GROWTH**rounds), scout)
         self._prove(LAST_SHARE)
-        if self.best is not None:
-            self.roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))
         return self._answer()
+
+    def _look(self, scout: Scout, levels: int) -> None:
+        """Look for a first path over lattices, and over the roadmap beside them."""
+        for _ in range(levels):
+            self._take(scout.look())
+            if self.best is None:
+                self._take_known(self.recall.look_beside(scout.taken))
+            if self.best is not None or self._time_left() <= 0.0:
+                return
+
+    def _too_late_for_cells(self, scout: Scout | None) -> bool:
+        """Return whether there is no time left to look at the relaxed problem; spend it on other lattices then."""
+        grid = self.relaxation
+        needed = SECONDS_A_RELAXED_CELL * grid.rows * grid.columns
+        if self._time_left() > needed:
+            return False
+        while self.best is None and scout is not None and scout.level < AT_MOST and self._time_left() > 0.0:
+            self._look(scout, 1)
+        # Without a path, and with time for nothing else, it is looked at all the same if the limit allows for it.
+        return self.best is not None or self._time_left() <= 0.0 or needed > self.limit
+
+    def _look_again(self, band: Band) -> None:
+        """See what the roadmap knows that is about as good as the path; let it grow there if it knows nothing."""
+        budget = int(min(RECALL_MOST, max(0.0, RECALL_SHARE * self._time_left() / SECONDS_A_NODE)))
+        self._take_known(self.recall.look_again(LONGER * self.best_cost, budget))
+        if self._known_cost == np.inf and self.recall.complete and len(self.roadmap) < KEPT and not self._is_over():
+            self._grow(self.roadmap, band, self._widening(band), FIRST_LANDMARKS)
+
+    def _learn(self) -> None:
+        """Add the path to the roadmap, if that knows none about as good; once it is large, if it knows none at all."""
+        if self.best is None or self._known_cost <= WORSE * self.best_cost:
+            return
+        if len(self.roadmap) < KEPT or (self._known_cost == np.inf and self.recall.complete):
+            self.roadmap.add_path(self.best)
 
     def _ends(self) -> se2.FloatArray:
         """Return start and goal as the roadmap knows them: a disc robot at heading 0 only."""
@@ -189,19 +246,27 @@ class Attempt:
         """Return what looks for ways over lattices."""
         return Scout(self.checker, ends[0], ends[1], self.relaxation.size, self._time_left)
 
-    def _place(self, band: Band, scout: Scout | None, nodes: NDArray[np.int64]) -> int:
+    def _place(self, band: Band, scout: Scout | None, ends: se2.FloatArray) -> int:
         """Place landmarks round by round while there is no path; return the number of rounds."""
         if self.best is None and np.isfinite(band.shortest):
             self._look_closely(band, scout)
+            if self.best is None:
+                self._take_known(self.recall.look(AT_LEISURE))
+        if not self._may_exist(band):
+            return 0
+        if len(self.roadmap) >= KEPT:
+            # What is tried for this query alone would only hold up others.
+            self.sought = type(self.roadmap)(self.checker)
+        nodes = self.sought.ends(ends)
         rounds = 0
         while self._may_exist(band) and self._go_on("placing landmarks"):
             guides = self._guides(band, rounds)
             if not self._may_exist(band):
                 break
-            self.roadmap.add(guides)
+            self.sought.add(self._fresh(self.sought, guides))
             ε = WIDENINGS[rounds] if rounds < len(WIDENINGS) else np.inf
-            self._grow(self.roadmap, band, ε, int(FIRST_LANDMARKS * GROWTH**rounds))
-            self._search(self.roadmap, band, nodes)
+            self._grow(self.sought, band, ε, int(FIRST_LANDMARKS * GROWTH**rounds))
+            self._search(self.sought, band, nodes)
             if self.best is None and self._time_left() > 0.0:
                 self._join(band, nodes, rounds)
             rounds += 1
@@ -238,11 +303,11 @@ class Attempt:
         far = band.shortest > SHORT * band.relaxation.size
         if scout is not None and far:
             self._prove_aside()
-            self._take(scout.look(AT_SECOND - AT_FIRST))
+            self._look(scout, AT_SECOND - AT_FIRST)
         if self.best is None:
             self._prove(PROOF_SHARE)
         if scout is not None and far and self._may_exist(band):
-            self._take(scout.look(AT_MOST - AT_SECOND))
+            self._look(scout, AT_MOST - AT_SECOND)
         if self._may_exist(band):
             self._disc_way()
 
@@ -257,26 +322,40 @@ class Attempt:
 
     def _join(self, band: Band, nodes: NDArray[np.int64], rounds: int) -> None:
         """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
-        bridge = Bridge(self.roadmap, band, nodes, self.rng)
+        bridge = Bridge(self.sought, band, nodes, self.rng)
         while self.best is None and bridge.promising and self._time_left() > 0.0:
-            self.roadmap.add(bridge.landmarks())
-            self._search(self.roadmap, band, nodes)
+            self.sought.add(bridge.landmarks())
+            self._search(self.sought, band, nodes)
 
     def _grow(self, roadmap: Roadmap, band: Band, widening: float, landmarks: int) -> None:
         """Cluster samples of the band into landmarks and join them to a roadmap."""
+        if self._growing * landmarks > self._time_left():
+            return
+        begin = perf_counter()
         samples = band.samples(SAMPLES_PER_LANDMARK * landmarks, widening, self.rng)
         if len(samples):
-            # Heading differences count as far as they move the robot.
-            radius = self.checker.footprint.sweep_radius
-            roadmap.add(k_means_landmarks(samples, landmarks, radius=radius, steps=LLOYD_STEPS, random_state=self.rng))
+            centres = k_means_landmarks(
+                samples, landmarks, radius=self._turning_radius, steps=LLOYD_STEPS, random_state=self.rng
+            )
+            roadmap.add(self._fresh(roadmap, centres))
+        self._growing = (perf_counter() - begin) / landmarks
+
+    @property
+    def _turning_radius(self) -> float:
+        """How far (metres) a radian of heading counts among landmarks: as far as it moves the robot."""
+        return self.checker.footprint.sweep_radius
+
+    def _fresh(self, roadmap: Roadmap, q: se2.FloatArray) -> se2.FloatArray:
+        """Return the configurations without those that are hardly another place than a node that is joined already."""
+        return roadmap.fresh(q, DUPLICATE * self.checker.robot.inscribed_disc.radius)
 
     def _approach(self, nodes: NDArray[np.int64]) -> se2.FloatArray:
         """Return the states of the shortest path from the start to the node, of those reached, nearest to the goal."""
-        start, goal = int(nodes[0]), int(nodes[1])
-        q = self.roadmap.configurations
-        reached = np.flatnonzero(self.roadmap.shortest_path(start, goal).reached)
+        start, goal, sought = int(nodes[0]), int(nodes[1]), self.sought
+        q = sought.configurations
+        reached = np.flatnonzero(sought.shortest_path(start, goal).reached)
         last = int(reached[np.argmin(se2.distance(q[reached], q[goal]))])
-        states = np.array(q[self.roadmap.shortest_path(start, last).nodes])
+        states = np.array(q[sought.shortest_path(start, last).nodes])
         if not self.turning:
             states[:, 2] = self.start[2]
         return states
@@ -288,25 +367,48 @@ class Attempt:
         # The relaxed way guides to a first path soon; it may overestimate, so what betters a path is sought without.
         to_go = band.costs_to_goal(roadmap.configurations) if band is not None and self.best is None else None
         limit = np.inf if banned is not None else self.best_cost
-        found = roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit).nodes
-        self._take(roadmap.configurations[found])
+        budget = int(min(UNBOUNDED, max(0.0, self._time_left()) / SECONDS_AN_EDGE))
+        found = roadmap.shortest_path(
+            int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit, budget=budget
+        )
+        self._take(roadmap.configurations[found.nodes])
 
-    def _take(self, states: se2.FloatArray) -> None:
-        """Offer a path, if there is one, and what shortening makes of it."""
+    def _take(self, states: se2.FloatArray) -> float:
+        """Offer a path, if there is one, and what shortening makes of it; return that one's cost, metres."""
         if len(states) == 0:
-            return
+            return np.inf
         if self.best is None:
             self._offer(states)
         states = self._shortened(states, FIRST_SWEEPS)
-        if Path(states).cost < PROMISING * self.best_cost:
-            self._offer(self._shortened(states))
+        if self._cost(states) < PROMISING * self.best_cost:
+            states = self._shortened(states)
+            self._offer(states)
+        return self._cost(states)
+
+    def _take_known(self, states: se2.FloatArray) -> None:
+        """Offer a path that the roadmap knows."""
+        self._known_cost = min(self._known_cost, self._take(states))
 
     def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS, *, splitting: bool = False) -> se2.FloatArray:
         """Return a path made shorter, with added vertices or without."""
-        return shorten(self.checker, states, self.rng, sweeps=sweeps, splitting=splitting, stop=self._is_over)
+        return shorten(self.checker, states, self.rng, sweeps=sweeps, splitting=splitting, stop=self._no_sweep())
 
     def _is_over(self) -> bool:
         return self._time_left() <= 0.0
+
+    def _no_sweep(self) -> Callable[[], bool]:
+        """Return what tells before each sweep of shortening whether it would come to its end too late."""
+        last: float | None = None
+
+        def too_late() -> bool:
+            nonlocal last
+            now = perf_counter()
+            if last is not None:
+                self._sweeping = now - last
+            last = now
+            return self._time_left() <= self._sweeping
+
+        return too_late
 
     def _improve(self, band: Band, ends: se2.FloatArray, landmarks: int, scout: Scout | None) -> None:
         """Look for other ways around, place landmarks where better paths might run and search again, while it helps.
@@ -326,8 +428,8 @@ class Attempt:
             if len(way):
                 way = self._shortened(way, FIRST_SWEEPS)
                 # What it passes joins the landmarks: parts of it may be better than the best path's.
-                roadmap.add_path(way, int(nodes[0]), int(nodes[1]))
-                if Path(way).cost < PROMISING * self.best_cost:
+                roadmap.add_path(way)
+                if self._cost(way) < PROMISING * self.best_cost:
                     self._offer(self._shortened(way))
             self._grow(roadmap, band, self._widening(band), landmarks)
             # Once without the best path's own vertices, for the other ways around the obstacles ...
@@ -336,7 +438,7 @@ class Attempt:
             self._search(roadmap, band, nodes, banned)
             # ... and once with them, for what can be put together from both.
             if self._time_left() > 0.0:
-                marked = np.concatenate([marked, roadmap.add_path(self.best, int(nodes[0]), int(nodes[1]))])
+                marked = np.concatenate([marked, roadmap.add_path(self.best)[1:-1]])
                 self._search(roadmap, band, nodes)
             if self._time_left() > 0.0:
                 self._offer(self._shortened(self.best, POLISHING, splitting=True))
@@ -358,6 +460,11 @@ class Attempt:
         self._offer(states)
         self._offer(self._shortened(states))
         return True
+
+    def _without_needless(self, states: se2.FloatArray) -> se2.FloatArray:
+        """Return a path without the vertices that it does without."""
+        checker = self.checker
+        return np.asarray(without_needless(checker.grid, checker.field, checker.footprint, states))
 
     def _widening(self, band: Band) -> float:
         """Return how much longer than the relaxed shortest way a better path's ways may be."""
@@ -432,6 +539,7 @@ class Attempt:
         self._claim(self.lower_bound)
         if self.first_cost is None:
             self.first_cost = self._whole_cost()
+            self.effort = self.recall.taken + (0 if self.scout is None else self.scout.taken)
             if self._proof is not None:
                 self._proof.cancel()
         self.history.append((perf_counter() - self.begin, self._whole_cost()))
@@ -457,6 +565,10 @@ class Attempt:
 
     def _answer(self) -> tuple[Status, se2.FloatArray | None]:
         if self.best is not None:
+            fewer = self._without_needless(self.best)
+            self._offer(fewer)
+            self.best = fewer
+            self._learn()
             return "solved", self._with_headings(self.best)
         return ("timeout" if np.isfinite(self.lower_bound) else "infeasible"), None
 

@@ -10,20 +10,16 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision.curve_motions import CurveChecker
 from trailmark.curves import CurvePath
-from trailmark.landmarks import k_means_landmarks
 from trailmark.landmarks.informed import Band
 from trailmark.planning.attempt import (
-    FIRST_SWEEPS,
-    LLOYD_STEPS,
-    PROMISING,
     SWEEPS,
     Attempt,
 )
-from trailmark.planning.curve_shortening import shorten_curves
+from trailmark.planning.curve_shortening import shorten_curves, without_needless_knots
 from trailmark.planning.drives import drives_from
-from trailmark.planning.general import SAMPLES_PER_LANDMARK
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.curve_roadmap import CurveRoadmap
+from trailmark.roadmap.roadmap import UNBOUNDED
 
 __all__ = ["CarAttempt"]
 
@@ -33,6 +29,9 @@ LONGEST_DRIVE = 0.1
 DRIVES, KEPT = 6000, 80
 """Configurations that drives from one part of the roadmap reach at first, and landmarks among them."""
 
+
+SECONDS_A_CURVE = 2e-5
+"""What a node or a curve of the roadmap that a search looks at may take."""
 
 SECONDS_A_DRIVE = 1e-4
 """What a configuration reached by a drive may take, with some to spare."""
@@ -47,6 +46,7 @@ class CarAttempt(Attempt):
     """
 
     roadmap: CurveRoadmap
+    sought: CurveRoadmap
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -72,13 +72,10 @@ class CarAttempt(Attempt):
     def _join(self, band: Band, nodes: NDArray[np.int64], rounds: int) -> None:
         self._drive(band, nodes, LONGEST_DRIVE * self.steering.radius * 0.5**rounds, DRIVES << min(rounds, 6))
 
-    def _grow(self, roadmap: Roadmap, band: Band, widening: float, landmarks: int) -> None:
-        """Cluster samples of the band into landmarks and join them to a roadmap."""
-        samples = band.samples(SAMPLES_PER_LANDMARK * landmarks, widening, self.rng)
-        if len(samples):
-            # Heading differences count as far as the car drives to turn by them.
-            radius = self.steering.radius
-            roadmap.add(k_means_landmarks(samples, landmarks, radius=radius, steps=LLOYD_STEPS, random_state=self.rng))
+    @property
+    def _turning_radius(self) -> float:
+        """How far (metres) a radian of heading counts among landmarks: as far as the car drives to turn by it."""
+        return self.steering.radius
 
     def _drive(self, band: Band, nodes: NDArray[np.int64], step: float, most: int) -> None:
         """Drive on from what the start leads to, and towards what leads to the goal, and search again."""
@@ -86,21 +83,21 @@ class CarAttempt(Attempt):
         band.widen(np.inf)
         for into in (False, True):
             most = int(min(most, max(0.0, self._time_left()) / SECONDS_A_DRIVE))
-            reached = np.flatnonzero(self.roadmap.reached(int(nodes[int(into)]), against=into))
+            reached = np.flatnonzero(self.sought.reached(int(nodes[int(into)]), against=into))
             found = drives_from(
                 self.motions,
                 band.relaxation,
                 band.from_start if into else band.to_goal,
-                self.roadmap.configurations[reached],
+                self.sought.configurations[reached],
                 into=into,
                 step=step,
                 most=most,
                 landmarks=KEPT,
                 rng=self.rng,
             )
-            parents = np.concatenate([reached, len(self.roadmap) + np.arange(len(found.parents))])[found.parents]
-            self.roadmap.add_tree(found.configurations, parents, into=into)
-            self._search(self.roadmap, band, nodes)
+            parents = np.concatenate([reached, len(self.sought) + np.arange(len(found.parents))])[found.parents]
+            self.sought.add_tree(found.configurations, parents, into=into)
+            self._search(self.sought, band, nodes)
             if self.best is not None or self._time_left() <= 0.0:
                 return
 
@@ -113,27 +110,27 @@ class CarAttempt(Attempt):
             # The relaxed way guides to a first path soon; it may overestimate.
             to_go = np.maximum(to_go, band.costs_to_goal(roadmap.configurations))
         limit = np.inf if banned is not None else self.best_cost
-        found = roadmap.shortest_path(int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit).nodes
-        if len(found) == 0:
-            return
-        knots = roadmap.configurations[found]
-        if self.best is None:
-            self._offer(knots)
-        knots = self._shortened(knots, FIRST_SWEEPS)
-        if self._cost(knots) < PROMISING * self.best_cost:
-            self._offer(self._shortened(knots))
+        budget = int(min(UNBOUNDED, max(0.0, self._time_left()) / SECONDS_A_CURVE))
+        found = roadmap.shortest_path(
+            int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit, budget=budget
+        )
+        self._take(roadmap.configurations[found.nodes])
 
     def _approach(self, nodes: NDArray[np.int64]) -> se2.FloatArray:
         """Return the knots of the shortest path from the start to the node, of those reached, nearest to the goal."""
-        start, goal = int(nodes[0]), int(nodes[1])
-        q = self.roadmap.configurations
-        reached = np.flatnonzero(self.roadmap.reached(start))
+        start, goal, sought = int(nodes[0]), int(nodes[1]), self.sought
+        q = sought.configurations
+        reached = np.flatnonzero(sought.reached(start))
         last = int(reached[np.argmin(se2.distance(q[reached], q[goal]))])
-        return np.asarray(q[self.roadmap.shortest_path(start, last).nodes])
+        return np.asarray(q[sought.shortest_path(start, last).nodes])
 
     def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS, *, splitting: bool = False) -> se2.FloatArray:
         """Return a path made shorter; no knots are added, which would cost a curve more than they gain."""
-        return shorten_curves(self.motions, states, self.rng, sweeps=sweeps, stop=self._is_over)
+        return shorten_curves(self.motions, states, self.rng, sweeps=sweeps, stop=self._no_sweep())
+
+    def _without_needless(self, states: se2.FloatArray) -> se2.FloatArray:
+        """Return a path without the knots that it does without."""
+        return without_needless_knots(self.motions, states)
 
     def _cost(self, states: se2.FloatArray) -> float:
         return float(np.sum(self.steering.lengths(states[:-1], states[1:])))

@@ -24,7 +24,7 @@ from trailmark.heading import wrapped
 from trailmark.planning.shortening import random_span, uniform
 from trailmark.se2 import FloatArray
 
-__all__ = ["shorten_curves"]
+__all__ = ["shorten_curves", "without_needless_knots"]
 
 GAIN = 1e-6
 """Metres that a change must save at least."""
@@ -73,6 +73,34 @@ def shorten_curves(
         if len(history) > 3 and history[-4] - history[-1] < tolerance * history[-1]:
             break
     return np.asarray(path)
+
+
+def without_needless_knots(motions: CurveChecker, knots: FloatArray) -> FloatArray:
+    """Return the knots, shape (m, 3), without those whose neighbours a certified curve joins that is no longer."""
+    checker, steering = motions.checker, motions.steering
+    path = np.array(knots, dtype=np.float64, order="C")
+    while True:
+        lengths = np.array(steering.lengths(path[:-1], path[1:]) if len(path) > 1 else [])
+        fewer = _without(
+            checker.grid, checker.field, checker.footprint, steering.radius, steering.reverse, path, lengths
+        )
+        if len(fewer) == len(path):
+            return path
+        path = np.asarray(fewer)
+
+
+@njit(cache=True, nogil=True)
+def _without(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    radius: float,
+    reverse: bool,
+    path: FloatArray,
+    lengths: FloatArray,
+) -> FloatArray:
+    placed, queue, words = workspace(robot), np.empty((128, 2)), np.empty((MOST_WORDS, 2, PIECES))
+    return _drop(grid, field, robot, placed, queue, words, radius, reverse, path, lengths)[0]
 
 
 @njit(cache=True, nogil=True)

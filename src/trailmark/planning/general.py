@@ -6,6 +6,8 @@ queries, and paths are no shorter.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +19,7 @@ from trailmark.nearest import near_to_near
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.query import QueryGraph
 
-__all__ = ["SAMPLES_PER_LANDMARK", "Grown", "grow_general", "spread_landmarks"]
+__all__ = ["SAMPLES_PER_LANDMARK", "Grown", "Growth", "grow_general", "spread_landmarks"]
 
 SPREAD_STEPS = 5
 """Steps of K-means: samples are then on the mean at most a thousandth farther from their centres than where it ends."""
@@ -25,8 +27,11 @@ SPREAD_STEPS = 5
 SAMPLES_PER_LANDMARK = 5
 """Of the samples that are clustered; one in so many is left as a landmark."""
 
-FIRST, MOST = 1_000, 16_000
-"""Landmarks of the first round, and after the last: each round doubles them."""
+SMALLEST, FIRST, MOST = 16, 1_024, 16_000
+"""Landmarks of the first part, when random queries are asked first, and at last: each part doubles them."""
+
+NEXT = 2.5
+"""Times as long as a part of landmarks the next one may take, twice as large."""
 
 PROBES = 200
 """Queries that tell whether more landmarks are worth their time."""
@@ -49,54 +54,123 @@ class Grown(NamedTuple):
     cost: float
 
 
-def grow_general(roadmap: Roadmap, relaxation: Relaxation, rng: np.random.Generator) -> list[Grown]:
+class Growth(NamedTuple):
+    """A roadmap that was grown.
+
+    Attributes:
+        rounds: what the probes said after each round.
+        graph: the roadmap, ready for queries.
+        whole: whether it is as dense as the world asks for; else the time was up before.
+    """
+
+    rounds: list[Grown]
+    graph: QueryGraph
+    whole: bool
+
+
+def _forever() -> float:
+    return np.inf
+
+
+def grow_general(
+    roadmap: Roadmap,
+    relaxation: Relaxation,
+    rng: np.random.Generator,
+    *,
+    seconds_left: Callable[[], float] = _forever,
+    told: Callable[[], object] | None = None,
+) -> Growth:
     """Add landmarks until random queries find their paths, and no much shorter ones when landmarks are doubled.
 
     Args:
         roadmap: of straight motions; what is there already is kept.
         relaxation: the relaxed problem's grid.
         rng: source of randomness.
-
-    Returns:
-        What the probes said after each round.
+        seconds_left: asked before each part of the landmarks, which begins only if it is expected to come to its end.
+        told: called after each part.
 
     Raises:
         ConfigurationError: no free place for the robot.
     """
     checker = roadmap.checker
-    ends = free_samples(checker, 2 * PROBES, random_state=rng)
-    probes = ends[: len(ends) // 2 * 2].reshape(-1, 2, 3)
-    probes = probes[_joined(relaxation, probes)]
-    rounds: list[Grown] = []
-    count, before = FIRST, np.full(len(probes), np.inf)
+    radius, rounds = checker.footprint.sweep_radius, list[Grown]()
+    probes, before = np.empty((0, 2, 3)), np.empty(0)
+    placed, part = 0, SMALLEST
     while True:
-        spread_landmarks(roadmap, checker.footprint.sweep_radius, count, rng)
-        costs = _costs(QueryGraph(roadmap), probes)
-        solved = np.isfinite(costs)
-        rounds.append(Grown(len(probes), int(solved.sum()), float(costs[solved].mean()) if solved.any() else np.inf))
-        if len(rounds) > 1:
-            common = solved & np.isfinite(before)
-            shorter = 1.0 - costs[common].sum() / max(before[common].sum(), 1e-9) if common.any() else 0.0
-            settled = bool(solved.all()) or rounds[-1].solved == rounds[-2].solved
-            if settled and shorter < WORTHWHILE:
-                return rounds
-        if len(roadmap) + len(roadmap) > 1.1 * MOST:
-            return rounds
-        before, count = costs, len(roadmap)
+        begin = perf_counter()
+        _spread(roadmap, radius, part, rng)
+        placed, part = placed + part, placed + part
+        graph = QueryGraph(roadmap)
+        if told is not None:
+            told()
+        if placed == FIRST:
+            ends = free_samples(checker, 2 * PROBES, random_state=rng)
+            probes = ends[: len(ends) // 2 * 2].reshape(-1, 2, 3)
+            probes = probes[_joined(relaxation, probes, seconds_left)]
+            before = np.full(len(probes), np.inf)
+        if placed >= FIRST:
+            costs = _costs(graph, probes, seconds_left)
+            if seconds_left() <= 0.0:
+                return Growth(rounds, graph, whole=False)
+            solved = np.isfinite(costs)
+            mean = float(costs[solved].mean()) if solved.any() else np.inf
+            rounds.append(Grown(len(probes), int(solved.sum()), mean))
+            if len(rounds) > 1:
+                common = solved & np.isfinite(before)
+                shorter = 1.0 - costs[common].sum() / max(before[common].sum(), 1e-9) if common.any() else 0.0
+                settled = bool(solved.all()) or rounds[-1].solved == rounds[-2].solved
+                if settled and shorter < WORTHWHILE:
+                    return Growth(rounds, graph, whole=True)
+            if len(roadmap) + len(roadmap) > 1.1 * MOST:
+                return Growth(rounds, graph, whole=True)
+            before = costs
+        if NEXT * (perf_counter() - begin) > seconds_left():
+            return Growth(rounds, graph, whole=False)
 
 
-def spread_landmarks(roadmap: Roadmap, radius: float, count: int, rng: np.random.Generator) -> None:
+def spread_landmarks(
+    roadmap: Roadmap,
+    radius: float,
+    count: int,
+    rng: np.random.Generator,
+    *,
+    seconds_left: Callable[[], float] = _forever,
+    told: Callable[[], object] | None = None,
+) -> int:
     """Add landmarks spread evenly over all free space: K-means centres of a Halton sequence's valid samples.
+
+    They are placed in parts, each as large as all before. Fewer than asked for come back where some centres share
+    their nearest sample.
 
     Args:
         roadmap: to add them to.
         radius: R of the embedding, metres.
         count: how many.
         rng: source of randomness.
+        seconds_left: asked before each part, which begins only if it is expected to come to its end.
+        told: called after each part.
+
+    Returns:
+        How many of ``count`` were dealt with; fewer if the time was up.
 
     Raises:
         ConfigurationError: no free place for the robot.
     """
+    placed, part = 0, SMALLEST
+    while placed < count:
+        begin = perf_counter()
+        part = min(part, count - placed)
+        _spread(roadmap, radius, part, rng)
+        placed += part
+        if told is not None:
+            told()
+        took, part = (perf_counter() - begin) / part, placed
+        if placed < count and 0.5 * NEXT * took * min(part, count - placed) > seconds_left():
+            break
+    return placed
+
+
+def _spread(roadmap: Roadmap, radius: float, count: int, rng: np.random.Generator) -> None:
     checker = roadmap.checker
     samples = free_samples(checker, SAMPLES_PER_LANDMARK * count, method="halton", random_state=rng)
     if len(samples) == 0:
@@ -106,13 +180,13 @@ def spread_landmarks(roadmap: Roadmap, radius: float, count: int, rng: np.random
     roadmap.add(k_means_landmarks(samples, count, radius=radius, steps=SPREAD_STEPS, random_state=rng))
 
 
-def _joined(relaxation: Relaxation, pairs: se2.FloatArray) -> np.ndarray:
-    """Return which of the pairs, shape (n, 2, 3), the relaxed problem may join, shape (n,)."""
+def _joined(relaxation: Relaxation, pairs: se2.FloatArray, seconds_left: Callable[[], float]) -> np.ndarray:
+    """Return which of the pairs, shape (n, 2, 3), the relaxed problem may join, shape (n,), as far as there is time."""
     cells = relaxation.cells(relaxation.disc_centers(pairs))
     part = np.full(len(pairs), -1)
     joined = np.zeros(len(pairs), dtype=np.bool_)
     for i in range(len(pairs)):
-        if part[i] < 0:
+        if part[i] < 0 and seconds_left() > 0.0:
             reached = relaxation.component(pairs[i, 0])
             part[(part < 0) & reached[cells[:, 0]]] = i
             # Pairs of this part are told at once: hardly any world has more than a few.
@@ -122,10 +196,12 @@ def _joined(relaxation: Relaxation, pairs: se2.FloatArray) -> np.ndarray:
     return joined
 
 
-def _costs(graph: QueryGraph, pairs: se2.FloatArray) -> se2.FloatArray:
-    """Return the cost of each pair's path, shape (n,), metres; infinite where there is none."""
+def _costs(graph: QueryGraph, pairs: se2.FloatArray, seconds_left: Callable[[], float]) -> se2.FloatArray:
+    """Return the cost of each pair's path, shape (n,), metres; infinite where there is none, or no time is left."""
     costs = np.full(len(pairs), np.inf)
     for i, (start, goal) in enumerate(pairs):
+        if seconds_left() <= 0.0:
+            break
         states = graph.way(start, goal)
         if states is not None:
             costs[i] = graph.cost(states)

@@ -15,6 +15,7 @@ from trailmark.planning.headings import turned_evenly
 from trailmark.planning.incident import report_incident
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.shortening import shorten
+from trailmark.planning.straightening import without_needless
 from trailmark.roadmap.query import QueryGraph
 
 __all__ = ["Answer", "KeptRoadmap", "each"]
@@ -58,15 +59,24 @@ class Answer:
         self.states: se2.FloatArray | None = None
         self.cost = np.inf
         self.first_cost: float | None = None
-        self.lower_bound = 0.0
+        self.lower_bound = float(se2.distance(start, goal))
         self.history: list[tuple[float, float]] = []
         self.nearest: se2.FloatArray | None = None
+
+    def end(self, states: se2.FloatArray) -> None:
+        """Keep a path that costs no more than the best so far, but for rounding."""
+        self.offer(states)
+        self.states = self._whole(states)
+
+    def _whole(self, states: se2.FloatArray) -> se2.FloatArray:
+        """Return a path with the ends' headings; a disc robot turns evenly along it."""
+        return states if self.turning else turned_evenly(states, self.start, self.goal)
 
     def offer(self, states: se2.FloatArray) -> None:
         """Keep a path if it is the best so far."""
         # Now, not after its cost is known.
         seconds = perf_counter() - self.begin
-        whole = states if self.turning else turned_evenly(states, self.start, self.goal)
+        whole = self._whole(states)
         cost = float(np.sum(se2.distance(whole[:-1], whole[1:])))
         if cost < self.cost:
             self.states, self.cost = whole, cost
@@ -104,7 +114,6 @@ class KeptRoadmap:
         if found is None:
             return answer
         answer.offer(found)
-        answer.lower_bound = float(se2.distance(start, goal))
         if len(found) == 2:
             # Nothing is shorter than the straight motion.
             return answer
@@ -119,7 +128,7 @@ class KeptRoadmap:
 
         best = shorten(self.checker, found, rng, sweeps=FIRST_SWEEPS, stop=late)
         answer.offer(best)
-        if self.bound is not None:
+        if self.bound is not None and self.bound.seconds(start, goal, answer.cost) < deadline - perf_counter():
             answer.lower_bound = max(answer.lower_bound, self.bound.of(start, goal, answer.cost).cost)
         closed = np.empty((0, 3))
         for _ in range(OTHERS):
@@ -133,7 +142,9 @@ class KeptRoadmap:
             answer.offer(found)
             if graph.cost(found) < graph.cost(best):
                 best = found
-        answer.offer(shorten(self.checker, best, rng, sweeps=SWEEPS, stop=late))
+        best = shorten(self.checker, best, rng, sweeps=SWEEPS, stop=late)
+        checker = self.checker
+        answer.end(np.asarray(without_needless(checker.grid, checker.field, checker.footprint, best)))
         if contradicted(answer.lower_bound, answer.cost):
             problem = f"a lower bound of {answer.lower_bound:g} m is above the cost of a path, {answer.cost:g} m"
             report_incident(problem, self.checker.world, self.checker.robot, start, goal)

@@ -45,6 +45,15 @@ MAX_WORKERS = 1024
 GAP = 1e-4
 """A path within a ten-thousandth of the optimum is as good as any."""
 
+BUILD_SHARE = 0.5
+"""Of the time limit: what spreading landmarks over all free space may take of it."""
+
+PROOF_SHARE = 0.25
+"""Of the time left: what making lower bounds ready for many queries may take of it."""
+
+FEW = 50
+"""Places along a path at which its clearance is looked at first."""
+
 OUTGROWN = 1.1
 """Times as many nodes as when it was made ready for queries, and the roadmap is made ready anew."""
 
@@ -113,6 +122,8 @@ class LandmarkPlanner:
         self.roadmap = self._new_roadmap()
         self._build_time = perf_counter() - begin
         self._landmarks = landmarks
+        # Of those given, how many are not spread yet.
+        self._to_place = landmarks or 0
         self._rng = np.random.default_rng(self.seed)
         self._relaxation: Relaxation | None = None
         # Held by whoever lets the roadmap grow; those who only read do without.
@@ -135,12 +146,19 @@ class LandmarkPlanner:
         """
         k = self._landmarks or 200 if landmarks is None else whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
         with self._growing:
-            begin = perf_counter()
-            radius = self.checker.footprint.sweep_radius if self.steering is None else self.steering.radius
-            spread_landmarks(self.roadmap, radius, k, self._rng)
-            self._spread = True
-            self._build_time += perf_counter() - begin
+            self._place(k)
         return self.roadmap
+
+    def _place(
+        self, k: int, seconds_left: Callable[[], float] = lambda: np.inf, told: Callable[[], object] | None = None
+    ) -> None:
+        """Spread landmarks over all free space, as many as there is time for; some more the next time."""
+        begin = perf_counter()
+        radius = self.checker.footprint.sweep_radius if self.steering is None else self.steering.radius
+        placed = spread_landmarks(self.roadmap, radius, k, self._rng, seconds_left=seconds_left, told=told)
+        self._to_place = max(0, self._to_place - placed)
+        self._spread |= placed == k
+        self._build_time += perf_counter() - begin
 
     @as_raised
     def plan(
@@ -159,7 +177,9 @@ class LandmarkPlanner:
         Args:
             start: configuration (x, y, theta), shape (3,).
             goal: configuration, shape (3,).
-            time_limit: seconds; checked between steps of some ten milliseconds each.
+            time_limit: seconds, half of which may go into landmarks that were asked for and are not spread yet; that
+                and making the planner, which reads the world, are not counted in what a first path takes. Kept to
+                about 5 % or 20 ms, whichever is more.
             max_iterations: rounds of landmarks at most; with a generous time limit the answer then depends on
                 the seed alone.
             on_progress: called after every step and with every better path.
@@ -189,8 +209,9 @@ class LandmarkPlanner:
         begin = perf_counter()
         ends = self._valid_pair(start, goal)
         build = self._build_time
-        if self._landmarks is not None and len(self.roadmap) == 0:
-            self.build()
+        if self._to_place > 0:
+            by = begin + BUILD_SHARE * time_limit
+            self._place(self._to_place, lambda: -np.inf if stop is not None and stop() else by - perf_counter())
             build = self._build_time
         for _ in range(TRIES):
             attempt = (Attempt if self.steering is None else CarAttempt)(
@@ -256,6 +277,7 @@ class LandmarkPlanner:
         max_iterations: int | None = None,
         bounds: bool = True,
         on_progress: Callable[[int, int], None] | None = None,
+        stop: Callable[[], bool] | None = None,
     ) -> list[PlanResult]:
         """Return the answers to many queries, in their order; the roadmap is kept.
 
@@ -265,14 +287,20 @@ class LandmarkPlanner:
         the other, which lets it grow. As long as no time limit cuts in, the answers depend on the seed and on what was
         asked before, not on ``workers``.
 
+        The call takes n times the limit of a query at most. Half of that may go into building; what is not built by
+        then is built by later calls. Queries that there is no time left for are answered with ``timeout``.
+
         Args:
             starts: configurations (x, y, theta), shape (n, 3).
             goals: as many.
-            time_limit: seconds for each query.
+            time_limit: seconds for each query, and, times n, for all of them with what is built for them.
             workers: threads that answer queries; the compiled parts run side by side.
             max_iterations: rounds of landmarks at most, for the queries that the roadmap does not answer.
-            bounds: prove a lower bound for each query, about a millisecond; else the straight distance is reported.
-            on_progress: called in this thread with the number of queries answered and of all.
+            bounds: prove a lower bound for each query, about a millisecond, where there is time to make that ready;
+                else the straight distance is reported.
+            on_progress: called in this thread with the number of queries answered and of all; 0 and all while the
+                roadmap is built.
+            stop: asked between steps whether to end early, as if the time were up.
 
         Raises:
             ConfigurationError: a start or goal is not valid, their numbers differ, or an option is out of range.
@@ -280,26 +308,46 @@ class LandmarkPlanner:
         time_limit, max_iterations = _limits(time_limit, max_iterations)
         workers = min(whole(workers, "workers:", 1), MAX_WORKERS)
         callback(on_progress, "on_progress:")
+        callback(stop, "stop:")
         if all(isinstance(q, Sized) and len(q) == 0 for q in (starts, goals)):
             return []
+        begin = perf_counter()
         ends = self._valid_ends(starts, goals)
         count = len(ends)
         results: list[PlanResult | None] = [None] * count
+        deadline = begin + time_limit * count
+
+        def seconds_left() -> float:
+            return -np.inf if stop is not None and stop() else deadline - perf_counter()
+
+        def told() -> None:
+            if on_progress is not None:
+                on_progress(0, count)
+
         if self.steering is None and count:
-            kept = KeptRoadmap(self._ready(), self._bound_of_all(ends[0]) if bounds else None, self.seed)
+            later = (1.0 - BUILD_SHARE) * time_limit * count
+            graph = self._ready(lambda: seconds_left() - later, told)
+            kept = KeptRoadmap(graph, self._bound_of_all(ends[0], seconds_left()) if bounds else None, self.seed)
 
             def answer(i: int) -> None:
-                found = kept.answer(i, ends[i, 0], ends[i, 1], time_limit)
+                if (left := seconds_left()) <= 0.0:
+                    return
+                found = kept.answer(i, ends[i, 0], ends[i, 1], min(time_limit, left))
                 path = self._path(found.states)
                 if path is not None and self._is_certified(path, ends[i]):
                     results[i] = self._result(found, "solved", path, 0.0)
 
             each(answer, count, workers, on_progress)
-        for i in range(count):
+        for i, (start, goal) in enumerate(ends):
             if results[i] is None:
-                found = self.plan(ends[i, 0], ends[i, 1], time_limit, max_iterations=max_iterations)
-                self._learnt |= found.path is not None
-                results[i] = found
+                left, nodes = seconds_left(), len(self.roadmap)
+                if left <= 0.0:
+                    nothing = Answer(start, goal, turning=True)
+                    nothing.lower_bound = self._in_the_open(start, goal)
+                    results[i] = self._result(nothing, "timeout", None, 0.0)
+                    continue
+                results[i] = self.plan(start, goal, min(time_limit, left), max_iterations=max_iterations, stop=stop)
+                self._learnt |= len(self.roadmap) > nodes
         return [result for result in results if result is not None]
 
     def _valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
@@ -322,29 +370,35 @@ class LandmarkPlanner:
                     self.checker.require_valid(states[i], f"{name} {i}")
         return np.stack(rows, axis=1)
 
-    def _ready(self) -> QueryGraph:
+    def _ready(
+        self, seconds_left: Callable[[], float] = lambda: np.inf, told: Callable[[], object] | None = None
+    ) -> QueryGraph:
         """Return the roadmap made ready for queries, as it is now or was not long ago; build one if there is none."""
         if (kept := self._kept) is not None and not self._outgrown(kept):
             return kept
         with self._growing:
             if self._kept is None or self._outgrown(self._kept):
-                begin = perf_counter()
-                if not self._spread and self._landmarks is not None:
-                    self.build()
+                begin, graph = perf_counter(), None
+                if self._to_place > 0:
+                    self._place(self._to_place, seconds_left, told)
+                    begin = perf_counter()
                 elif not self._spread:
-                    grow_general(self.roadmap, self.relaxation, self._rng)
-                    self._spread = True
-                self._kept = QueryGraph(self.roadmap)
+                    _, graph, self._spread = grow_general(
+                        self.roadmap, self.relaxation, self._rng, seconds_left=seconds_left, told=told
+                    )
+                self._kept = QueryGraph(self.roadmap) if graph is None else graph
                 self._learnt = False
                 self._build_time += perf_counter() - begin
             return self._kept
 
     def _outgrown(self, kept: QueryGraph) -> bool:
-        return self._learnt or len(self.roadmap) > OUTGROWN * len(kept)
+        return self._learnt or not self._spread or len(self.roadmap) > OUTGROWN * len(kept)
 
-    def _bound_of_all(self, ends: se2.FloatArray) -> LowerBound:
-        """Return what proves lower bounds, with all computed that queries share."""
+    def _bound_of_all(self, ends: se2.FloatArray, seconds: float) -> LowerBound | None:
+        """Return what proves lower bounds, with all computed that queries share; None if that may take too long."""
         with self._growing:
+            if self.bound.seconds(*ends) > PROOF_SHARE * seconds:
+                return None
             self.bound.of(*ends)
             return self.bound
 
@@ -380,14 +434,21 @@ class LandmarkPlanner:
         problem = f"a lower bound of {attempt.lower_bound!r} was said to hold where a path costs {path.cost!r}"
         states = path.knots if isinstance(path, CurvePath) else path.states
         report_incident(problem, self.world, self.robot, *ends, seed=self.seed, states=states.tolist())
-        return float(se2.distance(*ends) if self.steering is None else self.steering.lengths(*ends))
+        return self._in_the_open(*ends)
+
+    def _in_the_open(self, start: se2.FloatArray, goal: se2.FloatArray) -> float:
+        """Return what a path would cost without obstacles, metres."""
+        return float(se2.distance(start, goal) if self.steering is None else self.steering.lengths(start, goal))
 
     def _result(self, attempt: Attempt | Answer, status: Status, path: Path | None, build: float) -> PlanResult:
         clearance = None
         if path is not None:
             # Between the states too: as fine as a tenth of the inscribed disc, at most 2,000 places.
             step = max(0.1 * self.robot.inscribed_disc.radius, path.cost / 2000.0)
-            clearance = float(np.min(self.checker.clearance(path.resample(step).states)))
+            places = path.resample(step).states
+            # Only what is nearer than at the first few of them matters elsewhere, which is sooner told.
+            some = float(np.min(self.checker.clearance(places[:: max(1, len(places) // FEW)])))
+            clearance = float(np.min(self.checker.clearance(places, cap=some)))
         return PlanResult(
             status=status,
             path=path,

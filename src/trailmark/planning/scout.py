@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +16,7 @@ from trailmark.planning.lattice import Lattice
 from trailmark.planning.straightening import straightened
 from trailmark.se2 import FloatArray
 
-__all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "Scout"]
+__all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "SECONDS_A_NODE", "Scout"]
 
 WEIGHT = 2.0
 """Of the cost to go: ways are sought that are soon found, and shortened afterwards."""
@@ -22,8 +24,11 @@ WEIGHT = 2.0
 PATIENCE = 24
 """Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
 
-SECONDS_A_NODE = 1e-5
-"""What taking a node from the queue may take."""
+SECONDS_A_NODE, SECONDS_A_CELL = 1e-5, 2.5e-7
+"""What taking a node from the queue may take, until it is known better, and a cell of the costs to go."""
+
+ENOUGH = 64
+"""Nodes taken that tell how long one takes here."""
 
 
 class Level(NamedTuple):
@@ -109,6 +114,9 @@ class Scout:
         goal: valid configuration, shape (3,).
         cell: metres between neighbouring positions of the coarsest lattice.
         seconds_left: asked before each search.
+
+    Attributes:
+        taken: nodes taken from queues so far.
     """
 
     def __init__(
@@ -127,7 +135,9 @@ class Scout:
         xmin, ymin, xmax, ymax = checker.world.bounds
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
         self.to_go = lru_cache(maxsize=8)(self._to_go)
-        self.level = self.views = 0
+        self._pace = SECONDS_A_NODE
+        self._guided: set[tuple[int, bool, float]] = set()
+        self.level = self.views = self.taken = 0
         self._exhausted: set[tuple[float, int, bool, bool]] = set()
 
     def look(self, levels: int = 1) -> FloatArray:
@@ -150,33 +160,40 @@ class Scout:
         """
         view, onward = VIEWS[self.views % len(VIEWS)], self.views // len(VIEWS) % 2 == 0
         self.views += 1
-        budget = self._budget(view.nodes)
+        budget = self._budget(view.nodes, LEVELS[-1].cells, onward, view.tightness)
         if budget <= 0:
             return np.empty((0, 3))
         size = self.cell * (1.0 if self.views <= 2 * len(VIEWS) else rng.uniform(*STRETCH))
         lattice = Lattice(self.checker, size, view.headings if self.turning else 1)
         begin, end = self.ends if onward else self.ends[::-1]
         to_go = self.to_go(LEVELS[-1].cells, onward, view.tightness)
-        way, _ = lattice.way(begin, end, to_go, weight=view.weight, budget=budget, limit=DETOUR * limit, seats=True)
+        with self._timed():
+            way, taken = lattice.way(
+                begin, end, to_go, weight=view.weight, budget=budget, limit=DETOUR * limit, seats=True
+            )
+            self.taken += taken
         return self._straightened(way, onward)
 
     def _look(self, level: Level, onward: bool) -> FloatArray:
-        budget = self._budget(level.nodes)
+        budget = self._budget(level.nodes, level.cells, onward, TIGHTNESS)
         kind = (level.fineness, level.headings if self.turning else 1, level.seats, onward)
         if budget <= 0 or kind in self._exhausted:
             return np.empty((0, 3))
         lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
         begin, end = self.ends if onward else self.ends[::-1]
-        way, taken = lattice.way(
-            begin,
-            end,
-            self.to_go(level.cells, onward),
-            weight=WEIGHT,
-            budget=budget,
-            patience=None if level.cells else PATIENCE,
-            strides=True,
-            seats=level.seats,
-        )
+        to_go = self.to_go(level.cells, onward)
+        with self._timed():
+            way, taken = lattice.way(
+                begin,
+                end,
+                to_go,
+                weight=WEIGHT,
+                budget=budget,
+                patience=None if level.cells else PATIENCE,
+                strides=True,
+                seats=level.seats,
+            )
+            self.taken += taken
         if len(way) == 0:
             # A search that was given up for want of progress tells nothing.
             if level.cells and taken < budget:
@@ -184,9 +201,20 @@ class Scout:
             return way
         return self._straightened(way, onward)
 
-    def _budget(self, nodes: int) -> int:
+    def _budget(self, nodes: int, cells: int, onward: bool, tightness: float) -> int:
         """Return how many of so many nodes there is time for; 0 once planning is to stop (no time at all is left)."""
-        return int(min(nodes, max(0.0, self.seconds_left() / SECONDS_A_NODE)))
+        seconds = self.seconds_left()
+        if (cells, onward, tightness) not in self._guided:
+            seconds -= SECONDS_A_CELL * min(cells, self.cells)
+        return int(min(nodes, max(0.0, seconds / self._pace)))
+
+    @contextmanager
+    def _timed(self) -> Iterator[None]:
+        """Learn how long a node takes in this world, on this machine, as busy as it is."""
+        begin, before = perf_counter(), self.taken
+        yield
+        if self.taken - before >= ENOUGH:
+            self._pace = max(SECONDS_A_NODE, (perf_counter() - begin) / (self.taken - before))
 
     def _straightened(self, way: FloatArray, onward: bool) -> FloatArray:
         """Return a way from start to goal that does without what it can; (0, 3) if there is none."""
@@ -201,4 +229,5 @@ class Scout:
     def _to_go(self, cells: int, onward: bool, tightness: float = TIGHTNESS) -> CostToGo:
         if cells == 0:
             return CostToGo.straight()
+        self._guided.add((cells, onward, tightness))
         return CostToGo.of(self.checker, self.ends[int(onward)], min(cells, self.cells), tightness)

@@ -13,8 +13,8 @@ from trailmark.collision.curve_motions import CurveChecker
 from trailmark.collision.kernels import BLOCKED, UNDECIDED
 from trailmark.curves import Steering
 from trailmark.roadmap.curve_search import lazy_shortest_curves
-from trailmark.roadmap.roadmap import Roadmap, Search, of_each, require_nodes
-from trailmark.roadmap.store import Store
+from trailmark.roadmap.roadmap import ENOUGH, Roadmap, require_nodes
+from trailmark.roadmap.store import Parts, Store
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -98,8 +98,13 @@ class CurveRoadmap(Roadmap):
         Args:
             node: where to start.
             against: which nodes certified paths lead from, to this one, instead.
+
+        Raises:
+            ConfigurationError: a node that is not there.
         """
-        return self._search(node, -1, np.zeros(len(self)), None, np.inf, against).reached
+        require_nodes([node], len(self))
+        first, nowhere = (np.array([node], dtype=np.int64), np.zeros(1)), (np.empty(0, np.int64), np.empty(0))
+        return self._search(first, nowhere, np.zeros(len(self)), against=against).reached
 
     def distances_to(self, node: int) -> se2.FloatArray:
         """Return the length (metres) of the shortest curve from every node to a node, shape (n,)."""
@@ -159,17 +164,21 @@ class CurveRoadmap(Roadmap):
     ) -> None:
         self._add_missing(store, self._as_kept(pairs), status, lengths)
 
-    def _search(
-        self,
-        start: int,
-        goal: int,
-        to_go: se2.FloatArray,
-        banned: NDArray[np.bool_] | None,
-        limit: float,
-        against: bool = False,
-    ) -> Search:
-        checker, parts = self.checker, self._whole().parts()
-        nodes, reached = lazy_shortest_curves(
+    def _joined(self, q: se2.FloatArray, near: int, *, into: bool) -> tuple[NDArray[np.int64], se2.FloatArray]:
+        nodes, store = self.configurations, self._whole()
+        found = store.index().query(se2.embed(q[None], self._radius), near)[0]
+        found, joined = found[found >= 0], []
+        for some in np.split(found, range(ENOUGH, len(found), ENOUGH)):
+            there, here = nodes[some], np.broadcast_to(q, (len(some), 3)).copy()
+            joined += some[self._motions_valid(*((there, here) if into else (here, there)))].tolist()
+            if len(joined) >= ENOUGH:
+                break
+        found, here = np.array(joined, dtype=np.int64), np.broadcast_to(q, (len(joined), 3)).copy()
+        return found, np.asarray(self.steering.lengths(*((nodes[found], here) if into else (here, nodes[found]))))
+
+    def _searched(self, parts: Parts, against: bool, *arguments: Any) -> Any:
+        checker = self.checker
+        return lazy_shortest_curves(
             checker.grid,
             checker.field,
             checker.footprint,
@@ -181,9 +190,5 @@ class CurveRoadmap(Roadmap):
             parts.edges,
             parts.lengths,
             parts.status,
-            int(start),
-            int(goal),
-            *of_each(len(parts.heads), to_go, banned),
-            float(limit),
+            *arguments,
         )
-        return Search(nodes, reached)

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.collision.kernels import FREE
 from trailmark.compiled import njit
 from trailmark.nearest import room_for
 
-__all__ = ["Rows", "find_edges", "link", "new_pairs"]
+__all__ = ["Rows", "find_edges", "link", "merge", "new_pairs", "part_of"]
 
 
 class Rows:
@@ -112,3 +113,28 @@ def new_pairs(found: NDArray[np.int64], first: int) -> NDArray[np.int64]:
             pairs[count, 0], pairs[count, 1] = min(node, other), max(node, other)
             count += 1
     return pairs[:count]
+
+
+@njit(cache=True, nogil=True)
+def part_of(above: NDArray[np.int64], node: int) -> int:
+    """Return the node that stands for all that a node is joined to (Tarjan 1975), halving the ways to it."""
+    while above[node] != node:
+        above[node] = above[above[node]]
+        node = above[node]
+    return node
+
+
+@njit(cache=True, nogil=True)
+def merge(above: NDArray[np.int64], edges: NDArray[np.int32], status: NDArray[np.uint8], first: int) -> None:
+    """Enter the edges from ``first`` on that are free into the parts of the roadmap.
+
+    Args:
+        above: (n,) another node of the same part, itself for the one that stands for it.
+        edges: (m, 2) nodes joined.
+        status: (m,) of which FREE ones join.
+        first: the first edge to look at.
+    """
+    for edge in range(first, len(edges)):
+        if status[edge] == FREE:
+            a, b = part_of(above, edges[edge, 0]), part_of(above, edges[edge, 1])
+            above[max(a, b)] = min(a, b)

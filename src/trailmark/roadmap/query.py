@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import cos, hypot, sin
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,9 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.nearest import Forest, nearest_in
+from trailmark.nearest import Forest
 from trailmark.roadmap.roadmap import Roadmap, require_nodes
+from trailmark.roadmap.search import joined
 from trailmark.roadmap.sparse import Links, distances_from, sparse_links
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
@@ -177,35 +178,6 @@ def _cost(a: FloatArray, b: FloatArray, turning: bool) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _joined(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    configurations: FloatArray,
-    forest: Forest,
-    q: FloatArray,
-    k: int,
-    enough: int,
-    into: bool,
-) -> NDArray[np.int64]:
-    """Return which of the k nodes nearest to q are joined to it by a certified motion, the first ``enough`` of them."""
-    point = np.array([q[0], q[1], robot.sweep_radius * cos(q[2]), robot.sweep_radius * sin(q[2])])
-    distances, ids = np.empty(k), np.empty(k, np.int64)
-    count = nearest_in(forest, point, -1, k, distances, ids)
-    placed, queue = workspace(robot), np.empty((128, 2))
-    joined = 0
-    for i in range(count):
-        node = configurations[ids[i]]
-        a, b = (node, q) if into else (q, node)
-        if motion(grid, field, robot, placed, queue, a, b, True) == FREE:
-            ids[joined] = ids[i]
-            joined += 1
-            if joined == enough:
-                break
-    return ids[:joined]
-
-
-@njit(cache=True, nogil=True)
 def certified_way(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -251,8 +223,8 @@ def certified_way(
         return direct
     k, enough = fewest, ENOUGH
     while True:
-        first = _joined(grid, field, robot, configurations, forest, start, k, enough, False)
-        last = _joined(grid, field, robot, configurations, forest, goal, k, enough, True)
+        first = joined(grid, field, robot, configurations, forest, start, k, enough, False)
+        last = joined(grid, field, robot, configurations, forest, goal, k, enough, True)
         together = False
         for i in first:
             for j in last:

@@ -14,14 +14,22 @@ from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
 from trailmark.nearest import Forest
-from trailmark.roadmap.links import find_edges, new_pairs
-from trailmark.roadmap.search import edge_costs, lazy_shortest_path
-from trailmark.roadmap.store import Store
+from trailmark.roadmap.links import find_edges, new_pairs, part_of
+from trailmark.roadmap.search import edge_costs, joined, lazy_shortest_path
+from trailmark.roadmap.store import Parts, Store
 
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["Roadmap", "Search", "neighbour_count", "of_each", "require_nodes"]
+__all__ = ["Roadmap", "Search", "Way", "neighbour_count", "require_nodes"]
+
+NEAR, ENOUGH = 12, 3
+"""Nodes near an end of a query that are tried, and how many of them are joined to it."""
+
+UNBOUNDED = 1 << 62
+"""A budget without bounds."""
+
+ZERO = np.zeros(1)
 
 
 def neighbour_count(n: int) -> int:
@@ -40,10 +48,26 @@ class Search(NamedTuple):
         nodes: (p,) the path's nodes from start to goal; empty if there is none.
         reached: (n,) bool, the nodes reached by certified motions from the start; without a path and a limit,
             all that can be reached.
+        taken: nodes and undecided edges that it took from its queue.
     """
 
     nodes: NDArray[np.int64]
     reached: NDArray[np.bool_]
+    taken: int
+
+
+class Way(NamedTuple):
+    """What a roadmap knows of a query.
+
+    Attributes:
+        states: (p, 3) of a path of certified motions, ends included; (0, 3) if none was found.
+        taken: motions, nodes and undecided edges that were looked at.
+        complete: whether a larger budget would have found no more.
+    """
+
+    states: se2.FloatArray
+    taken: int
+    complete: bool
 
 
 class _Kept(NamedTuple):
@@ -174,25 +198,56 @@ class Roadmap:
         self._commit(store)
         return added
 
-    def add_path(self, states: se2.FloatArray, first: int, last: int) -> NDArray[np.int64]:
-        """Add a path of certified motions between two nodes, with its motions as edges; return the new nodes.
+    def add_path(self, states: se2.FloatArray) -> NDArray[np.int64]:
+        """Add a path of certified motions, with its motions as edges; return its nodes, from first to last.
+
+        States that are nodes already stay the nodes that they are; one given twice in a row counts once.
 
         Args:
-            states: shape (p, 3), the first and the last one those of the nodes ``first`` and ``last``.
-            first: node that the path begins at.
-            last: node that it ends at.
+            states: shape (p, 3).
 
         Raises:
-            ConfigurationError: another shape, values that are not finite, a node that is not there.
+            ConfigurationError: another shape, values that are not finite.
         """
-        inner = np.atleast_2d(se2.configurations(states))[1:-1]
-        require_nodes([first, last], len(self))
+        rows = np.atleast_2d(se2.configurations(states))
+        rows = _once(rows)
+        along = self._nodes_at(rows)
+        new = np.flatnonzero(along < 0)
         store = self._changing()
-        added = self._add(store, inner)
-        along = np.concatenate([[first], added, [last]]).astype(np.int64)
+        along[new] = self._add(store, rows[new])
         self._connect(store, np.column_stack([along[:-1], along[1:]]), FREE)
         self._commit(store)
-        return added
+        return along
+
+    def ends(self, q: se2.FloatArray) -> NDArray[np.int64]:
+        """Return the nodes of valid configurations, shape (n, 3), added where they are none yet."""
+        nodes = self._nodes_at(q)
+        new = np.flatnonzero(nodes < 0)
+        if len(new):
+            nodes[new] = self.add(q[new])
+        return nodes
+
+    def fresh(self, q: se2.FloatArray, apart: float) -> se2.FloatArray:
+        """Return those of the configurations (n, 3) that lie more than ``apart`` (metres) from all joined nodes."""
+        nodes, near = self.configurations, self._nearest_to(q)
+        there = np.flatnonzero(near >= 0)
+        gap = se2.embed(q[there], self._radius) - se2.embed(nodes[near[there]], self._radius)
+        close = np.zeros(len(q), np.bool_)
+        close[there] = (np.sum(gap * gap, axis=1) <= apart * apart) & (self._whole().parts().heads[near[there]] >= 0)
+        return q[~close]
+
+    def _nearest_to(self, q: se2.FloatArray) -> NDArray[np.int64]:
+        """Return the node nearest to each of the configurations (n, 3), shape (n,); -1 if there is none."""
+        return self._whole().index().query(se2.embed(q, self._radius), 1)[:, 0]
+
+    def _nodes_at(self, q: se2.FloatArray) -> NDArray[np.int64]:
+        """Return which node each of the configurations (n, 3) is, to the last bit, shape (n,); -1 if none is."""
+        nodes, near = self.configurations, self._nearest_to(q)
+        there = np.flatnonzero(near >= 0)
+        same = (nodes[near[there]] == q[there]).all(axis=1)
+        found = np.full(len(q), -1, np.int64)
+        found[there[same]] = near[there[same]]
+        return found
 
     def nearest(self) -> Forest:
         """Return an index of its own over the nodes in the embedding that :meth:`add` describes."""
@@ -206,6 +261,7 @@ class Roadmap:
 
     def _commit(self, store: Store) -> None:
         parts, index = store.parts(), store.index()
+        store.above()
         self._kept = _Kept(store, len(index), len(parts.edges), whole=True)
 
     def _whole(self) -> Store:
@@ -260,7 +316,7 @@ class Roadmap:
         parts = store.parts()
         there = find_edges(parts.heads, parts.following, parts.edges, pairs)
         if status == FREE:
-            parts.status[there[there >= 0]] = FREE
+            store.found_free(there[there >= 0])
         missing = np.flatnonzero(there < 0)
         # A pair may be given twice.
         _, first = np.unique(pairs[missing] @ np.array([len(parts.heads), 1]), return_index=True)
@@ -284,6 +340,7 @@ class Roadmap:
         to_go: se2.FloatArray | None = None,
         banned: NDArray[np.bool_] | None = None,
         limit: float = np.inf,
+        budget: int = UNBOUNDED,
     ) -> Search:
         """Return the shortest certified path's nodes.
 
@@ -295,6 +352,7 @@ class Roadmap:
             to_go: (n,) lower estimates of the cost to the goal; by default :meth:`distances_to` it.
             banned: (n,) nodes not to be used.
             limit: give up above this cost, metres.
+            budget: give up after so many nodes and undecided edges.
 
         Raises:
             ConfigurationError: a node that is not there, ``to_go`` or ``banned`` of another length.
@@ -302,13 +360,90 @@ class Roadmap:
         require_nodes([start, goal], len(self))
         if to_go is None:
             to_go = self.distances_to(goal)
-        return self._search(start, goal, to_go, banned, limit)
+        return self._search((_one(start), ZERO), (_one(goal), ZERO), to_go, banned=banned, limit=limit, budget=budget)
+
+    def way(
+        self,
+        start: se2.FloatArray,
+        goal: se2.FloatArray,
+        *,
+        weight: float = 1.0,
+        limit: float = np.inf,
+        budget: int = UNBOUNDED,
+        checking: bool = True,
+        near: int = NEAR,
+    ) -> Way:
+        """Return a path between configurations that need not be nodes; nothing is added.
+
+        Args:
+            start: valid, shape (3,).
+            goal: valid, shape (3,).
+            weight: how many times as long as the shortest over the nodes the path may be, >= 1: sooner, if it may.
+            limit: longest cost of interest, metres; of a weighted one.
+            budget: nodes and undecided edges taken from the queue at most.
+            checking: whether edges that nobody has checked yet are checked; else they are not used.
+            near: nodes near an end that are tried until enough are joined to it.
+        """
+        q = self.configurations
+        first, last = self._joined(start, near, into=False), self._joined(goal, near, into=True)
+        tried = 2 * min(len(q), near)
+        if len(first[0]) == 0 or len(last[0]) == 0:
+            return Way(q[:0], tried, complete=True)
+        if not checking and not self._together(first[0], last[0]):
+            return Way(q[:0], tried, complete=False)
+        to_go = weight * np.hypot(*(q[:, :2] - goal[:2]).T)
+        found = self._search(first, last, to_go, limit=limit, budget=budget, checking=checking)
+        complete = len(found.nodes) > 0 or (checking and found.taken < budget)
+        states = np.vstack([start, q[found.nodes], goal]) if len(found.nodes) else q[:0]
+        # An end may be a node.
+        return Way(_once(states), tried + found.taken, complete)
+
+    def _together(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> bool:
+        """Return whether edges known to be free, in whatever direction, join a node of both."""
+        above = self._whole().above()
+        return not {part_of(above, i) for i in first}.isdisjoint(part_of(above, i) for i in last)
+
+    def _joined(self, q: se2.FloatArray, near: int, *, into: bool) -> tuple[NDArray[np.int64], se2.FloatArray]:
+        """Return some near nodes that certified motions join to a configuration, and what those cost, metres.
+
+        Args:
+            q: valid, shape (3,).
+            near: how many nodes are tried until enough are joined.
+            into: whether the motions are to lead to ``q``.
+        """
+        checker, nodes, forest = self.checker, self.configurations, self._whole().index().forest()
+        k = min(len(nodes), near)
+        found = joined(checker.grid, checker.field, checker.footprint, nodes, forest, q, k, ENOUGH, into)
+        gaps = np.abs(se2.difference(nodes[found], q))
+        way = np.hypot(gaps[:, 0], gaps[:, 1])
+        return found, way + se2.ROTATION_WEIGHT * gaps[:, 2] if self.turning else way
 
     def _search(
-        self, start: int, goal: int, to_go: se2.FloatArray, banned: NDArray[np.bool_] | None, limit: float
+        self,
+        first: tuple[NDArray[np.int64], se2.FloatArray],
+        last: tuple[NDArray[np.int64], se2.FloatArray],
+        to_go: se2.FloatArray,
+        *,
+        banned: NDArray[np.bool_] | None = None,
+        limit: float = np.inf,
+        budget: int = UNBOUNDED,
+        checking: bool = True,
+        against: bool = False,
     ) -> Search:
-        checker, parts = self.checker, self._whole().parts()
-        nodes, reached = lazy_shortest_path(
+        """Search from nodes that may be begun at for a cost, to nodes with a cost from there on."""
+        parts = self._whole().parts()
+        n = len(parts.heads)
+        closed = np.zeros(n, np.bool_) if banned is None else banned
+        # Compiled code reads on beyond a shorter array.
+        for name, rows in (("to_go", to_go), ("banned", closed)):
+            if np.shape(rows) != (n,):
+                raise ConfigurationError(f"{name}: shape {np.shape(rows)} given, allowed: ({n},), one for each node")
+        return Search(*self._searched(parts, against, *first, *last, to_go, closed, float(limit), budget, checking))
+
+    def _searched(self, parts: Parts, against: bool, *arguments: Any) -> Any:
+        """Run the compiled search: along the edges or, where they lead one way only, against them."""
+        checker = self.checker
+        return lazy_shortest_path(
             checker.grid,
             checker.field,
             checker.footprint,
@@ -318,12 +453,8 @@ class Roadmap:
             parts.edges,
             parts.lengths,
             parts.status,
-            int(start),
-            int(goal),
-            *of_each(len(parts.heads), to_go, banned),
-            float(limit),
+            *arguments,
         )
-        return Search(nodes, reached)
 
     def distances_to(self, node: int) -> se2.FloatArray:
         """Return every node's straight distance to a node, shape (n,), in the metric of ``lengths``."""
@@ -366,15 +497,13 @@ class Roadmap:
         return graph
 
 
-def of_each(
-    n: int, to_go: se2.FloatArray, banned: NDArray[np.bool_] | None
-) -> tuple[se2.FloatArray, NDArray[np.bool_]]:
-    """Return what a search takes of each node, (n,) each: compiled code reads on beyond a shorter array."""
-    closed = np.zeros(n, np.bool_) if banned is None else banned
-    for name, rows in (("to_go", to_go), ("banned", closed)):
-        if np.shape(rows) != (n,):
-            raise ConfigurationError(f"{name}: shape {np.shape(rows)} given, allowed: ({n},), one for each node")
-    return to_go, closed
+def _once(states: se2.FloatArray) -> se2.FloatArray:
+    """Return the states, shape (m, 3), of which one that equals the one before is left out."""
+    return states[np.append(True, (states[1:] != states[:-1]).any(axis=1))] if len(states) else states
+
+
+def _one(node: int) -> NDArray[np.int64]:
+    return np.array([node], dtype=np.int64)
 
 
 def require_nodes(nodes: Any, n: int) -> None:

@@ -6,6 +6,8 @@ Weighted A*, here with weight 1): an edge is checked when the search pops it, no
 
 from __future__ import annotations
 
+from math import cos, sin
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,9 +18,10 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.nearest import Forest, nearest_in
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
-__all__ = ["edge_costs", "expand", "lazy_shortest_path", "nodes_back"]
+__all__ = ["edge_costs", "expand", "joined", "lazy_shortest_path", "nodes_back"]
 
 
 @njit(cache=True, nogil=True)
@@ -32,15 +35,19 @@ def lazy_shortest_path(
     edges: NDArray[np.int32],
     cost: FloatArray,
     status: NDArray[np.uint8],
-    start: int,
-    goal: int,
+    first: NDArray[np.int64],
+    before: FloatArray,
+    last: NDArray[np.int64],
+    behind: FloatArray,
     to_go: FloatArray,
     banned: NDArray[np.bool_],
     limit: float,
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Return the nodes of the shortest certified path from start to goal, and which nodes the search reached.
+    budget: int,
+    checking: bool,
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
+    """Return the nodes of the shortest certified path, which nodes the search reached, and what it took.
 
-    The path is empty if there is none below ``limit``.
+    The path is empty if there is none below ``limit``, or the budget is used up.
 
     Args:
         grid: the obstacles.
@@ -52,46 +59,74 @@ def lazy_shortest_path(
         edges: (m, 2) nodes joined.
         cost: (m,) length of each edge.
         status: (m,) FREE, BLOCKED or UNDECIDED; undecided edges that the search needs are checked and marked.
-        start: first node.
-        goal: last node.
-        to_go: (n,) lower estimate of each node's cost to the goal.
+        first: (f,) nodes that the path may begin at.
+        before: (f,) what it costs to be there.
+        last: (l,) nodes that it may end at; none reaches all that can be reached.
+        behind: (l,) what it costs from there on.
+        to_go: (n,) lower estimate of what is left from each node, ``behind`` included.
         banned: (n,) nodes not to be used.
         limit: longest cost of interest.
+        budget: nodes and undecided edges taken from the queue at most.
+        checking: whether undecided edges are checked; else only what is known to be free is used.
     """
     n = len(configurations)
     placed, queue = workspace(robot), np.empty((128, 2))
     done = np.zeros(n, np.bool_)
-    best = np.full(n, np.inf)
-    parent = np.full(n, -1, np.int64)
+    best, parent = np.full(n, np.inf), np.full(n, -1, np.int64)
+    left = np.full(n, np.inf)
+    for i in range(len(last)):
+        left[last[i]] = min(left[last[i]], behind[i])
     keys, values = np.empty(1024), np.empty(1024, np.int64)
-    # What waits is an entry, -1 for the start.
-    size = heap_push(keys, values, 0, to_go[start], -1)
-    while size > 0:
+    # What waits is an entry, or -1 - i for the i-th of ``first``.
+    size = 0
+    for i in range(len(first)):
+        if size == len(keys):
+            keys, values = heap_grow(keys, values)
+        size = heap_push(keys, values, size, before[i] + to_go[first[i]], -1 - i)
+    end, total, taken = -1, limit, 0
+    while size > 0 and taken < budget:
         size = heap_pop(keys, values, size)
         entry = values[size]
-        if keys[size] >= limit:
+        if keys[size] >= total:
             break
-        node, reached = start, 0.0
-        if entry >= 0:
+        node, reached, back = 0, 0.0, -1
+        if entry < 0:
+            node, reached = first[-1 - entry], before[-1 - entry]
+            if done[node]:
+                continue
+        else:
             edge = entry >> 1
-            before, node = edges[edge, entry & 1], edges[edge, 1 - (entry & 1)]
+            back, node = edges[edge, entry & 1], edges[edge, 1 - (entry & 1)]
             if done[node]:
                 continue
             if status[edge] == UNDECIDED:
+                taken += 1
                 a, b = configurations[edges[edge, 0]], configurations[edges[edge, 1]]
                 status[edge] = motion(grid, field, robot, placed, queue, a, b, True)
             if status[edge] != FREE:
                 continue
-            reached = best[before] + cost[edge]
-            parent[node] = before
-        done[node] = True
-        best[node] = reached
-        if node == goal:
-            break
+            reached = best[back] + cost[edge]
+        taken += 1
+        parent[node], done[node], best[node] = back, True, reached
+        if reached + left[node] < total:
+            end, total = node, reached + left[node]
         keys, values, size = expand(
-            heads[node], reached, following, edges, cost, status, to_go, done, banned, limit, keys, values, size
+            heads[node],
+            reached,
+            following,
+            edges,
+            cost,
+            status,
+            to_go,
+            done,
+            banned,
+            total,
+            checking,
+            keys,
+            values,
+            size,
         )
-    return nodes_back(parent, start, goal, done), done
+    return nodes_back(parent, end), done, taken
 
 
 @njit(cache=True, nogil=True)
@@ -106,6 +141,7 @@ def expand(
     done: NDArray[np.bool_],
     banned: NDArray[np.bool_],
     limit: float,
+    checking: bool,
     keys: FloatArray,
     values: NDArray[np.int64],
     size: int,
@@ -113,7 +149,7 @@ def expand(
     """Put a node's entries, from its newest one on, into the queue; return the queue and its size."""
     while entry >= 0:
         edge = entry >> 1
-        if status[edge] != BLOCKED:
+        if status[edge] == FREE or (checking and status[edge] != BLOCKED):
             other = edges[edge, 1 - (entry & 1)]
             if not (done[other] or banned[other]):
                 key = reached + cost[edge] + to_go[other]
@@ -126,16 +162,13 @@ def expand(
 
 
 @njit(cache=True, nogil=True)
-def nodes_back(parent: NDArray[np.int64], start: int, goal: int, done: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the nodes from start to goal along the parents; empty if the search did not get there, or had no goal."""
-    if goal < 0 or not done[goal]:
-        return np.empty(0, np.int64)
-    length, node = 1, goal
-    while node != start:
-        node = parent[node]
-        length += 1
+def nodes_back(parent: NDArray[np.int64], end: int) -> NDArray[np.int64]:
+    """Return the nodes along the parents up to ``end``, from the first on; none for -1."""
+    length, node = 0, end
+    while node >= 0:
+        node, length = parent[node], length + 1
     path = np.empty(length, np.int64)
-    node = goal
+    node = end
     for i in range(length - 1, -1, -1):
         path[i] = node
         node = parent[node]
@@ -151,3 +184,32 @@ def edge_costs(configurations: FloatArray, edges: NDArray[np.int32], turning: bo
         way = np.hypot(b[0] - a[0], b[1] - a[1])
         result[i] = way + ROTATION_WEIGHT * abs(turn(a[2], b[2])) if turning else way
     return result
+
+
+@njit(cache=True, nogil=True)
+def joined(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    configurations: FloatArray,
+    forest: Forest,
+    q: FloatArray,
+    k: int,
+    enough: int,
+    into: bool,
+) -> NDArray[np.int64]:
+    """Return which of the k nodes nearest to q are joined to it by a certified motion, the first ``enough`` of them."""
+    point = np.array([q[0], q[1], robot.sweep_radius * cos(q[2]), robot.sweep_radius * sin(q[2])])
+    distances, ids = np.empty(k), np.empty(k, np.int64)
+    count = nearest_in(forest, point, -1, k, distances, ids)
+    placed, queue = workspace(robot), np.empty((128, 2))
+    found = 0
+    for i in range(count):
+        node = configurations[ids[i]]
+        a, b = (node, q) if into else (q, node)
+        if motion(grid, field, robot, placed, queue, a, b, True) == FREE:
+            ids[found] = ids[i]
+            found += 1
+            if found == enough:
+                break
+    return ids[:found]

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.collision.kernels import FREE
 from trailmark.errors import TrailmarkError
 from trailmark.nearest import NearestNeighbours
-from trailmark.roadmap.links import Rows, link
+from trailmark.roadmap.links import Rows, link, merge
 
 __all__ = ["Parts", "Store"]
 
@@ -55,6 +56,7 @@ class Store:
         self._index = NearestNeighbours(4)
         self._following, self._heads = Rows((), np.int64), Rows((), np.int64)
         self._into = Rows((), np.int64) if directed else self._heads
+        self._above, self._merged = Rows((), np.int64), 0
 
     def remade(self, nodes: int, edges: int) -> Store:
         """Return a store of the first nodes and edges of this one, which it shares."""
@@ -71,6 +73,25 @@ class Store:
         if len(self._index) < len(nodes):
             self._index.add(se2.embed(nodes[len(self._index) :], self.radius))
         return self._index
+
+    def above(self) -> NDArray[np.int64]:
+        """Return the parts that edges known to be free make up (:func:`trailmark.roadmap.links.merge`).
+
+        Edges that were found to be free after they were added count from the next change on that tells so.
+        """
+        n, edges = len(self.nodes.view), self.edges.view
+        known = len(self._above.view)
+        self._above.append(np.arange(known, n))
+        if self._merged < len(edges):
+            merge(self._above.view, edges, self.status.view, self._merged)
+            self._merged = len(edges)
+        return self._above.view
+
+    def found_free(self, edges: NDArray[np.int64]) -> None:
+        """Mark edges as certified."""
+        self.status.view[edges] = FREE
+        if len(edges):
+            self._merged = min(self._merged, int(edges.min()))
 
     def parts(self) -> Parts:
         """Return the arrays that compiled searches take.

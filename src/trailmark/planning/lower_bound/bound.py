@@ -135,6 +135,9 @@ class LowerBound:
     @cached_property
     def _size(self) -> int:
         """About how many vertices the region has."""
+        if self._grid is not None:
+            # At once: to go through thousands of obstacles takes as long as planning may.
+            return 4 * len(self._grid.segments) + 8 * QUARTER * len(self._grid.discs) + 4
         corners = 0
         for shape in self.world.obstacles:
             corners += 8 * QUARTER if isinstance(shape, Disc) else 4 * sum(len(r) for r in shape.polygon().rings())

@@ -1,0 +1,134 @@
+"""Returned paths have no vertex that a certified motion makes needless, and no motion of length 0."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+from benchmarks.repeated import random_pairs
+from numpy.typing import NDArray
+
+from trailmark import LandmarkPlanner, PlanResult, se2
+from trailmark.collision import StateChecker
+from trailmark.collision.curve_motions import CurveChecker
+from trailmark.curves import CurvePath
+from trailmark.planning.curve_shortening import without_needless_knots
+from trailmark.planning.straightening import without_needless
+from trailmark.planning.warmup import warm_up_curves
+from trailmark.world import World
+
+FloatArray = NDArray[np.float64]
+Judge = Callable[..., float]
+
+WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
+
+
+def fewer(checker: StateChecker, path: FloatArray) -> FloatArray:
+    return np.asarray(without_needless(checker.grid, checker.field, checker.footprint, path))
+
+
+def assert_none_needless(motions: Any, result: PlanResult) -> int:
+    """Assert that each inner vertex is needed; return how many there are."""
+    assert result.path is not None
+    q = result.path.states
+    assert (q[1:] != q[:-1]).any(axis=1).all() or len(q) == 2
+    free = motions.motions_valid(q[:-2], q[2:])
+    assert not free.any()
+    return len(q) - 2
+
+
+@pytest.mark.parametrize("name", ["rectangle", "L", "thin"])
+def test_planned_paths(name: str, judge: Judge) -> None:
+    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4)
+    pairs = random_pairs(planner, 12, 3)
+    vertices = 0
+    for _ in range(3):
+        for start, goal in pairs:
+            result = planner.plan(start, goal, 30.0, max_iterations=2)
+            vertices += assert_none_needless(planner.checker, result)
+            assert result.path is not None
+            judge(WORLD, planner.robot, start, goal, result.path.states)
+            assert result.history[-1][1] == pytest.approx(result.path.cost, abs=1e-9)
+    assert vertices > 60
+
+
+@pytest.mark.parametrize("name", ["rectangle", "disc"])
+def test_paths_of_many_queries(name: str) -> None:
+    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4, landmarks=1500)
+    pairs = random_pairs(planner, 40, 3)
+    vertices = 0
+    for result in planner.plan_many(pairs[:, 0], pairs[:, 1], 30.0, max_iterations=1):
+        assert result.path is not None
+        if planner.roadmap.turning:
+            vertices += assert_none_needless(planner.checker, result)
+        else:
+            # A disc turns evenly along its path: only its positions say what is needless.
+            q = result.path.states.copy()
+            q[:, 2] = 0.0
+            assert not planner.checker.motions_valid(q[:-2], q[2:]).any()
+            vertices += len(q) - 2
+        assert result.history[-1][1] == pytest.approx(result.path.cost, abs=1e-9)
+    assert vertices > 40
+
+
+def test_a_cars_paths() -> None:
+    warm_up_curves()
+    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"].steered(1.5), seed=4)
+    motions = CurveChecker(planner.checker)
+    assert planner.steering is not None
+    lengths = planner.steering.lengths
+    knots = 0
+    for start, goal in random_pairs(planner, 4, 3):
+        result = planner.plan(start, goal, 60.0, max_iterations=1)
+        if result.path is None:
+            continue
+        assert isinstance(result.path, CurvePath)
+        q = result.path.knots
+        longer = lengths(q[:-2], q[2:]) > lengths(q[:-2], q[1:-1]) + lengths(q[1:-1], q[2:]) + 1e-9
+        assert (~motions.motions_valid(q[:-2], q[2:]) | longer).all()
+        knots += len(q) - 2
+    assert knots > 3
+
+
+def test_what_is_left_out_by_hand() -> None:
+    checker = StateChecker(World("open", (0, 0, 10, 10)), ROBOTS["rectangle"])
+    path = np.array([[2.0, 2, 0], [2.0, 2, 0], [4.0, 3, 1], [4.0, 3, 1], [4.001, 3, 1], [7.0, 7, 2], [7.0, 7, 2]])
+    assert np.array_equal(fewer(checker, path), path[[0, -1]])
+    assert np.array_equal(fewer(checker, path[:1]), path[:1])
+    assert np.array_equal(fewer(checker, path[:2]), path[:2])
+
+
+def test_what_is_needed_stays_and_costs_do_not_rise() -> None:
+    checker = StateChecker(WORLD, ROBOTS["L"])
+    planner = LandmarkPlanner(WORLD, ROBOTS["L"], seed=4, checker=checker)
+    rng = np.random.default_rng(1)
+    dropped = 0
+    for start, goal in random_pairs(planner, 10, 8):
+        path = planner.plan(start, goal, 30.0, max_iterations=1).path
+        assert path is not None
+        # With needless vertices at random places along it, some of them twice.
+        places = np.sort(np.append(rng.uniform(0.0, len(path.states) - 1, 30), np.arange(len(path.states))))
+        along = np.minimum(places.astype(int), len(path.states) - 2)
+        q = se2.interpolate(path.states[along], path.states[along + 1], places - along)
+        q = np.repeat(q, rng.integers(1, 3, len(q)), axis=0)
+        if not checker.motions_valid(q[:-1], q[1:]).all():
+            continue
+        left = fewer(checker, q)
+        assert checker.motions_valid(left[:-1], left[1:]).all()
+        assert not checker.motions_valid(left[:-2], left[2:]).any()
+        assert np.array_equal(left[[0, -1]], q[[0, -1]])
+        cost = float(np.sum(se2.distance(q[:-1], q[1:])))
+        assert float(np.sum(se2.distance(left[:-1], left[1:]))) <= cost + 1e-9
+        dropped += len(q) - len(left)
+    assert dropped > 100
+
+
+def test_knots_of_a_car_by_hand() -> None:
+    warm_up_curves()
+    checker = StateChecker(World("open", (0, 0, 20, 20)), ROBOTS["rectangle"].steered(1.5))
+    motions = CurveChecker(checker)
+    knots = np.array([[3.0, 3, 0], [5.0, 3, 0], [5.0, 3, 0], [8.0, 3, 0], [12.0, 3, 0]])
+    assert np.array_equal(without_needless_knots(motions, knots), knots[[0, -1]])
