@@ -49,6 +49,7 @@ def main() -> int:
     """Try them all and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--python", action="append", default=[], help="a version, or an interpreter's path")
+    parser.add_argument("--dependencies", action="append", choices=list(RESOLUTIONS), help="one age only")
     options = parser.parse_args()
     uv = shutil.which("uv")
     if uv is None:
@@ -57,7 +58,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="installs-") as folder:
         wheel = build(uv, Path(folder))
         for python in options.python or ["3.11", "3.12", "3.13"]:
-            for age in RESOLUTIONS:
+            for age in options.dependencies or RESOLUTIONS:
                 row = attempt(uv, wheel, Path(folder), python, age)
                 failed |= row[2].startswith("FAILED")
                 rows.append(row)
@@ -100,7 +101,8 @@ def attempt(uv: str, wheel: Path, folder: Path, python: str, age: str) -> list[s
 def run(uv: str, wheel: Path, home: Path, python: str, age: str) -> Iterator[str]:
     """Yield what the steps print, the program's line last."""
     own = home / "bin" / "python"
-    wheels = ["--only-binary", ":all:", "--resolution", RESOLUTIONS[age]]
+    # Lowest-direct looks at what is named directly, which a wheel's dependencies are not.
+    wheels = ["--only-binary", ":all:", "--resolution", RESOLUTIONS[age], "-r", ROOT / "pyproject.toml"]
     # Nothing but what a container has: no HOME, no locale, no cache of the user's.
     bare = {"PATH": os.defpath, "LC_ALL": "C", "NUMBA_OPT": "0"}
     for command, environment in (

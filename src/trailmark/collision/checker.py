@@ -186,6 +186,20 @@ class StateChecker:
             raise ConfigurationError(f"{name} ({at}) is not valid: the robot ({self.robot.describe()}) {reason}")
         return state
 
+    def require_for(self, world: World, robot: Robot | None = None) -> None:
+        """Raise if this checker is for another world or, where one is given, another robot: its answers would be wrong.
+
+        Raises:
+            ConfigurationError: it is.
+        """
+        mine = self.world
+        if mine is not world and mine.with_robot(self.robot) != world.with_robot(self.robot):
+            raise ConfigurationError(f"checker: of another world ({mine.name!r}) given, allowed: of this one")
+        if robot is not None and robot != self.robot:
+            raise ConfigurationError(
+                f"checker: for another robot ({self.robot.describe()}) given, allowed: for {robot.describe()}"
+            )
+
     def _states_free(self, q: se2.FloatArray) -> NDArray[np.bool_]:
         if self.exact == "fcl":
             answer = kernels.field_states(self.field, self.footprint, q)

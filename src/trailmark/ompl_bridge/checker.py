@@ -7,6 +7,7 @@ from typing import Any
 
 from ompl import base as ob
 
+from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
 from trailmark.collision.pointwise import PointwiseChecker
 from trailmark.heading import turn, wrapped
@@ -39,6 +40,7 @@ class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OM
     """
 
     def __init__(self, information: Any, checker: StateChecker) -> None:
+        one_of(checker, StateChecker, "checker:")
         require_within(space_of(information), checker.world)
         super().__init__(information)
         self.checker = checker
@@ -84,6 +86,7 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
     """
 
     def __init__(self, information: Any, checker: StateChecker) -> None:
+        one_of(checker, StateChecker, "checker:")
         require_within(space_of(information), checker.world)
         super().__init__(information)
         self.checker = checker

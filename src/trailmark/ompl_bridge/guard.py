@@ -21,6 +21,8 @@ from typing import Any
 from ompl import base as ob
 from ompl import geometric as og
 
+from trailmark.arguments import number
+
 __all__ = ["caught", "planning", "solve"]
 
 
@@ -107,7 +109,12 @@ def solve(setup: Any, limit: Any = 1.0) -> Any:
     Args:
         setup: a ``SimpleSetup`` with any of trailmark's parts in it.
         limit: seconds, or a ``PlannerTerminationCondition``.
+
+    Raises:
+        ConfigurationError: neither.
     """
-    condition = ob.timedPlannerTerminationCondition(float(limit)) if isinstance(limit, int | float) else limit
+    condition = limit
+    if not isinstance(limit, ob.PlannerTerminationCondition):
+        condition = ob.timedPlannerTerminationCondition(number(limit, "limit:", least=0.0, unit="s"))
     with planning(condition):
         return og.SimpleSetup.solve(setup, condition)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
+from trailmark.arguments import one_of, whole
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
@@ -64,12 +65,10 @@ class LandmarkSource:
         bounds: tuple[float, float, float, float] | None = None,
         seed: int | None = None,
     ) -> None:
-        if seed is not None and seed < 0:
-            raise ConfigurationError(f"seed: {seed} given, allowed: 0 or more")
-        self.checker = checker
+        self.checker = one_of(checker, StateChecker, "checker:")
         self.bounds = checker.world.bounds if bounds is None else bounds
         self.infeasible = False
-        self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else int(seed)
+        self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
         self._rng = np.random.default_rng(self.seed)
         self._rounds: list[se2.FloatArray] = []
         self._more: Iterator[se2.FloatArray]

@@ -9,6 +9,7 @@ import numpy as np
 from ompl import base as ob
 
 from trailmark import se2
+from trailmark.arguments import one_of, truth, whole
 from trailmark.collision import StateChecker
 from trailmark.collision.pointwise import PointwiseChecker
 from trailmark.errors import ConfigurationError
@@ -70,11 +71,11 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         super().__init__(information, "landmark")
         # Now, so that no query pays for it.
         warm_up()
-        self.checker = checker or _checker_in(information)
+        self.checker = _checker_in(information) if checker is None else one_of(checker, StateChecker, "checker:")
         require_within(space, self.checker.world)
         self._single = PointwiseChecker(self.checker)
-        self._seed = seed
-        self._keep = keep_roadmap
+        self._seed = None if seed is None else whole(seed, "seed:", 0)
+        self._keep = truth(keep_roadmap, "keep_roadmap:")
         self._planner: Planner | None = None
         self._work: _Work | None = None
         self.result: PlanResult | None = None

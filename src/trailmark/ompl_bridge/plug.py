@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ompl import base as ob
 
 from trailmark import se2
+from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
 from trailmark.ompl_bridge.checker import StateValidityChecker
 from trailmark.ompl_bridge.errors import BridgeError
@@ -108,7 +109,7 @@ def plug_landmark_sampler(
     """
     information = setup.getSpaceInformation()
     space = space_of(information)
-    checker = checker or _checker_in(setup)
+    checker = _checker_in(setup) if checker is None else one_of(checker, StateChecker, "checker:")
     require_within(space, checker.world)
     for shares in (mixture, ROADMAP_MIXTURE):
         if shares is not None:

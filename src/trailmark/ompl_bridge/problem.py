@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,9 +10,10 @@ from numpy.typing import ArrayLike
 from ompl import geometric as og
 
 from trailmark import se2
+from trailmark.arguments import brief, number, one_of, truth
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
-from trailmark.errors import ConfigurationError
+from trailmark.errors import ConfigurationError, WorldError
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import solve
 from trailmark.ompl_bridge.planners import planner_named
@@ -62,7 +64,9 @@ class SE2Problem:
         certified: bool = True,
         resolution: float | None = None,
     ) -> None:
-        self.world = world
+        self.world = one_of(world, World, "world:", hint=" (World.load reads one)", error=WorldError)
+        if checker is not None:
+            one_of(checker, StateChecker, "checker:").require_for(world, robot)
         self.checker = StateChecker(world, robot) if checker is None else checker
         start, goal = _ends(world, query)
         self.start = self.checker.require_valid(start, "start")
@@ -73,12 +77,11 @@ class SE2Problem:
         self.validity = StateValidityChecker(self.information, self.checker)
         self.setup.setStateValidityChecker(self.validity)
         self.motions: MotionValidator | None = None
-        if certified:
+        if truth(certified, "certified:"):
             self.motions = MotionValidator(self.information, self.checker)
             self.information.setMotionValidator(self.motions)
         if resolution is not None:
-            if not (np.isfinite(resolution) and resolution > 0.0):
-                raise ConfigurationError(f"resolution: {resolution} m given, allowed: a finite number above 0")
+            resolution = number(resolution, "resolution:", above=0.0, unit="m")
             self.information.setStateValidityCheckingResolution(resolution / self.space.getMaximumExtent())
         self.setup.setStartAndGoalStates(state(self.information, self.start), state(self.information, self.goal))
 
@@ -127,5 +130,8 @@ def simple_setup(world: World, robot: Robot | None = None, query: Ends = None, *
 def _ends(world: World, query: Ends) -> tuple[se2.FloatArray, se2.FloatArray]:
     if query is None or isinstance(query, str):
         query = world.query(query)
-    start, goal = (query.start, query.goal) if isinstance(query, Query) else query
+    ends: Any = (query.start, query.goal) if isinstance(query, Query) else query
+    if not (isinstance(ends, Sequence | np.ndarray) and len(ends) == 2):
+        raise ConfigurationError(f"query: {brief(query)} given, allowed: a Query, its name, or start and goal")
+    start, goal = ends
     return se2.configurations(start, name="start"), se2.configurations(goal, name="goal")

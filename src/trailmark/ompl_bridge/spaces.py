@@ -6,6 +6,7 @@ from typing import Any
 
 from ompl import base as ob
 
+from trailmark.arguments import one_of
 from trailmark.curves import Steering
 from trailmark.ompl_bridge.errors import BoundsError, SpaceError
 from trailmark.ompl_bridge.states import opened, state
@@ -51,7 +52,7 @@ def space_of(information: Any) -> Any:
     Raises:
         SpaceError: it is not ``SE2StateSpace`` nor one of those derived from it (Dubins, Reeds-Shepp).
     """
-    return require_se2(information.getStateSpace())
+    return require_se2(one_of(information, ob.SpaceInformation, "information:", error=SpaceError).getStateSpace())
 
 
 def require_se2(space: Any) -> Any:

@@ -107,7 +107,7 @@ class LandmarkPlanner:
             landmarks = whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
         self.world = one_of(world, World, "world:", hint=" (World.load reads one)", error=WorldError)
         if checker is not None:
-            _require_same(one_of(checker, StateChecker, "checker:"), world, robot)
+            one_of(checker, StateChecker, "checker:").require_for(world, robot)
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
         if truth(warm, "warm:"):
             warm_up()
@@ -473,13 +473,3 @@ def _limits(time_limit: float, max_iterations: int | None) -> tuple[float, int |
     """Return the limits of a query, checked."""
     seconds = number(time_limit, "time limit:", above=0.0, infinite=True, unit="s")
     return seconds, None if max_iterations is None else whole(max_iterations, "max iterations:", 1)
-
-
-def _require_same(checker: StateChecker, world: World, robot: Robot | None) -> None:
-    """Raise if a checker is for another world or robot: its answers would be wrong here."""
-    if checker.world is not world and checker.world.with_robot(checker.robot) != world.with_robot(checker.robot):
-        raise ConfigurationError(f"checker: of another world ({checker.world.name!r}) given, allowed: of this one")
-    if robot is not None and robot != checker.robot:
-        raise ConfigurationError(
-            f"checker: for another robot ({checker.robot.describe()}) given, allowed: for {robot.describe()}"
-        )

@@ -1,0 +1,66 @@
+"""Wrong arguments of the bridge are told in one line of trailmark's own, before OMPL sees them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+WRONG = """
+import numpy as np
+from trailmark import Disc, Query, Robot, StateChecker, TrailmarkError, World
+from trailmark.ompl_bridge import (
+    LandmarkPlanner, LandmarkSource, MotionValidator, SE2Problem, StateValidityChecker, plug_landmark_sampler,
+    simple_setup, solve,
+)
+query = Query("a", (1, 1, 0), (5, 1, 0))
+world = World("room", (0, 0, 6, 4), (Disc((3, 2), 0.5),), Robot.rectangle(0.6, 0.4), queries=(query,))
+other = StateChecker(world, Robot.disc(0.1))
+problem = SE2Problem(world)
+information, checker = problem.information, problem.checker
+ends = ((1, 1, 0), (5, 1, 0))
+calls = {
+    "world": lambda: SE2Problem("office"),
+    "robot": lambda: SE2Problem(world, "disc:1"),
+    "query": lambda: SE2Problem(world, None, 3),
+    "three ends": lambda: SE2Problem(world, None, (*ends, ends[0])),
+    "text ends": lambda: SE2Problem(world, None, (("1", "1", "0"), ends[1])),
+    "checker": lambda: SE2Problem(world, checker=world),
+    "other checker": lambda: SE2Problem(world, world.robot, checker=other),
+    "certified": lambda: SE2Problem(world, certified="yes"),
+    "resolution": lambda: SE2Problem(world, resolution="1"),
+    "setup": lambda: simple_setup("office"),
+    "limit": lambda: problem.solve("1"),
+    "nan limit": lambda: problem.solve(float("nan")),
+    "no limit": lambda: solve(problem.setup, None),
+    "validity": lambda: StateValidityChecker(information, world),
+    "validity's information": lambda: StateValidityChecker(world, checker),
+    "motions": lambda: MotionValidator(information, "checker"),
+    "planner's seed": lambda: LandmarkPlanner(information, seed=1.5),
+    "planner's checker": lambda: LandmarkPlanner(information, world),
+    "planner's information": lambda: LandmarkPlanner(problem),
+    "planner's keep_roadmap": lambda: LandmarkPlanner(information, keep_roadmap="no"),
+    "source's seed": lambda: LandmarkSource(checker, seed="1"),
+    "source's checker": lambda: LandmarkSource(world),
+    "plug's seed": lambda: plug_landmark_sampler(problem.setup, seed=float("nan")),
+    "plug's checker": lambda: plug_landmark_sampler(problem.setup, checker=3),
+}
+said = {}
+for name, call in calls.items():
+    try:
+        call()
+        said[name] = "nothing"
+    except TrailmarkError as error:
+        said[name] = str(error)
+    except Exception as error:
+        said[name] = f"RAW {error!r}"
+tell(said=said, solved=problem.solve(np.float64(0.2)).asString())
+"""
+
+
+def test_wrong_arguments_are_errors_of_our_own(run_ompl: Any) -> None:
+    found = run_ompl(WRONG)
+    raw = {name: text for name, text in found["said"].items() if text == "nothing" or text.startswith("RAW")}
+    assert raw == {}
+    assert [text for text in found["said"].values() if "\n" in text] == []
+    assert "for another robot" in found["said"]["other checker"]
+    assert found["said"]["limit"] == "limit: '1' s given, allowed: a finite number of 0 or more"
+    assert "solution" in found["solved"].lower()
