@@ -177,3 +177,16 @@ def test_ways_lead_through_holes_and_stay_within_boundaries() -> None:
     assert length(way) == pytest.approx(20.0 + 0.5 * math.pi, rel=3e-3)
     beside = judged(world, 1.0, np.array([18.0, 4.0]), np.array([14.0, 3.0]))
     assert length(beside) == pytest.approx(math.sqrt(17.0))
+
+
+def test_a_region_that_shapely_cannot_make_has_no_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*_: object) -> None:
+        raise shapely.errors.GEOSException("side location conflict")
+
+    world = World("disc", (0.0, 0.0, 20.0, 20.0), (Disc((10.0, 10.0), 2.0),))
+    start, goal = np.array([2.0, 10.0]), np.array([18.0, 10.0])
+    assert len(disc_way(world, 1.0, start, goal, np.inf)) > 2
+    monkeypatch.setattr(shapely, "difference", fails)
+    assert len(disc_way(world, 1.0, start, goal, np.inf)) == 0
+    # Nothing is claimed, either.
+    assert bound(world, 1.0, start, goal) == 16.0

@@ -53,7 +53,10 @@ def disc_way(
     """
     begin = perf_counter()
     within = ellipse(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
-    region = _region(world, (1.0 + SPARE) * radius + MARGIN, within)
+    try:
+        region = _region(world, (1.0 + SPARE) * radius + MARGIN, within)
+    except shapely.errors.GEOSException:
+        return np.empty((0, 2))
     if CUTTING * (perf_counter() - begin) > seconds_left():
         return np.empty((0, 2))
     for part in shapely.get_parts(region):
