@@ -1,0 +1,205 @@
+"""Cases for mutation tests: states and motions that just collide, or are just free, and what is true of them.
+
+What is true is told by shapely (:class:`benchmarks.oracle.Oracle`), not by the code under test. Everything is small:
+the mutants run as plain Python.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from benchmarks.oracle import Oracle, motion_states
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.world import Robot, World
+
+__all__ = ["Case", "cases"]
+
+FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+
+DEPTHS = (0.0, 1e-7, 1e-5, 1e-3, 3e-2)
+"""How much further than the least overlap that counts (fractions of a step) a colliding state is moved."""
+
+BAND = 1.5e-7
+"""Metres of overlap that count as a collision: half as much again as what is allowed."""
+
+CLEAR = 0.02
+"""Metres that a motion keeps from everything if it has to be accepted."""
+
+
+@dataclass
+class Case:
+    """One robot in one world.
+
+    Attributes:
+        name: for the report.
+        world: obstacles and bounds.
+        robot: footprint.
+        cell: of the field, metres.
+        hit: (n, 3) states that overlap something by more than BAND, or lie beyond the bounds.
+        free: (n, 3) states that keep at least 1e-6 m away.
+        clearances: (n,) of ``free``, metres.
+        bad_motions: (n, 2, 3): both ends are free, something between them is not.
+        good_motions: (n, 2, 3) that keep CLEAR away.
+        bad_curves: (n, 2, 3): likewise along the shortest curves of ``radius``.
+        good_curves: (n, 2, 3).
+        radius: turning radius, metres.
+    """
+
+    name: str
+    world: World
+    robot: Robot
+    cell: float
+    hit: FloatArray
+    free: FloatArray
+    clearances: FloatArray
+    bad_motions: FloatArray
+    good_motions: FloatArray
+    bad_curves: FloatArray = field(default_factory=lambda: np.empty((0, 2, 3)))
+    good_curves: FloatArray = field(default_factory=lambda: np.empty((0, 2, 3)))
+    radius: float = 0.7
+
+
+def _polygon(outline: list[list[float]], *holes: list[list[float]]) -> Polygon:
+    return Polygon(np.array(outline, dtype=np.float64), tuple(np.array(hole, dtype=np.float64) for hole in holes))
+
+
+def _scenes() -> list[tuple[str, World, Robot, float]]:
+    """Return name, world, robot and cell size of every scene."""
+    room = (0.0, 0.0, 6.0, 5.0)
+    hole = _polygon([[1, 1], [4.6, 0.8], [5, 4], [0.9, 4.2]], [[1.6, 1.5], [4.3, 1.4], [4.2, 3.6], [1.5, 3.5]])
+    polygons: tuple[Shape, ...] = (
+        Rectangle((1.5, 1.6), 1.1, 0.5, 0.4),
+        _polygon([[3.0, 0.6], [4.4, 0.9], [3.6, 1.2], [4.5, 1.9], [3.1, 1.5]]),
+        _polygon([[0.5, 3.2], [1.9, 3.0], [1.2, 3.6], [1.8, 4.4]]),
+        Rectangle((2.9, 3.1), 0.02, 0.9, 0.2),
+    )
+    mixed = (*polygons, Disc((4.2, 3.4), 0.55))
+    specks: tuple[Shape, ...] = tuple(
+        Disc((x, y), 1e-3) if (i + j) % 2 else _polygon([[x, y], [x + 1e-3, y], [x, y + 1e-3]])
+        for i, x in enumerate((0.9, 2.3, 3.7, 5.1))
+        for j, y in enumerate((1.1, 2.5, 3.9))
+    )
+    boundary = _polygon(
+        [[0.2, 0.3], [5.8, 0.1], [5.5, 2.4], [4.1, 2.5], [5.6, 2.9], [5.7, 4.9], [0.1, 4.7], [0.9, 2.2]]
+    )
+    rectangle = Robot.rectangle(0.7, 0.3)
+    hook = Robot.polygon([[-0.1, -0.3], [0.8, -0.3], [0.8, -0.1], [0.1, 0], [0, 0.5]])
+    places = ((1.5, 1.5), (2.5, 1.5), (4.0, 3.0), (4.5, 1.0), (1.0, 4.0))
+    squares: tuple[Shape, ...] = tuple(Rectangle((x, y), 1.0, 1.0) for x, y in places)
+    frame = _polygon([[2, 2.5], [3, 2.5], [3, 4.5], [2, 4.5]], [[2.25, 2.75], [2.75, 2.75], [2.75, 4.25], [2.25, 4.25]])
+    lattice = World("w", room, (*squares, frame))
+    far = tuple(Polygon(np.add(s.polygon().vertices, (2e5, -1e5))) for s in polygons if not isinstance(s, Disc))
+    distant: tuple[Shape, ...] = (*far, Disc((2e5 + 4.2, 3.4 - 1e5), 0.55))
+    return [
+        ("mixed, rectangle", World("w", room, mixed), rectangle, 0.11),
+        ("mixed, disc", World("w", room, mixed), Robot.disc(0.21), 0.13),
+        ("mixed, hook, large cells", World("w", room, mixed), hook, 0.9),
+        ("hole, hook", World("w", room, (hole,)), hook, 0.17),
+        ("boundary, rectangle", World("w", room, (mixed[0], mixed[-1]), boundary=boundary), rectangle, 0.23),
+        ("specks, rectangle", World("w", room, specks), Robot.rectangle(1.1, 0.8), 0.19),
+        ("specks, disc", World("w", room, specks), Robot.disc(0.5), 0.31),
+        ("lattice, square", lattice, Robot.rectangle(0.25, 0.25), 0.25),
+        ("lattice, disc", lattice, Robot.disc(0.125), 0.125),
+        ("far away, hook", World("w", (2e5, -1e5, 2e5 + 6, 5 - 1e5), distant), hook, 0.21),
+    ]
+
+
+def cases(seed: int, size: int) -> list[Case]:
+    """Return the cases; ``size`` colliding motions in each, and other numbers in proportion."""
+    rng = np.random.default_rng(seed)
+    return [_case(*scene, rng, size) for scene in _scenes()]
+
+
+def _case(name: str, world: World, robot: Robot, cell: float, rng: np.random.Generator, size: int) -> Case:
+    oracle = Oracle(world, robot, BAND)
+    low, high = np.array([*world.bounds[:2], -math.pi]), np.array([*world.bounds[2:], math.pi])
+    q = rng.uniform(low, high, (400 * size, 3))
+    collides, clearance = oracle.collides(q), oracle.clearance(q)
+    outside, inside = q[~collides & (clearance > 2e-6)], q[collides]
+    beyond = rng.uniform(np.subtract(low, (3, 3, 0)), np.add(high, (3, 3, 0)), (8 * size, 3))
+    hit = [inside[: 3 * size], beyond[oracle.collides(beyond)]]
+    if name.startswith("lattice"):
+        # Vertices, edges and centres of cells on the very same coordinates.
+        x, y = (v.ravel() for v in np.meshgrid(np.arange(-1.0, 7.25, 0.25), np.arange(-1.0, 6.25, 0.25)))
+        even = np.column_stack([x, y, np.zeros(len(x))])
+        hit.append(even[oracle.collides(even)])
+        outside = np.concatenate([even[~oracle.collides(even) & (oracle.clearance(even) > 2e-6)], outside])
+    # The last free and the first colliding state on the way from one to the other.
+    pairs = 6 * size
+    a, b = outside[rng.integers(0, len(outside), pairs)], inside[rng.integers(0, len(inside), pairs)]
+    near = rng.random(pairs) < 0.5
+    b[near] = a[near] + (b[near] - a[near]) * rng.uniform(0.0, 1.0, (near.sum(), 1))
+    there = oracle.collides(b)
+    a, b = a[there], b[there]
+    low_t, high_t = np.zeros(len(a)), np.ones(len(a))
+    for _ in range(48):
+        middle = 0.5 * (low_t + high_t)
+        into = oracle.collides(_between(a, b, middle))
+        low_t, high_t = np.where(into, low_t, middle), np.where(into, middle, high_t)
+    for depth in DEPTHS:
+        moved = _between(a, b, np.minimum(1.0, high_t + depth))
+        hit.append(moved[oracle.collides(moved)])
+    graze = np.concatenate(hit[-len(DEPTHS) :])
+    free = np.concatenate([outside[: 2 * size], _between(a, b, np.maximum(0.0, low_t - 2e-5))])
+    clearances = oracle.clearance(free)
+    keep = ~oracle.collides(free) & (clearances > 1.1e-6)
+    free, clearances = free[keep], clearances[keep]
+    bad_motions = _bad_motions(oracle, graze, rng, size)
+    good_motions = _good_motions(oracle, outside, rng, size // 2)
+    case = Case(name, world, robot, cell, np.concatenate(hit), free, clearances, bad_motions, good_motions)
+    _add_curves(case, oracle, outside, rng, size // 2)
+    return case
+
+
+def _between(a: FloatArray, b: FloatArray, t: FloatArray) -> FloatArray:
+    return np.asarray(a + t[:, None] * (b - a))
+
+
+def _bad_motions(oracle: Oracle, graze: FloatArray, rng: np.random.Generator, size: int) -> FloatArray:
+    """Return motions with free ends through states that just collide, most of them shallow and long or short."""
+    middle = graze[rng.integers(0, len(graze), 60 * size)]
+    way = rng.normal(size=middle.shape) * 10.0 ** rng.uniform(-2.5, 0.3, (len(middle), 1))
+    way[:, 2] = np.clip(way[:, 2] * rng.integers(0, 2, len(way)), -1.2, 1.2)
+    share = rng.uniform(0.05, 0.95, (len(middle), 1))
+    a, b = middle - share * way, middle + (1.0 - share) * way
+    for ends in (a, b):
+        ends[:, 2] = np.remainder(ends[:, 2] + math.pi, 2.0 * math.pi) - math.pi
+    fits = ~oracle.collides(a) & ~oracle.collides(b) & (np.minimum(oracle.clearance(a), oracle.clearance(b)) > 2e-7)
+    a, b = a[fits], b[fits]
+    # Seldom hit first: of those that are, little collides.
+    share_hit = oracle.collides(motion_states(a, b, 60).reshape(-1, 3)).reshape(len(a), 60).mean(axis=1)
+    order = np.argsort(share_hit, kind="stable")[: 3 * size]
+    chosen = np.concatenate([order[:size], rng.permutation(order[size:])[: size // 2]])
+    return np.stack([a[chosen], b[chosen]], axis=1)
+
+
+def _good_motions(oracle: Oracle, outside: FloatArray, rng: np.random.Generator, size: int) -> FloatArray:
+    a = outside[rng.integers(0, len(outside), 100 * size)]
+    b = a + rng.normal(size=a.shape) * rng.uniform(0.02, 0.8, (len(a), 1))
+    b[:, 2] = np.remainder(b[:, 2] + math.pi, 2.0 * math.pi) - math.pi
+    states = motion_states(a, b, 50).reshape(-1, 3)
+    clear = oracle.clearance(states).reshape(len(a), 50).min(axis=1) > CLEAR
+    return np.stack([a[clear], b[clear]], axis=1)[:size]
+
+
+def _add_curves(case: Case, oracle: Oracle, outside: FloatArray, rng: np.random.Generator, size: int) -> None:
+    """Add shortest curves: some that keep CLEAR away, some of which little collides."""
+    from trailmark.curves import Steering
+
+    a = outside[rng.integers(0, len(outside), 40 * size)]
+    b = outside[rng.integers(0, len(outside), 40 * size)]
+    near = np.hypot(*(b - a)[:, :2].T) < 2.5
+    a, b = a[near][: 12 * size], b[near][: 12 * size]
+    steering = Steering(case.radius)
+    lengths = steering.lengths(a, b)
+    states = steering.states(a, b, lengths[:, None] * np.linspace(0.0, 1.0, 150)).reshape(-1, 3)
+    hit = oracle.collides(states).reshape(len(a), 150).mean(axis=1)
+    clear = oracle.clearance(states).reshape(len(a), 150).min(axis=1) > 2.0 * CLEAR
+    some = np.flatnonzero(hit > 0.0)
+    bad = some[np.argsort(hit[some])][:size]
+    case.bad_curves = np.stack([a[bad], b[bad]], axis=1)
+    case.good_curves = np.stack([a[clear], b[clear]], axis=1)[: max(2, size // 2)]

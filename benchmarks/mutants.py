@@ -1,0 +1,350 @@
+"""Mutation tests of the kernels that certify: does every change that lets a collision through get noticed?
+
+    NUMBA_DISABLE_JIT=1 python -m benchmarks.mutants [--size 20] [--only kernels] [--record FILE.jsonl]
+    python -m benchmarks.mutants --table FILE.jsonl
+
+Each mutant is one change of one expression or statement of a module, run as plain Python in a process of its own on the
+cases of :mod:`benchmarks.mutant_cases`. What became of it:
+
+* accepts: it let a collision through, and that was noticed: killed;
+* refuses: it accepts no collision but refuses what is free, or a clearance or a bound on it is wrong: killed;
+* error, slow: it raised, or took more than a minute: killed;
+* undecided: it leaves more to FCL or to the exact distances than before, and answers the same: it costs time alone;
+* same: it answers as before in all cases. These are the ones to look at.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import copy
+import json
+import os
+import signal
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from importlib.util import spec_from_loader
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from benchmarks.mutant_cases import Case, cases
+
+__all__ = ["Mutant", "main", "mutants_of", "table"]
+
+SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark" / "collision"
+
+MODULES = ("kernels", "distances", "field", "footprint", "obstacles", "curve_motions")
+
+LEFT_OUT = {
+    # Nothing is certified by these: slopes and sizes for searches, room for results, questions to people.
+    "field": {"interpolated", "clearance_at"},
+    "distances": {"point_depth"},
+    "curve_motions": {"__init__", "motion_valid"},
+    "obstacles": {"cell_size_for"},
+}
+"""Functions that are not mutated."""
+
+SECONDS = 60
+"""For one mutant; one that takes longer than that is noticed."""
+
+SWAPS: dict[type, list[type]] = {
+    ast.Lt: [ast.LtE, ast.GtE],
+    ast.LtE: [ast.Lt, ast.Gt],
+    ast.Gt: [ast.GtE, ast.LtE],
+    ast.GtE: [ast.Gt, ast.Lt],
+    ast.Eq: [ast.NotEq],
+    ast.NotEq: [ast.Eq],
+    ast.Add: [ast.Sub],
+    ast.Sub: [ast.Add],
+    ast.Mult: [ast.Div],
+    ast.Div: [ast.Mult],
+    ast.And: [ast.Or],
+    ast.Or: [ast.And],
+}
+NAMES = {"min": "max", "max": "min", "floor": "ceil", "cos": "sin", "sin": "cos", "minimum": "maximum", "ceil": "floor"}
+
+
+class Mutant:
+    """One change.
+
+    Attributes:
+        module: name of the module.
+        function: that it is in.
+        line: of the source.
+        change: in words.
+        tree: the module's syntax tree with the change.
+    """
+
+    def __init__(self, module: str, function: str, line: int, change: str, tree: ast.Module) -> None:
+        self.module, self.function, self.line, self.change, self.tree = module, function, line, change, tree
+
+
+def mutants_of(module: str) -> Iterator[Mutant]:
+    """Yield all mutants of a module."""
+    source = (SOURCE / f"{module}.py").read_text(encoding="utf-8")
+    tree = ast.parse(source)
+    for function in [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]:
+        if function.name in LEFT_OUT.get(module, set()):
+            continue
+        for index, node in enumerate(_nodes(function)):
+            for number, (change, _) in enumerate(_changes(node)):
+                mutated = copy.deepcopy(tree)
+                twin = next(
+                    other
+                    for other in ast.walk(mutated)
+                    if isinstance(other, ast.FunctionDef)
+                    and (other.name, other.lineno) == (function.name, function.lineno)
+                )
+                target = _nodes(twin)[index]
+                _, replacement = list(_changes(target))[number]
+                _Replace(target, replacement).visit(mutated)
+                ast.fix_missing_locations(mutated)
+                yield Mutant(module, function.name, getattr(node, "lineno", 0), change, mutated)
+
+
+def _nodes(function: ast.FunctionDef) -> list[ast.AST]:
+    """Return what may change in a function: all of its body but the docstring."""
+    return [node for statement in function.body for node in ast.walk(statement) if not _is_text(statement)]
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def _changes(node: ast.AST) -> Iterator[tuple[str, ast.AST | None]]:
+    """Yield what a node can be changed into, in words and as a new node; None drops a statement."""
+    was = ast.unparse(node)[:60] if isinstance(node, ast.expr | ast.stmt) else ""
+    if isinstance(node, ast.Compare):
+        for i, operator in enumerate(node.ops):
+            for other in SWAPS.get(type(operator), []):
+                new = copy.deepcopy(node)
+                new.ops[i] = other()
+                yield f"{was} -> {ast.unparse(new)[:60]}", new
+    elif isinstance(node, ast.BinOp | ast.BoolOp | ast.AugAssign):
+        for other in SWAPS.get(type(node.op), []):
+            swapped = copy.deepcopy(node)
+            swapped.op = other()
+            yield f"{was} -> {ast.unparse(swapped)[:60]}", swapped
+    elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
+        number = float(node.value) if isinstance(node.value, int | float) else 0.0
+        for value in (0, 1, 2) if isinstance(node.value, int) else (0.0, 0.5 * number, 2.0 * number):
+            if value != node.value:
+                yield f"{was} -> {value}", ast.Constant(value)
+    elif isinstance(node, ast.UnaryOp):
+        yield f"{was} -> {ast.unparse(node.operand)[:60]}", copy.deepcopy(node.operand)
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in NAMES:
+        call = copy.deepcopy(node)
+        call.func = ast.Name(NAMES[node.func.id], ast.Load())
+        yield f"{was} -> {NAMES[node.func.id]}(...)", call
+    elif isinstance(node, ast.Name) and node.id in ("FREE", "BLOCKED", "UNDECIDED") and isinstance(node.ctx, ast.Load):
+        for name in ("FREE", "BLOCKED", "UNDECIDED"):
+            if name != node.id:
+                yield f"{was} -> {name}", ast.Name(name, ast.Load())
+    if isinstance(node, ast.If | ast.While):
+        for value in (True, False):
+            if not (isinstance(node, ast.While) and value):
+                branch = copy.deepcopy(node)
+                branch.test = ast.Constant(value)
+                yield f"{type(node).__name__.lower()} {ast.unparse(node.test)[:60]} -> {value}", branch
+    if isinstance(node, ast.Assign | ast.AugAssign | ast.Return | ast.Continue | ast.Break):
+        yield f"without {was}", None
+
+
+class _Replace(ast.NodeTransformer):
+    """Puts one node in the place of another."""
+
+    def __init__(self, target: ast.AST, replacement: ast.AST | None) -> None:
+        self.target, self.replacement = target, ast.Pass() if replacement is None else replacement
+
+    def visit(self, node: ast.AST) -> Any:
+        return self.replacement if node is self.target else super().generic_visit(node)
+
+
+class _Mutated(MetaPathFinder, Loader):
+    """Loads one module from a changed syntax tree."""
+
+    def __init__(self, mutant: Mutant) -> None:
+        self.name, self.tree = f"trailmark.collision.{mutant.module}", mutant.tree
+
+    def find_spec(self, fullname: str, path: Any, target: ModuleType | None = None) -> ModuleSpec | None:
+        return spec_from_loader(fullname, self) if fullname == self.name else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        # The file's own name: the cache of compiled kernels asks for it.
+        path = str(SOURCE / f"{self.name.rsplit('.', 1)[1]}.py")
+        exec(compile(self.tree, path, "exec"), module.__dict__)  # noqa: S102  # that is what a mutant is
+
+
+def _kernel_answers(checker: Any, case: Case) -> tuple[int, int]:
+    """Return how many states and motions the kernels alone leave undecided."""
+    from trailmark.collision import kernels
+
+    q = np.concatenate([case.hit, case.free])
+    arrays = (checker.grid, checker.field, checker.footprint)
+    open_states = (kernels.states_free(*arrays, q) == kernels.UNDECIDED).sum()
+    open_states += (kernels.field_states(checker.field, checker.footprint, q) == kernels.UNDECIDED).sum()
+    motions = np.concatenate([case.bad_motions, case.good_motions])
+    answers = checker.motions_by_field(motions[:, 0].copy(), motions[:, 1].copy())
+    return int(open_states), int((answers == kernels.UNDECIDED).sum())
+
+
+def verdict(made: list[Case]) -> tuple[str, str, list[tuple[int, int]]]:
+    """Return what the code as it is imported now does: ``accepts``, ``refuses`` or ``same``, where, and counts."""
+    from trailmark.collision import StateChecker, kernels
+    from trailmark.collision.curve_motions import CurveChecker
+    from trailmark.curves import Steering
+
+    checkers = [StateChecker(case.world, case.robot, cell=case.cell) for case in made]
+    cars = [CurveChecker(checker, Steering(case.radius)) for checker, case in zip(checkers, made, strict=True)]
+    for checker, car, case in zip(checkers, cars, made, strict=True):
+        if checker.valid(case.hit).any():
+            return "accepts", f"{case.name}: state", []
+        if (kernels.field_states(checker.field, checker.footprint, case.hit) == kernels.FREE).any():
+            return "accepts", f"{case.name}: state by the field", []
+        if checker.clearance(case.hit).max() > 1e-8:
+            return "accepts", f"{case.name}: clearance on overlap", []
+        if (checker.clearance(case.free) - case.clearances).max() > 1e-8:
+            return "accepts", f"{case.name}: clearance too large", []
+        a, b = case.bad_motions[:, 0].copy(), case.bad_motions[:, 1].copy()
+        if checker.motions_valid(a, b).any() or checker.motions_between_valid(a, b).any():
+            return "accepts", f"{case.name}: motion", []
+        if (checker.motions_by_field(a, b) == kernels.FREE).any():
+            return "accepts", f"{case.name}: motion by the field", []
+        if car.motions_between_valid(case.bad_curves[:, 0].copy(), case.bad_curves[:, 1].copy()).any():
+            return "accepts", f"{case.name}: curve", []
+    counts = []
+    for checker, car, case in zip(checkers, cars, made, strict=True):
+        if not checker.valid(case.free).all():
+            return "refuses", f"{case.name}: state", []
+        if (checker.clearance(case.free) - case.clearances).min() < -1e-8:
+            return "refuses", f"{case.name}: clearance too small", []
+        if (kernels.field_states(checker.field, checker.footprint, case.free) == kernels.BLOCKED).any():
+            return "refuses", f"{case.name}: state by the field", []
+        if not checker.motions_valid(case.good_motions[:, 0].copy(), case.good_motions[:, 1].copy()).all():
+            return "refuses", f"{case.name}: motion", []
+        answers = checker.motions_by_field(case.good_motions[:, 0].copy(), case.good_motions[:, 1].copy())
+        if (answers == kernels.BLOCKED).any():
+            return "refuses", f"{case.name}: motion by the field", []
+        if not car.motions_between_valid(case.good_curves[:, 0].copy(), case.good_curves[:, 1].copy()).all():
+            return "refuses", f"{case.name}: curve", []
+        counts.append(_kernel_answers(checker, case))
+    return "same", "", counts
+
+
+def _judge(mutant: Mutant, made: list[Case], before: list[tuple[int, int]]) -> tuple[str, str]:
+    """Return what becomes of a mutant and where; run it in a process that ends afterwards."""
+    for name in [name for name in sys.modules if name.startswith("trailmark.collision")]:
+        del sys.modules[name]
+    sys.meta_path.insert(0, _Mutated(mutant))
+    signal.signal(signal.SIGALRM, _too_slow)
+    signal.setitimer(signal.ITIMER_PROF, 0)
+    signal.alarm(SECONDS)
+    try:
+        with np.errstate(all="ignore"):
+            found, where, counts = verdict(made)
+    except _Slow:
+        return "slow", ""
+    except Exception as error:
+        return "error", type(error).__name__
+    if found == "same" and counts != before:
+        more = sum(sum(pair) for pair in counts) > sum(sum(pair) for pair in before)
+        return ("undecided", "") if more else ("decided", "fewer left undecided")
+    return found, where
+
+
+class _Slow(Exception):  # noqa: N818  # it is no error
+    pass
+
+
+def _too_slow(number: int, frame: Any) -> None:
+    raise _Slow
+
+
+def _run(mutant: Mutant, made: list[Case], before: list[tuple[int, int]]) -> tuple[str, str]:
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reader)
+        # A changed kernel may print warnings without end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        answer = _judge(mutant, made, before)
+        with os.fdopen(writer, "w") as pipe:
+            json.dump(answer, pipe)
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader) as pipe:
+        text = pipe.read()
+    _, status = os.waitpid(child, 0)
+    return tuple(json.loads(text)) if status == 0 and text else ("error", f"process ended with {status}")
+
+
+def _rows(paths: list[Path]) -> list[list[Any]]:
+    return [json.loads(line) for path in paths for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def table(rows: list[list[Any]]) -> str:
+    """Return the results as Markdown: counts by module, then those that no case told from the code as it is."""
+    lines = [
+        "| module | mutants | accepts: noticed | refuses: noticed | raises, hangs | costs time | same in all cases |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for module in MODULES:
+        found = Counter(row[4] for row in rows if row[0] == module)
+        if found:
+            lines.append(
+                f"| {module} | {found.total()} | {found['accepts']} | {found['refuses']} | "
+                f"{found['error'] + found['slow']} | {found['undecided'] + found['decided']} | {found['same']} |"
+            )
+    lines += ["", "Same in all cases:", ""]
+    lines += [f"- `{row[0]}.{row[1]}`, line {row[2]}: `{row[3]}`" for row in rows if row[4] == "same"]
+    return "\n".join(lines)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run all mutants, or print the table of their results."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--size", type=int, default=40, help="colliding motions in each scene")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", choices=MODULES, action="append", help="modules; all by default")
+    parser.add_argument("--line", type=int, action="append", help="mutants of these lines only")
+    parser.add_argument(
+        "--record", type=Path, default=Path("mutants.jsonl"), help="results as they come; those in it stay"
+    )
+    parser.add_argument("--table", type=Path, nargs="+", help="print the table of these results instead")
+    options = parser.parse_args(arguments)
+    if options.table:
+        print(table(_rows(options.table)))
+        return 0
+    if os.environ.get("NUMBA_DISABLE_JIT") != "1":
+        parser.error("NUMBA_DISABLE_JIT is not 1: mutants run as plain Python")
+    made = cases(options.seed, options.size)
+    found, where, before = verdict(made)
+    if found != "same":
+        parser.error(f"the code as it is {found}: {where}")
+    done = {tuple(row[:4]) for row in _rows([options.record])} if options.record.exists() else set()
+    tally: Counter[tuple[str, str]] = Counter()
+    begin = time.perf_counter()
+    with options.record.open("a", encoding="utf-8") as record:
+        for module in options.only or MODULES:
+            for mutant in mutants_of(module):
+                key = (module, mutant.function, mutant.line, mutant.change)
+                if key in done or (options.line and mutant.line not in options.line):
+                    continue
+                answer = _run(mutant, made, before)
+                tally[module, answer[0]] += 1
+                record.write(json.dumps([*key, *answer]) + "\n")
+                record.flush()
+            print(module, {what: n for (name, what), n in tally.items() if name == module}, flush=True)
+    print(f"{sum(tally.values())} mutants in {time.perf_counter() - begin:.0f} s")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

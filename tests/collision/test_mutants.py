@@ -1,0 +1,54 @@
+"""Changes of the kernels that let collisions through are noticed: a sample of what benchmarks.mutants runs in full."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import json
+from benchmarks.mutant_cases import cases
+from benchmarks.mutants import _run, mutants_of, verdict
+made = cases(1, 4)[:6]
+found, where, before = verdict(made)
+print(json.dumps(["as it is", found, where]), flush=True)
+wanted = {
+    ("kernels", "motion", "0.5 * (high - low) * bound + ROUNDING -> 0.5 * (high - low) * bound / ROUNDING"),
+    ("kernels", "motion", "without count += 2"),
+    ("kernels", "state", "d > ROUNDING -> d <= ROUNDING"),
+    ("kernels", "state", "UNDECIDED -> FREE"),
+    ("distances", "ring_clearance", "without return 0.0"),
+    ("curve_motions", "curve_motion", "without count += 2"),
+}
+for module in ("kernels", "distances", "curve_motions"):
+    seen = set()
+    for mutant in mutants_of(module):
+        key = (module, mutant.function, mutant.change)
+        if key in wanted and (key, mutant.line) not in seen:
+            seen.add((key, mutant.line))
+            print(json.dumps([" ".join(key), *_run(mutant, made, before)]), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def verdicts() -> list[tuple[str, str, str]]:
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, timeout=900, check=True
+    )
+    return [tuple(json.loads(line)) for line in done.stdout.splitlines()]
+
+
+def test_the_code_as_it_is_accepts_no_collision_and_what_is_free(verdicts: list[tuple[str, str, str]]) -> None:
+    assert verdicts[0] == ("as it is", "same", "")
+
+
+def test_changes_that_let_collisions_through_are_noticed(verdicts: list[tuple[str, str, str]]) -> None:
+    changes = verdicts[1:]
+    assert len({name for name, *_ in changes}) >= 5
+    noticed = {name for name, what, _ in changes if what in ("accepts", "error")}
+    assert noticed == {name for name, *_ in changes}
