@@ -58,6 +58,9 @@ def configurations(q: ArrayLike, *, name: str = "configuration") -> FloatArray:
 def wrap(theta: ArrayLike) -> Any:
     """Return angles (radians, any shape) brought into (-pi, pi]; angles already there come back unchanged."""
     angle = np.array(theta, dtype=np.float64)
+    # Mostly there is nothing to do, and one look tells so.
+    if ((angle > -np.pi) & (angle <= np.pi)).all():
+        return angle if angle.ndim else float(angle)
     far = ~((angle > -3.0 * np.pi) & (angle <= 3.0 * np.pi))
     if far.any():
         angle = np.where(far, angle - 2.0 * np.pi * np.floor((angle + np.pi) / (2.0 * np.pi)), angle)
