@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import lru_cache
 from time import perf_counter
 from typing import NamedTuple
@@ -167,11 +166,9 @@ class Scout:
         lattice = Lattice(self.checker, size, view.headings if self.turning else 1)
         begin, end = self.ends if onward else self.ends[::-1]
         to_go = self.to_go(LEVELS[-1].cells, onward, view.tightness)
-        with self._timed():
-            way, taken = lattice.way(
-                begin, end, to_go, weight=view.weight, budget=budget, limit=DETOUR * limit, seats=True
-            )
-            self.taken += taken
+        when = perf_counter()
+        way, taken = lattice.way(begin, end, to_go, weight=view.weight, budget=budget, limit=DETOUR * limit, seats=True)
+        self._count(taken, perf_counter() - when)
         return self._straightened(way, onward)
 
     def _look(self, level: Level, onward: bool) -> FloatArray:
@@ -182,18 +179,18 @@ class Scout:
         lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
         begin, end = self.ends if onward else self.ends[::-1]
         to_go = self.to_go(level.cells, onward)
-        with self._timed():
-            way, taken = lattice.way(
-                begin,
-                end,
-                to_go,
-                weight=WEIGHT,
-                budget=budget,
-                patience=None if level.cells else PATIENCE,
-                strides=True,
-                seats=level.seats,
-            )
-            self.taken += taken
+        when = perf_counter()
+        way, taken = lattice.way(
+            begin,
+            end,
+            to_go,
+            weight=WEIGHT,
+            budget=budget,
+            patience=None if level.cells else PATIENCE,
+            strides=True,
+            seats=level.seats,
+        )
+        self._count(taken, perf_counter() - when)
         if len(way) == 0:
             # A search that was given up for want of progress tells nothing.
             if level.cells and taken < budget:
@@ -208,13 +205,11 @@ class Scout:
             seconds -= SECONDS_A_CELL * min(cells, self.cells)
         return int(min(nodes, max(0.0, seconds / self._pace)))
 
-    @contextmanager
-    def _timed(self) -> Iterator[None]:
+    def _count(self, taken: int, seconds: float) -> None:
         """Learn how long a node takes in this world, on this machine, as busy as it is."""
-        begin, before = perf_counter(), self.taken
-        yield
-        if self.taken - before >= ENOUGH:
-            self._pace = max(SECONDS_A_NODE, (perf_counter() - begin) / (self.taken - before))
+        self.taken += taken
+        if taken >= ENOUGH:
+            self._pace = max(SECONDS_A_NODE, seconds / taken)
 
     def _straightened(self, way: FloatArray, onward: bool) -> FloatArray:
         """Return a way from start to goal that does without what it can; (0, 3) if there is none."""
