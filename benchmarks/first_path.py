@@ -3,7 +3,7 @@
 Two processes load either checkout's package and answer the same problems of benchmarks/ahead_problems.py in turns, so
 that whatever else the machine does meets both. Writes results/first_path.{json,md}.
 
-    python -m benchmarks.first_path --base PATH [--worlds 8] [--seeds 3] [--limit 0.25]
+    python -m benchmarks.first_path --base PATH [--worlds 8] [--seeds 3] [--repeats 3] [--limit 0.25]
 
 PATH is the root of the other checkout, for example a ``git worktree`` of an earlier commit.
 """
@@ -92,6 +92,7 @@ def main() -> int:
     parser.add_argument("--base", type=Path)
     parser.add_argument("--worlds", type=int, default=8)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--limit", type=float, default=0.25)
     parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -105,9 +106,14 @@ def main() -> int:
     rows: list[dict[str, Any]] = []
     for number, key in enumerate(sides[1].keys):
         for seed in range(options.seeds):
-            # Who goes first changes, so that neither always finds the caches cold.
-            order = (0, 1) if (number + seed) % 2 else (1, 0)
-            found = {side: sides[side].ask(number, seed, options.limit) for side in order}
+            found: dict[int, dict[str, Any]] = {}
+            for repeat in range(options.repeats):
+                # Who goes first changes, so that neither always finds the caches cold.
+                for side in (0, 1) if (number + seed + repeat) % 2 else (1, 0):
+                    answer_ = sides[side].ask(number, seed, options.limit)
+                    # The soonest: the same seed does the same work, and what else it takes is other programs'.
+                    if side not in found or (answer_["first"] or np.inf) < (found[side]["first"] or np.inf):
+                        found[side] = answer_
             rows.append({"problem": key, "seed": seed, "before": found[0], "now": found[1]})
         print(f"\r{number + 1} of {len(sides[1].keys)} problems", end="", file=sys.stderr, flush=True)
     for side in sides:
@@ -139,7 +145,7 @@ def _write(rows: list[dict[str, Any]], options: argparse.Namespace) -> None:
         ["cost at the limit, now / before, geometric mean", f"{float(np.exp(costs.mean())):.4f}", ""],
     ]
     table_text = markdown_table(["figure", "value", "wanted"], table)
-    what = f"{len(problems)} problems, {options.seeds} seeds, limit {options.limit:g} s, both checkouts in turns."
+    what = f"{len(problems)} problems, {options.seeds} seeds, the soonest of {options.repeats} repeats, limit {options.limit:g} s."
     text = f"# First paths, before and now\n\n{what}\n\n{table_text}\n\n{describe_machine()}\n"
     (RESULTS / "first_path.md").write_text(text)
     (RESULTS / "first_path.json").write_text(json.dumps(rows, indent=1) + "\n")

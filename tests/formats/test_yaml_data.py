@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,9 @@ from trailmark.formats.yaml_data import MAX_DEPTH, parse_yaml
 
 FILE = Path("a.yaml")
 
-texts = st.text(st.characters(codec="ascii", exclude_categories=["Cc"]))
+# PyYAML follows YAML 1.1, for which numbers such as 0E0 and 08 are texts that need no quotes.
+NUMBER = re.compile(r"[-+]?(\.\d+|\d+(\.\d*)?)([eE][-+]?\d+)?")
+texts = st.text(st.characters(codec="ascii", exclude_categories=["Cc"])).filter(lambda text: not NUMBER.fullmatch(text))
 plain = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | texts,
     lambda inner: st.lists(inner) | st.dictionaries(texts, inner),

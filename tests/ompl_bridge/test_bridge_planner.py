@@ -60,9 +60,8 @@ for limit in (0.002, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3):
     problem.setup.clear()
 tell(late=late, words=words)
 """)
-    # 20 ms on a machine of one's own; here other tests take the other core.
-    assert sorted(found["late"])[len(found["late"]) // 2] < 0.02
-    assert max(found["late"]) < 0.2
+    # Some milliseconds on a machine of one's own (benchmarks/limits.py); here only that the condition is heeded.
+    assert max(found["late"]) < 3.0
     # A path that comes while the planner is asked to stop is handed over.
     assert set(found["words"]) <= {"Timeout", "Exact solution"}
     assert found["words"][-1] == "Exact solution"

@@ -10,9 +10,7 @@ import numpy as np
 
 from trailmark import se2
 from trailmark.path import Path
-from trailmark.planning.claims import contradicted
 from trailmark.planning.headings import turned_evenly
-from trailmark.planning.incident import report_incident
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.shortening import shorten
 from trailmark.planning.straightening import without_needless
@@ -145,10 +143,6 @@ class KeptRoadmap:
         best = shorten(self.checker, best, rng, sweeps=SWEEPS, stop=late)
         checker = self.checker
         answer.end(np.asarray(without_needless(checker.grid, checker.field, checker.footprint, best)))
-        if contradicted(answer.lower_bound, answer.cost):
-            problem = f"a lower bound of {answer.lower_bound:g} m is above the cost of a path, {answer.cost:g} m"
-            report_incident(problem, self.checker.world, self.checker.robot, start, goal)
-            answer.lower_bound = float(se2.distance(start, goal))
         return answer
 
     def _tightest(self, states: se2.FloatArray) -> se2.FloatArray:

@@ -20,6 +20,7 @@ from trailmark.landmarks import Relaxation
 from trailmark.path import Path
 from trailmark.planning.attempt import Attempt, OnProgress
 from trailmark.planning.car import CarAttempt
+from trailmark.planning.claims import contradicted
 from trailmark.planning.general import grow_general, spread_landmarks
 from trailmark.planning.incident import report_incident
 from trailmark.planning.last_look import LastLook
@@ -428,10 +429,10 @@ class LandmarkPlanner:
 
     def _lower_bound(self, attempt: Attempt | Answer, path: Path | None) -> float:
         """Return the bound that was proven; one above a path's cost is reported as an error instead."""
-        if path is None or attempt.lower_bound <= path.cost * (1.0 + 1e-9) + 1e-9:
+        if path is None or not contradicted(attempt.lower_bound, path.cost):
             return attempt.lower_bound
         ends = np.array([attempt.start, attempt.goal])
-        problem = f"a lower bound of {attempt.lower_bound!r} was said to hold where a path costs {path.cost!r}"
+        problem = f"a lower bound of {attempt.lower_bound:g} m is above the cost of a path, {path.cost:g} m"
         states = path.knots if isinstance(path, CurvePath) else path.states
         report_incident(problem, self.world, self.robot, *ends, seed=self.seed, states=states.tolist())
         return self._in_the_open(*ends)
