@@ -145,7 +145,7 @@ def _write(rows: list[dict[str, Any]], options: argparse.Namespace) -> None:
         ["cost at the limit, now / before, geometric mean", f"{float(np.exp(costs.mean())):.4f}", ""],
     ]
     table_text = markdown_table(["figure", "value", "wanted"], table)
-    what = f"{len(problems)} problems, {options.seeds} seeds, the soonest of {options.repeats} repeats, limit {options.limit:g} s."
+    what = f"{len(problems)} problems, {options.seeds} seeds, soonest of {options.repeats}, limit {options.limit:g} s."
     text = f"# First paths, before and now\n\n{what}\n\n{table_text}\n\n{describe_machine()}\n"
     (RESULTS / "first_path.md").write_text(text)
     (RESULTS / "first_path.json").write_text(json.dumps(rows, indent=1) + "\n")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import hypot
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.heading import turn
 from trailmark.landmarks import Relaxation, k_means_landmarks
 from trailmark.landmarks.informed import Band
 from trailmark.path import Path
@@ -132,6 +134,7 @@ class Attempt:
         self.on_progress, self.stop = on_progress, stop
         self.nearest: se2.FloatArray | None = None
         self.bound, self.gap = bound, gap
+        self._turned = se2.ROTATION_WEIGHT * abs(turn(self.start[2], self.goal[2]))
         self.lower_bound = self._least_cost()
         self._proven = bound is None
         # Whether something that was claimed turned out to be wrong.
@@ -144,7 +147,6 @@ class Attempt:
         self.recall = Recall(roadmap, self.start, self.goal)
         self.scout: Scout | None = None
         self._known_cost = np.inf
-        self._turned = se2.ROTATION_WEIGHT * abs(float(se2.difference(self.start, self.goal)[2]))
         self.best: se2.FloatArray | None = None
         self.best_cost = np.inf
         self.first_cost: float | None = None
@@ -489,7 +491,7 @@ class Attempt:
 
     def _least_cost(self) -> float:
         """Return what the way would cost without obstacles, metres."""
-        return float(se2.distance(self.start, self.goal))
+        return hypot(self.goal[0] - self.start[0], self.goal[1] - self.start[1]) + self._turned
 
     def _without_path(self, band: Band) -> Status:
         """Return what there is to say without a path; a claim of the relaxed problem's grid is proven anew."""
