@@ -111,7 +111,40 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
 def cases(seed: int, size: int) -> list[Case]:
     """Return the cases; ``size`` colliding motions in each, and other numbers in proportion."""
     rng = np.random.default_rng(seed)
-    return [_case(*scene, rng, size) for scene in _scenes()]
+    return [*(_case(*scene, rng, size) for scene in _scenes()), _corners(rng, size)]
+
+
+def _corners(rng: np.random.Generator, size: int) -> Case:
+    """Return corners that graze each other: what collides is shorter than the gap that an end's rule leaves open.
+
+    A square on its tip drives past the tip of another, ``depth`` lower than would be free: they overlap while the tips
+    are less than ``depth`` apart, by ``depth`` where they are above each other. In the middle of a motion every overlap
+    above the tolerance counts, at its ends what is deeper than half of CONTACT.
+    """
+    robot = Robot.polygon([[0.5, 0.0], [0.0, 0.5], [-0.5, 0.0], [0.0, -0.5]])
+    world = World("w", (0.0, 0.0, 6.0, 5.0), (_polygon([[3.5, 2.0], [3.0, 2.5], [2.5, 2.0], [3.0, 1.5]]),))
+    n = 40 * size
+    # Along the motion, from the start to where the tips meet, and its length.
+    middle = rng.uniform(0.05, 1.2, (n, 1))
+    depth = np.concatenate([rng.uniform(1.6e-7, 4.5e-7, n), 10.0 ** rng.uniform(-6.15, -4.5, 2 * n)])[:, None]
+    near = depth[n:] * rng.uniform(1.02, 3.0, (2 * n, 1)) + 1e-7
+    before = np.concatenate([middle, near[:n], rng.uniform(0.05, 1.2, (n, 1))])
+    after = np.concatenate([rng.uniform(0.05, 1.2, (n, 1)), rng.uniform(0.05, 1.2, (n, 1)), near[n:]])
+    y, heading = 3.0 - depth, np.zeros((3 * n, 1))
+    a, b = np.hstack([3.0 - before, y, heading]), np.hstack([3.0 + after, y, heading])
+    none = np.empty((0, 3))
+    still = np.array([[3.0, 2.999999, 0.0]]), np.array([[3.0, 3.0 + 1e-3, 0.0]])
+    return Case(
+        "corners",
+        world,
+        robot,
+        0.11,
+        still[0],
+        still[1],
+        np.array([1e-3]),
+        np.stack([a, b], axis=1),
+        np.concatenate([none, none]).reshape(0, 2, 3),
+    )
 
 
 def _case(name: str, world: World, robot: Robot, cell: float, rng: np.random.Generator, size: int) -> Case:

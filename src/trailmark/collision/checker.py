@@ -29,8 +29,8 @@ class StateChecker:
     and ``boundary`` by no more than that, sharp tips included: touching is allowed. A motion is certified if no
     configuration along it collides; nothing is sampled, so nothing is missed (:mod:`trailmark.collision.kernels`
     says how). A motion that comes within 1e-6 m of an obstacle more than 1 mm from its ends is not certified, nor
-    is one that needs more than 20,000 distances (40 m at 1 mm from a wall); its first and last 1e-6 m count as
-    free, as its ends are.
+    is one that needs more than 20,000 distances (40 m at 1 mm from a wall); its first and last 1e-6 m (1e-4 of the
+    inscribed radius of a robot of less than 2 cm) count as free, as its ends are.
 
     The clearance field decides what it can prove, exact distances in compiled code most of the rest, and FCL
     what lies within 3e-7 m of touching. With ``exact="fcl"`` FCL decides all that the field leaves open; it
@@ -223,7 +223,7 @@ class StateChecker:
             if not gaps:
                 return True
             low, high = gaps.pop(0)
-            if (low == 0.0 or high == 1.0) and (high - low) * bound <= kernels.CONTACT:
+            if (low == 0.0 or high == 1.0) and (high - low) * bound <= kernels.end_gap(self.footprint):
                 continue
             middle = 0.5 * (low + high)
             need = 0.5 * (high - low) * bound + kernels.ROUNDING

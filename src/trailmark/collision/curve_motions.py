@@ -25,6 +25,7 @@ from trailmark.collision.kernels import (
     END_ZONE,
     FREE,
     ROUNDING,
+    end_gap,
     exact_clearance,
     field_clearance,
     field_hit,
@@ -130,7 +131,7 @@ def curve_motion(
         pieces += 1
     if bound == 0.0:
         return FREE
-    capacity = len(queue)
+    capacity, open_end = len(queue), end_gap(robot)
     queue[0, 0], queue[0, 1] = 0.0, bound
     first, count = 0, 1
     for _ in range(BUDGET):
@@ -146,7 +147,7 @@ def curve_motion(
         else:
             last = (first + count) % capacity
             low, high = queue[last, 0], queue[last, 1]
-        if (low == 0.0 or high == bound) and high - low <= CONTACT:
+        if (low == 0.0 or high == bound) and high - low <= open_end:
             continue
         middle = 0.5 * (low + high)
         need = 0.5 * (high - low) + ROUNDING

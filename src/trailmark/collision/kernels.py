@@ -29,6 +29,7 @@ __all__ = [
     "FREE",
     "UNDECIDED",
     "clearances",
+    "end_gap",
     "exact_clearance",
     "field_clearance",
     "field_hit",
@@ -48,6 +49,9 @@ ROUNDING = 1e-9
 
 CONTACT = 1e-6
 """Metres: a motion that comes closer than this to an obstacle is not certified, but for its ends."""
+
+END_SHARE = 1e-4
+"""Share of the robot's inscribed radius that an end's gap may have at most: to tiny robots a micrometre is much."""
 
 END_ZONE = 1e-3
 """Metres from either end of a motion in which it may come closer than CONTACT, as one that starts in contact does."""
@@ -222,6 +226,12 @@ def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: F
     return result
 
 
+@njit(cache=True, inline="always")
+def end_gap(robot: Footprint) -> float:
+    """Return how long (metres of movement) a gap at an end of a motion may be that counts as free."""
+    return min(CONTACT, END_SHARE * robot.inner[0, 2])
+
+
 @njit(cache=True)
 def motion(
     grid: ObstacleGrid,
@@ -237,14 +247,14 @@ def motion(
     """Return FREE if the motion is certified, BLOCKED if it is not, UNDECIDED if the field alone cannot tell.
 
     Both ends must be valid. A robot may start and stop in contact with an obstacle: what is left open at an end
-    counts as free once it is no longer than CONTACT. All of it lies within half of that of the valid end or of
+    counts as free once it is no longer than :func:`end_gap`. All of it lies within half of that of the valid end or of
     what is certified already.
     """
     dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
     bound = hypot(dx, dy) + robot.sweep_radius * abs(dtheta)
     if bound == 0.0:
         return FREE
-    capacity = len(queue)
+    capacity, open_end = len(queue), end_gap(robot)
     queue[0, 0], queue[0, 1] = 0.0, 1.0
     first, count = 0, 1
     answer = FREE
@@ -262,7 +272,7 @@ def motion(
         else:
             last = (first + count) % capacity
             low, high = queue[last, 0], queue[last, 1]
-        if (low == 0.0 or high == 1.0) and (high - low) * bound <= CONTACT:
+        if (low == 0.0 or high == 1.0) and (high - low) * bound <= open_end:
             continue
         middle = 0.5 * (low + high)
         need = 0.5 * (high - low) * bound + ROUNDING
