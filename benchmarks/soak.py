@@ -95,6 +95,9 @@ def problems(seed: int) -> list[Problem]:
         planner = LandmarkPlanner(world, robot, seed=seed)
         states = random_states(world, 40 * STATES, np.random.default_rng(seed))
         states = states[np.asarray(planner.checker.valid(states))][:STATES]
+        if planner.steering is None:
+            # The roadmap over all free space, whole: in the threads' short queries it would be built bit by bit.
+            planner.plan_many(states[:1], states[1:2], time_limit=300.0)
         found.append(Problem(name, planner, states, Reference(world, robot)))
     return found
 
