@@ -27,7 +27,7 @@ from trailmark.planning.last_look import LastLook
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.many import Answer, KeptRoadmap, each
 from trailmark.planning.result import PlanProgress, PlanResult, Status
-from trailmark.planning.warmup import warm_up, warm_up_curves
+from trailmark.planning.warmup import warm_up, warm_up_curves, warm_up_queries
 from trailmark.roadmap import CurveRoadmap, Roadmap
 from trailmark.roadmap.query import QueryGraph
 from trailmark.world import Robot, World
@@ -110,7 +110,8 @@ class LandmarkPlanner:
         if checker is not None:
             one_of(checker, StateChecker, "checker:").require_for(world, robot)
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
-        if truth(warm, "warm:"):
+        self._warm = truth(warm, "warm:")
+        if self._warm:
             warm_up()
         begin = perf_counter()
         self.checker = StateChecker(world, robot) if checker is None else checker
@@ -312,6 +313,9 @@ class LandmarkPlanner:
         callback(stop, "stop:")
         if all(isinstance(q, Sized) and len(q) == 0 for q in (starts, goals)):
             return []
+        if self._warm and self.steering is None:
+            # Else what they compile, on a machine's first use, would take up the limit.
+            warm_up_queries()
         begin = perf_counter()
         ends = self._valid_ends(starts, goals)
         count = len(ends)

@@ -32,6 +32,8 @@ def warm_up() -> None:
     planner = LandmarkPlanner(world, robot, seed=0, warm=False)
     planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.roadmap.certify_all()
+    for checking in (True, False):
+        planner.roadmap.way(start, goal, checking=checking)
     # Only what is hardly feasible, or not at all, asks for proofs.
     shut = StateChecker(
         World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), Robot.rectangle(0.6, 0.4)

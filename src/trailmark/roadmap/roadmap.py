@@ -385,6 +385,8 @@ class Roadmap:
             near: nodes near an end that are tried until enough are joined to it.
         """
         q = self.configurations
+        # Copies: a path's states are read-only, which to numba is another type and another compilation.
+        start, goal = np.array(start), np.array(goal)
         first, last = self._joined(start, near, into=False), self._joined(goal, near, into=True)
         tried = 2 * min(len(q), near)
         if len(first[0]) == 0 or len(last[0]) == 0:
