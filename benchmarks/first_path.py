@@ -116,8 +116,8 @@ def main() -> int:
                         found[side] = answer_
             rows.append({"problem": key, "seed": seed, "before": found[0], "now": found[1]})
         print(f"\r{number + 1} of {len(sides[1].keys)} problems", end="", file=sys.stderr, flush=True)
-    for side in sides:
-        side.end()
+    for process in sides:
+        process.end()
     _write(rows, options)
     return 0
 

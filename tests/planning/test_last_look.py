@@ -39,7 +39,7 @@ def depths(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
     shapely.prepare(blocked)
     if isinstance(robot.footprint, Disc):
         r = robot.footprint.radius
-        return np.maximum(0.0, r - shapely.distance(shapely.points(states[:, :2]), blocked))
+        return np.asarray(np.maximum(0.0, r - shapely.distance(shapely.points(states[:, :2]), blocked)))
     bodies = shapely.polygons(se2.transform(states, robot.outline.vertices))
     hit = shapely.intersects(blocked, bodies)
     found = np.zeros(len(states))
@@ -122,7 +122,7 @@ def test_what_lies_inside_is_found_without_an_edge_being_met() -> None:
 
 def test_a_path_of_other_ends_is_refused() -> None:
     world, robot = World("w", (0, 0, 10, 10)), Robot.disc(0.5)
-    path = Path([[1, 1, 0], [2, 2, 0]])
+    path = Path(np.array([[1.0, 1, 0], [2, 2, 0]]))
     final = LastLook(world, robot)
     assert final.fault(path, np.array([1, 1, 0]), np.array([2, 2, 0])) is None
     assert "goal" in str(final.fault(path, np.array([1, 1, 0]), np.array([2, 2, 1e-9])))
@@ -164,7 +164,8 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
     from trailmark.planning.attempt import Attempt
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    right, wrong = Attempt.run, []
+    right = Attempt.run
+    wrong: list[bool] = []
 
     def run(self: Attempt) -> object:
         if not wrong:

@@ -229,7 +229,7 @@ def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: F
 @njit(cache=True, inline="always")
 def end_gap(robot: Footprint) -> float:
     """Return how long (metres of movement) a gap at an end of a motion may be that counts as free."""
-    return min(CONTACT, END_SHARE * robot.inner[0, 2])
+    return min(CONTACT, END_SHARE * float(robot.inner[0, 2]))
 
 
 @njit(cache=True)
