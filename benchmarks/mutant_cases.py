@@ -111,39 +111,69 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
 def cases(seed: int, size: int) -> list[Case]:
     """Return the cases; ``size`` colliding motions in each, and other numbers in proportion."""
     rng = np.random.default_rng(seed)
-    return [*(_case(*scene, rng, size) for scene in _scenes()), _corners(rng, size)]
+    return [*(_case(*scene, rng, size) for scene in _scenes()), *_corners(rng, size)]
 
 
-def _corners(rng: np.random.Generator, size: int) -> Case:
-    """Return corners that graze each other: what collides is shorter than the gap that an end's rule leaves open.
+def _corners(rng: np.random.Generator, size: int) -> list[Case]:
+    """Return corners that graze each other: what collides is about as short as the gap that an end's rule leaves open.
 
     A square on its tip drives past the tip of another, ``depth`` lower than would be free: they overlap while the tips
     are less than ``depth`` apart, by ``depth`` where they are above each other. In the middle of a motion every overlap
     above the tolerance counts, at its ends what is deeper than half of CONTACT.
     """
-    robot = Robot.polygon([[0.5, 0.0], [0.0, 0.5], [-0.5, 0.0], [0.0, -0.5]])
-    world = World("w", (0.0, 0.0, 6.0, 5.0), (_polygon([[3.5, 2.0], [3.0, 2.5], [2.5, 2.0], [3.0, 1.5]]),))
-    n = 40 * size
-    # Along the motion, from the start to where the tips meet, and its length.
-    middle = rng.uniform(0.05, 1.2, (n, 1))
-    depth = np.concatenate([rng.uniform(1.6e-7, 4.5e-7, n), 10.0 ** rng.uniform(-6.15, -4.5, 2 * n)])[:, None]
-    near = depth[n:] * rng.uniform(1.02, 3.0, (2 * n, 1)) + 1e-7
-    before = np.concatenate([middle, near[:n], rng.uniform(0.05, 1.2, (n, 1))])
-    after = np.concatenate([rng.uniform(0.05, 1.2, (n, 1)), rng.uniform(0.05, 1.2, (n, 1)), near[n:]])
-    y, heading = 3.0 - depth, np.zeros((3 * n, 1))
-    a, b = np.hstack([3.0 - before, y, heading]), np.hstack([3.0 + after, y, heading])
-    none = np.empty((0, 3))
-    still = np.array([[3.0, 2.999999, 0.0]]), np.array([[3.0, 3.0 + 1e-3, 0.0]])
-    return Case(
+    n = 8 * size
+    short = rng.uniform(0.05, 1.2, (6, n))
+    slight = rng.uniform(1.6e-7, 4.5e-7, (3, n))
+    deeper = 10.0 ** rng.uniform(-6.15, -4.5, (2, n))
+    close = deeper * rng.uniform(1.02, 3.0, (2, n)) + 1e-7
+    # Within END_ZONE of an end, but not at it.
+    beside = 10.0 ** rng.uniform(-5.0, -3.1, (2, n))
+    near = _corner_case(
         "corners",
+        0.11,
+        4.0,
+        depth=np.concatenate([*slight, *deeper]),
+        before=np.concatenate([short[0], beside[0], short[1], close[0], short[2]]),
+        after=np.concatenate([short[3], short[4], beside[1], short[5], close[1]]),
+    )
+    # Long motions: a share of their length is no distance.
+    far = rng.uniform(20.0, 45.0, (2, n))
+    deep = 10.0 ** rng.uniform(-5.0, -3.5, (2, n))
+    close = deep * rng.uniform(1.02, 3.0, (2, n))
+    long = _corner_case(
+        "corners, long motions",
+        2.0,
+        50.0,
+        depth=np.concatenate([*deep]),
+        before=np.concatenate([close[0], far[0]]),
+        after=np.concatenate([far[1], close[1]]),
+    )
+    return [near, long]
+
+
+def _corner_case(
+    name: str, cell: float, reach: float, *, depth: FloatArray, before: FloatArray, after: FloatArray
+) -> Case:
+    """Return the case of motions along x that reach ``before`` and ``after`` (metres) beyond the tips' meeting."""
+    robot = Robot.polygon([[0.5, 0.0], [0.0, 0.5], [-0.5, 0.0], [0.0, -0.5]])
+    obstacle = _polygon([[0.5, 2.0], [0.0, 2.5], [-0.5, 2.0], [0.0, 1.5]])
+    world = World("w", (-reach, 0.0, reach, 5.0), (obstacle,))
+    y, heading = 3.0 - depth, np.zeros(len(depth))
+    a, b = np.column_stack([-before, y, heading]), np.column_stack([after, y, heading])
+    # Motions that begin or end in contact, as they may.
+    gaps = np.geomspace(3e-7, 3e-6, 8)
+    touching = np.column_stack([np.zeros(8), 3.0 + gaps, np.zeros(8)])
+    away = touching + np.array([0.7, 0.6, 0.3])
+    return Case(
+        name,
         world,
         robot,
-        0.11,
-        still[0],
-        still[1],
+        cell,
+        np.array([[0.0, 2.999999, 0.0]]),
+        np.array([[0.0, 3.0 + 1e-3, 0.0]]),
         np.array([1e-3]),
         np.stack([a, b], axis=1),
-        np.concatenate([none, none]).reshape(0, 2, 3),
+        np.concatenate([np.stack([touching, away], axis=1), np.stack([away, touching], axis=1)]),
     )
 
 

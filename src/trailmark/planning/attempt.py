@@ -56,7 +56,7 @@ SWEEPS, FIRST_SWEEPS, PROMISING = 40, 5, 1.03
 POLISHING = 10
 """Sweeps with added vertices that the best path gets in each round."""
 
-KEPT = 5_000
+KEPT = 2_000
 """Nodes up to which the planner's roadmap takes in what queries bring that it might answer without."""
 
 WORSE, LONGER = 1.03, 1.3
