@@ -14,7 +14,7 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
 
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"compiled"}),
-    frozenset({"errors", "heading", "heap"}),
+    frozenset({"clock", "errors", "heading", "heap"}),
     frozenset({"arguments"}),
     frozenset({"nearest", "se2", "shapes"}),
     frozenset({"path", "robot", "world", "formats"}),

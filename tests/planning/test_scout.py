@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.planning import LandmarkPlanner, lattice, scout
+from trailmark.planning.lattice import LOOK_EVERY
 from trailmark.planning.scout import LEVELS, Scout
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -227,24 +228,19 @@ def test_without_time_nothing_is_searched(recorder: type[Recorder], seconds: flo
     assert looking.to_go.cache_info().currsize == 0
 
 
-def test_with_little_time_few_nodes_are_taken_and_nothing_counts_as_exhausted(
+def test_a_search_that_the_time_ends_does_not_count_as_exhausted(
     recorder: type[Recorder], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Two levels in turn that look over the same lattice.
     monkeypatch.setattr(scout, "LEVELS", (LEVELS[-1], LEVELS[-1]))
-    seconds = [0.0]
-    looking = Scout(StateChecker(WALL, CAR), ACROSS[0], ACROSS[1], 0.5, lambda: seconds[0])
-    # The costs to go come first.
-    seconds[0] = 10.5 * scout.SECONDS_A_NODE + looking.cells * scout.SECONDS_A_CELL
-    # Too few nodes to come around the wall, from either end.
-    assert looking.look().shape == (0, 3)
-    assert [search[3] for search in recorder.seen] == [10, 10]
-    assert [search[2] for search in recorder.seen] == [end.tobytes() for end in ACROSS]
-    # With more time, the same kind of lattice is looked at again.
-    seconds[0] = math.inf
+    seconds = iter([math.inf, 0.0, 0.0])
+    looking = Scout(StateChecker(WALL, CAR), ACROSS[0], ACROSS[1], 0.5, lambda: next(seconds, math.inf))
+    # Time to begin, none to search: too few nodes to come around the wall.
+    assert looking._look(LEVELS[-1], True).shape == (0, 3)
+    assert looking.taken == LOOK_EVERY
+    # With more time, the same lattice is looked at again.
     assert len(looking.look()) > 2
-    assert recorder.seen[2][:3] == recorder.seen[0][:3]
-    assert recorder.seen[2][3] > 10
+    assert recorder.seen[1][:3] == recorder.seen[0][:3]
 
 
 def test_a_search_given_up_for_want_of_progress_is_repeated_with_a_better_guide(

@@ -24,7 +24,7 @@ from trailmark.planning.incident import report_incident
 from trailmark.planning.lower_bound import SECONDS_A_WAY, LowerBound
 from trailmark.planning.recall import Recall
 from trailmark.planning.result import PlanProgress, Status
-from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, SECONDS_A_NODE, Scout
+from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, Scout
 from trailmark.planning.shortening import shorten
 from trailmark.planning.straightening import without_needless
 from trailmark.roadmap import Roadmap
@@ -72,7 +72,7 @@ SECONDS_A_RELAXED_CELL, SECONDS_AN_EDGE = 1.5e-6, 5e-6
 AT_LEISURE = 1_000
 """Nodes and edges of the roadmap looked at before landmarks are placed."""
 
-RECALL_MOST, RECALL_SHARE = 20_000, 0.1
+RECALL_MOST, RECALL_SHARE = 20_000, 0.05
 """Nodes and edges looked at for a better path at most, and the share of the time left that this may take."""
 
 PROOF_SHARE, LAST_SHARE = 0.25, 0.6
@@ -221,7 +221,7 @@ class Attempt:
 
     def _look_again(self, band: Band) -> None:
         """See what the roadmap knows that is about as good as the path; let it grow there if it knows nothing."""
-        budget = int(min(RECALL_MOST, max(0.0, RECALL_SHARE * self._time_left() / SECONDS_A_NODE)))
+        budget = int(min(RECALL_MOST, max(0.0, RECALL_SHARE * self._time_left() / SECONDS_AN_EDGE)))
         self._take_known(self.recall.look_again(LONGER * self.best_cost, budget))
         if self._known_cost == np.inf and self.recall.complete and len(self.roadmap) < KEPT and not self._is_over():
             self._grow(self.roadmap, band, self._widening(band), FIRST_LANDMARKS)

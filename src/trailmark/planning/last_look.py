@@ -40,6 +40,9 @@ LEAST = 1e-9
 RUN = 16
 """Consecutive edges of a ring that share a box in the tree."""
 
+PIECE, MOST_PIECES = 4.0, 64
+"""Circumradii that a piece of a motion is long for which nearby edges are looked up, and pieces of a motion at most."""
+
 MISSED = 1e-5
 """Metres, and radians, that a curve may end off its knot, for radii and coordinates up to 1e5 m."""
 
@@ -68,7 +71,9 @@ class LastLook:
         high = np.maximum(self._edges[:, :2], self._edges[:, 2:4]) + self._edges[:, 4:]
         low, high = np.minimum.reduceat(low, self._runs[:-1]), np.maximum.reduceat(high, self._runs[:-1])
         self._tree = shapely.STRtree(shapely.box(*low.T, *high.T))
-        self._boxes = np.array([s.bounding_box() for s in world.obstacles]).reshape(-1, 4)
+        # The tree is made by the first query: now, not within a query's time.
+        self._tree.query(shapely.box(0.0, 0.0, 0.0, 0.0))
+        self._boxes = np.array([s.bounding_box() for s in world.obstacles]).reshape(-1, 4).T.copy()
 
     def fault(self, path: Path, start: FloatArray, goal: FloatArray) -> str | None:
         """Return what is wrong with a path, or None if it leads from start to goal and is certified.
@@ -107,10 +112,17 @@ class LastLook:
         arcs = curvature != 0.0
         ends = starts[:, :2] + np.where(arcs[:, None], 0.0, moves[:, :2])
         room = (reach + np.where(arcs, np.abs(moves[:, 0]), 0.0))[:, None]
-        low, high = np.minimum(starts[:, :2], ends) - room, np.maximum(starts[:, :2], ends) + room
-        motion, item = self._tree.query(shapely.box(*low.T, *high.T))
-        order = np.argsort(motion, kind="stable")
-        first = np.searchsorted(motion[order], np.arange(len(starts) + 1))
+        # Long motions in pieces: the box of a slanting one holds many obstacles that it does not come near.
+        length = np.hypot(*(ends - starts[:, :2]).T)
+        count = np.ceil(np.clip(length / (PIECE * reach), 1.0, MOST_PIECES)).astype(np.int64)
+        of = np.repeat(np.arange(len(starts)), count)
+        share = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)) / count[of]
+        begin = starts[of, :2] + share[:, None] * (ends - starts[:, :2])[of]
+        end = begin + ((ends - starts[:, :2]) / count[:, None])[of]
+        low, high = np.minimum(begin, end) - room[of], np.maximum(begin, end) + room[of]
+        piece, item = self._tree.query(shapely.box(*low.T, *high.T))
+        motion, item = np.divmod(np.unique(of[piece] * len(self._runs) + item), len(self._runs))
+        first = np.searchsorted(motion, np.arange(len(starts) + 1))
         return _advance(
             self._body,
             self._radius,
@@ -118,7 +130,7 @@ class LastLook:
             np.ascontiguousarray(moves),
             curvature,
             first.astype(np.int64),
-            item[order].astype(np.int64),
+            item.astype(np.int64),
             self._runs,
             self._edges,
         )
@@ -139,7 +151,8 @@ class LastLook:
             inside = self.world.boundary.shapely()
             if not shapely.covers(inside, body) or shapely.distance(inside.exterior, body) < radius:
                 return f"state {q.tolist()} reaches over the boundary"
-        near = (self._boxes[:, :2] <= high).all(axis=1) & (self._boxes[:, 2:] >= low).all(axis=1)
+        left, bottom, right, top = self._boxes
+        near = (left <= high[0]) & (right >= low[0]) & (bottom <= high[1]) & (top >= low[1])
         for i in np.flatnonzero(near):
             shape = self.world.obstacles[i]
             if isinstance(shape, Disc):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from trailmark.planning.lattice import Lattice
 from trailmark.planning.straightening import straightened
 from trailmark.se2 import FloatArray
 
-__all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "SECONDS_A_NODE", "Scout"]
+__all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "Scout"]
 
 WEIGHT = 2.0
 """Of the cost to go: ways are sought that are soon found, and shortened afterwards."""
@@ -23,11 +22,8 @@ WEIGHT = 2.0
 PATIENCE = 24
 """Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
 
-SECONDS_A_NODE, SECONDS_A_CELL = 1e-5, 2.5e-7
-"""What taking a node from the queue may take, until it is known better, and a cell of the costs to go."""
-
-ENOUGH = 64
-"""Nodes taken that tell how long one takes here."""
+SECONDS_A_CELL = 2.5e-7
+"""What a cell of the costs to go may take."""
 
 
 class Level(NamedTuple):
@@ -134,7 +130,6 @@ class Scout:
         xmin, ymin, xmax, ymax = checker.world.bounds
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
         self.to_go = lru_cache(maxsize=8)(self._to_go)
-        self._pace = SECONDS_A_NODE
         self._guided: set[tuple[int, bool, float]] = set()
         self.level = self.views = self.taken = 0
         self._exhausted: set[tuple[float, int, bool, bool]] = set()
@@ -159,57 +154,56 @@ class Scout:
         """
         view, onward = VIEWS[self.views % len(VIEWS)], self.views // len(VIEWS) % 2 == 0
         self.views += 1
-        budget = self._budget(view.nodes, LEVELS[-1].cells, onward, view.tightness)
-        if budget <= 0:
+        if not self._has_time(LEVELS[-1].cells, onward, view.tightness):
             return np.empty((0, 3))
         size = self.cell * (1.0 if self.views <= 2 * len(VIEWS) else rng.uniform(*STRETCH))
         lattice = Lattice(self.checker, size, view.headings if self.turning else 1)
         begin, end = self.ends if onward else self.ends[::-1]
         to_go = self.to_go(LEVELS[-1].cells, onward, view.tightness)
-        when = perf_counter()
-        way, taken = lattice.way(begin, end, to_go, weight=view.weight, budget=budget, limit=DETOUR * limit, seats=True)
-        self._count(taken, perf_counter() - when)
+        way, taken = lattice.way(
+            begin,
+            end,
+            to_go,
+            weight=view.weight,
+            budget=view.nodes,
+            limit=DETOUR * limit,
+            seats=True,
+            seconds=self.seconds_left(),
+        )
+        self.taken += taken
         return self._straightened(way, onward)
 
     def _look(self, level: Level, onward: bool) -> FloatArray:
-        budget = self._budget(level.nodes, level.cells, onward, TIGHTNESS)
         kind = (level.fineness, level.headings if self.turning else 1, level.seats, onward)
-        if budget <= 0 or kind in self._exhausted:
+        if kind in self._exhausted or not self._has_time(level.cells, onward, TIGHTNESS):
             return np.empty((0, 3))
         lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
         begin, end = self.ends if onward else self.ends[::-1]
         to_go = self.to_go(level.cells, onward)
-        when = perf_counter()
+        seconds = self.seconds_left()
         way, taken = lattice.way(
             begin,
             end,
             to_go,
             weight=WEIGHT,
-            budget=budget,
+            budget=level.nodes,
             patience=None if level.cells else PATIENCE,
             strides=True,
             seats=level.seats,
+            seconds=seconds,
         )
-        self._count(taken, perf_counter() - when)
+        self.taken += taken
         if len(way) == 0:
             # A search that was given up for want of progress tells nothing.
-            if level.cells and taken < budget:
+            if level.cells and taken < level.nodes and self.seconds_left() > 0.0:
                 self._exhausted.add(kind)
             return way
         return self._straightened(way, onward)
 
-    def _budget(self, nodes: int, cells: int, onward: bool, tightness: float) -> int:
-        """Return how many of so many nodes there is time for; 0 once planning is to stop (no time at all is left)."""
-        seconds = self.seconds_left()
-        if (cells, onward, tightness) not in self._guided:
-            seconds -= SECONDS_A_CELL * min(cells, self.cells)
-        return int(min(nodes, max(0.0, seconds / self._pace)))
-
-    def _count(self, taken: int, seconds: float) -> None:
-        """Learn how long a node takes in this world, on this machine, as busy as it is."""
-        self.taken += taken
-        if taken >= ENOUGH:
-            self._pace = max(SECONDS_A_NODE, seconds / taken)
+    def _has_time(self, cells: int, onward: bool, tightness: float) -> bool:
+        """Return whether there is time for the costs to go, and some of it left for a search."""
+        known = (cells, onward, tightness) in self._guided
+        return self.seconds_left() > (0.0 if known else SECONDS_A_CELL * min(cells, self.cells))
 
     def _straightened(self, way: FloatArray, onward: bool) -> FloatArray:
         """Return a way from start to goal that does without what it can; (0, 3) if there is none."""
