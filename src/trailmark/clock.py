@@ -17,7 +17,7 @@ from trailmark.compiled import njit
 __all__ = ["Deadline", "now"]
 
 KIND: int = 8 if sys.platform == "darwin" else 1
-"""What ``time.perf_counter`` reads, as ``clock_gettime`` numbers it: CLOCK_UPTIME_RAW on macOS, else CLOCK_MONOTONIC."""
+"""What ``time.perf_counter`` reads, as ``clock_gettime`` numbers it: CLOCK_UPTIME_RAW on macOS or CLOCK_MONOTONIC."""
 
 
 class Deadline(NamedTuple):
