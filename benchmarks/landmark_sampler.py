@@ -39,9 +39,9 @@ from benchmarks.random_worlds import random_world
 from benchmarks.solve import path_is_right
 from benchmarks.suite import Problem
 from trailmark.collision import StateChecker
-from trailmark.collision.pointwise import PointwiseChecker
 from trailmark.formats.files import write_atomically
 from trailmark.library import find_world
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge import SE2Problem, plug_landmark_sampler
 from trailmark.planning.warmup import warm_up
 from trailmark.world import Query, Robot, World

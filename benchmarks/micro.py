@@ -22,8 +22,8 @@ from benchmarks.random_worlds import ROBOTS, random_world
 from trailmark.collision import StateChecker
 from trailmark.collision.field import build_field
 from trailmark.collision.obstacles import build_grid
-from trailmark.collision.pointwise import PointwiseChecker
 from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.shortening import shorten
@@ -72,7 +72,7 @@ def cases() -> dict[str, tuple[Callable[[], object], int]]:
         ),
         "roadmap of 3,000, edges by the field": (lambda: Roadmap(checker).add(samples[:3000]), 1),
         "shortest path in it, certified": (lambda: roadmap.shortest_path(0, 1), 1),
-        "shortening": (lambda: shorten(checker, found.path.states, seeded(0), sweeps=5), 1),  # type: ignore[union-attr]  # there is one
+        "shortening": (lambda: shorten(roadmap.motion, found.path.states, seeded(0), sweeps=5), 1),  # type: ignore[union-attr]  # there is one
         "lower bound, triangles kept": (lambda: bound.of(start, goal), 1),
         "lower bound, new": (lambda: LowerBound(world, ROBOTS["rectangle"]).of(start, goal), 1),
     }

@@ -40,13 +40,12 @@ __all__ = ["Mutant", "main", "mutants_of", "table"]
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark" / "collision"
 
-MODULES = ("kernels", "distances", "field", "footprint", "obstacles", "curve_motions")
+MODULES = ("kernels", "certify", "distances", "field", "footprint", "obstacles")
 
 LEFT_OUT = {
     # Nothing is certified by these: slopes and sizes for searches, room for results, questions to people.
     "field": {"interpolated", "clearance_at"},
     "distances": {"point_depth"},
-    "curve_motions": {"__init__", "motion_valid"},
     "obstacles": {"cell_size_for"},
 }
 """Functions that are not mutated."""
@@ -198,11 +197,11 @@ def _kernel_answers(checker: Any, case: Case) -> tuple[int, int]:
 def verdict(made: list[Case]) -> tuple[str, str, list[tuple[int, int]]]:
     """Return what the code as it is imported now does: ``accepts``, ``refuses`` or ``same``, where, and counts."""
     from trailmark.collision import StateChecker, kernels
-    from trailmark.collision.curve_motions import CurveChecker
     from trailmark.curves import Steering
+    from trailmark.motion import CurveMotion
 
     checkers = [StateChecker(case.world, case.robot, cell=case.cell) for case in made]
-    cars = [CurveChecker(checker, Steering(case.radius)) for checker, case in zip(checkers, made, strict=True)]
+    cars = [CurveMotion(checker, Steering(case.radius)) for checker, case in zip(checkers, made, strict=True)]
     for checker, car, case in zip(checkers, cars, made, strict=True):
         if checker.valid(case.hit).any():
             return "accepts", f"{case.name}: state", []
@@ -240,7 +239,7 @@ def verdict(made: list[Case]) -> tuple[str, str, list[tuple[int, int]]]:
 
 def _judge(mutant: Mutant, made: list[Case], before: list[tuple[int, int]]) -> tuple[str, str]:
     """Return what becomes of a mutant and where; run it in a process that ends afterwards."""
-    for name in [name for name in sys.modules if name.startswith("trailmark.collision")]:
+    for name in [name for name in sys.modules if name.startswith(("trailmark.collision", "trailmark.motion"))]:
         del sys.modules[name]
     sys.meta_path.insert(0, _Mutated(mutant))
     signal.signal(signal.SIGALRM, _too_slow)

@@ -20,6 +20,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"path", "robot", "world", "formats"}),
     frozenset({"curves"}),
     frozenset({"collision", "estimation"}),
+    frozenset({"motion"}),
     frozenset({"landmarks"}),
     frozenset({"roadmap"}),
     frozenset({"planning"}),

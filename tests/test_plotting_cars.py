@@ -10,7 +10,7 @@ from matplotlib.patches import PathPatch
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.plotting import draw_plan
-from trailmark.roadmap import CurveRoadmap
+from trailmark.roadmap import Roadmap
 from trailmark.world import Robot, World
 
 CAR = Robot.rectangle(2.0, 1.0).steered(2.0)
@@ -37,7 +37,7 @@ def test_the_path_drawn_is_the_curve() -> None:
 
 def test_a_roadmap_of_curves_is_drawn_as_curves() -> None:
     drawn = axes()
-    roadmap = CurveRoadmap(StateChecker(WORLD, CAR))
+    roadmap = Roadmap(StateChecker(WORLD, CAR))
     roadmap.add(KNOTS)
     roadmap.certify_all()
     draw_plan(drawn, CAR, roadmap=roadmap)

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from benchmarks.soundness.reference import REFUSED, Reference, deepest, moves, short_turn
 from trailmark.collision import StateChecker
-from trailmark.collision.curve_motions import CurveChecker
 from trailmark.curves import CurvePath
+from trailmark.motion import CurveMotion
 from trailmark.path import Path as Way
 from trailmark.planning import LandmarkPlanner, PlanResult
 from trailmark.planning.lower_bound import LowerBound, enclosed
@@ -225,7 +225,7 @@ def _ask_motion(world: World, robot: Robot, states: FloatArray) -> str | None:
     a, b = states[::2], states[1::2]
     ways: list[Way]
     if robot.turning_radius is not None:
-        curves = CurveChecker(checker)
+        curves = CurveMotion(checker)
         free = curves.motions_valid(a, b)
         ways = [CurvePath(np.array([p, q]), curves.steering) for p, q in zip(a[free], b[free], strict=True)]
     else:

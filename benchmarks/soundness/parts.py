@@ -17,8 +17,8 @@ from benchmarks.soundness.scenes import SCALES, random_car, random_disc, random_
 from benchmarks.soundness.walls import ceiling_world, spiked_world
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.collision.curve_motions import CurveChecker
 from trailmark.curves import CurvePath
+from trailmark.motion import CurveMotion
 from trailmark.path import Path as Way
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.lower_bound import LowerBound
@@ -130,7 +130,7 @@ def curves(rng: Rng, report: Report, scale: str = "plain", n: int = 120) -> None
     robot = world.robot
     assert robot is not None
     checker, reference = StateChecker(world, robot), Reference(world, robot)
-    car = CurveChecker(checker)
+    car = CurveMotion(checker)
     pushed = _pushed(rng, world, checker.valid, lambda a, b: car.motions_valid(a, b), n)
     if pushed is None:
         return

@@ -17,24 +17,27 @@ import tempfile
 import types
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, partial
+from functools import cache, partial, wraps
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numba
 import numpy as np
 from numba.core import event
 from numba.core.caching import FunctionCache, NullCache
 from numba.core.dispatcher import Dispatcher
+from numba.extending import overload
 
-__all__ = ["njit", "tell_with"]
+__all__ = ["by_type", "njit", "tell_with", "variant_of"]
 
 PATIENCE = 1.0
 """Seconds of compiling before it is told."""
 
 PAUSE = 1.0
 """Seconds without compiling after which compiling is told again."""
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 _LITERAL = (bool, int, float, complex, str, bytes, type(None), np.generic)
 
@@ -55,6 +58,43 @@ else:
             return kernel
 
         return compiled
+
+
+def by_type(function: F) -> F:
+    """Return a function that compiled code and Python call alike, with a variant for each type of the first argument.
+
+    The decorated function states arguments and result; it is never run. Its variants (:func:`variant_of`) are kernels,
+    for first arguments that are named tuples. Compiled code chooses while it is compiled
+    (``numba.extending.overload``), so that the choice costs nothing when it runs.
+    """
+    variants: dict[type, Any] = {}
+
+    @wraps(function)
+    def call(*arguments: Any) -> Any:
+        return variants[type(arguments[0])](*arguments)
+
+    @overload(call)
+    def chosen(*arguments: Any) -> Any:
+        kernel = variants[arguments[0].instance_class]
+
+        def run(*arguments: Any) -> Any:
+            return kernel(*arguments)
+
+        return run
+
+    choosing: Any = call
+    choosing.variants = variants
+    return cast(F, choosing)
+
+
+def variant_of(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
+    """Return what makes a kernel the variant of a function (:func:`by_type`) for first arguments of a type."""
+
+    def register(kernel: F) -> F:
+        function.variants[kind] = kernel  # type: ignore[attr-defined]  # by_type puts it there
+        return kernel
+
+    return register
 
 
 def tell_with(say: Callable[[str], None]) -> None:
@@ -154,6 +194,8 @@ def _parts(function: Callable[..., Any]) -> tuple[str, list[Callable[..., Any]]]
             if isinstance(value, types.ModuleType) and value.__name__.startswith("trailmark"):
                 values += [getattr(value, attribute, None) for attribute in code.co_names]
     parts += map(_text, values)
+    for value in list(values):
+        values += getattr(value, "variants", {}).values()
     called = [value.py_func for value in values if isinstance(value, Dispatcher)]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest(), called
 

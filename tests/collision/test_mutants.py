@@ -17,14 +17,15 @@ made = cases(1, 4)[:6]
 found, where, before = verdict(made)
 print(json.dumps(["as it is", found, where]), flush=True)
 wanted = {
-    ("kernels", "motion", "0.5 * (high - low) * bound + ROUNDING -> 0.5 * (high - low) * bound / ROUNDING"),
-    ("kernels", "motion", "without count += 2"),
+    ("certify", "certify", "if d < need -> False"),
+    ("certify", "certify", "without count += 2"),
     ("kernels", "state", "d > ROUNDING -> d <= ROUNDING"),
     ("kernels", "state", "UNDECIDED -> FREE"),
     ("distances", "ring_clearance", "without return 0.0"),
-    ("curve_motions", "curve_motion", "without count += 2"),
+    ("certify", "_straight_pose", "along / track.bound -> along * track.bound"),
+    ("certify", "curve_motion", "without bound += fabs(way) * (1.0 + fabs(side) * turning)"),
 }
-for module in ("kernels", "distances", "curve_motions"):
+for module in ("kernels", "certify", "distances"):
     seen = set()
     for mutant in mutants_of(module):
         key = (module, mutant.function, mutant.change)

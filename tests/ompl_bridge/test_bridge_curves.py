@@ -10,7 +10,7 @@ import pytest
 
 SET_UP = """
 from trailmark import StateChecker
-from trailmark.collision.curve_motions import CurveChecker
+from trailmark.motion import CurveMotion
 from trailmark.curves import CurvePath, Steering
 world = shipped("office")
 car = world.robot.steered(0.7, REVERSE)
@@ -24,7 +24,7 @@ def test_answers_through_ompl_are_those_given_directly(run_ompl: Any, reverse: b
         + """
 problem = SE2Problem(world, car)
 si, checker = problem.information, problem.checker
-motions = CurveChecker(checker)
+motions = CurveMotion(checker)
 rng = np.random.default_rng(1)
 xmin, ymin, xmax, ymax = world.bounds
 q = rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi), (3000, 3))
@@ -123,7 +123,7 @@ problem.set_planner("RRTConnect")
 status = problem.solve(20.0)
 path = problem.path
 tell(status=status.asString(), kind=type(path).__name__, radius=problem.motions.steering.radius,
-     certified=bool(CurveChecker(problem.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()))
+     certified=bool(CurveMotion(problem.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()))
 os._exit(0)
 """,
         status=None,

@@ -128,8 +128,8 @@ for name, b in ends.items():
     inside = checker.valid(b)
     free = [i for i in np.flatnonzero(inside) if check(motions, si, a[i], b[i])]
     places = np.array([driven(space, si, a[i], b[i], 60) for i in free]).reshape(-1, 3)
-    from trailmark.collision.curve_motions import CurveChecker
-    direct = CurveChecker(checker, steering).motions_valid(a, b)
+    from trailmark.motion import CurveMotion
+    direct = CurveMotion(checker, steering).motions_valid(a, b)
     tell(**{{name: [len(free), int(direct.sum()), int(np.setdiff1d(free, np.flatnonzero(direct)).size),
          int(oracle.collides(places).sum()) if len(places) else 0]}})
 """)

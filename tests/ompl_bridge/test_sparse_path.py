@@ -10,7 +10,7 @@ from benchmarks.oracle import Oracle, motion_states
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.collision.pointwise import PointwiseChecker
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.sparse_path import SLACK, sparse_path
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World

@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 from benchmarks.oracle import Oracle
 
-from trailmark.collision.curve_motions import CurveChecker
 from trailmark.curves import CurvePath, Steering
+from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-from trailmark.roadmap import CurveRoadmap
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Query, Robot, World
 
@@ -64,8 +63,8 @@ def test_parking(worlds: Path, name: str) -> None:
     assert result.cost == pytest.approx(path.length)
     assert result.first_cost is not None
     assert result.first_cost >= path.cost
-    assert isinstance(planner.roadmap, CurveRoadmap)
-    assert CurveChecker(planner.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()
+    assert isinstance(planner.roadmap.motion, CurveMotion)
+    assert CurveMotion(planner.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()
 
 
 @pytest.mark.parametrize("seed", range(1, 9))
@@ -82,7 +81,7 @@ def test_better_paths_are_driven_as_well(worlds: Path, seed: int) -> None:
 
     planner, result = planned(world, query, seed, max_iterations=4, on_progress=keep)
     referee(world, query, result)
-    motions = CurveChecker(planner.checker)
+    motions = CurveMotion(planner.checker)
     assert len(better) > 1
     for path in better.values():
         assert motions.motions_valid(path.knots[:-1], path.knots[1:]).all()

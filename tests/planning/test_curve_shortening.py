@@ -8,9 +8,9 @@ from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import random_world
 
 from trailmark.collision import StateChecker
-from trailmark.collision.curve_motions import CurveChecker
 from trailmark.curves import CurvePath, Steering
-from trailmark.planning.curve_shortening import shorten_curves
+from trailmark.motion import CurveMotion
+from trailmark.planning.shortening import shorten
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -21,7 +21,7 @@ CAR = Robot.rectangle(1.6, 0.8)
 
 def walked(checker: StateChecker, steering: Steering, seed: int, knots: int) -> np.ndarray:
     """A path of certified curves to and fro."""
-    motions, rng = CurveChecker(checker, steering), np.random.default_rng(seed)
+    motions, rng = CurveMotion(checker, steering), np.random.default_rng(seed)
     xmin, ymin, xmax, ymax = checker.world.bounds
     while True:
         q = rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi))
@@ -45,11 +45,11 @@ def test_shorter_and_still_free(steering: Steering, seed: int) -> None:
     world = random_world(30 + seed, 30, size=40.0, discs=0.3)
     checker = StateChecker(world, CAR)
     knots = walked(checker, steering, seed, 15)
-    short = shorten_curves(CurveChecker(checker, steering), knots, np.random.default_rng(seed))
+    short = shorten(CurveMotion(checker, steering), knots, np.random.default_rng(seed))
     assert np.array_equal(short[[0, -1]], knots[[0, -1]])
     before, after = CurvePath(knots, steering), CurvePath(short, steering)
     assert steering.lengths(knots[0], knots[-1]) - 1e-6 <= after.length < 0.9 * before.length
-    assert CurveChecker(checker, steering).motions_valid(short[:-1], short[1:]).all()
+    assert CurveMotion(checker, steering).motions_valid(short[:-1], short[1:]).all()
     assert not Oracle(world, CAR).collides(after.resample(0.01).states).any()
 
 
@@ -59,7 +59,7 @@ def test_in_the_open_the_shortest_curve_is_found(steering: Steering) -> None:
     rng = np.random.default_rng(0)
     for _ in range(5):
         knots = rng.uniform((-20, -20, -3), (20, 20, 3), (8, 3))
-        short = shorten_curves(CurveChecker(checker, steering), knots, rng)
+        short = shorten(CurveMotion(checker, steering), knots, rng)
         assert CurvePath(short, steering).length == pytest.approx(steering.lengths(knots[0], knots[-1]), rel=1e-3)
 
 
@@ -68,17 +68,17 @@ def test_around_a_wall() -> None:
     world = World("wall", (0.0, 0.0, 20.0, 20.0), (Rectangle((10.0, 6.0), 0.2, 12.0),))
     checker, steering = StateChecker(world, Robot.disc(0.5)), Steering(1.0)
     knots = np.array([(3.0, 3.0, 1.5), (4.0, 16.0, 0.5), (10.0, 18.0, 0.0), (16.0, 16.0, -1.0), (17.0, 3.0, -1.5)])
-    motions = CurveChecker(checker, steering)
+    motions = CurveMotion(checker, steering)
     assert motions.motions_valid(knots[:-1], knots[1:]).all()
-    short = CurvePath(shorten_curves(motions, knots, np.random.default_rng(1), sweeps=200, tolerance=1e-6), steering)
+    short = CurvePath(shorten(motions, knots, np.random.default_rng(1), sweeps=200, tolerance=1e-6), steering)
     assert 23.0 < short.length < 25.0
     assert short.length < 0.75 * CurvePath(knots, steering).length
 
 
 def test_nothing_to_shorten_and_an_early_end() -> None:
     checker = StateChecker(World("open", (-50.0, -50.0, 50.0, 50.0)), CAR)
-    motions, rng = CurveChecker(checker, KINDS[0]), np.random.default_rng(0)
+    motions, rng = CurveMotion(checker, KINDS[0]), np.random.default_rng(0)
     for knots in (np.zeros((1, 3)), np.array([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0)])):
-        assert np.array_equal(shorten_curves(motions, knots, rng), knots)
+        assert np.array_equal(shorten(motions, knots, rng), knots)
     long = rng.uniform((-20, -20, -3), (20, 20, 3), (8, 3))
-    assert np.array_equal(shorten_curves(motions, long, rng, stop=lambda: True), long)
+    assert np.array_equal(shorten(motions, long, rng, stop=lambda: True), long)

@@ -7,8 +7,8 @@ import pytest
 from benchmarks.oracle import Oracle
 
 from trailmark.collision import StateChecker
-from trailmark.collision.curve_motions import CurveChecker
 from trailmark.landmarks import Relaxation
+from trailmark.motion import CurveMotion
 from trailmark.planning.drives import Drives, drives_from
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -25,11 +25,11 @@ def grown(reverse: bool, into: bool, sources: np.ndarray, goal: np.ndarray, **op
     relaxation = Relaxation(checker)
     settings: dict[str, float] = {"step": 0.4, "most": 6000, "landmarks": 60, **options}
     found = drives_from(
-        CurveChecker(checker),
+        CurveMotion(checker),
         relaxation,
         relaxation.costs_from(goal),
         sources,
-        into=into,
+        reverse=into,
         step=settings["step"],
         most=int(settings["most"]),
         landmarks=int(settings["landmarks"]),
@@ -45,7 +45,7 @@ def test_every_configuration_hangs_on_another_by_a_free_curve(reverse: bool, int
     world, found = grown(reverse, into, sources, np.array([16.0, 6.0, 0.0]), most=2000)
     assert world.robot is not None
     checker = StateChecker(world)
-    motions = CurveChecker(checker)
+    motions = CurveMotion(checker)
     nodes = np.concatenate([sources, found.configurations])
     assert len(found.configurations) > 40
     assert checker.valid(found.configurations).all()
@@ -84,11 +84,11 @@ def test_nothing_is_reached_where_the_car_cannot_move() -> None:
     relaxation = Relaxation(checker)
     q = np.array([2.0, 0.9, 0.0])
     found = drives_from(
-        CurveChecker(checker),
+        CurveMotion(checker),
         relaxation,
         relaxation.costs_from(q),
         q[None],
-        into=False,
+        reverse=False,
         step=0.4,
         most=100,
         landmarks=10,

@@ -17,7 +17,7 @@ from tests.support.interrupts import interrupted, lines_run
 from trailmark import LandmarkPlanner
 from trailmark.landmarks import free_samples
 from trailmark.planning import PlanProgress
-from trailmark.planning.warmup import warm_up_curves
+from trailmark.planning.warmup import warm_up
 
 FloatArray = NDArray[np.float64]
 Judge = Callable[..., float]
@@ -127,7 +127,7 @@ def test_ctrl_c_arrives_as_such(car: bool) -> None:
         pytest.skip("signals go to the main thread")
     robot = ROBOTS["rectangle"]
     if car:
-        warm_up_curves()
+        warm_up("curve")
         robot = robot.steered(1.0)
     planner = LandmarkPlanner(WORLD, robot, seed=4)
     pairs = queries(planner, 10)

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from trailmark import LandmarkPlanner
 from trailmark.errors import ConfigurationError, TrailmarkError
 from trailmark.landmarks import free_samples
+from trailmark.motion.translation import turned_evenly
 from trailmark.planning.general import grow_general
-from trailmark.planning.headings import turned_evenly
 from trailmark.planning.many import each
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Rectangle
@@ -36,7 +36,7 @@ def queries(planner: LandmarkPlanner, n: int, seed: int = 8) -> tuple[FloatArray
     ends = free_samples(planner.checker, 4 * n, random_state=seed)
     reached = planner.relaxation.component(ends[0])
     ends = ends[reached[planner.relaxation.cells(planner.relaxation.disc_centers(ends))]][: 2 * n]
-    if not planner.roadmap.turning:
+    if not planner.checker.footprint.disc_radius < 0.0:
         ends[:, 2] = np.random.default_rng(seed).uniform(-3.0, 3.0, len(ends))
     return ends[::2], ends[1::2]
 

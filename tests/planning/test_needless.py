@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from trailmark import LandmarkPlanner, PlanResult, se2
 from trailmark.collision import StateChecker
-from trailmark.collision.curve_motions import CurveChecker
 from trailmark.curves import CurvePath
-from trailmark.planning.curve_shortening import without_needless_knots
+from trailmark.motion import CurveMotion, motion_of
 from trailmark.planning.straightening import without_needless
-from trailmark.planning.warmup import warm_up_curves
+from trailmark.planning.warmup import warm_up
 from trailmark.world import World
 
 FloatArray = NDArray[np.float64]
@@ -27,7 +26,7 @@ WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
 
 
 def fewer(checker: StateChecker, path: FloatArray) -> FloatArray:
-    return np.asarray(without_needless(checker.grid, checker.field, checker.footprint, path))
+    return np.asarray(without_needless(motion_of(checker).kind, path))
 
 
 def assert_none_needless(motions: Any, result: PlanResult) -> int:
@@ -62,7 +61,7 @@ def test_paths_of_many_queries(name: str) -> None:
     vertices = 0
     for result in planner.plan_many(pairs[:, 0], pairs[:, 1], 30.0, max_iterations=1):
         assert result.path is not None
-        if planner.roadmap.turning:
+        if planner.checker.footprint.disc_radius < 0.0:
             vertices += assert_none_needless(planner.checker, result)
         else:
             # A disc turns evenly along its path: only its positions say what is needless.
@@ -75,11 +74,11 @@ def test_paths_of_many_queries(name: str) -> None:
 
 
 def test_a_cars_paths() -> None:
-    warm_up_curves()
+    warm_up("curve")
     planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"].steered(1.5), seed=4)
-    motions = CurveChecker(planner.checker)
-    assert planner.steering is not None
-    lengths = planner.steering.lengths
+    motions = CurveMotion(planner.checker)
+    assert isinstance(planner.motion, CurveMotion)
+    lengths = planner.motion.steering.lengths
     knots = 0
     for start, goal in random_pairs(planner, 4, 3):
         result = planner.plan(start, goal, 60.0, max_iterations=1)
@@ -127,8 +126,8 @@ def test_what_is_needed_stays_and_costs_do_not_rise() -> None:
 
 
 def test_knots_of_a_car_by_hand() -> None:
-    warm_up_curves()
+    warm_up("curve")
     checker = StateChecker(World("open", (0, 0, 20, 20)), ROBOTS["rectangle"].steered(1.5))
-    motions = CurveChecker(checker)
+    motions = CurveMotion(checker)
     knots = np.array([[3.0, 3, 0], [5.0, 3, 0], [5.0, 3, 0], [8.0, 3, 0], [12.0, 3, 0]])
-    assert np.array_equal(without_needless_knots(motions, knots), knots[[0, -1]])
+    assert np.array_equal(without_needless(motions.kind, knots), knots[[0, -1]])

@@ -24,8 +24,9 @@ from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import FREE
 from trailmark.curves import CurvePath, Steering
-from trailmark.planning.warmup import warm_up_curves
-from trailmark.roadmap import CurveRoadmap, Roadmap
+from trailmark.motion import CurveMotion
+from trailmark.planning.warmup import warm_up
+from trailmark.roadmap import Roadmap
 from trailmark.world import Robot
 
 FloatArray = NDArray[np.float64]
@@ -44,7 +45,6 @@ FILES = (
     "roadmap/roadmap.py",
     "roadmap/store.py",
     "roadmap/links.py",
-    "roadmap/curve_roadmap.py",
     "roadmap/query.py",
     "roadmap/sparse.py",
     "roadmap/files.py",
@@ -67,7 +67,7 @@ def known(name: str) -> tuple[StateChecker, Reference, FloatArray]:
     """Return a robot's checker, its judge and valid configurations."""
     robot = LIVES[name]
     if robot.turning_radius is not None:
-        warm_up_curves()
+        warm_up("curve")
     checker = StateChecker(WORLD, robot)
     q = random_states(WORLD, 40 * STATES, np.random.default_rng(1))
     return checker, Reference(WORLD, robot), q[np.asarray(checker.valid(q))][:STATES]
@@ -184,7 +184,7 @@ class Life(RuleBasedStateMachine):
         if len(free) == 0:
             return
         a, b = q[free[:, 0]], q[free[:, 1]]
-        if isinstance(roadmap, CurveRoadmap):
+        if isinstance(roadmap.motion, CurveMotion):
             steering = Steering.of(self.robot)
             assert steering is not None
             for pair in np.stack([a, b], axis=1)[:15]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import free_samples
+from trailmark.motion import motion_of
 from trailmark.path import Path
 from trailmark.planning import shorten
 from trailmark.roadmap import Roadmap
@@ -60,7 +61,7 @@ def test_paths_get_no_longer_and_stay_free(judge: Judge, name: str, world: int, 
         return
     before = states.copy()
     rng = np.random.default_rng(seed)
-    short = shorten(chart.checker, states, rng, sweeps=int(rng.integers(0, 12)), splitting=bool(seed % 2))
+    short = shorten(chart.motion, states, rng, sweeps=int(rng.integers(0, 12)), splitting=bool(seed % 2))
     assert np.array_equal(states, before)
     turning = name != "disc"
     assert cost(short, turning) <= cost(states, turning) + 1e-9
@@ -74,7 +75,7 @@ def test_much_is_gained() -> None:
         for seed in range(3):
             states = longest_way(roadmap(name, seed))
             if len(states) > 4:
-                short = shorten(roadmap(name, seed).checker, states, np.random.default_rng(0))
+                short = shorten(roadmap(name, seed).motion, states, np.random.default_rng(0))
                 gains.append(1.0 - cost(short, name != "disc") / cost(states, name != "disc"))
     assert len(gains) > 10
     assert np.mean(gains) > 0.15
@@ -84,7 +85,7 @@ def test_much_is_gained() -> None:
 def test_in_the_open_the_straight_motion_is_found(seed: int) -> None:
     rng = np.random.default_rng(seed)
     states = rng.uniform((2, 2, -3.1), (18, 18, 3.1), (30, 3))
-    short = shorten(OPEN, states, rng)
+    short = shorten(motion_of(OPEN), states, rng)
     assert np.array_equal(short, states[[0, -1]])
 
 
@@ -96,7 +97,7 @@ def test_around_a_corner_the_shortest_way_is_found() -> None:
     states = np.array([[9.0, 1.0, 0.0], [2.0, 9.0, 0.0], [4.0, 18.0, 0.0], [19.0, 19.0, 0.0], [19.0, 11.0, 0.0]])
     best = math.dist((9.0, 1.0), (10.0, 10.0)) + math.dist((10.0, 10.0), (19.0, 11.0))
     for seed in range(3):
-        assert best - 1e-2 < cost(shorten(checker, states, np.random.default_rng(seed)), False) < 1.03 * best
+        assert best - 1e-2 < cost(shorten(motion_of(checker), states, np.random.default_rng(seed)), False) < 1.03 * best
 
 
 def test_added_vertices_lead_around_a_block() -> None:
@@ -105,8 +106,9 @@ def test_added_vertices_lead_around_a_block() -> None:
     checker = StateChecker(World("block", (0, 0, 30, 20), (Rectangle((15.0, 6.0), 6.0, 12.0),)), robot)
     states = np.array([[6.0, 6.0, 0.0], [15.0, 18.2, 0.0], [24.0, 6.0, 0.0]])
     assert checker.motions_valid(states[:-1], states[1:]).all()
+    motion = motion_of(checker)
     plain, split = (
-        [cost(shorten(checker, states, np.random.default_rng(s), tolerance=1e-5, splitting=on)) for s in range(9)]
+        [cost(shorten(motion, states, np.random.default_rng(s), tolerance=1e-5, splitting=on)) for s in range(9)]
         for on in (False, True)
     )
     assert np.median(split) < np.median(plain), (split, plain)
@@ -119,7 +121,7 @@ def test_turning_to_and_fro_is_left_out() -> None:
     x = np.linspace(2.0, 18.0, 17)
     states = np.column_stack([x, np.full(17, 10.0), 0.08 * (-1.0) ** np.arange(17)])
     assert checker.motions_valid(states[:-1], states[1:]).all()
-    short = shorten(checker, states, np.random.default_rng(0))
+    short = shorten(motion_of(checker), states, np.random.default_rng(0))
     turned = np.abs(np.diff(short[:, 2])).sum()
     assert turned == pytest.approx(0.0, abs=1e-3)
     assert cost(short) == pytest.approx(16.0, abs=1e-3)
@@ -128,41 +130,41 @@ def test_turning_to_and_fro_is_left_out() -> None:
 def test_a_round_robots_headings_do_not_count() -> None:
     checker = StateChecker(World("open", (0, 0, 20, 20)), Robot.disc(0.5))
     states = np.array([[2.0, 2.0, 0.0], [10.0, 3.0, 3.0], [18.0, 2.0, 0.0]])
-    assert np.array_equal(shorten(checker, states, np.random.default_rng(0)), states[[0, 2]])
+    assert np.array_equal(shorten(motion_of(checker), states, np.random.default_rng(0)), states[[0, 2]])
 
 
 def test_what_cannot_be_shortened_comes_back() -> None:
     rng = np.random.default_rng(0)
     for states in (np.array([[2.0, 2.0, 0.0]]), np.array([[2.0, 2.0, 0.0], [9.0, 3.0, 1.0]])):
-        assert np.array_equal(shorten(OPEN, states, rng), states)
+        assert np.array_equal(shorten(motion_of(OPEN), states, rng), states)
     same = np.full((5, 3), 4.0)
-    assert cost(shorten(OPEN, same, rng)) == 0.0
+    assert cost(shorten(motion_of(OPEN), same, rng)) == 0.0
 
 
 def test_seed_sweeps_and_deadline() -> None:
     chart = roadmap("L", 1)
     states = longest_way(chart)
     assert len(states) > 4
-    first, again, other = (shorten(chart.checker, states, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    first, again, other = (shorten(chart.motion, states, np.random.default_rng(seed)) for seed in (1, 1, 2))
     assert np.array_equal(first, again)
     assert not np.array_equal(first, other)
     # One generator does not repeat itself.
     rng = np.random.default_rng(1)
-    assert np.array_equal(shorten(chart.checker, states, rng), first)
-    assert not np.array_equal(shorten(chart.checker, states, rng), first)
+    assert np.array_equal(shorten(chart.motion, states, rng), first)
+    assert not np.array_equal(shorten(chart.motion, states, rng), first)
     for untouched in (
-        shorten(chart.checker, states, rng, sweeps=0),
-        shorten(chart.checker, states, rng, stop=lambda: True),
+        shorten(chart.motion, states, rng, sweeps=0),
+        shorten(chart.motion, states, rng, stop=lambda: True),
     ):
         assert np.array_equal(untouched, states)
         assert not np.shares_memory(untouched, states)
-    few, many = (cost(shorten(chart.checker, states, np.random.default_rng(3), sweeps=n)) for n in (1, 40))
+    few, many = (cost(shorten(chart.motion, states, np.random.default_rng(3), sweeps=n)) for n in (1, 40))
     assert many < few < cost(states)
 
 
 def test_any_array_will_do() -> None:
     chart = roadmap("L", 1)
     path = Path(longest_way(chart))
-    expected = shorten(chart.checker, np.array(path.states), np.random.default_rng(1))
+    expected = shorten(chart.motion, np.array(path.states), np.random.default_rng(1))
     for states in (path.states, np.asfortranarray(path.states), np.repeat(path.states, 2, axis=0)[::2]):
-        assert np.array_equal(shorten(chart.checker, states, np.random.default_rng(1)), expected)
+        assert np.array_equal(shorten(chart.motion, states, np.random.default_rng(1)), expected)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
+from trailmark.motion import motion_of
 from trailmark.planning.straightening import straightened
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -23,7 +24,7 @@ Judge = Callable[..., float]
 
 
 def straight(checker: StateChecker, path: FloatArray) -> FloatArray:
-    return np.asarray(straightened(checker.grid, checker.field, checker.footprint, path))
+    return np.asarray(straightened(motion_of(checker).kind, path))
 
 
 def stroll(checker: StateChecker, n: int, rng: np.random.Generator) -> FloatArray:

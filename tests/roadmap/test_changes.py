@@ -21,7 +21,8 @@ from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError, TrailmarkError
 from trailmark.landmarks import free_samples
-from trailmark.roadmap import CurveRoadmap, Roadmap
+from trailmark.motion import CurveMotion
+from trailmark.roadmap import Roadmap
 from trailmark.roadmap.query import QueryGraph
 from trailmark.world import Robot
 
@@ -30,7 +31,7 @@ networkx: Any = nx  # whose functions carry no types
 FloatArray = NDArray[np.float64]
 Action = Callable[[Roadmap], object]
 
-FILES = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/links.py", "roadmap/curve_roadmap.py", "nearest.py")
+FILES = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/links.py", "nearest.py")
 
 WORLD = random_world(1, 60, size=40.0, radii=(0.3, 3.0), discs=0.3, holes=0.2)
 CAR = Robot.rectangle(1.6, 0.8).steered(1.5)
@@ -45,7 +46,7 @@ CHECKERS = {
 def base(name: str) -> Roadmap:
     """A roadmap that has seen some changes, and knows some of its edges."""
     checker = CHECKERS[name]
-    roadmap = CurveRoadmap(checker) if "car" in name else Roadmap(checker)
+    roadmap = Roadmap(checker)
     for seed in range(3):
         # Together enough for the index to have a tree, and points outside of it.
         roadmap.add(free_samples(checker, 30, random_state=seed))
@@ -75,7 +76,7 @@ def assert_whole(roadmap: Roadmap) -> None:
     assert len(lengths) == len(status) == len(roadmap.certified) == m
     assert ((edges >= 0) & (edges < n)).all()
     assert np.isin(status, (BLOCKED, FREE, UNDECIDED)).all()
-    assert roadmap._lengths_of(q, edges) == pytest.approx(lengths, abs=1e-9)
+    assert roadmap.motion.costs(q[edges[:, 0]], q[edges[:, 1]]) == pytest.approx(lengths, abs=1e-9)
     # The index, against brute force.
     radius = roadmap._radius
     points = np.column_stack([q[:, :2], radius * np.cos(q[:, 2]), radius * np.sin(q[:, 2])])
@@ -99,7 +100,7 @@ def assert_whole(roadmap: Roadmap) -> None:
 def assert_status_is_right(roadmap: Roadmap) -> None:
     """Assert that edges known to be free are certified, and those known to be blocked are not, one by one."""
     q, edges, _, status = roadmap.rows()
-    free = roadmap._motions_valid(q[edges[:, 0]], q[edges[:, 1]])
+    free = roadmap.motion.motions_between_valid(q[edges[:, 0]], q[edges[:, 1]])
     assert free[status == FREE].all()
     assert not free[status == BLOCKED].any()
 
@@ -132,7 +133,7 @@ def actions(roadmap: Roadmap) -> dict[str, Action]:
     states = roadmap.configurations[way].copy()
     first, last = int(way[0]), int(way[-1])
     middles = states
-    if not isinstance(roadmap, CurveRoadmap):
+    if not isinstance(roadmap.motion, CurveMotion):
         # Half of its states are nodes.
         middles = np.repeat(states, 2, axis=0)[:-1]
         middles[1::2] = se2.interpolate(states[:-1], states[1:], 0.5)
@@ -144,9 +145,9 @@ def actions(roadmap: Roadmap) -> dict[str, Action]:
         "certify": lambda r: r.certify_all(),
         "nearest": lambda r: r.nearest(),
     }
-    if isinstance(roadmap, CurveRoadmap):
+    if isinstance(roadmap.motion, CurveMotion):
         parents = np.array([0, 1, len(roadmap)])
-        found["add_tree"] = lambda r: r.add_tree(more[:3], parents) if isinstance(r, CurveRoadmap) else None
+        found["add_tree"] = lambda r: r.add_tree(more[:3], parents) if isinstance(r.motion, CurveMotion) else None
     return found
 
 

@@ -11,12 +11,11 @@ import pytest
 from benchmarks.random_worlds import random_world
 
 from trailmark.collision import StateChecker
-from trailmark.collision.curve_motions import CurveChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
-from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError, FormatError, OutputError
 from trailmark.landmarks import free_samples
-from trailmark.roadmap import CurveRoadmap, Roadmap, load_roadmap
+from trailmark.motion import CurveMotion
+from trailmark.roadmap import Roadmap, load_roadmap
 from trailmark.roadmap.files import fingerprint
 from trailmark.world import Robot
 
@@ -27,9 +26,14 @@ CAR = Robot.rectangle(1.6, 0.8).steered(1.5)
 CHECKERS = {reverse: StateChecker(WORLD, CAR.steered(1.5, reverse)) for reverse in (True, False)}
 
 
-def made(reverse: bool, n: int = 150) -> CurveRoadmap:
+def steering_of(roadmap: Roadmap) -> Steering:
+    assert isinstance(roadmap.motion, CurveMotion)
+    return roadmap.motion.steering
+
+
+def made(reverse: bool, n: int = 150) -> Roadmap:
     checker = CHECKERS[reverse]
-    roadmap = CurveRoadmap(checker)
+    roadmap = Roadmap(checker)
     q = free_samples(checker, n, random_state=3)
     roadmap.add(q[: n // 2])
     roadmap.add(q[n // 2 :])
@@ -40,7 +44,7 @@ def made(reverse: bool, n: int = 150) -> CurveRoadmap:
 def test_edges_are_shortest_curves_to_near_nodes(reverse: bool) -> None:
     roadmap = made(reverse)
     q, edges = roadmap.configurations, roadmap.edges
-    assert roadmap.lengths == pytest.approx(roadmap.steering.lengths(q[edges[:, 0]], q[edges[:, 1]]))
+    assert roadmap.lengths == pytest.approx(steering_of(roadmap).lengths(q[edges[:, 0]], q[edges[:, 1]]))
     pairs = {tuple(pair) for pair in (edges if not reverse else np.sort(edges, axis=1)).tolist()}
     assert len(pairs) == len(edges)
     assert all(a != b for a, b in pairs)
@@ -57,7 +61,7 @@ def test_paths_are_the_shortest_over_certified_edges(reverse: bool) -> None:
     lazy, eager = made(reverse), made(reverse)
     eager.certify_all()
     assert set(np.unique(eager.status)) == {FREE, BLOCKED}
-    motions = CurveChecker(lazy.checker)
+    motions = CurveMotion(lazy.checker)
     graph: Any = nx.Graph() if reverse else nx.DiGraph()
     for (a, b), length, status in zip(eager.edges.tolist(), eager.lengths, eager.status, strict=True):
         if status == FREE:
@@ -70,12 +74,12 @@ def test_paths_are_the_shortest_over_certified_edges(reverse: bool) -> None:
             continue
         q = lazy.configurations[nodes]
         assert motions.motions_valid(q[:-1], q[1:]).all()
-        length = float(np.sum(lazy.steering.lengths(q[:-1], q[1:])))
+        length = float(np.sum(steering_of(lazy).lengths(q[:-1], q[1:])))
         assert length == pytest.approx(nx.shortest_path_length(graph, 0, goal, weight="length"))
         compared += 1
     assert compared > 20
     reached = np.flatnonzero(lazy.reached(0)).tolist()
-    into = np.flatnonzero(lazy.reached(0, against=True)).tolist()
+    into = np.flatnonzero(lazy.reached(0, reverse=True)).tolist()
     if reverse:
         assert reached == into == sorted(networkx.node_connected_component(graph, 0))
     else:
@@ -95,7 +99,7 @@ def test_the_graph_is_directed_only_where_edges_are() -> None:
         a, b, data = next(iter(graph.edges(data=True)))
         assert data["certified"] is True
         assert data["length"] == pytest.approx(
-            roadmap.steering.lengths(graph.nodes[a]["configuration"], graph.nodes[b]["configuration"])
+            steering_of(roadmap).lengths(graph.nodes[a]["configuration"], graph.nodes[b]["configuration"])
         )
 
 
@@ -117,7 +121,7 @@ def test_paths_and_trees_are_added_once() -> None:
         assert roadmap.status[(pairs == pair).all(axis=1)].tolist() == [FREE]
     forward = made(False)
     near = forward.configurations[:2] + np.array([0.01, 0.0, 0.0])
-    hung = forward.add_tree(near, np.array([0, len(forward)]), into=True)
+    hung = forward.add_tree(near, np.array([0, len(forward)]), reverse=True)
     assert {(int(hung[0]), 0), (int(hung[1]), int(hung[0]))} <= {tuple(e) for e in forward.edges.tolist()}
 
 
@@ -125,7 +129,8 @@ def test_what_is_drawn_follows_the_curves() -> None:
     roadmap = made(True)
     chosen = np.zeros(len(roadmap.edges), dtype=np.bool_)
     chosen[:20] = True
-    lines = roadmap.drawn(chosen)
+    edges = roadmap.edges[chosen]
+    lines = roadmap.motion.lines(roadmap.configurations[edges[:, 0]], roadmap.configurations[edges[:, 1]])
     assert lines.shape == (240, 2, 2)
     ways = np.hypot(*(lines[:, 1] - lines[:, 0]).T).reshape(20, -1).sum(axis=1)
     assert (ways <= roadmap.lengths[:20] + 1e-9).all()
@@ -133,7 +138,7 @@ def test_what_is_drawn_follows_the_curves() -> None:
     ends = roadmap.configurations[roadmap.edges[:20], :2]
     assert lines.reshape(20, 12, 2, 2)[:, 0, 0] == pytest.approx(ends[:, 0])
     assert np.abs(lines.reshape(20, 12, 2, 2)[:, -1, 1] - ends[:, 1]).max() < 1e-8
-    assert roadmap.drawn(np.zeros(len(roadmap.edges), dtype=np.bool_)).shape == (0, 2, 2)
+    assert roadmap.motion.lines(np.empty((0, 3)), np.empty((0, 3))).shape == (0, 2, 2)
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".graphml"])
@@ -144,7 +149,7 @@ def test_files_give_the_roadmap_back_for_the_same_car_only(tmp_path: Path, suffi
     file = tmp_path / f"roadmap{suffix}"
     roadmap.save(file)
     back = load_roadmap(file, CHECKERS[reverse])
-    assert isinstance(back, CurveRoadmap)
+    assert isinstance(back.motion, CurveMotion)
     assert np.array_equal(back.configurations, roadmap.configurations)
     free = {tuple(e) for e in roadmap.edges[roadmap.certified].tolist()}
     assert {tuple(e) for e in back.edges[back.certified].tolist()} == free
@@ -160,7 +165,7 @@ def test_files_give_the_roadmap_back_for_the_same_car_only(tmp_path: Path, suffi
     for robot in others:
         other = load_roadmap(file, StateChecker(WORLD, robot))
         assert not (other.status == FREE).any()
-        assert isinstance(other, CurveRoadmap) == (robot.turning_radius is not None)
+        assert isinstance(other.motion, CurveMotion) == (robot.turning_radius is not None)
 
 
 def test_fingerprints_tell_cars_apart() -> None:
@@ -175,8 +180,8 @@ def test_a_route_graph_holds_no_curves(tmp_path: Path) -> None:
 
 def test_bad_input() -> None:
     with pytest.raises(ConfigurationError, match="without turning radius"):
-        CurveRoadmap(StateChecker(WORLD, Robot.disc(1.0)))
-    roadmap = CurveRoadmap(StateChecker(WORLD, Robot.disc(1.0)), Steering(2.0))
+        CurveMotion(StateChecker(WORLD, Robot.disc(1.0)))
+    roadmap = Roadmap(StateChecker(WORLD, Robot.disc(1.0).steered(2.0)))
     assert len(roadmap.add(np.empty((0, 3)))) == 0
     with pytest.raises(ConfigurationError, match="node 3 given"):
         roadmap.shortest_path(3, 0)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import free_samples
+from trailmark.motion import TranslationMotion
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.query import QueryGraph
 from trailmark.roadmap.sparse import Links, distances_from, links_of, sparse_links
@@ -95,7 +96,7 @@ def test_ways_are_networkxs(seed: int, name: str, obstacles: int, stretch: float
     if len(roadmap) < 100:
         return
     graph = QueryGraph(roadmap, stretch=stretch)
-    q, turning = graph.configurations, graph.turning
+    q, turning = graph.configurations, not isinstance(graph.motion, TranslationMotion)
     whole = as_graph(len(q), graph.links)
     for u, v, data in whole.edges(data=True):
         assert data["weight"] == pytest.approx(cost(q[u], q[v], turning), abs=1e-9)
@@ -107,7 +108,7 @@ def test_ways_are_networkxs(seed: int, name: str, obstacles: int, stretch: float
             continue
         assert between is not None
         assert np.array_equal(between[[0, -1]], q[[i, j]])
-        assert graph.cost(between) == pytest.approx(nx.dijkstra_path_length(whole, i, j), abs=1e-9)
+        assert graph.motion.cost_of(between) == pytest.approx(nx.dijkstra_path_length(whole, i, j), abs=1e-9)
     ends = free_samples(checker, 12, random_state=seed + 1)
     for start, goal in ends[: len(ends) // 2 * 2].reshape(-1, 2, 3):
         closed = np.column_stack([rng.uniform(0.0, 40.0, (2, 2)), rng.uniform(0.0, 5.0, 2)])
@@ -116,7 +117,9 @@ def test_ways_are_networkxs(seed: int, name: str, obstacles: int, stretch: float
             if states is not None:
                 assert np.array_equal(states[[0, -1]], [start, goal])
                 assert checker.motions_valid(states[:-1], states[1:]).all()
-                assert graph.cost(states) == pytest.approx(sum(cost(a, b, turning) for a, b in pairwise(states)))
+                assert graph.motion.cost_of(states) == pytest.approx(
+                    sum(cost(a, b, turning) for a, b in pairwise(states))
+                )
             if discs is None and checker.motion_valid(start, goal):
                 assert states is not None
                 assert len(states) == 2
@@ -135,7 +138,7 @@ def test_ways_are_networkxs(seed: int, name: str, obstacles: int, stretch: float
             i, j = (int(np.flatnonzero((q == node).all(axis=1))[0]) for node in (first, last))
             best = nx.dijkstra_path_length(rest, i, j)
             way = cost(start, first, turning) + best + cost(last, goal, turning)
-            assert way - 1e-9 <= graph.cost(states) <= weight * way + 1e-9
+            assert way - 1e-9 <= graph.motion.cost_of(states) <= weight * way + 1e-9
 
 
 def test_a_query_graph_is_as_the_roadmap_was() -> None:

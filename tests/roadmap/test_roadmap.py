@@ -20,6 +20,7 @@ from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import free_samples
+from trailmark.motion import TranslationMotion
 from trailmark.roadmap import Roadmap, neighbour_count
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -47,7 +48,7 @@ def cost(a: FloatArray, b: FloatArray, turning: bool = True) -> float:
 def certified_graph(roadmap: Roadmap) -> nx.Graph:
     """A networkx graph of all certified edges, weighted by this file's own costs."""
     roadmap.certify_all()
-    q, turning = roadmap.configurations, roadmap.turning
+    q, turning = roadmap.configurations, not isinstance(roadmap.motion, TranslationMotion)
     graph = nx.Graph()
     graph.add_nodes_from(range(len(q)))
     for u, v in roadmap.edges[roadmap.certified].tolist():
@@ -57,7 +58,7 @@ def certified_graph(roadmap: Roadmap) -> nx.Graph:
 
 def way_cost(roadmap: Roadmap, nodes: NDArray[np.int64]) -> float:
     q = roadmap.configurations[nodes]
-    return sum(cost(a, b, roadmap.turning) for a, b in pairwise(q))
+    return sum(cost(a, b, not isinstance(roadmap.motion, TranslationMotion)) for a, b in pairwise(q))
 
 
 @pytest.mark.parametrize(

@@ -76,9 +76,9 @@ def _settle_in(job: Mapping[str, Any]) -> None:
     and nothing that the users of a running program meet.
     """
     from trailmark.planning import LandmarkPlanner
-    from trailmark.planning.warmup import SMALL
+    from trailmark.planning.warmup import ROBOTS, SMALL
 
-    world, robot, (start, goal) = SMALL
+    (world, (start, goal)), robot = SMALL, ROBOTS["straight"]
     if job["planner"] == "landmark":
         LandmarkPlanner(world, robot, seed=0, warm=False).plan(start, goal, time_limit=1.0, max_iterations=1)
         return

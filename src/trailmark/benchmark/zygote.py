@@ -209,7 +209,7 @@ def _import_all() -> None:
     import numpy as np
 
     from trailmark.collision import StateChecker
-    from trailmark.collision.pointwise import PointwiseChecker
+    from trailmark.motion.pointwise import PointwiseChecker
     from trailmark.ompl_bridge import measured  # noqa: F401  # loaded for the children
     from trailmark.world import Robot, World
 

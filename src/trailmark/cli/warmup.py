@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import typer
 
@@ -18,13 +19,12 @@ app = typer.Typer(help="Compile all kernels now, so that no later command has to
 @app.callback()
 def warmup(as_json: JsonOption = False) -> None:
     """Compile all kernels now, so that no later command or program has to: up to four minutes, once."""
-    from trailmark.planning.warmup import warm_up, warm_up_curves, warm_up_queries
+    from trailmark.planning.warmup import ROBOTS, warm_up, warm_up_queries
 
     begun = time.perf_counter()
     stages: dict[str, Callable[[], None]] = {
-        "planning": warm_up,
-        "many queries": warm_up_queries,
-        "cars": warm_up_curves,
+        **{f"{robot.describe()}: planning": partial(warm_up, kind) for kind, robot in ROBOTS.items()},
+        **{f"{robot.describe()}: many queries": partial(warm_up_queries, kind) for kind, robot in ROBOTS.items()},
         "OMPL's planners": _warm_up_pointwise,
         "laser scans": _warm_up_scans,
     }
@@ -42,11 +42,11 @@ def warmup(as_json: JsonOption = False) -> None:
 def _warm_up_pointwise() -> None:
     """Run every kernel that answers for one configuration or motion a call."""
     from trailmark.collision import StateChecker
-    from trailmark.collision.pointwise import PointwiseChecker
-    from trailmark.collision.pointwise_curves import PointwiseCurveChecker
-    from trailmark.planning.warmup import SMALL
+    from trailmark.motion.pointwise import PointwiseChecker
+    from trailmark.motion.pointwise_curves import PointwiseCurveChecker
+    from trailmark.planning.warmup import ROBOTS, SMALL
 
-    world, robot, ends = SMALL
+    (world, ends), robot = SMALL, ROBOTS["straight"]
     a, b = (tuple(q) for q in ends.tolist())
     for reverse in (None, True, False):
         if reverse is None:

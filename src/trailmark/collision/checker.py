@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
 from trailmark.arguments import brief, number, one_of
-from trailmark.collision import kernels
+from trailmark.collision import certify, kernels
 from trailmark.collision.fcl_scene import FclScene
 from trailmark.collision.field import ClearanceField, build_field
 from trailmark.collision.footprint import Footprint, build_footprint
@@ -158,12 +158,12 @@ class StateChecker:
         """Return which motions between configurations known to be valid are certified; shapes (n, 3), unchecked."""
         if self.exact == "fcl":
             return self._motions_by_fcl(a, b)
-        answer = kernels.motions_certified(self.grid, self.field, self.footprint, a, b, True)
+        answer = certify.motions_certified(self.grid, self.field, self.footprint, a, b, True)
         return np.asarray(answer == kernels.FREE)
 
     def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.uint8]:
         """Return what the field alone proves of motions between valid configurations: FREE, BLOCKED, UNDECIDED."""
-        return np.asarray(kernels.motions_certified(self.grid, self.field, self.footprint, a, b, False))
+        return np.asarray(certify.motions_certified(self.grid, self.field, self.footprint, a, b, False))
 
     def disc_center(self, q: se2.FloatArray) -> tuple[float, float]:
         """Return where the centre of the robot's inscribed disc is (metres) in a configuration of shape (3,)."""
@@ -219,19 +219,19 @@ class StateChecker:
         """Certify one motion by FCL distances, from its middle outwards; ends are known to be valid."""
         bound = float(se2.motion_bound(a, b, self.footprint.sweep_radius))
         gaps = [(0.0, 1.0)] if bound > 0.0 else []
-        for _ in range(kernels.BUDGET):
+        for _ in range(certify.BUDGET):
             if not gaps:
                 return True
             low, high = gaps.pop(0)
-            if (low == 0.0 or high == 1.0) and (high - low) * bound <= kernels.end_gap(self.footprint):
+            if (low == 0.0 or high == 1.0) and (high - low) * bound <= certify.end_gap(self.footprint):
                 continue
             middle = 0.5 * (low + high)
             need = 0.5 * (high - low) * bound + kernels.ROUNDING
             d = self.scene.clearance(se2.interpolate(a, b, middle))
             if d >= need:
                 continue
-            if d < kernels.CONTACT:
-                near_end = min(middle, 1.0 - middle) * bound < kernels.END_ZONE
+            if d < certify.CONTACT:
+                near_end = min(middle, 1.0 - middle) * bound < certify.END_ZONE
                 if d <= kernels.ROUNDING or not near_end:
                     return False
             reach = (d - kernels.ROUNDING) / bound

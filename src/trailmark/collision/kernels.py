@@ -1,17 +1,14 @@
-"""Compiled collision kernels: exact distances of a footprint to the obstacles, and certified motions.
+"""Compiled collision kernels: is a configuration free, and how far is it from the obstacles?
 
 A configuration is decided in three steps, each only where the one before could not: the clearance field with
 the footprint's discs; exact distances between the footprint's outline and the segments and discs of nearby
 cells; FCL, for configurations within DEEP_TOLERANCE of touching (:mod:`trailmark.collision.checker`).
 
-A motion moves no point of the robot by more than m = ‖Δxy‖ + R·|Δθ|, so a configuration with clearance d
-certifies d/m of the motion's length on either side of itself. The motion is covered from its middle outwards;
-it is accepted only once it is covered whole.
 """
 
 from __future__ import annotations
 
-from math import cos, floor, hypot, sin
+from math import cos, floor, sin
 
 import numpy as np
 
@@ -20,23 +17,18 @@ from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import DEEP_TOLERANCE, Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
-from trailmark.heading import turn
 from trailmark.se2 import FloatArray
 
 __all__ = [
     "BLOCKED",
-    "CONTACT",
     "FREE",
     "UNDECIDED",
     "clearances",
-    "end_gap",
     "exact_clearance",
     "field_clearance",
     "field_hit",
     "field_states",
     "field_value",
-    "motion",
-    "motions_certified",
     "state",
     "states_free",
     "workspace",
@@ -47,17 +39,8 @@ BLOCKED, FREE, UNDECIDED = 0, 1, 2
 ROUNDING = 1e-9
 """Metres that exact distances may be wrong by (coordinates up to 1e5 m): what is closer is not called free."""
 
-CONTACT = 1e-6
-"""Metres: a motion that comes closer than this to an obstacle is not certified, but for its ends."""
-
-END_SHARE = 1e-4
-"""Share of the robot's inscribed radius that an end's gap may have at most: to tiny robots a micrometre is much."""
-
-END_ZONE = 1e-3
-"""Metres from either end of a motion in which it may come closer than CONTACT, as one that starts in contact does."""
-
-BUDGET = 20_000
-"""Configurations evaluated for one motion at most; a motion that needs more is not certified."""
+WIDEST_GAP = 1e-3
+"""Metres: a core's gap wider than this would cost more to search than it saves."""
 
 
 @njit(cache=True, inline="always")
@@ -167,8 +150,8 @@ def state(
     # The core first: it tells most of the free from most of the blocked at once.
     if len(robot.core) > 0:
         n = _place(robot.core, c, s, placed)
-        # A gap wider than END_ZONE would cost more to search than it saves: then nothing is called free here.
-        d = ring_clearance(grid, placed, n, x, y, min(robot.core_gap, END_ZONE) + 2.0 * ROUNDING)
+        # With a wider gap nothing is called free here.
+        d = ring_clearance(grid, placed, n, x, y, min(robot.core_gap, WIDEST_GAP) + 2.0 * ROUNDING)
         if d == 0.0:
             return BLOCKED
         if d > robot.core_gap + ROUNDING:
@@ -223,108 +206,4 @@ def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: F
             reach = field_value(field, x + c * bx - s * by, y + s * bx + c * by) + field.slack - robot.inner[k, 2]
             limit = min(limit, max(reach, ROUNDING))
         result[i] = exact_clearance(grid, robot, placed, x, y, c, s, limit)
-    return result
-
-
-@njit(cache=True, inline="always")
-def end_gap(robot: Footprint) -> float:
-    """Return how long (metres of movement) a gap at an end of a motion may be that counts as free."""
-    return min(CONTACT, END_SHARE * float(robot.inner[0, 2]))
-
-
-@njit(cache=True)
-def motion(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    placed: FloatArray,
-    queue: FloatArray,
-    a: FloatArray,
-    b: FloatArray,
-    exact: bool,
-    budget: int = BUDGET,
-) -> int:
-    """Return FREE if the motion is certified, BLOCKED if it is not, UNDECIDED if the field alone cannot tell.
-
-    Both ends must be valid. A robot may start and stop in contact with an obstacle: what is left open at an end
-    counts as free once it is no longer than :func:`end_gap`. All of it lies within half of that of the valid end or of
-    what is certified already.
-    """
-    dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
-    bound = hypot(dx, dy) + robot.sweep_radius * abs(dtheta)
-    if bound == 0.0:
-        return FREE
-    capacity, open_end = len(queue), end_gap(robot)
-    queue[0, 0], queue[0, 1] = 0.0, 1.0
-    first, count = 0, 1
-    answer = FREE
-    for _ in range(budget):
-        if count == 0:
-            return answer
-        if count + 1 > capacity:
-            break
-        # Widest gaps first, which finds collisions soon; newest first once half of the queue is in use, which
-        # then grows by one gap for each halving only. A gap that finds no place must not be lost: give up.
-        count -= 1
-        if 2 * count < capacity:
-            low, high = queue[first, 0], queue[first, 1]
-            first = (first + 1) % capacity
-        else:
-            last = (first + count) % capacity
-            low, high = queue[last, 0], queue[last, 1]
-        if (low == 0.0 or high == 1.0) and (high - low) * bound <= open_end:
-            continue
-        middle = 0.5 * (low + high)
-        need = 0.5 * (high - low) * bound + ROUNDING
-        x, y, theta = a[0] + middle * dx, a[1] + middle * dy, a[2] + middle * dtheta
-        c, s = cos(theta), sin(theta)
-        d = field_clearance(field, robot, x, y, c, s, need)
-        if d < need:
-            if not exact:
-                if field_hit(field, robot, x, y, c, s):
-                    return BLOCKED
-                if d < 0.5 * field.slack:
-                    answer = UNDECIDED
-                    continue
-            elif d < 2.0 * field.slack:
-                if d < 0.0 and field_hit(field, robot, x, y, c, s):
-                    return BLOCKED
-                cap = min(need + ROUNDING, max(d, 0.0) + 4.0 * field.slack)
-                d = exact_clearance(grid, robot, placed, x, y, c, s, cap)
-                if d < need and d < CONTACT:
-                    near_end = min(middle, 1.0 - middle) * bound < END_ZONE
-                    if d <= ROUNDING or not near_end:
-                        return BLOCKED
-        if d < need:
-            reach = (d - ROUNDING) / bound
-            queue[(first + count) % capacity, 0] = low
-            queue[(first + count) % capacity, 1] = middle - reach
-            queue[(first + count + 1) % capacity, 0] = middle + reach
-            queue[(first + count + 1) % capacity, 1] = high
-            count += 2
-    return BLOCKED if exact else UNDECIDED
-
-
-@njit(cache=True, nogil=True)
-def motions_certified(
-    grid: ObstacleGrid, field: ClearanceField, robot: Footprint, a: FloatArray, b: FloatArray, exact: bool
-) -> np.ndarray:
-    """Return FREE, BLOCKED or (only if not ``exact``) UNDECIDED for motions from a to b.
-
-    Args:
-        grid: the obstacles.
-        field: their clearance field.
-        robot: the footprint.
-        a: starts, shape (n, 3), valid.
-        b: ends, shape (n, 3), valid.
-        exact: False asks the field alone.
-
-    Returns:
-        uint8, shape (n,).
-    """
-    placed = workspace(robot)
-    queue = np.empty((128, 2))
-    result = np.empty(len(a), np.uint8)
-    for i in range(len(a)):
-        result[i] = motion(grid, field, robot, placed, queue, a[i], b[i], exact)
     return result

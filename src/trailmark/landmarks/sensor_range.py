@@ -8,8 +8,9 @@ import numpy as np
 
 from trailmark import se2
 from trailmark.collision import StateChecker
+from trailmark.collision.certify import motions_certified
 from trailmark.collision.footprint import build_footprint
-from trailmark.collision.kernels import FREE, motions_certified
+from trailmark.collision.kernels import FREE
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks.kmeans import k_means_landmarks
 from trailmark.landmarks.sampling import RandomState, free_samples, generator

@@ -9,8 +9,8 @@ from ompl import base as ob
 
 from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
-from trailmark.collision.pointwise import PointwiseChecker
 from trailmark.heading import turn, wrapped
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of

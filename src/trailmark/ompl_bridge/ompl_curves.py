@@ -7,8 +7,8 @@ from typing import Any
 
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import TOUCHING_TOLERANCE
-from trailmark.collision.pointwise_curves import TIE, PointwiseCurveChecker
 from trailmark.curves import Steering
+from trailmark.motion.pointwise_curves import TIE, PointwiseCurveChecker
 from trailmark.ompl_bridge.states import opened, state
 
 __all__ = ["OmplCurves"]

@@ -11,8 +11,8 @@ from ompl import base as ob
 from trailmark import se2
 from trailmark.arguments import one_of, truth, whole
 from trailmark.collision import StateChecker
-from trailmark.collision.pointwise import PointwiseChecker
 from trailmark.errors import ConfigurationError
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.checker import StateValidityChecker
 from trailmark.ompl_bridge.errors import BridgeError, ObjectiveError, SpaceError
 from trailmark.ompl_bridge.guard import caught

@@ -10,7 +10,7 @@ from typing import Any
 
 from ompl import base as ob
 
-from trailmark.collision.pointwise import PointwiseChecker
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.mixture import ROADMAP_MIXTURE, TREE_MIXTURE, LandmarkStream, Mixture, Seed

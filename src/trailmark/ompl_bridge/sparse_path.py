@@ -14,8 +14,9 @@ from math import hypot
 import numpy as np
 
 from trailmark import se2
-from trailmark.collision.pointwise import PointwiseChecker
 from trailmark.heading import turn, wrapped
+from trailmark.motion import StraightMotion
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.planning.straightening import straightened
 
 __all__ = ["sparse_path"]
@@ -47,8 +48,7 @@ def sparse_path(single: PointwiseChecker, states: se2.FloatArray) -> se2.FloatAr
     """
     rows = np.array(states, dtype=np.float64, order="C")
     if len(rows) > 2:
-        checker = single.checker
-        rows = np.asarray(straightened(checker.grid, checker.field, checker.footprint, rows))
+        rows = np.asarray(straightened(StraightMotion(single.checker).kind, rows))
     # Plain numbers: numpy takes ten times as long for single ones.
     path: list[Configuration] = [(x, y, theta) for x, y, theta in rows.tolist()]
     slack, checks = SLACK * float(np.sum(se2.distance(rows[:-1], rows[1:]))), 0

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import hypot
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.heading import turn
 from trailmark.landmarks import Relaxation, k_means_landmarks
 from trailmark.landmarks.informed import Band
-from trailmark.path import Path
+from trailmark.motion import TranslationMotion
 from trailmark.planning.background import BackgroundProof
 from trailmark.planning.bridge import Bridge
 from trailmark.planning.claims import contradicted, grid_separates
 from trailmark.planning.disc_way import disc_way
+from trailmark.planning.drives import drives_from
 from trailmark.planning.general import SAMPLES_PER_LANDMARK
-from trailmark.planning.headings import turned_evenly
 from trailmark.planning.incident import report_incident
 from trailmark.planning.lower_bound import SECONDS_A_WAY, LowerBound
 from trailmark.planning.recall import Recall
@@ -28,7 +26,6 @@ from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, Scout
 from trailmark.planning.shortening import shorten
 from trailmark.planning.straightening import without_needless
 from trailmark.roadmap import Roadmap
-from trailmark.roadmap.roadmap import UNBOUNDED
 
 __all__ = ["LLOYD_STEPS", "Attempt", "OnProgress"]
 
@@ -66,8 +63,15 @@ looked for in it may be longer at first, up to the second."""
 DUPLICATE = 0.05
 """Of the inscribed disc's radius: a landmark that lies nearer to a node that is joined already is not added."""
 
-SECONDS_A_RELAXED_CELL, SECONDS_AN_EDGE = 1.5e-6, 5e-6
-"""What a cell of the relaxed problem, and a node or an edge of the roadmap that a search looks at, may take."""
+SECONDS_A_RELAXED_CELL, SECONDS_AN_EDGE, SECONDS_A_DRIVE = 1.5e-6, 5e-6, 1e-4
+"""What a cell of the relaxed problem, a node or an edge of the roadmap that a search looks at, and a configuration
+reached by a car's drive may take."""
+
+LONGEST_DRIVE = 0.1
+"""Turning radii: drives of the first round; those of later ones are half as long each time."""
+
+DRIVES, DRIVEN_LANDMARKS = 6000, 80
+"""Configurations that drives from one part of the roadmap reach at first, and landmarks among them."""
 
 AT_LEISURE = 1_000
 """Nodes and edges of the roadmap looked at before landmarks are placed."""
@@ -134,15 +138,14 @@ class Attempt:
         self.on_progress, self.stop = on_progress, stop
         self.nearest: se2.FloatArray | None = None
         self.bound, self.gap = bound, gap
-        self._turned = se2.ROTATION_WEIGHT * abs(turn(self.start[2], self.goal[2]))
-        self.lower_bound = self._least_cost()
+        self.motion = roadmap.motion
+        self.lower_bound = self.motion.least_cost(self.start, self.goal)
         self._proven = bound is None
         # Whether something that was claimed turned out to be wrong.
         self._refuted = False
         self._cutting = 0.0
         self._refining = 0.0
         self._proof: BackgroundProof | None = None
-        self.turning = self.roadmap.turning
         self.sought = roadmap
         self.recall = Recall(roadmap, self.start, self.goal)
         self.scout: Scout | None = None
@@ -162,8 +165,8 @@ class Attempt:
                 self._proof.end()
 
     def _run(self) -> tuple[Status, se2.FloatArray | None]:
-        ends = self._ends()
-        if self._straight(ends):
+        ends = self.motion.ends(self.start, self.goal)
+        if self.motion.motions_between_valid(ends[:1], ends[1:])[0]:
             # Nothing is shorter.
             self._offer(ends)
             self._known_cost = self.best_cost
@@ -233,19 +236,10 @@ class Attempt:
         if len(self.roadmap) < KEPT or (self._known_cost == np.inf and self.recall.complete):
             self.roadmap.add_path(self.best)
 
-    def _ends(self) -> se2.FloatArray:
-        """Return start and goal as the roadmap knows them: a disc robot at heading 0 only."""
-        ends = np.array([self.start, self.goal])
-        if not self.turning:
-            ends[:, 2] = 0.0
-        return ends
-
-    def _straight(self, ends: se2.FloatArray) -> bool:
-        """Return whether a single motion leads from start to goal."""
-        return bool(self.checker.motions_between_valid(ends[:1], ends[1:])[0])
-
     def _scout(self, ends: se2.FloatArray) -> Scout | None:
-        """Return what looks for ways over lattices."""
+        """Return what looks for paths over lattices, whose steps are not a car's."""
+        if not self.motion.moves_anywhere:
+            return None
         return Scout(self.checker, ends[0], ends[1], self.relaxation.size, self._time_left)
 
     def _place(self, band: Band, scout: Scout | None, ends: se2.FloatArray) -> int:
@@ -258,7 +252,7 @@ class Attempt:
             return 0
         if len(self.roadmap) >= KEPT:
             # What is tried for this query alone would only hold up others.
-            self.sought = type(self.roadmap)(self.checker)
+            self.sought = Roadmap(self.checker, self.motion)
         nodes = self.sought.ends(ends)
         rounds = 0
         while self._may_exist(band) and self._go_on("placing landmarks"):
@@ -324,10 +318,37 @@ class Attempt:
 
     def _join(self, band: Band, nodes: NDArray[np.int64], rounds: int) -> None:
         """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
+        if not self.motion.moves_anywhere:
+            self._drive(band, nodes, LONGEST_DRIVE * self.motion.radius * 0.5**rounds, DRIVES << min(rounds, 6))
+            return
         bridge = Bridge(self.sought, band, nodes, self.rng)
         while self.best is None and bridge.promising and self._time_left() > 0.0:
             self.sought.add(bridge.landmarks())
             self._search(self.sought, band, nodes)
+
+    def _drive(self, band: Band, nodes: NDArray[np.int64], step: float, most: int) -> None:
+        """Drive on from what the start leads to, and towards what leads to the goal, and search again."""
+        self._report("driving")
+        band.widen(np.inf)
+        for reverse in (False, True):
+            most = int(min(most, max(0.0, self._time_left()) / SECONDS_A_DRIVE))
+            reached = np.flatnonzero(self.sought.reached(int(nodes[int(reverse)]), reverse=reverse))
+            found = drives_from(
+                self.motion,
+                band.relaxation,
+                band.from_start if reverse else band.to_goal,
+                self.sought.configurations[reached],
+                reverse=reverse,
+                step=step,
+                most=most,
+                landmarks=DRIVEN_LANDMARKS,
+                rng=self.rng,
+            )
+            parents = np.concatenate([reached, len(self.sought) + np.arange(len(found.parents))])[found.parents]
+            self.sought.add_tree(found.configurations, parents, reverse=reverse)
+            self._search(self.sought, band, nodes)
+            if self.best is not None or self._time_left() <= 0.0:
+                return
 
     def _grow(self, roadmap: Roadmap, band: Band, widening: float, landmarks: int) -> None:
         """Cluster samples of the band into landmarks and join them to a roadmap."""
@@ -337,15 +358,10 @@ class Attempt:
         samples = band.samples(SAMPLES_PER_LANDMARK * landmarks, widening, self.rng)
         if len(samples):
             centres = k_means_landmarks(
-                samples, landmarks, radius=self._turning_radius, steps=LLOYD_STEPS, random_state=self.rng
+                samples, landmarks, radius=self.motion.radius, steps=LLOYD_STEPS, random_state=self.rng
             )
             roadmap.add(self._fresh(roadmap, centres))
         self._growing = (perf_counter() - begin) / landmarks
-
-    @property
-    def _turning_radius(self) -> float:
-        """How far (metres) a radian of heading counts among landmarks: as far as it moves the robot."""
-        return self.checker.footprint.sweep_radius
 
     def _fresh(self, roadmap: Roadmap, q: se2.FloatArray) -> se2.FloatArray:
         """Return the configurations without those that are hardly another place than a node that is joined already."""
@@ -355,23 +371,22 @@ class Attempt:
         """Return the states of the shortest path from the start to the node, of those reached, nearest to the goal."""
         start, goal, sought = int(nodes[0]), int(nodes[1]), self.sought
         q = sought.configurations
-        reached = np.flatnonzero(sought.shortest_path(start, goal).reached)
+        reached = np.flatnonzero(sought.reached(start))
         last = int(reached[np.argmin(se2.distance(q[reached], q[goal]))])
         states = np.array(q[sought.shortest_path(start, last).nodes])
-        if not self.turning:
-            states[:, 2] = self.start[2]
-        return states
+        return self.motion.whole_states(states, self.start, np.array([*states[-1, :2], self.start[2]]))
 
     def _search(
         self, roadmap: Roadmap, band: Band | None, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None
     ) -> None:
         """Offer a roadmap's shortest path, shortened."""
         # The relaxed way guides to a first path soon; it may overestimate, so what betters a path is sought without.
-        to_go = band.costs_to_goal(roadmap.configurations) if band is not None and self.best is None else None
+        to_go = roadmap.distances_to(int(nodes[1]))
+        if band is not None and self.best is None:
+            to_go = np.maximum(to_go, band.costs_to_goal(roadmap.configurations))
         limit = np.inf if banned is not None else self.best_cost
-        budget = int(min(UNBOUNDED, max(0.0, self._time_left()) / SECONDS_AN_EDGE))
         found = roadmap.shortest_path(
-            int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit, budget=budget
+            int(nodes[0]), int(nodes[1]), to_go=to_go, banned=banned, limit=limit, seconds=self._time_left()
         )
         self._take(roadmap.configurations[found.nodes])
 
@@ -393,7 +408,9 @@ class Attempt:
 
     def _shortened(self, states: se2.FloatArray, sweeps: int = SWEEPS, *, splitting: bool = False) -> se2.FloatArray:
         """Return a path made shorter, with added vertices or without."""
-        return shorten(self.checker, states, self.rng, sweeps=sweeps, splitting=splitting, stop=self._no_sweep())
+        # A vertex more costs a curve more than it gains.
+        splitting = splitting and self.motion.moves_anywhere
+        return shorten(self.motion, states, self.rng, sweeps=sweeps, splitting=splitting, stop=self._no_sweep())
 
     def _is_over(self) -> bool:
         return self._time_left() <= 0.0
@@ -421,7 +438,7 @@ class Attempt:
         if self._disc_way():
             return
         settled = 0
-        roadmap = type(self.roadmap)(self.checker)
+        roadmap = Roadmap(self.checker, self.motion)
         nodes = roadmap.add(ends)
         marked = np.zeros(0, dtype=np.int64)
         while settled < PATIENCE and self.best is not None and not self._close_enough() and self._go_on("improving"):
@@ -448,7 +465,7 @@ class Attempt:
 
     def _disc_way(self) -> bool:
         """Offer the shortest way of a disc robot; return False if there is no time for it, or it is not found."""
-        if self.turning or self.bound is None or self._close_enough():
+        if not isinstance(self.motion, TranslationMotion) or self.bound is None or self._close_enough():
             return False
         # Its region takes longer to make than the bound's, which has fewer corners.
         if 1.2 * self._seconds_to_cut() > self._time_left():
@@ -465,8 +482,7 @@ class Attempt:
 
     def _without_needless(self, states: se2.FloatArray) -> se2.FloatArray:
         """Return a path without the vertices that it does without."""
-        checker = self.checker
-        return np.asarray(without_needless(checker.grid, checker.field, checker.footprint, states))
+        return np.asarray(without_needless(self.motion.kind, states))
 
     def _widening(self, band: Band) -> float:
         """Return how much longer than the relaxed shortest way a better path's ways may be."""
@@ -487,11 +503,8 @@ class Attempt:
             return
         problem = f"a lower bound of {self.lower_bound:g} m is above the cost of a path, {self._whole_cost():g} m"
         report_incident(problem, self.checker.world, self.checker.robot, self.start, self.goal)
-        self.lower_bound, self._proven, self._refuted = self._least_cost(), True, True
-
-    def _least_cost(self) -> float:
-        """Return what the way would cost without obstacles, metres."""
-        return hypot(self.goal[0] - self.start[0], self.goal[1] - self.start[1]) + self._turned
+        least = self.motion.least_cost(self.start, self.goal)
+        self.lower_bound, self._proven, self._refuted = least, True, True
 
     def _without_path(self, band: Band) -> Status:
         """Return what there is to say without a path; a claim of the relaxed problem's grid is proven anew."""
@@ -506,7 +519,8 @@ class Attempt:
 
     def _prove_aside(self) -> None:
         """Begin to look for a proof, with headings, that no path exists; searches end once it is found."""
-        if self.best is None and self._proof is None and self.bound is not None and self.turning:
+        disc = isinstance(self.motion, TranslationMotion)
+        if self.best is None and self._proof is None and self.bound is not None and not disc:
             # Known first, so that an exception in between does not leave it running.
             self._proof = BackgroundProof(self.checker, self.start, self.goal, max(0.0, self._time_left()))
             self._proof.begin()
@@ -549,21 +563,15 @@ class Attempt:
 
     def _cost(self, states: se2.FloatArray) -> float:
         """Return the cost of a path as the roadmap knows it: a disc robot's without headings."""
-        steps = se2.difference(states[:-1], states[1:])
-        cost = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-        return cost + se2.ROTATION_WEIGHT * float(np.abs(steps[:, 2]).sum()) if self.turning else cost
+        return self.motion.cost_of(states)
 
     def _whole_cost(self) -> float:
         """Return the best path's cost, a disc robot's turning included; infinite without a path."""
-        return self.best_cost if self.turning else self.best_cost + self._turned
+        return self.motion.whole_cost(self.best_cost, self.start, self.goal)
 
     def _with_headings(self, states: se2.FloatArray) -> se2.FloatArray:
-        """Return the path with the ends' headings; a disc robot turns evenly along it, which costs the least."""
-        return states if self.turning else turned_evenly(states, self.start, self.goal)
-
-    def _path(self, states: se2.FloatArray) -> Path:
-        """Return the path of these states."""
-        return Path(states)
+        """Return the path with the ends' headings."""
+        return self.motion.whole_states(states, self.start, self.goal)
 
     def _answer(self) -> tuple[Status, se2.FloatArray | None]:
         if self.best is not None:
@@ -591,7 +599,7 @@ class Attempt:
     def _report(self, phase: str) -> None:
         if self.on_progress is None:
             return
-        path = None if self.best is None else self._path(self._with_headings(self.best))
-        nearest = None if self.nearest is None or path is not None else self._path(self.nearest)
+        path = None if self.best is None else self.motion.path(self._with_headings(self.best))
+        nearest = None if self.nearest is None or path is not None else self.motion.path(self.nearest)
         cost = None if path is None else self._whole_cost()
         self.on_progress(PlanProgress(perf_counter() - self.begin, phase, len(self.roadmap), cost, path, nearest))

@@ -41,8 +41,8 @@ class Bridge:
     def landmarks(self) -> se2.FloatArray:
         """Return valid configurations, shape (n, 3), around the places where the parts might be joined."""
         q, band = self.roadmap.configurations, self.band
-        ahead = q[self.roadmap.shortest_path(self.start, self.goal).reached]
-        behind = q[self.roadmap.shortest_path(self.goal, self.start).reached]
+        ahead = q[self.roadmap.reached(self.start)]
+        behind = q[self.roadmap.reached(self.goal, reverse=True)]
         near, far, gap = self._closest(ahead, behind)
         first, last = band.nearest_to_goal(ahead), band.nearest_to_start(behind)
         apart = np.array([gap, band.costs_to_goal(ahead[[first]])[0], band.costs_to_start(behind[[last]])[0]])
@@ -58,7 +58,7 @@ class Bridge:
         """Return the indices of the closest pair of two sets of configurations, and their distance (metres)."""
         from scipy.spatial import cKDTree
 
-        radius = self.roadmap.checker.footprint.sweep_radius
+        radius = self.roadmap.motion.radius
         found = cKDTree(se2.embed(behind, radius)).query(se2.embed(ahead, radius))
         gaps, pairs = np.asarray(found[0]), np.asarray(found[1])
         near = int(np.argmin(gaps))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.collision.curve_motions import CurveChecker, curve_motion
+from trailmark.collision.certify import curve_motion
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, state, workspace
@@ -26,6 +26,7 @@ from trailmark.curves.words import PIECES, walk
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.landmarks.kmeans import lloyd
 from trailmark.landmarks.relaxation import CostMap, Relaxation
+from trailmark.motion import Motion
 
 __all__ = ["Drives", "drives_from"]
 
@@ -52,12 +53,12 @@ class Drives(NamedTuple):
 
 
 def drives_from(
-    motions: CurveChecker,
+    motions: Motion,
     relaxation: Relaxation,
     costs: CostMap,
     sources: se2.FloatArray,
     *,
-    into: bool,
+    reverse: bool,
     step: float,
     most: int,
     landmarks: int,
@@ -73,21 +74,21 @@ def drives_from(
         relaxation: the relaxed problem's grid.
         costs: its costs to where the drives should lead.
         sources: valid configurations, shape (m, 3).
-        into: whether the drives are to lead to the sources, not away from them.
+        reverse: whether the drives are to lead to the sources, not away from them.
         step: longest drive, metres; cells are half as large. Both are halved until so many configurations are reached.
         most: configurations reached at most.
         landmarks: about so many of them are kept.
         rng: source of randomness.
     """
-    checker, steering = motions.checker, motions.steering
-    directions = np.array([1.0, -1.0] if steering.reverse else [-1.0 if into else 1.0])
+    checker, radius = motions.checker, motions.radius
+    directions = np.array([-1.0 if reverse else 1.0] if motions.directed else [1.0, -1.0])
     m = len(sources)
     while True:
         q, parents, controls, to_go = _grow(
             checker.grid,
             checker.field,
             checker.footprint,
-            steering.radius,
+            radius,
             directions,
             np.array(sources, order="C"),
             step,
@@ -98,7 +99,7 @@ def drives_from(
             relaxation.center,
             most,
         )
-        if len(q) >= m + most or step <= FINEST * steering.radius:
+        if len(q) >= m + most or step <= FINEST * radius:
             break
         # All cells that these drives lead to are entered: smaller ones may lead farther.
         step *= 0.5
@@ -106,11 +107,11 @@ def drives_from(
         return Drives(np.empty((0, 3)), np.empty(0, np.int64))
     from scipy.spatial import cKDTree
 
-    points = se2.embed(q[m:], steering.radius)
+    points = se2.embed(q[m:], radius)
     first = points[rng.choice(len(points), min(landmarks, len(points)), replace=False)]
     chosen = m + np.unique(np.asarray(cKDTree(points).query(lloyd(points, first, 2))[1]))
     chosen = np.unique(np.append(chosen, m + np.argmin(to_go[m:])))
-    return _joined(q, parents, controls, chosen, m, steering.radius)
+    return _joined(q, parents, controls, chosen, m, radius)
 
 
 def _joined(

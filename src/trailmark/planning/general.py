@@ -83,7 +83,7 @@ def grow_general(
     """Add landmarks until random queries find their paths, and no much shorter ones when landmarks are doubled.
 
     Args:
-        roadmap: of straight motions; what is there already is kept.
+        roadmap: what is there already is kept.
         relaxation: the relaxed problem's grid.
         rng: source of randomness.
         seconds_left: asked before each part of the landmarks, which begins only if it is expected to come to its end.
@@ -93,7 +93,7 @@ def grow_general(
         ConfigurationError: no free place for the robot.
     """
     checker = roadmap.checker
-    radius, rounds = checker.footprint.sweep_radius, list[Grown]()
+    radius, rounds = roadmap.motion.radius, list[Grown]()
     probes, before = np.empty((0, 2, 3)), np.empty(0)
     placed, part = 0, SMALLEST
     while True:
@@ -204,5 +204,5 @@ def _costs(graph: QueryGraph, pairs: se2.FloatArray, seconds_left: Callable[[], 
             break
         states = graph.way(start, goal)
         if states is not None:
-            costs[i] = graph.cost(states)
+            costs[i] = graph.motion.cost_of(states)
     return costs

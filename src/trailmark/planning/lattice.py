@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 
 from trailmark.clock import Deadline, now
 from trailmark.collision import StateChecker
+from trailmark.collision.certify import motion
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import FREE, motion, state, workspace
+from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.heading import turn

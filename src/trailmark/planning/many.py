@@ -9,8 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from trailmark import se2
-from trailmark.path import Path
-from trailmark.planning.headings import turned_evenly
+from trailmark.motion import Motion
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.shortening import shorten
 from trailmark.planning.straightening import without_needless
@@ -51,31 +50,27 @@ class Answer:
         nearest: None: what comes near is not looked for.
     """
 
-    def __init__(self, start: se2.FloatArray, goal: se2.FloatArray, turning: bool) -> None:
+    def __init__(self, motion: Motion, start: se2.FloatArray, goal: se2.FloatArray) -> None:
         self.begin = perf_counter()
-        self.start, self.goal, self.turning = start, goal, turning
+        self.motion, self.start, self.goal = motion, start, goal
         self.states: se2.FloatArray | None = None
         self.cost = np.inf
         self.first_cost: float | None = None
-        self.lower_bound = float(se2.distance(start, goal))
+        self.lower_bound = motion.least_cost(start, goal)
         self.history: list[tuple[float, float]] = []
         self.nearest: se2.FloatArray | None = None
 
     def end(self, states: se2.FloatArray) -> None:
         """Keep a path that costs no more than the best so far, but for rounding."""
         self.offer(states)
-        self.states = self._whole(states)
-
-    def _whole(self, states: se2.FloatArray) -> se2.FloatArray:
-        """Return a path with the ends' headings; a disc robot turns evenly along it."""
-        return states if self.turning else turned_evenly(states, self.start, self.goal)
+        self.states = self.motion.whole_states(states, self.start, self.goal)
 
     def offer(self, states: se2.FloatArray) -> None:
         """Keep a path if it is the best so far."""
         # Now, not after its cost is known.
         seconds = perf_counter() - self.begin
-        whole = self._whole(states)
-        cost = float(np.sum(se2.distance(whole[:-1], whole[1:])))
+        whole = self.motion.whole_states(states, self.start, self.goal)
+        cost = self.motion.path(whole).cost
         if cost < self.cost:
             self.states, self.cost = whole, cost
             self.first_cost = cost if self.first_cost is None else self.first_cost
@@ -103,11 +98,9 @@ class KeptRoadmap:
             goal: valid, shape (3,).
             time_limit: seconds after which a path is shortened no further.
         """
-        turning, graph = self.graph.turning, self.graph
-        answer = Answer(start, goal, turning)
-        ends = np.array([start, goal])
-        if not turning:
-            ends[:, 2] = 0.0
+        graph, motion = self.graph, self.graph.motion
+        answer = Answer(motion, start, goal)
+        ends = motion.ends(start, goal)
         found = graph.way(ends[0], ends[1], weight=HASTE)
         if found is None:
             return answer
@@ -124,7 +117,7 @@ class KeptRoadmap:
         def late() -> bool:
             return perf_counter() > deadline
 
-        best = shorten(self.checker, found, rng, sweeps=FIRST_SWEEPS, stop=late)
+        best = shorten(motion, found, rng, sweeps=FIRST_SWEEPS, stop=late)
         answer.offer(best)
         if self.bound is not None and self.bound.seconds(start, goal, answer.cost) < deadline - perf_counter():
             answer.lower_bound = max(answer.lower_bound, self.bound.of(start, goal, answer.cost).cost)
@@ -134,20 +127,19 @@ class KeptRoadmap:
                 break
             closed = np.vstack([closed, self._tightest(best if len(closed) == 0 else found)])
             other = graph.way(ends[0], ends[1], closed=closed)
-            if other is None or graph.cost(other) > LONGER * graph.cost(best):
+            if other is None or motion.cost_of(other) > LONGER * motion.cost_of(best):
                 break
-            found = shorten(self.checker, other, rng, sweeps=FIRST_SWEEPS, stop=late)
+            found = shorten(motion, other, rng, sweeps=FIRST_SWEEPS, stop=late)
             answer.offer(found)
-            if graph.cost(found) < graph.cost(best):
+            if motion.cost_of(found) < motion.cost_of(best):
                 best = found
-        best = shorten(self.checker, best, rng, sweeps=SWEEPS, stop=late)
-        checker = self.checker
-        answer.end(np.asarray(without_needless(checker.grid, checker.field, checker.footprint, best)))
+        best = shorten(motion, best, rng, sweeps=SWEEPS, stop=late)
+        answer.end(np.asarray(without_needless(motion.kind, best)))
         return answer
 
     def _tightest(self, states: se2.FloatArray) -> se2.FloatArray:
         """Return a disc x, y, radius (metres), shape (1, 3), that closes a path's way where it is tightest."""
-        path = Path(states)
+        path = self.graph.motion.path(states)
         places = path.resample(max(path.cost / PLACES, 1e-9)).states
         reach = self.checker.robot.circumradius
         room = np.asarray(self.checker.clearance(places, cap=4.0 * reach))

@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.arguments import callback, number, one_of, truth, whole
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath, Steering
+from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError, WorldError, as_raised
 from trailmark.landmarks import Relaxation
+from trailmark.motion import kind_of, motion_of
 from trailmark.path import Path
 from trailmark.planning.attempt import Attempt, OnProgress
-from trailmark.planning.car import CarAttempt
 from trailmark.planning.claims import contradicted
 from trailmark.planning.general import grow_general, spread_landmarks
 from trailmark.planning.incident import report_incident
@@ -27,8 +27,8 @@ from trailmark.planning.last_look import LastLook
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.many import Answer, KeptRoadmap, each
 from trailmark.planning.result import PlanProgress, PlanResult, Status
-from trailmark.planning.warmup import warm_up, warm_up_curves, warm_up_queries
-from trailmark.roadmap import CurveRoadmap, Roadmap
+from trailmark.planning.warmup import warm_up, warm_up_queries
+from trailmark.roadmap import Roadmap
 from trailmark.roadmap.query import QueryGraph
 from trailmark.world import Robot, World
 
@@ -111,16 +111,14 @@ class LandmarkPlanner:
             one_of(checker, StateChecker, "checker:").require_for(world, robot)
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
         self._warm = truth(warm, "warm:")
-        if self._warm:
-            warm_up()
+        moving = robot or (checker.robot if checker is not None else world.robot)
+        if self._warm and moving is not None:
+            warm_up(kind_of(one_of(moving, Robot, "robot:", error=WorldError)))
         begin = perf_counter()
         self.checker = StateChecker(world, robot) if checker is None else checker
         self.robot = self.checker.robot
-        self.steering = Steering.of(self.robot)
+        self.motion = motion_of(self.checker)
         self._last_look = LastLook(world, self.robot)
-        if warm and self.steering is not None:
-            warm_up_curves()
-            begin = perf_counter()
         self.roadmap = self._new_roadmap()
         self._build_time = perf_counter() - begin
         self._landmarks = landmarks
@@ -156,8 +154,7 @@ class LandmarkPlanner:
     ) -> None:
         """Spread landmarks over all free space, as many as there is time for; some more the next time."""
         begin = perf_counter()
-        radius = self.checker.footprint.sweep_radius if self.steering is None else self.steering.radius
-        placed = spread_landmarks(self.roadmap, radius, k, self._rng, seconds_left=seconds_left, told=told)
+        placed = spread_landmarks(self.roadmap, self.motion.radius, k, self._rng, seconds_left=seconds_left, told=told)
         self._to_place = max(0, self._to_place - placed)
         self._spread |= placed == k
         self._build_time += perf_counter() - begin
@@ -216,7 +213,7 @@ class LandmarkPlanner:
             self._place(self._to_place, lambda: -np.inf if stop is not None and stop() else by - perf_counter())
             build = self._build_time
         for _ in range(TRIES):
-            attempt = (Attempt if self.steering is None else CarAttempt)(
+            attempt = Attempt(
                 self.roadmap,
                 self.relaxation,
                 self._rng,
@@ -240,7 +237,7 @@ class LandmarkPlanner:
         return self._result(attempt, status, path, build)
 
     def _new_roadmap(self) -> Roadmap:
-        return Roadmap(self.checker) if self.steering is None else CurveRoadmap(self.checker, self.steering)
+        return Roadmap(self.checker, self.motion)
 
     def _is_certified(self, path: Path, ends: se2.FloatArray) -> bool:
         """Return whether a path stands the last look; report it as trailmark's own error if it does not."""
@@ -313,9 +310,9 @@ class LandmarkPlanner:
         callback(stop, "stop:")
         if all(isinstance(q, Sized) and len(q) == 0 for q in (starts, goals)):
             return []
-        if self._warm and self.steering is None:
+        if self._warm:
             # Else what they compile, on a machine's first use, would take up the limit.
-            warm_up_queries()
+            warm_up_queries(kind_of(self.robot))
         begin = perf_counter()
         ends = self._valid_ends(starts, goals)
         count = len(ends)
@@ -329,7 +326,7 @@ class LandmarkPlanner:
             if on_progress is not None:
                 on_progress(0, count)
 
-        if self.steering is None and count:
+        if count:
             later = (1.0 - BUILD_SHARE) * time_limit * count
             graph = self._ready(lambda: seconds_left() - later, told)
             kept = KeptRoadmap(graph, self._bound_of_all(ends[0], seconds_left()) if bounds else None, self.seed)
@@ -347,8 +344,7 @@ class LandmarkPlanner:
             if results[i] is None:
                 left, nodes = seconds_left(), len(self.roadmap)
                 if left <= 0.0:
-                    nothing = Answer(start, goal, turning=True)
-                    nothing.lower_bound = self._in_the_open(start, goal)
+                    nothing = Answer(self.motion, start, goal)
                     results[i] = self._result(nothing, "timeout", None, 0.0)
                     continue
                 results[i] = self.plan(start, goal, min(time_limit, left), max_iterations=max_iterations, stop=stop)
@@ -420,9 +416,7 @@ class LandmarkPlanner:
         return self._relaxation
 
     def _path(self, states: se2.FloatArray | None) -> Path | None:
-        if states is None:
-            return None
-        return Path(states) if self.steering is None else CurvePath(states, self.steering)
+        return None if states is None else self.motion.path(states)
 
     def _nearest(self, attempt: Attempt | Answer) -> Path | None:
         """Return the path that ends nearest to the goal, if one was found and it stands the last look."""
@@ -439,11 +433,7 @@ class LandmarkPlanner:
         problem = f"a lower bound of {attempt.lower_bound:g} m is above the cost of a path, {path.cost:g} m"
         states = path.knots if isinstance(path, CurvePath) else path.states
         report_incident(problem, self.world, self.robot, *ends, seed=self.seed, states=states.tolist())
-        return self._in_the_open(*ends)
-
-    def _in_the_open(self, start: se2.FloatArray, goal: se2.FloatArray) -> float:
-        """Return what a path would cost without obstacles, metres."""
-        return float(se2.distance(start, goal) if self.steering is None else self.steering.lengths(start, goal))
+        return self.motion.least_cost(*ends)
 
     def _result(self, attempt: Attempt | Answer, status: Status, path: Path | None, build: float) -> PlanResult:
         clearance = None

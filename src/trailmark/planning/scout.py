@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trailmark.collision import StateChecker
+from trailmark.motion import StraightMotion, TranslationMotion
 from trailmark.planning.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice import Lattice
 from trailmark.planning.straightening import straightened
@@ -123,6 +124,7 @@ class Scout:
         seconds_left: Callable[[], float],
     ) -> None:
         self.checker, self.ends = checker, (start, goal)
+        self.motion = StraightMotion(checker) if checker.footprint.disc_radius < 0.0 else TranslationMotion(checker)
         self.turning = checker.footprint.disc_radius < 0.0
         # Without headings to tell apart, closer positions cost little.
         self.cell = cell if self.turning else 0.5 * cell
@@ -210,7 +212,7 @@ class Scout:
         if len(way) == 0:
             return way
         way = way if onward else np.ascontiguousarray(way[::-1])
-        way = np.asarray(straightened(self.checker.grid, self.checker.field, self.checker.footprint, way))
+        way = np.asarray(straightened(self.motion.kind, way))
         # Once more, as the path is: the way back of exactly half a turn is another motion, and the lattice's own idea
         # of the start is a rounding away from it.
         return way if self.checker.motions_between_valid(way[:-1], way[1:]).all() else np.empty((0, 3))

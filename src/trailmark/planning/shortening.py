@@ -1,4 +1,4 @@
-"""Path shortening with certified motions: shortcuts, shortcuts of the heading alone, and moved vertices.
+"""Path shortening with certified motions: shortcuts, shortcuts of the heading alone, moved and dropped vertices.
 
 Sources: shortcuts: Kavraki, Svestka, Latombe & Overmars 1996, section 4.5, and Geraerts & Overmars, "Creating
 high-quality paths for motion planning", IJRR 2007, which also brings shortcuts of single coordinates.
@@ -8,20 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import cos, hypot, log2, pi, sin, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.collision import StateChecker
-from trailmark.collision.field import ClearanceField
-from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import FREE, motion, state, workspace
-from trailmark.collision.obstacles import ObstacleGrid
-from trailmark.compiled import njit
+from trailmark.collision.kernels import FREE, state
+from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import turn, wrapped
-from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.motion import Motion
+from trailmark.motion.base import Room, certified, cost, interpolate, new_room
+from trailmark.motion.curve import Curve
+from trailmark.motion.straight import Straight
+from trailmark.motion.translation import Translation
+from trailmark.se2 import FloatArray
 
-__all__ = ["random_span", "shorten", "uniform"]
+__all__ = ["shorten"]
 
 GAIN = 1e-7
 """Metres that a change must save at least."""
@@ -31,7 +33,7 @@ EFFORT = 500
 
 
 def shorten(
-    checker: StateChecker,
+    motion: Motion,
     states: FloatArray,
     rng: np.random.Generator,
     *,
@@ -40,12 +42,10 @@ def shorten(
     splitting: bool = False,
     stop: Callable[[], bool] | None = None,
 ) -> FloatArray:
-    """Return a path no longer than the given one, with the same ends; shape (m, 3).
-
-    A disc robot's headings are left alone and do not count.
+    """Return a path that costs no more than the given one, with the same ends; shape (m, 3).
 
     Args:
-        checker: certifies the motions.
+        motion: what leads from one state to the next, and certifies it.
         states: a path of certified motions, shape (n, 3).
         rng: source of randomness.
         sweeps: rounds over the whole path at most.
@@ -53,24 +53,23 @@ def shorten(
         splitting: add vertices in each sweep; takes longer, and gets around corners on which the path hangs.
         stop: asked before each sweep whether to end early.
     """
-    turning = checker.footprint.disc_radius < 0.0
     seed = np.array([rng.integers(1, 2**63)], dtype=np.uint64)
     # A copy: a Path's states are read-only, which to numba is another type and another compilation.
     path = np.array(states, dtype=np.float64, order="C")
-    scale = 0.1 * _total(path, turning) / max(1, len(path))
-    history = [_total(path, turning)]
+    history = [motion.cost_of(path)]
+    scale = 0.1 * history[0] / max(1, len(path))
     for _ in range(sweeps):
         if len(path) < 3 or (stop is not None and stop()):
             break
-        path, scale = _sweep(checker.grid, checker.field, checker.footprint, path, turning, seed, scale, splitting)
-        history.append(_total(path, turning))
+        path, scale, after = _sweep(motion.kind, path, seed, scale, splitting)
+        history.append(after)
         if len(history) > 3 and history[-4] - history[-1] < tolerance * history[-1]:
             break
     return path
 
 
 @njit(cache=True)
-def uniform(seed: NDArray[np.uint64]) -> float:
+def _uniform(seed: NDArray[np.uint64]) -> float:
     """Return a number in [0, 1) and advance the seed (xorshift64*: Vigna 2016)."""
     s = seed[0]
     s ^= s >> np.uint64(12)
@@ -81,235 +80,314 @@ def uniform(seed: NDArray[np.uint64]) -> float:
 
 
 @njit(cache=True)
-def _cost(a: FloatArray, b: FloatArray, turning: bool) -> float:
-    way = hypot(b[0] - a[0], b[1] - a[1])
-    return way + ROTATION_WEIGHT * abs(turn(a[2], b[2])) if turning else way
-
-
-@njit(cache=True)
-def _total(path: FloatArray, turning: bool) -> float:
-    total = 0.0
-    for i in range(len(path) - 1):
-        total += _cost(path[i], path[i + 1], turning)
-    return total
-
-
-@njit(cache=True)
-def _between(a: FloatArray, b: FloatArray, t: float, q: FloatArray) -> None:
-    """Write the configuration at fraction t of the motion from a to b into q."""
-    q[0] = a[0] + t * (b[0] - a[0])
-    q[1] = a[1] + t * (b[1] - a[1])
-    q[2] = wrapped(a[2] + t * turn(a[2], b[2]))
+def _costs(kind: Any, room: Room, path: FloatArray) -> FloatArray:
+    """Return the costs of a path's motions, shape (n - 1,), metres."""
+    result = np.empty(len(path) - 1)
+    for i in range(len(result)):
+        result[i] = cost(kind, room, path[i], path[i + 1])
+    return result
 
 
 @njit(cache=True, nogil=True)
 def _sweep(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    path: FloatArray,
-    turning: bool,
-    seed: NDArray[np.uint64],
-    scale: float,
-    splitting: bool,
-) -> tuple[FloatArray, float]:
-    """Return the path after one round of every kind of change, and the step for the next one's moves."""
-    placed, queue = workspace(robot), np.empty((128, 2))
+    kind: Any, path: FloatArray, seed: NDArray[np.uint64], scale: float, splitting: bool
+) -> tuple[FloatArray, float, float]:
+    """Return the path after one round of every kind of change, the step for the next one's moves, and its cost."""
+    room = new_room(kind)
+    costs = _costs(kind, room, path)
     for _ in range(10 + 2 * len(path)):
-        path = _shortcut(grid, field, robot, placed, queue, path, turning, seed)
-    if turning:
-        for _ in range(5 + len(path)):
-            path = _heading_shortcut(grid, field, robot, placed, queue, path, seed)
-    path = _drop(grid, field, robot, placed, queue, path, turning)
-    moved = 0
+        path, costs = _shortcut(kind, room, path, costs, seed)
+    turn_evenly(kind, room, path, costs, seed)
+    path, costs = _drop(kind, room, path, costs)
     if splitting and len(path) > 2:
-        path = _split(path, turning, seed, scale)
+        path = _split(kind, room, path, costs, seed, scale)
+        costs = _costs(kind, room, path)
+    moved = 0
     for _ in range(3):
-        moved += _move(grid, field, robot, placed, queue, path, turning, seed, scale)
+        moved += _move(kind, room, path, costs, seed, scale)
     scale *= 1.2 if 4 * moved > len(path) else 0.6
-    return _drop(grid, field, robot, placed, queue, path, turning), scale
+    path, costs = _drop(kind, room, path, costs)
+    return path, scale, costs.sum()
 
 
 @njit(cache=True)
-def _locate(path: FloatArray, turning: bool, where: float, q: FloatArray) -> int:
-    """Write the configuration at cost ``where`` along the path into q; return the motion it lies on."""
-    for i in range(len(path) - 1):
-        step = _cost(path[i], path[i + 1], turning)
-        if where <= step or i == len(path) - 2:
-            _between(path[i], path[i + 1], min(1.0, where / step) if step > 0.0 else 0.0, q)
-            return i
-        where -= step
-    return 0
+def _locate(
+    kind: Any, room: Room, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
+) -> tuple[int, float]:
+    """Write the configuration at cost ``place`` along the path into q; return its motion and what lies before on it.
+
+    Places within GAIN of a vertex count as the vertex.
+    """
+    i = 0
+    while i < len(costs) - 1 and place > costs[i]:
+        place -= costs[i]
+        i += 1
+    if place < GAIN:
+        q[:] = path[i]
+        return i, 0.0
+    if place > costs[i] - GAIN:
+        q[:] = path[i + 1]
+        return (i + 1, 0.0) if i < len(costs) - 1 else (i, costs[i])
+    interpolate(kind, room, path[i], path[i + 1], place, q)
+    return i, place
 
 
 @njit(cache=True)
-def random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[float, float]:
+def _random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[float, float]:
     """Return two places along a path: at all scales alike, from the whole path down to one motion's length."""
-    span = total * 2.0 ** (-uniform(seed) * log2(2.0 * pieces + 2.0))
-    low = (uniform(seed) * (total + span)) - span
+    span = total * 2.0 ** (-_uniform(seed) * log2(2.0 * pieces + 2.0))
+    low = (_uniform(seed) * (total + span)) - span
     return max(0.0, low), min(total, low + span)
 
 
 @njit(cache=True)
 def _shortcut(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    placed: FloatArray,
-    queue: FloatArray,
-    path: FloatArray,
-    turning: bool,
-    seed: NDArray[np.uint64],
-) -> FloatArray:
-    """Join two random places of the path by a motion if that is shorter and certified."""
+    kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
+) -> tuple[FloatArray, FloatArray]:
+    """Join two random places of the path by a motion if that saves cost and is certified.
+
+    What is left over of the motions that the places lie on is certified again: a part of a car's shortest curve is one
+    itself, but perhaps not the only one between its ends.
+    """
     n = len(path)
-    total = _total(path, turning)
-    low, high = random_span(total, n, seed)
+    low, high = _random_span(costs.sum(), n, seed)
     a, b = np.empty(3), np.empty(3)
-    i, j = _locate(path, turning, low, a), _locate(path, turning, high, b)
-    if i >= j or high - low - _cost(a, b, turning) < GAIN:
-        return path
-    if motion(grid, field, robot, placed, queue, a, b, True, EFFORT) != FREE:
-        return path
-    # Places at a vertex bring no new one.
-    keep_a = _cost(path[i], a, turning) > GAIN
-    keep_b = _cost(b, path[j + 1], turning) > GAIN
-    head = i + 1
-    result = np.empty((head + int(keep_a) + int(keep_b) + n - j - 1, 3))
-    result[:head] = path[:head]
-    k = head
+    i, before = _locate(kind, room, path, costs, low, a)
+    j, behind = _locate(kind, room, path, costs, high, b)
+    if i >= j or high - low - hypot(b[0] - a[0], b[1] - a[1]) < GAIN:
+        return path, costs
+    if high - low - cost(kind, room, a, b) < GAIN or not certified(kind, room, a, b, EFFORT):
+        return path, costs
+    keep_a, keep_b = before > 0.0, behind < costs[j]
+    if keep_a and not certified(kind, room, path[i], a, EFFORT):
+        return path, costs
+    if keep_b and not certified(kind, room, b, path[j + 1], EFFORT):
+        return path, costs
+    head, tail = path[: i + 1], path[j + 1 :]
+    fresh = np.empty((len(head) + int(keep_a) + int(keep_b) + len(tail), 3))
+    fresh[: len(head)] = head
+    k = len(head)
     if keep_a:
-        result[k] = a
+        fresh[k] = a
         k += 1
     if keep_b:
-        result[k] = b
+        fresh[k] = b
         k += 1
-    result[k:] = path[j + 1 :]
-    return result
+    fresh[k:] = tail
+    return fresh, _costs(kind, room, fresh)
 
 
+@by_type
+def turn_evenly(kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
+    """Turn evenly between random vertices, in place, positions left alone, where that turns less and is certified."""
+    raise NotImplementedError
+
+
+@variant_of(turn_evenly, Translation)
+@variant_of(turn_evenly, Curve)
 @njit(cache=True)
-def _heading_shortcut(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    placed: FloatArray,
-    queue: FloatArray,
-    path: FloatArray,
-    seed: NDArray[np.uint64],
-) -> FloatArray:
-    """Turn evenly between two vertices, leaving positions alone, if that turns less and is certified."""
+def _as_it_is(kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
+    """Leave the headings: a disc has none, a car's follow from its curves."""
+
+
+@variant_of(turn_evenly, Straight)
+@njit(cache=True)
+def _turn_evenly(kind: Straight, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
     n = len(path)
     if n < 3:
-        return path
-    i = int(uniform(seed) * (n - 2))
-    j = i + 2 + int(uniform(seed) * (n - i - 2))
-    turned, way = 0.0, 0.0
-    for k in range(i, j):
-        turned += abs(turn(path[k, 2], path[k + 1, 2]))
-        way += hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-    shorter = turn(path[i, 2], path[j, 2])
-    if turned - abs(shorter) < GAIN:
-        return path
-    result = path.copy()
-    along = 0.0
-    for k in range(i, j - 1):
-        along += hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
-        share = along / way if way > 0.0 else (k + 1 - i) / (j - i)
-        result[k + 1, 2] = wrapped(path[i, 2] + share * shorter)
-    for k in range(i, j):
-        if motion(grid, field, robot, placed, queue, result[k], result[k + 1], True, EFFORT) != FREE:
-            return path
-    return result
+        return
+    for _ in range(5 + n):
+        i = int(_uniform(seed) * (n - 2))
+        j = i + 2 + int(_uniform(seed) * (n - i - 2))
+        turned, length = 0.0, 0.0
+        for k in range(i, j):
+            turned += abs(turn(path[k, 2], path[k + 1, 2]))
+            length += hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        shorter = turn(path[i, 2], path[j, 2])
+        if turned - abs(shorter) < GAIN:
+            continue
+        changed = path[i : j + 1].copy()
+        along = 0.0
+        for k in range(i, j - 1):
+            along += hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+            share = along / length if length > 0.0 else (k + 1 - i) / (j - i)
+            changed[k + 1 - i, 2] = wrapped(path[i, 2] + share * shorter)
+        free = True
+        for k in range(j - i):
+            if not certified(kind, room, changed[k], changed[k + 1], EFFORT):
+                free = False
+                break
+        if free:
+            path[i : j + 1] = changed
+            for k in range(i, j):
+                costs[k] = cost(kind, room, path[k], path[k + 1])
 
 
 @njit(cache=True)
-def _drop(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    placed: FloatArray,
-    queue: FloatArray,
-    path: FloatArray,
-    turning: bool,
-) -> FloatArray:
+def _drop(kind: Any, room: Room, path: FloatArray, costs: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Leave out vertices that the path does without."""
     kept = np.empty_like(path)
     kept[0] = path[0]
     n = 1
     for i in range(1, len(path) - 1):
         a, b = kept[n - 1], path[i + 1]
-        before = _cost(a, path[i], turning) + _cost(path[i], b, turning)
-        if (
-            before - _cost(a, b, turning) >= -1e-12
-            and motion(grid, field, robot, placed, queue, a, b, True, EFFORT) == FREE
-        ):
+        around = cost(kind, room, a, path[i]) + costs[i]
+        if around - cost(kind, room, a, b) >= -1e-12 * around and certified(kind, room, a, b, EFFORT):
             continue
         kept[n] = path[i]
         n += 1
     kept[n] = path[-1]
-    return kept[: n + 1].copy()
+    shorter = kept[: n + 1].copy()
+    return shorter, _costs(kind, room, shorter)
 
 
 @njit(cache=True)
-def _split(path: FloatArray, turning: bool, seed: NDArray[np.uint64], scale: float) -> FloatArray:
+def _split(
+    kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
+) -> FloatArray:
     """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
     n = len(path)
-    i = 1 + int(uniform(seed) * (n - 2))
+    i = 1 + int(_uniform(seed) * (n - 2))
     result = np.empty((n + 2, 3))
     result[:i] = path[:i]
     result[i + 1] = path[i]
     result[i + 3 :] = path[i + 1 :]
-    for other, k in ((i - 1, i), (i + 1, i + 2)):
-        way = _cost(path[i], path[other], turning)
-        _between(path[i], path[other], min(0.45, scale * uniform(seed) / max(way, 1e-12)), result[k])
+    before = min(0.45 * costs[i - 1], scale * _uniform(seed))
+    interpolate(kind, room, path[i - 1], path[i], costs[i - 1] - before, result[i])
+    interpolate(kind, room, path[i], path[i + 1], min(0.45 * costs[i], scale * _uniform(seed)), result[i + 2])
     return result
 
 
 @njit(cache=True)
-def _move(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    placed: FloatArray,
-    queue: FloatArray,
-    path: FloatArray,
-    turning: bool,
-    seed: NDArray[np.uint64],
-    scale: float,
-) -> int:
-    """Move every inner vertex, in place, towards the line between its neighbours or at random; count what helped."""
-    moved = 0
-    q, straight = np.empty(3), np.empty(3)
+def _move(kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float) -> int:
+    """Move every inner vertex, in place, towards the motion between its neighbours or at random; count what helped."""
+    moved, q = 0, np.empty(3)
     for i in range(1, len(path) - 1):
         a, b = path[i - 1], path[i + 1]
-        before = _cost(a, path[i], turning) + _cost(path[i], b, turning)
-        first, second = _cost(a, path[i], turning), _cost(path[i], b, turning)
-        _between(a, b, first / max(first + second, 1e-12), straight)
-        for attempt in range(4):
-            if attempt == 0:
-                _between(path[i], straight, 0.5, q)
-            elif attempt == 1:
-                _between(path[i], straight, 0.1, q)
-            elif attempt == 2 and turning:
-                q[:] = path[i]
-                q[2] = straight[2]
-            else:
-                angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
-                q[0] = path[i, 0] + step * cos(angle)
-                q[1] = path[i, 1] + step * sin(angle)
-                q[2] = path[i, 2]
-                if turning:
-                    q[2] = wrapped(q[2] + (uniform(seed) - 0.5) * min(2.0, 2.0 * scale))
-            if before - _cost(a, q, turning) - _cost(q, b, turning) < GAIN:
+        before = costs[i - 1] + costs[i]
+        for attempt in range(5):
+            if not propose(kind, room, path, i, costs[i - 1] / max(before, 1e-12), attempt, seed, scale, q):
+                break
+            first = cost(kind, room, a, q)
+            if before - first < GAIN:
+                continue
+            second = cost(kind, room, q, b)
+            if before - first - second < GAIN:
                 continue
             if (
                 # One look at the new place is cheaper than two motions, and most fail there.
-                state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE
-                and motion(grid, field, robot, placed, queue, a, q, True, EFFORT) == FREE
-                and motion(grid, field, robot, placed, queue, q, b, True, EFFORT) == FREE
+                state(kind.grid, kind.field, kind.robot, room.placed, q[0], q[1], q[2]) == FREE
+                and certified(kind, room, a, q, EFFORT)
+                and certified(kind, room, q, b, EFFORT)
             ):
                 path[i] = q
+                costs[i - 1], costs[i] = first, second
                 moved += 1
                 break
     return moved
+
+
+@by_type
+def propose(
+    kind: Any,
+    room: Room,
+    path: FloatArray,
+    i: int,
+    share: float,
+    attempt: int,
+    seed: NDArray[np.uint64],
+    scale: float,
+    q: FloatArray,
+) -> bool:
+    """Write where vertex i might better be into q; return False if there is no other proposal.
+
+    Args:
+        kind: of motion.
+        room: to work in.
+        path: (n, 3).
+        i: an inner vertex.
+        share: of the cost from the vertex before to the one after, at which this one lies.
+        attempt: number of the proposal, from 0 on.
+        seed: of random numbers.
+        scale: metres that random proposals lie away at most.
+        q: where to.
+    """
+    raise NotImplementedError
+
+
+@variant_of(propose, Straight)
+@variant_of(propose, Translation)
+@njit(cache=True)
+def _propose_straight(
+    kind: Any,
+    room: Room,
+    path: FloatArray,
+    i: int,
+    share: float,
+    attempt: int,
+    seed: NDArray[np.uint64],
+    scale: float,
+    q: FloatArray,
+) -> bool:
+    a, here, b = path[i - 1], path[i], path[i + 1]
+    if attempt < (3 if has_heading(kind) else 2):
+        straight = np.empty(3)
+        interpolate(kind, room, a, b, share * cost(kind, room, a, b), straight)
+        if attempt == 2:
+            q[:] = here
+            q[2] = straight[2]
+        else:
+            t = 0.5 if attempt == 0 else 0.1
+            interpolate(kind, room, here, straight, t * cost(kind, room, here, straight), q)
+        return True
+    angle, step = 2.0 * pi * _uniform(seed), scale * sqrt(_uniform(seed))
+    q[0], q[1] = here[0] + step * cos(angle), here[1] + step * sin(angle)
+    q[2] = wrapped(here[2] + (_uniform(seed) - 0.5) * min(2.0, 2.0 * scale)) if has_heading(kind) else here[2]
+    return attempt == 3
+
+
+@variant_of(propose, Curve)
+@njit(cache=True)
+def _propose_curve(
+    kind: Curve,
+    room: Room,
+    path: FloatArray,
+    i: int,
+    share: float,
+    attempt: int,
+    seed: NDArray[np.uint64],
+    scale: float,
+    q: FloatArray,
+) -> bool:
+    a, here, b = path[i - 1], path[i], path[i + 1]
+    if attempt == 0:
+        interpolate(kind, room, a, b, share * cost(kind, room, a, b), q)
+        return True
+    angle, step = 2.0 * pi * _uniform(seed), scale * sqrt(_uniform(seed))
+    if attempt == 1:
+        # Along its heading, where it can go.
+        angle = here[2] if _uniform(seed) < 0.5 else here[2] + pi
+    q[0], q[1], q[2] = here[0] + step * cos(angle), here[1] + step * sin(angle), here[2]
+    if attempt == 2:
+        q[0], q[1] = here[0], here[1]
+    if attempt > 1:
+        q[2] = wrapped(q[2] + (2.0 * _uniform(seed) - 1.0) * min(1.0, scale / kind.radius))
+    return True
+
+
+@by_type
+def has_heading(kind: Any) -> bool:
+    """Return whether headings make a difference."""
+    raise NotImplementedError
+
+
+@variant_of(has_heading, Straight)
+@njit(cache=True)
+def _heading(kind: Straight) -> bool:
+    return True
+
+
+@variant_of(has_heading, Translation)
+@njit(cache=True)
+def _no_heading(kind: Translation) -> bool:
+    return False

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from trailmark.collision.field import ClearanceField
-from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import FREE, motion, workspace
-from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.collision.certify import BUDGET
 from trailmark.compiled import njit
+from trailmark.motion.base import certified, new_room
 from trailmark.se2 import FloatArray
 
 __all__ = ["straightened", "without_needless"]
 
 
 @njit(cache=True, nogil=True)
-def straightened(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, path: FloatArray) -> FloatArray:
+def straightened(kind: Any, path: FloatArray) -> FloatArray:
     """Return a path of certified motions with the vertices left out that it does without; shape (m, 3).
 
     From each vertex as far ahead as a certified motion leads, sought by doubling and halving.
     """
-    placed, queue = workspace(robot), np.empty((128, 2))
+    room = new_room(kind)
     kept = np.empty_like(path)
     kept[0], m, i, n = path[0], 1, 0, len(path)
     while i < n - 1:
@@ -30,7 +30,7 @@ def straightened(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, pa
             ahead = min(i + step, n - 1)
             if ahead >= bad:
                 break
-            if motion(grid, field, robot, placed, queue, path[i], path[ahead], True) != FREE:
+            if not certified(kind, room, path[i], path[ahead], BUDGET):
                 bad = ahead
                 break
             good, step = ahead, 2 * step
@@ -38,7 +38,7 @@ def straightened(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, pa
             middle = (good + bad) // 2
             if middle >= n:
                 break
-            if motion(grid, field, robot, placed, queue, path[i], path[middle], True) == FREE:
+            if certified(kind, room, path[i], path[middle], BUDGET):
                 good = middle
             else:
                 bad = middle
@@ -49,13 +49,13 @@ def straightened(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, pa
 
 
 @njit(cache=True, nogil=True)
-def without_needless(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, path: FloatArray) -> FloatArray:
+def without_needless(kind: Any, path: FloatArray) -> FloatArray:
     """Return a path of certified motions without vertices whose neighbours a certified motion joins; shape (m, 3).
 
     None of what is left is needless: what lies beside a vertex left out is looked at again. By the triangle inequality
     the cost rises by no more than rounding.
     """
-    placed, queue = workspace(robot), np.empty((128, 2))
+    room = new_room(kind)
     n = len(path)
     before, after = np.arange(n) - 1, np.arange(n) + 1
     kept, waits = np.ones(n, np.bool_), np.ones(n, np.bool_)
@@ -68,7 +68,7 @@ def without_needless(grid: ObstacleGrid, field: ClearanceField, robot: Footprint
         if i == 0 or i == n - 1 or not kept[i]:
             continue
         a, b = before[i], after[i]
-        if motion(grid, field, robot, placed, queue, path[a], path[b], True) == FREE:
+        if certified(kind, room, path[a], path[b], BUDGET):
             kept[i] = False
             after[a], before[b] = b, a
             for j in (b, a):

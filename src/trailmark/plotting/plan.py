@@ -116,7 +116,6 @@ def save_plan_figure(
 
 def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:
     from trailmark.collision.kernels import BLOCKED
-    from trailmark.roadmap.curve_roadmap import CurveRoadmap
 
     at, status = roadmap.configurations, roadmap.status
     # Edges that nobody has checked yet may run through obstacles, which therefore lie over them.
@@ -124,8 +123,8 @@ def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:
         (~roadmap.certified & (status != BLOCKED), (CANDIDATE, 0.5, 1.2)),
         (roadmap.certified, (EDGE, 0.8, 3.0)),
     ):
-        lines = roadmap.drawn(chosen) if isinstance(roadmap, CurveRoadmap) else at[roadmap.edges[chosen], :2]
-        draw_lines(axes, lines, *style)
+        edges = roadmap.edges[chosen]
+        draw_lines(axes, roadmap.motion.lines(at[edges[:, 0]], at[edges[:, 1]]), *style)
     axes.plot([], [], color=CANDIDATE, lw=1.5, label="edge, not checked")
     axes.plot([], [], color=EDGE, lw=1.5, label="edge, certified")
     axes.plot([], [], "o", ms=3.0, mew=0, color=LANDMARK, label="landmark")

@@ -1,8 +1,7 @@
 """Roadmap: landmarks joined by certified motions, shortest paths over them, and their files."""
 
-from trailmark.roadmap.curve_roadmap import CurveRoadmap
 from trailmark.roadmap.files import load_roadmap, save_roadmap
 from trailmark.roadmap.nav2_route import read_route_graph
 from trailmark.roadmap.roadmap import Roadmap, neighbour_count
 
-__all__ = ["CurveRoadmap", "Roadmap", "load_roadmap", "neighbour_count", "read_route_graph", "save_roadmap"]
+__all__ = ["Roadmap", "load_roadmap", "neighbour_count", "read_route_graph", "save_roadmap"]

@@ -21,7 +21,7 @@ from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import FormatError, OutputError
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
 from trailmark.formats.outputs import require_apart
-from trailmark.roadmap.curve_roadmap import CurveRoadmap
+from trailmark.motion import CurveMotion, motion_of
 from trailmark.roadmap.nav2_route import route_text
 from trailmark.roadmap.roadmap import Roadmap
 
@@ -70,7 +70,7 @@ def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
     require_apart(path, roadmap.checker.world.sources)
     suffix = path.suffix.lower()
     if suffix == ".geojson":
-        if isinstance(roadmap, CurveRoadmap):
+        if isinstance(roadmap.motion, CurveMotion):
             raise OutputError(
                 f"{path}: a car's curves given, allowed in a route graph: straight motions (or .graphml, .npz)"
             )
@@ -103,15 +103,13 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
         raise FormatError(path, f"suffix {path.suffix!r} given, allowed: {', '.join(LOADED)}{hint}")
     data = read_bytes(path)
     content = _read_npz(data, path) if suffix == ".npz" else _read_graphml(data, path)
-    make = Roadmap if checker.robot.turning_radius is None else CurveRoadmap
     directed = not checker.robot.reverse
     q, edges, status = _checked(content, path, directed)
     known = content.fingerprint == fingerprint(checker)
     if not known or content.checksum != _checksum(content.fingerprint, q, edges, status, directed):
         status[:] = UNDECIDED
-    if checker.footprint.disc_radius < 0.0 and make is Roadmap:
-        # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
-        status[np.abs(q[edges[:, 0], 2] - q[edges[:, 1], 2]) == np.pi] = BLOCKED
+    # Edges lead both ways, or one way only.
+    status[~motion_of(checker).reversible(q[edges[:, 0]], q[edges[:, 1]])] = BLOCKED
     valid = checker.valid(q) if len(q) else np.ones(0, dtype=np.bool_)
     if not valid.all():
         if not drop_invalid:
@@ -124,7 +122,7 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
             )
         kept = valid[edges].all(axis=1)
         q, edges, status = q[valid], (np.cumsum(valid) - 1)[edges[kept]].astype(np.int32), status[kept]
-    return make.from_arrays(checker, q, edges, status)
+    return Roadmap.from_arrays(checker, q, edges, status)
 
 
 def fingerprint(checker: StateChecker) -> str:

@@ -14,24 +14,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import hypot
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.collision.field import ClearanceField
-from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import FREE, motion, workspace
-from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.collision.certify import BUDGET
+from trailmark.collision.kernels import FREE
 from trailmark.compiled import njit
-from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.motion.base import certified, cost, least_cost, new_room
 from trailmark.nearest import Forest
 from trailmark.roadmap.roadmap import Roadmap, require_nodes
 from trailmark.roadmap.search import joined
-from trailmark.roadmap.sparse import Links, distances_from, sparse_links
-from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.roadmap.sparse import Links, components_of, distances_from, links_of, sparse_links
+from trailmark.se2 import FloatArray
 
 __all__ = ["QueryGraph", "certified_way"]
 
@@ -67,7 +65,7 @@ class QueryGraph:
     """A roadmap's certified edges, ready for queries.
 
     Args:
-        roadmap: of straight motions; edges that nobody has checked yet are checked.
+        roadmap: edges that nobody has checked yet are checked.
         stretch: how many times as long as a certified edge a way over others may be that stands in for it, >= 1.
         beacons: nodes whose distances to all others are kept.
 
@@ -81,13 +79,18 @@ class QueryGraph:
     def __init__(self, roadmap: Roadmap, *, stretch: float = STRETCH, beacons: int = BEACONS) -> None:
         roadmap.certify_all()
         self.checker: StateChecker = roadmap.checker
-        self.turning = roadmap.turning
+        self.motion = roadmap.motion
         rows = roadmap.rows()
         free = rows[3] == FREE
         self.configurations, edges, lengths = rows[0].copy(), rows[1][free], rows[2][free]
         n = len(self.configurations)
-        self.links: Links = sparse_links(n, edges, lengths, stretch)
-        self.distances, self.components = distances_from(self.links, beacons)
+        if roadmap.directed:
+            # Stand-ins and distances from beacons are for edges that lead both ways.
+            self.links = links_of(n, edges, lengths, directed=True)
+            self.distances, self.components = np.empty((n, 0), np.float32), components_of(links_of(n, edges, lengths))
+        else:
+            self.links = sparse_links(n, edges, lengths, stretch)
+            self.distances, self.components = distances_from(self.links, beacons)
         self._told = _told(self.configurations, self.distances)
         self._forest: Forest = roadmap.nearest()
         self._idle: list[FloatArray] = []
@@ -109,13 +112,10 @@ class QueryGraph:
             closed: (c, 3), discs x, y, radius (metres) that hold no node of the path.
             weight: how many times as long as the shortest over the links the path may be, >= 1: sooner, if it may.
         """
-        checker, n = self.checker, len(self)
+        n = len(self)
         with self._scratch() as scratch:
             found: FloatArray = certified_way(
-                checker.grid,
-                checker.field,
-                checker.footprint,
-                self.turning,
+                self.motion.kind,
                 self.configurations,
                 self.links,
                 self._told,
@@ -128,6 +128,7 @@ class QueryGraph:
                 min(n, NEAR),
                 min(n, FARTHEST),
                 float(weight),
+                self.motion.directed,
             )
         return found if len(found) else None
 
@@ -146,7 +147,7 @@ class QueryGraph:
         first, last = (np.array([node], dtype=np.int64) for node in (start, goal))
         with self._scratch() as scratch:
             found: FloatArray = _search(
-                self.turning, q, self.links, self._told, scratch, q[start], q[goal], NOWHERE, first, last, 1.0
+                self.motion.kind, q, self.links, self._told, scratch, q[start], q[goal], NOWHERE, first, last, 1.0
             )
         # The ends are their own neighbours.
         return found[1:-1] if len(found) else None
@@ -162,27 +163,10 @@ class QueryGraph:
         # After an exception it is not used again.
         self._idle.append(scratch)
 
-    def cost(self, states: FloatArray) -> float:
-        """Return what a path costs in the roadmap's metric, metres: a disc robot's headings do not count."""
-        steps = se2.difference(states[:-1], states[1:])
-        way = np.hypot(steps[:, 0], steps[:, 1])
-        return float(np.sum(way + se2.ROTATION_WEIGHT * np.abs(steps[:, 2]) if self.turning else way))
-
-
-@njit(cache=True, nogil=True)
-def _cost(a: FloatArray, b: FloatArray, turning: bool) -> float:
-    way = hypot(b[0] - a[0], b[1] - a[1])
-    if not turning:
-        return way
-    return float(way + ROTATION_WEIGHT * abs(turn(a[2], b[2])))
-
 
 @njit(cache=True, nogil=True)
 def certified_way(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    turning: bool,
+    kind: Any,
     configurations: FloatArray,
     links: Links,
     told: NDArray[np.float32],
@@ -195,14 +179,12 @@ def certified_way(
     fewest: int,
     most: int,
     weight: float,
+    directed: bool,
 ) -> FloatArray:
     """Return the states of a short path over the links, its ends joined to their nearest nodes; else (0, 3).
 
     Args:
-        grid: the obstacles.
-        field: their clearance field.
-        robot: the footprint.
-        turning: whether turns count.
+        kind: of motion.
         configurations: (n, 3) nodes.
         links: certified edges.
         told: (n, 3 + b or more) float32: what bounds a node's cost to the goal, its configuration and its distances.
@@ -215,22 +197,25 @@ def certified_way(
         fewest: nodes near an end that are tried at first.
         most: nodes near an end that are tried before giving up.
         weight: how many times as long as the shortest the way may be, >= 1.
+        directed: whether links lead one way only.
     """
-    placed, queue = workspace(robot), np.empty((128, 2))
-    if len(closed) == 0 and motion(grid, field, robot, placed, queue, start, goal, True) == FREE:
+    if len(closed) == 0 and certified(kind, new_room(kind), start, goal, BUDGET):
         direct = np.empty((2, 3))
         direct[0], direct[1] = start, goal
         return direct
     k, enough = fewest, ENOUGH
     while True:
-        first = joined(grid, field, robot, configurations, forest, start, k, enough, False)
-        last = joined(grid, field, robot, configurations, forest, goal, k, enough, True)
+        first = joined(kind, configurations, forest, start, k, enough, False)
+        last = joined(kind, configurations, forest, goal, k, enough, True)
         together = False
         for i in first:
             for j in last:
                 together |= components[i] == components[j]
         if together:
-            return _search(turning, configurations, links, told, scratch, start, goal, closed, first, last, weight)
+            found = _search(kind, configurations, links, told, scratch, start, goal, closed, first, last, weight)
+            # Edges that lead one way only may not lead from one to the other.
+            if len(found) or not directed or k == most:
+                return found
         if k == most:
             return np.empty((0, 3))
         k, enough = min(most, WIDER * k), most
@@ -238,7 +223,7 @@ def certified_way(
 
 @njit(cache=True, nogil=True)
 def _search(
-    turning: bool,
+    kind: Any,
     configurations: FloatArray,
     links: Links,
     told: NDArray[np.float32],
@@ -256,15 +241,16 @@ def _search(
     end[NUMBER] += 1.0
     number = end[NUMBER]
     end[BEST] = np.inf
-    beacons, low, high = _beacons(turning, configurations, told, start, goal, first, last)
+    room = new_room(kind)
+    beacons, low, high = _beacons(kind, configurations, told, start, goal, first, last)
     for v in last:
         row = scratch[v]
         row[BEST] = row[LAST] = np.inf
         row[SEEN] = -number
         if not _within(closed, configurations[v]):
             row[SEEN] = number
-            row[TO_GO] = _bound(turning, told, goal, beacons, low, high, v)
-            row[LAST] = _cost(configurations[v], goal, turning)
+            row[TO_GO] = _bound(kind, told, goal, beacons, low, high, v)
+            row[LAST] = cost(kind, room, configurations[v], goal)
     keys, values = np.empty(1024), np.empty(1024, np.int64)
     size = 0
     for v in first:
@@ -273,8 +259,8 @@ def _search(
             continue
         if row[SEEN] != number:
             row[SEEN], row[LAST] = number, np.inf
-            row[TO_GO] = _bound(turning, told, goal, beacons, low, high, v)
-        row[BEST] = _cost(start, configurations[v], turning)
+            row[TO_GO] = _bound(kind, told, goal, beacons, low, high, v)
+        row[BEST] = cost(kind, room, start, configurations[v])
         row[PARENT] = -1.0
         if size == len(keys):
             keys, values = heap_grow(keys, values)
@@ -296,16 +282,16 @@ def _search(
             row = scratch[other]
             if row[SEEN] == -number:
                 continue
-            cost = reached + links.length[k]
+            through = reached + links.length[k]
             if row[SEEN] != number:
                 if _within(closed, configurations[other]):
                     row[SEEN] = -number
                     continue
                 row[SEEN], row[BEST], row[LAST] = number, np.inf, np.inf
-                row[TO_GO] = _bound(turning, told, goal, beacons, low, high, other)
-            if cost < row[BEST]:
-                row[BEST], row[PARENT] = cost, node
-                key = cost + weight * row[TO_GO]
+                row[TO_GO] = _bound(kind, told, goal, beacons, low, high, other)
+            if through < row[BEST]:
+                row[BEST], row[PARENT] = through, node
+                key = through + weight * row[TO_GO]
                 if key < end[BEST]:
                     if size == len(keys):
                         keys, values = heap_grow(keys, values)
@@ -334,7 +320,7 @@ def _within(discs: FloatArray, q: FloatArray) -> bool:
 
 @njit(cache=True, nogil=True)
 def _beacons(
-    turning: bool,
+    kind: Any,
     configurations: FloatArray,
     told: NDArray[np.float32],
     start: FloatArray,
@@ -348,10 +334,10 @@ def _beacons(
     min (d(b, g) + w) - d(b, v) and at least d(b, v) - max (d(b, g) - w).
     """
     # Columns of ``told``, the first three of which are no beacons.
-    count = told.shape[1]
+    room, count = new_room(kind), told.shape[1]
     low, high, tells = np.full(count, np.inf), np.full(count, -np.inf), np.full(count, -1.0)
     for v in last:
-        way = _cost(configurations[v], goal, turning)
+        way = cost(kind, room, configurations[v], goal)
         for b in range(3, count):
             low[b] = min(low[b], told[v, b] + way)
             high[b] = max(high[b], told[v, b] - way)
@@ -365,7 +351,7 @@ def _beacons(
 
 @njit(cache=True, nogil=True)
 def _bound(
-    turning: bool,
+    kind: Any,
     told: NDArray[np.float32],
     goal: FloatArray,
     beacons: NDArray[np.int64],
@@ -375,12 +361,12 @@ def _bound(
 ) -> float:
     """Return a lower bound on the cost from a node to the goal over the links, rounded to 24 bits."""
     row = told[v]
-    bound = _cost(row, goal, turning)
+    bound = least_cost(kind, row, goal)
     for b in beacons:
         away = row[b]
         if away < np.inf:
             bound = max(bound, max(low[b] - away, away - high[b]))
-    return bound * (1.0 - 1e-6)
+    return float(bound * (1.0 - 1e-6))
 
 
 def _told(configurations: FloatArray, distances: NDArray[np.float32]) -> NDArray[np.float32]:

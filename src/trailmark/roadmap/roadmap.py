@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.clock import Deadline
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
+from trailmark.motion import Motion, motion_of
 from trailmark.nearest import Forest
 from trailmark.roadmap.links import find_edges, new_pairs, part_of
 from trailmark.roadmap.search import edge_costs, joined, lazy_shortest_path
-from trailmark.roadmap.store import Parts, Store
+from trailmark.roadmap.store import Store
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -89,16 +91,23 @@ class _Kept(NamedTuple):
 class Roadmap:
     """Nodes are valid configurations, edges are motions between near ones, each checked at most once.
 
+    Edges of a car that drives forwards only lead from their first node to their second; all others lead both ways.
+
     Nodes and edges are only ever added, in time that hardly depends on how many are there already; an exception, at
     whatever place, leaves the roadmap as it was or as it was to become. One thread may change it at a time.
 
     Args:
-        checker: decides which motions are certified.
+        checker: decides which configurations are valid.
+        motion: what edges are; by default how the checker's robot moves (:func:`trailmark.motion.motion_of`).
+
+    Attributes:
+        checker: as given.
+        motion: as given.
     """
 
-    def __init__(self, checker: StateChecker) -> None:
+    def __init__(self, checker: StateChecker, motion: Motion | None = None) -> None:
         self.checker = checker
-        self.turning = checker.footprint.disc_radius < 0.0
+        self.motion = motion_of(checker) if motion is None else motion
         self._kept = _Kept(Store(self._radius, self.directed), 0, 0, whole=True)
 
     @classmethod
@@ -122,7 +131,7 @@ class Roadmap:
         store.nodes.append(np.asarray(configurations, dtype=np.float64))
         pairs = np.asarray(edges).reshape(-1, 2)
         require_nodes(pairs, len(configurations))
-        roadmap._join(store, roadmap._as_kept(pairs), np.asarray(status, dtype=np.uint8))
+        roadmap._join(store, pairs, np.asarray(status, dtype=np.uint8))
         roadmap._commit(store)
         return roadmap
 
@@ -154,7 +163,7 @@ class Roadmap:
     @property
     def directed(self) -> bool:
         """Whether edges lead one way only."""
-        return False
+        return self.motion.directed
 
     def save(self, path: str | FilePath) -> None:
         """Write the roadmap to a file: see :func:`trailmark.roadmap.files.save_roadmap`."""
@@ -219,6 +228,26 @@ class Roadmap:
         self._commit(store)
         return along
 
+    def add_tree(self, q: se2.FloatArray, parents: NDArray[np.int64], *, reverse: bool = False) -> NDArray[np.int64]:
+        """Add valid configurations that hang on nodes or on one another; return the new nodes.
+
+        Args:
+            q: shape (n, 3).
+            parents: (n,): a node, or ``len(self) + i`` for the i-th of ``q``, from which a motion leads to it.
+            reverse: whether the motions lead to the parents instead.
+
+        Raises:
+            ConfigurationError: another shape, values that are not finite, a node that is not there.
+        """
+        rows = np.atleast_2d(se2.configurations(q))
+        require_nodes(parents, len(self) + len(rows))
+        store = self._changing()
+        added = self._add(store, rows)
+        ends = (added, parents) if reverse else (parents, added)
+        self._connect(store, np.column_stack(ends), UNDECIDED)
+        self._commit(store)
+        return added
+
     def ends(self, q: se2.FloatArray) -> NDArray[np.int64]:
         """Return the nodes of valid configurations, shape (n, 3), added where they are none yet."""
         nodes = self._nodes_at(q)
@@ -272,7 +301,7 @@ class Roadmap:
     @property
     def _radius(self) -> float:
         """R of the embedding, metres."""
-        return self.checker.footprint.sweep_radius
+        return self.motion.radius
 
     def _add(self, store: Store, q: se2.FloatArray, neighbours: int | None = None) -> NDArray[np.int64]:
         """Add nodes and edges to their nearest neighbours; return the new nodes."""
@@ -284,35 +313,42 @@ class Roadmap:
         return np.arange(first, n)
 
     def _join_near(self, store: Store, first: int, k: int) -> None:
-        """Join the nodes from ``first`` on to their k nearest ones."""
+        """Join the nodes from ``first`` on to their k nearest ones, or to those of some near ones that cost least."""
         nodes = store.nodes.view
-        pairs = new_pairs(store.index().query(se2.embed(nodes[first:], self._radius), k, first=first), first)
-        pairs = self._both_ways(nodes, pairs)
-        self._join(store, pairs, self.checker.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]]))
+        near = min(len(nodes) - 1, self.motion.candidates * k)
+        found = store.index().query(se2.embed(nodes[first:], self._radius), near, first=first)
+        if self.motion.candidates == 1:
+            pairs = self._reversible(nodes, new_pairs(found, first))
+            self._join(store, pairs, self.motion.motions_by_field(nodes[pairs[:, 0]], nodes[pairs[:, 1]]))
+            return
+        each = np.broadcast_to(np.arange(first, len(nodes))[:, None], found.shape)
+        ways = [(each, found), (found, each)] if self.directed else [(each, found)]
+        chosen, lengths = zip(*(self._cheapest(nodes, a, b, k) for a, b in ways), strict=True)
+        self._connect(store, np.concatenate(chosen), UNDECIDED, np.concatenate(lengths))
 
-    def _both_ways(self, nodes: se2.FloatArray, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return those of the pairs whose motion is the same in both directions."""
-        if not self.turning:
+    def _cheapest(
+        self, q: se2.FloatArray, a: NDArray[np.int64], b: NDArray[np.int64], k: int
+    ) -> tuple[NDArray[np.int64], se2.FloatArray]:
+        """Return of each row of pairs (n, c) the k that cost least, as rows from, to; and their costs."""
+        costs = self.motion.costs(q[a.ravel()], q[b.ravel()]).reshape(a.shape)
+        chosen = np.argpartition(costs, min(k, a.shape[1]) - 1, axis=1)[:, :k]
+        first, second, cheapest = (np.take_along_axis(rows, chosen, 1).ravel() for rows in (a, b, costs))
+        return np.column_stack([first, second]), np.asarray(cheapest)
+
+    def _reversible(self, nodes: se2.FloatArray, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return those of the pairs whose motion is the same in both directions; all if edges lead one way."""
+        if self.directed:
             return pairs
-        heading = nodes[:, 2]
-        # Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
-        return np.asarray(pairs[np.abs(heading[pairs[:, 0]] - heading[pairs[:, 1]]) != np.pi])
-
-    def _as_kept(self, edges: NDArray[Any]) -> NDArray[Any]:
-        """Return edges, shape (m, 2), from the node that they are kept from."""
-        return edges
-
-    def _lengths_of(self, nodes: se2.FloatArray, edges: NDArray[np.int32]) -> se2.FloatArray:
-        return np.asarray(edge_costs(nodes, edges, self.turning))
+        return pairs[self.motion.reversible(nodes[pairs[:, 0]], nodes[pairs[:, 1]])]
 
     def _connect(
         self, store: Store, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None = None
     ) -> None:
         """Add edges, shape (p, 2), that are not there yet; mark those that are FREE if that is their status."""
-        pairs = self._both_ways(store.nodes.view, np.sort(pairs, axis=1))
-        self._add_missing(store, pairs, status, lengths)
-
-    def _add_missing(self, store: Store, pairs: NDArray[np.int64], status: int, lengths: se2.FloatArray | None) -> None:
+        if not self.directed:
+            pairs = np.sort(pairs, axis=1)
+            same = self.motion.reversible(store.nodes.view[pairs[:, 0]], store.nodes.view[pairs[:, 1]])
+            pairs, lengths = pairs[same], None if lengths is None else lengths[same]
         parts = store.parts()
         there = find_edges(parts.heads, parts.following, parts.edges, pairs)
         if status == FREE:
@@ -329,7 +365,7 @@ class Roadmap:
         """Add edges between nodes, shape (m, 2), that are not there yet."""
         joined = np.ascontiguousarray(pairs, dtype=np.int32).reshape(-1, 2)
         store.edges.append(joined)
-        store.lengths.append(self._lengths_of(store.nodes.view, joined) if lengths is None else lengths)
+        store.lengths.append(edge_costs(self.motion.kind, store.nodes.view, joined) if lengths is None else lengths)
         store.status.append(status)
 
     def shortest_path(
@@ -340,7 +376,7 @@ class Roadmap:
         to_go: se2.FloatArray | None = None,
         banned: NDArray[np.bool_] | None = None,
         limit: float = np.inf,
-        budget: int = UNBOUNDED,
+        seconds: float = np.inf,
     ) -> Search:
         """Return the shortest certified path's nodes.
 
@@ -352,7 +388,7 @@ class Roadmap:
             to_go: (n,) lower estimates of the cost to the goal; by default :meth:`distances_to` it.
             banned: (n,) nodes not to be used.
             limit: give up above this cost, metres.
-            budget: give up after so many nodes and undecided edges.
+            seconds: that the search may take.
 
         Raises:
             ConfigurationError: a node that is not there, ``to_go`` or ``banned`` of another length.
@@ -360,7 +396,7 @@ class Roadmap:
         require_nodes([start, goal], len(self))
         if to_go is None:
             to_go = self.distances_to(goal)
-        return self._search((_one(start), ZERO), (_one(goal), ZERO), to_go, banned=banned, limit=limit, budget=budget)
+        return self._search((_one(start), ZERO), (_one(goal), ZERO), to_go, banned=banned, limit=limit, seconds=seconds)
 
     def way(
         self,
@@ -387,7 +423,7 @@ class Roadmap:
         q = self.configurations
         # Copies: a path's states are read-only, which to numba is another type and another compilation.
         start, goal = np.array(start), np.array(goal)
-        first, last = self._joined(start, near, into=False), self._joined(goal, near, into=True)
+        first, last = self._joined(start, near, reverse=False), self._joined(goal, near, reverse=True)
         tried = 2 * min(len(q), near)
         if len(first[0]) == 0 or len(last[0]) == 0:
             return Way(q[:0], tried, complete=True)
@@ -405,20 +441,17 @@ class Roadmap:
         above = self._whole().above()
         return not {part_of(above, i) for i in first}.isdisjoint(part_of(above, i) for i in last)
 
-    def _joined(self, q: se2.FloatArray, near: int, *, into: bool) -> tuple[NDArray[np.int64], se2.FloatArray]:
+    def _joined(self, q: se2.FloatArray, near: int, *, reverse: bool) -> tuple[NDArray[np.int64], se2.FloatArray]:
         """Return some near nodes that certified motions join to a configuration, and what those cost, metres.
 
         Args:
             q: valid, shape (3,).
             near: how many nodes are tried until enough are joined.
-            into: whether the motions are to lead to ``q``.
+            reverse: whether the motions are to lead to ``q``.
         """
-        checker, nodes, forest = self.checker, self.configurations, self._whole().index().forest()
-        k = min(len(nodes), near)
-        found = joined(checker.grid, checker.field, checker.footprint, nodes, forest, q, k, ENOUGH, into)
-        gaps = np.abs(se2.difference(nodes[found], q))
-        way = np.hypot(gaps[:, 0], gaps[:, 1])
-        return found, way + se2.ROTATION_WEIGHT * gaps[:, 2] if self.turning else way
+        nodes, forest = self.configurations, self._whole().index().forest()
+        found = joined(self.motion.kind, nodes, forest, q, min(len(nodes), near), ENOUGH, reverse)
+        return found, self.motion.costs(nodes[found], q) if reverse else self.motion.costs(q, nodes[found])
 
     def _search(
         self,
@@ -429,8 +462,9 @@ class Roadmap:
         banned: NDArray[np.bool_] | None = None,
         limit: float = np.inf,
         budget: int = UNBOUNDED,
+        seconds: float = np.inf,
         checking: bool = True,
-        against: bool = False,
+        reverse: bool = False,
     ) -> Search:
         """Search from nodes that may be begun at for a cost, to nodes with a cost from there on."""
         parts = self._whole().parts()
@@ -440,45 +474,54 @@ class Roadmap:
         for name, rows in (("to_go", to_go), ("banned", closed)):
             if np.shape(rows) != (n,):
                 raise ConfigurationError(f"{name}: shape {np.shape(rows)} given, allowed: ({n},), one for each node")
-        return Search(*self._searched(parts, against, *first, *last, to_go, closed, float(limit), budget, checking))
-
-    def _searched(self, parts: Parts, against: bool, *arguments: Any) -> Any:
-        """Run the compiled search: along the edges or, where they lead one way only, against them."""
-        checker = self.checker
-        return lazy_shortest_path(
-            checker.grid,
-            checker.field,
-            checker.footprint,
+        found = lazy_shortest_path(
+            self.motion.kind,
             parts.configurations,
-            parts.heads,
+            parts.into if reverse else parts.heads,
             parts.following,
             parts.edges,
             parts.lengths,
             parts.status,
-            *arguments,
+            *first,
+            *last,
+            to_go,
+            closed,
+            float(limit),
+            budget,
+            Deadline.after(seconds),
+            checking,
         )
+        return Search(*found)
+
+    def reached(self, node: int, *, reverse: bool = False) -> NDArray[np.bool_]:
+        """Return which nodes certified paths lead to from a node, shape (n,).
+
+        Args:
+            node: where to start.
+            reverse: which nodes certified paths lead from, to this one, instead.
+
+        Raises:
+            ConfigurationError: a node that is not there.
+        """
+        require_nodes([node], len(self))
+        nowhere = (np.empty(0, np.int64), np.empty(0))
+        return self._search((_one(node), ZERO), nowhere, np.zeros(len(self)), reverse=reverse).reached
 
     def distances_to(self, node: int) -> se2.FloatArray:
-        """Return every node's straight distance to a node, shape (n,), in the metric of ``lengths``."""
+        """Return what a motion from every node to a node would cost, shape (n,), metres."""
         require_nodes([node], len(self))
-        target = self.configurations[node]
-        if self.turning:
-            return np.asarray(se2.distance(self.configurations, target))
-        return np.asarray(np.hypot(*(self.configurations[:, :2] - target[:2]).T))
+        return self.motion.costs(self.configurations, self.configurations[node])
 
     def certify_all(self) -> None:
         """Check every edge that nobody has checked yet, in one batch."""
         q, edges, _, status = self.rows()
         undecided = np.flatnonzero(status == UNDECIDED)
         a, b = q[edges[undecided, 0]], q[edges[undecided, 1]]
-        status[undecided] = np.where(self._motions_valid(a, b), FREE, BLOCKED)
-
-    def _motions_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
-        return self.checker.motions_between_valid(a, b)
+        status[undecided] = np.where(self.motion.motions_between_valid(a, b), FREE, BLOCKED)
 
     @property
     def graph(self) -> nx.Graph:
-        """The roadmap as a networkx graph (a copy).
+        """The roadmap as a networkx graph (a copy): a ``Graph``, or a ``DiGraph`` where edges lead one way only.
 
         Nodes are numbered 0 to n - 1, with attributes ``configuration`` (x, y, theta) and ``clearance`` (metres);
         edges, the blocked ones left out, have ``length`` (metres), ``certified`` (bool) and ``clearance``: the
@@ -486,7 +529,7 @@ class Roadmap:
         """
         import networkx as nx
 
-        graph = nx.Graph()
+        graph = nx.DiGraph() if self.directed else nx.Graph()
         configurations, edges, lengths, status = self.rows()
         clearance = np.asarray(self.checker.clearance(configurations)) if len(configurations) else np.empty(0)
         for i, (q, room) in enumerate(zip(configurations.tolist(), clearance.tolist(), strict=True)):

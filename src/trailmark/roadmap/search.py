@@ -7,28 +7,29 @@ Weighted A*, here with weight 1): an edge is checked when the search pops it, no
 from __future__ import annotations
 
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.collision.field import ClearanceField
-from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED, motion, workspace
-from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.clock import Deadline, now
+from trailmark.collision.certify import BUDGET
+from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.compiled import njit
-from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.motion.base import certified, cost, embedding_radius, new_room
 from trailmark.nearest import Forest, nearest_in
-from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+from trailmark.se2 import FloatArray
 
 __all__ = ["edge_costs", "expand", "joined", "lazy_shortest_path", "nodes_back"]
+
+LOOK_EVERY = 32
+"""Entries of the queue after which the clock is looked at."""
 
 
 @njit(cache=True, nogil=True)
 def lazy_shortest_path(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
+    kind: Any,
     configurations: FloatArray,
     heads: NDArray[np.int64],
     following: NDArray[np.int64],
@@ -43,20 +44,20 @@ def lazy_shortest_path(
     banned: NDArray[np.bool_],
     limit: float,
     budget: int,
+    deadline: Deadline,
     checking: bool,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
     """Return the nodes of the shortest certified path, which nodes the search reached, and what it took.
 
-    The path is empty if there is none below ``limit``, or the budget is used up.
+    The path is empty if there is none below ``limit``, or the budget or the time is used up.
 
     Args:
-        grid: the obstacles.
-        field: their clearance field.
-        robot: the footprint.
+        kind: of motion that edges are (:mod:`trailmark.motion.base`).
         configurations: (n, 3) nodes.
-        heads: (n,) newest entry of each node (:mod:`trailmark.roadmap.links`).
+        heads: (n,) newest entry of each node (:mod:`trailmark.roadmap.links`): of those that lead on from it; or of
+            those that lead to it, then the search goes against the edges.
         following: (2 m,) next entry of the same node.
-        edges: (m, 2) nodes joined.
+        edges: (m, 2) nodes joined; of directed edges from, to.
         cost: (m,) length of each edge.
         status: (m,) FREE, BLOCKED or UNDECIDED; undecided edges that the search needs are checked and marked.
         first: (f,) nodes that the path may begin at.
@@ -67,10 +68,11 @@ def lazy_shortest_path(
         banned: (n,) nodes not to be used.
         limit: longest cost of interest.
         budget: nodes and undecided edges taken from the queue at most.
+        deadline: ends the search too.
         checking: whether undecided edges are checked; else only what is known to be free is used.
     """
     n = len(configurations)
-    placed, queue = workspace(robot), np.empty((128, 2))
+    room = new_room(kind)
     done = np.zeros(n, np.bool_)
     best, parent = np.full(n, np.inf), np.full(n, -1, np.int64)
     left = np.full(n, np.inf)
@@ -83,8 +85,11 @@ def lazy_shortest_path(
         if size == len(keys):
             keys, values = heap_grow(keys, values)
         size = heap_push(keys, values, size, before[i] + to_go[first[i]], -1 - i)
-    end, total, taken = -1, limit, 0
+    end, total, taken, steps = -1, limit, 0, 0
     while size > 0 and taken < budget:
+        steps += 1
+        if steps % LOOK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+            break
         size = heap_pop(keys, values, size)
         entry = values[size]
         if keys[size] >= total:
@@ -102,7 +107,7 @@ def lazy_shortest_path(
             if status[edge] == UNDECIDED:
                 taken += 1
                 a, b = configurations[edges[edge, 0]], configurations[edges[edge, 1]]
-                status[edge] = motion(grid, field, robot, placed, queue, a, b, True)
+                status[edge] = FREE if certified(kind, room, a, b, BUDGET) else BLOCKED
             if status[edge] != FREE:
                 continue
             reached = best[back] + cost[edge]
@@ -176,38 +181,43 @@ def nodes_back(parent: NDArray[np.int64], end: int) -> NDArray[np.int64]:
 
 
 @njit(cache=True)
-def edge_costs(configurations: FloatArray, edges: NDArray[np.int32], turning: bool) -> FloatArray:
-    """Return ‖Δxy‖ (+ 0.5·|Δθ| if ``turning``) of edges (m, 2), in metres."""
-    result = np.empty(len(edges))
+def edge_costs(kind: Any, configurations: FloatArray, edges: NDArray[np.int32]) -> FloatArray:
+    """Return the costs (metres, shape (m,)) of edges (m, 2)."""
+    room, result = new_room(kind), np.empty(len(edges))
     for i in range(len(edges)):
-        a, b = configurations[edges[i, 0]], configurations[edges[i, 1]]
-        way = np.hypot(b[0] - a[0], b[1] - a[1])
-        result[i] = way + ROTATION_WEIGHT * abs(turn(a[2], b[2])) if turning else way
+        result[i] = cost(kind, room, configurations[edges[i, 0]], configurations[edges[i, 1]])
     return result
 
 
 @njit(cache=True, nogil=True)
 def joined(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
+    kind: Any,
     configurations: FloatArray,
     forest: Forest,
     q: FloatArray,
     k: int,
     enough: int,
-    into: bool,
+    reverse: bool,
 ) -> NDArray[np.int64]:
-    """Return which of the k nodes nearest to q are joined to it by a certified motion, the first ``enough`` of them."""
-    point = np.array([q[0], q[1], robot.sweep_radius * cos(q[2]), robot.sweep_radius * sin(q[2])])
+    """Return which of the k nodes nearest to q certified motions join to it, the first ``enough`` of them.
+
+    Args:
+        kind: of motion.
+        configurations: (n, 3) nodes.
+        forest: index over the nodes in the embedding.
+        q: valid, shape (3,).
+        k: nodes that are tried at most.
+        enough: nodes joined at most.
+        reverse: whether the motions lead to q, not away from it.
+    """
+    radius = embedding_radius(kind)
+    point = np.array([q[0], q[1], radius * cos(q[2]), radius * sin(q[2])])
     distances, ids = np.empty(k), np.empty(k, np.int64)
     count = nearest_in(forest, point, -1, k, distances, ids)
-    placed, queue = workspace(robot), np.empty((128, 2))
-    found = 0
+    room, found = new_room(kind), 0
     for i in range(count):
         node = configurations[ids[i]]
-        a, b = (node, q) if into else (q, node)
-        if motion(grid, field, robot, placed, queue, a, b, True) == FREE:
+        if certified(kind, room, node, q, BUDGET) if reverse else certified(kind, room, q, node, BUDGET):
             ids[found] = ids[i]
             found += 1
             if found == enough:

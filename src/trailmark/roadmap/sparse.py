@@ -11,7 +11,7 @@ from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.se2 import FloatArray
 
-__all__ = ["Links", "distances_from", "links_of", "sparse_links"]
+__all__ = ["Links", "components_of", "distances_from", "links_of", "sparse_links"]
 
 
 class Links(NamedTuple):
@@ -28,11 +28,12 @@ class Links(NamedTuple):
     length: FloatArray
 
 
-def links_of(n: int, edges: NDArray[np.int32], lengths: FloatArray) -> Links:
-    """Return the links of n nodes along edges, shape (m, 2), with lengths (m,)."""
-    start = np.concatenate([[0], np.cumsum(np.bincount(edges.ravel(), minlength=n))]).astype(np.int64)
-    node, length = np.empty(2 * len(edges), np.int32), np.empty(2 * len(edges))
-    _fill(start[:-1].copy(), edges, lengths, node, length)
+def links_of(n: int, edges: NDArray[np.int32], lengths: FloatArray, *, directed: bool = False) -> Links:
+    """Return the links of n nodes along edges, shape (m, 2), of lengths (m,); directed ones lead to the second node."""
+    sides = 1 if directed else 2
+    start = np.concatenate([[0], np.cumsum(np.bincount(edges[:, :sides].ravel(), minlength=n))]).astype(np.int64)
+    node, length = np.empty(sides * len(edges), np.int32), np.empty(sides * len(edges))
+    _fill(start[:-1].copy(), edges, lengths, sides, node, length)
     return Links(start, node, length)
 
 
@@ -41,11 +42,12 @@ def _fill(
     place: NDArray[np.int64],
     edges: NDArray[np.int32],
     lengths: FloatArray,
+    sides: int,
     node: NDArray[np.int32],
     length: FloatArray,
 ) -> None:
     for e in range(len(edges)):
-        for side in range(2):
+        for side in range(sides):
             a = edges[e, side]
             node[place[a]], length[place[a]] = edges[e, 1 - side], lengths[e]
             place[a] += 1
@@ -107,7 +109,7 @@ def distances_from(links: Links, beacons: int) -> tuple[NDArray[np.float32], NDA
         component, from 0 on.
     """
     n = len(links.start) - 1
-    components = _components(links)
+    components = components_of(links)
     distances = np.full((n, beacons), np.inf, np.float32)
     if n == 0:
         return distances[:, :0], components
@@ -129,7 +131,8 @@ def distances_from(links: Links, beacons: int) -> tuple[NDArray[np.float32], NDA
 
 
 @njit(cache=True, nogil=True)
-def _components(links: Links) -> NDArray[np.int64]:
+def components_of(links: Links) -> NDArray[np.int64]:
+    """Return the number of each node's component, shape (n,), from 0 on, of links that lead both ways."""
     n = len(links.start) - 1
     number, waiting = np.full(n, -1, np.int64), np.empty(n, np.int64)
     count = 0

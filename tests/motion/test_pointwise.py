@@ -10,7 +10,7 @@ import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
-from trailmark.collision.pointwise import PointwiseChecker
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.collision.curve_motions import CurveChecker
-from trailmark.collision.pointwise_curves import PointwiseCurveChecker
 from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
+from trailmark.motion import CurveMotion
+from trailmark.motion.pointwise_curves import PointwiseCurveChecker
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import Robot, World
 
@@ -40,7 +40,7 @@ def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
 @pytest.mark.parametrize("world", WORLDS)
 def test_curves_in_random_worlds(world: str, name: str, steering: Steering) -> None:
     checker, oracle = StateChecker(WORLDS[world], ROBOTS[name]), Oracle(WORLDS[world], ROBOTS[name])
-    motions = CurveChecker(checker, steering)
+    motions = CurveMotion(checker, steering)
     a, b = short_motions(checker.world, 800, np.random.default_rng(12), 4.0)
     # Half of the ends ahead of the car, as most are on paths.
     b[400:, 2] = se2.wrap(a[400:, 2] + 0.5 * (b[400:, 2] - a[400:, 2]))
@@ -73,7 +73,7 @@ def test_fine_sampling_finds_hardly_any_free_curve_that_was_refused(steering: St
     a, b = short_motions(world, 400, np.random.default_rng(5), 3.0)
     valid = checker.valid(a) & checker.valid(b)
     a, b = a[valid], b[valid]
-    refused = ~CurveChecker(checker, steering).motions_valid(a, b)
+    refused = ~CurveMotion(checker, steering).motions_valid(a, b)
     free = 0
     for p, q in zip(a[refused], b[refused], strict=True):
         length = steering.lengths(p, q)
@@ -116,7 +116,7 @@ def test_no_needle_is_small_enough_to_be_missed(
     x, y = se2.transform(q, point[None])[0]
     speck: Shape = Disc((x, y), size) if where[0] < 0.5 else box(x - size, y - size, x + size, y + size)
     checker = StateChecker(World("w", (-20.0, -20.0, 40.0, 40.0), (speck,)), robot, cell=0.25)
-    assert not CurveChecker(checker, steering).motion_valid(a, b)
+    assert not CurveMotion(checker, steering).motion_valid(a, b)
     single = PointwiseCurveChecker(checker, steering)
     if checker.valid(a) and checker.valid(b):
         assert not single.motion_valid(a, b)
@@ -127,15 +127,15 @@ def test_forwards_only_and_in_reverse() -> None:
     walls = (box(0, 4, 10, 4.4), box(0, 5.6, 10, 6), box(9.4, 4, 10, 6))
     checker = StateChecker(World("dead end", (0, 0, 20, 10), walls), Robot.rectangle(1, 0.5))
     inside, outside = (8.0, 5.0, 0.0), (3.0, 5.0, 0.0)
-    assert CurveChecker(checker, Steering(2.0)).motion_valid(inside, outside)
-    assert CurveChecker(checker, Steering(2.0)).motion_valid(outside, inside)
-    assert CurveChecker(checker, Steering(2.0, reverse=False)).motion_valid(outside, inside)
-    assert not CurveChecker(checker, Steering(2.0, reverse=False)).motion_valid(inside, outside)
+    assert CurveMotion(checker, Steering(2.0)).motion_valid(inside, outside)
+    assert CurveMotion(checker, Steering(2.0)).motion_valid(outside, inside)
+    assert CurveMotion(checker, Steering(2.0, reverse=False)).motion_valid(outside, inside)
+    assert not CurveMotion(checker, Steering(2.0, reverse=False)).motion_valid(inside, outside)
 
 
 def test_a_curve_may_leave_contact_and_arrive_in_it() -> None:
     checker = StateChecker(World("wall", (0, 0, 20, 20), (box(6, 0, 8, 20),)), Robot.rectangle(2, 2))
-    motions = CurveChecker(checker, Steering(2.0))
+    motions = CurveMotion(checker, Steering(2.0))
     contact, away = (5.0, 8.0, 0.0), (2.0, 8.0, 0.0)
     assert checker.clearance(contact) == 0.0
     assert motions.motion_valid(contact, away)
@@ -192,10 +192,10 @@ def test_of_several_shortest_curves_all_that_are_free_are_found() -> None:
 def test_the_robots_own_steering_and_bad_input() -> None:
     world = World("w", (0, 0, 20, 20))
     car = Robot(Robot.rectangle(2, 1).footprint, turning_radius=3.0, reverse=False)
-    assert CurveChecker(StateChecker(world, car)).steering == Steering(3.0, reverse=False)
+    assert CurveMotion(StateChecker(world, car)).steering == Steering(3.0, reverse=False)
     with pytest.raises(ConfigurationError, match="without turning radius"):
-        CurveChecker(StateChecker(world, Robot.disc(1)))
-    motions = CurveChecker(StateChecker(world, car))
+        CurveMotion(StateChecker(world, Robot.disc(1)))
+    motions = CurveMotion(StateChecker(world, car))
     with pytest.raises(ConfigurationError, match="2 starts and 1 ends"):
         motions.motions_valid([(5, 5, 0)] * 2, [(6, 5, 0)])
     with pytest.raises(ConfigurationError, match="shapes"):

@@ -9,13 +9,14 @@ import numpy as np
 from numba import carray  # type: ignore[attr-defined]  # numba does export it
 
 from trailmark.collision import kernels
+from trailmark.collision.certify import curve_motion
 from trailmark.collision.checker import StateChecker
-from trailmark.collision.curve_motions import CurveChecker, curve_motion
-from trailmark.collision.pointwise import PointwiseChecker, given, pointer, room_at, unpacked
 from trailmark.compiled import njit
 from trailmark.curves import Steering
 from trailmark.curves.shortest import MOST_WORDS, all_words, as_long, shortest_of
 from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
+from trailmark.motion.curve import CurveMotion
+from trailmark.motion.pointwise import PointwiseChecker, given, pointer, room_at, unpacked
 from trailmark.se2 import FloatArray
 
 __all__ = ["TIE", "PointwiseCurveChecker"]
@@ -30,7 +31,7 @@ Configuration = tuple[float, float, float]
 
 
 class PointwiseCurveChecker(PointwiseChecker):
-    """The answers of a CurveChecker, one at a time and with little overhead.
+    """The answers of a CurveMotion, one at a time and with little overhead.
 
     Args:
         checker: whose answers these are; kept alive, since the addresses are those of its arrays.
@@ -41,7 +42,7 @@ class PointwiseCurveChecker(PointwiseChecker):
     """
 
     def __init__(self, checker: StateChecker, steering: Steering | None = None) -> None:
-        self.steering = CurveChecker(checker, steering).steering
+        self.steering = CurveMotion(checker, steering).steering
         room = np.empty((MOST_MARKS + 1, 4))
         self._length, self._marks = room[0], room[1:]
         self._room_address: int = room.ctypes.data

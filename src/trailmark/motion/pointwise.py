@@ -14,7 +14,7 @@ from numba import carray, types  # type: ignore[attr-defined]  # numba does expo
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from trailmark.collision import kernels
+from trailmark.collision import certify, kernels
 from trailmark.collision.checker import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
@@ -224,7 +224,7 @@ def _motion(address: int, ax: float, ay: float, at: float, bx: float, by: float,
     placed, queue, ends = room_at(address)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    return int(kernels.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))
+    return int(certify.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))
 
 
 @njit(cache=True)
@@ -239,4 +239,4 @@ def _step(address: int, ax: float, ay: float, at: float, bx: float, by: float, b
         return answer
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    return int(kernels.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))
+    return int(certify.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))

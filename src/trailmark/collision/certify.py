@@ -1,0 +1,292 @@
+"""Certified motions: one bisection for straight motions and for a car's curves. Nothing is sampled, nothing missed.
+
+A track leads from one configuration to another; on its scale, in metres, no point of the robot moves by more than the
+scale does. A configuration with clearance d therefore certifies the track for d on either side of itself. The track is
+covered from its middle outwards, and accepted only once it is covered whole.
+
+On a straight motion no point moves by more than ‖Δxy‖ + R·|Δθ| (R: the largest distance of the outline from the
+reference point). Over an arc of length Δs the robot turns by Δs/ρ about a centre that no point of it is farther from
+than ρ + R, so that none moves by more than Δs·(1 + R/ρ).
+"""
+
+from __future__ import annotations
+
+from math import cos, fabs, hypot, sin
+from typing import NamedTuple
+
+import numpy as np
+
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.footprint import Footprint
+from trailmark.collision.kernels import (
+    BLOCKED,
+    FREE,
+    ROUNDING,
+    UNDECIDED,
+    exact_clearance,
+    field_clearance,
+    field_hit,
+    workspace,
+)
+from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import by_type, njit, variant_of
+from trailmark.curves.words import PIECES, drive
+from trailmark.heading import turn
+from trailmark.se2 import FloatArray
+
+__all__ = [
+    "BUDGET",
+    "CONTACT",
+    "END_ZONE",
+    "CurveTrack",
+    "StraightTrack",
+    "certify",
+    "curve_motion",
+    "end_gap",
+    "motion",
+    "motions_certified",
+    "new_queue",
+]
+
+CONTACT = 1e-6
+"""Metres: a motion that comes closer than this to an obstacle is not certified, but for its ends."""
+
+END_SHARE = 1e-4
+"""Share of the robot's inscribed radius that an end's gap may have at most: to tiny robots a micrometre is much."""
+
+END_ZONE = 1e-3
+"""Metres from either end of a motion in which it may come closer than CONTACT, as one that starts in contact does."""
+
+BUDGET = 20_000
+"""Configurations evaluated for one motion at most; a motion that needs more is not certified."""
+
+
+class StraightTrack(NamedTuple):
+    """A motion with x, y and heading all linear.
+
+    Attributes:
+        x: of the start, metres.
+        y: of the start, metres.
+        theta: of the start, radians.
+        dx: change of x, metres.
+        dy: change of y, metres.
+        dtheta: change of the heading, radians, the shorter way round.
+        bound: length of the scale, metres.
+    """
+
+    x: float
+    y: float
+    theta: float
+    dx: float
+    dy: float
+    dtheta: float
+    bound: float
+
+
+class CurveTrack(NamedTuple):
+    """A car's curve: arcs and straight pieces.
+
+    Attributes:
+        pieces: (5, 6): where a piece begins (x, y, heading), its side (1 left, 0 straight, -1 right), the way
+            driven on it (metres, negative backwards), and where on the scale it begins (metres).
+        used: how many of them there are.
+        radius: turning radius, metres.
+        turning: R/ρ: metres that the outline moves at most for each metre driven on an arc, besides that metre.
+        bound: length of the scale, metres.
+    """
+
+    pieces: FloatArray
+    used: int
+    radius: float
+    turning: float
+    bound: float
+
+
+@by_type
+def pose(track: StraightTrack | CurveTrack, along: float) -> tuple[float, float, float]:
+    """Return the configuration at a place on the track's scale, metres."""
+    raise NotImplementedError
+
+
+@variant_of(pose, StraightTrack)
+@njit(cache=True)
+def _straight_pose(track: StraightTrack, along: float) -> tuple[float, float, float]:
+    t = along / track.bound
+    return track.x + t * track.dx, track.y + t * track.dy, track.theta + t * track.dtheta
+
+
+@variant_of(pose, CurveTrack)
+@njit(cache=True)
+def _curve_pose(track: CurveTrack, along: float) -> tuple[float, float, float]:
+    k = track.used - 1
+    while track.pieces[k, 5] > along:
+        k -= 1
+    x, y, theta, side, way, begin = track.pieces[k]
+    part = (along - begin) / (1.0 + fabs(side) * track.turning)
+    found: tuple[float, float, float] = drive(x, y, theta, side, part if way > 0.0 else -part, track.radius)
+    return found
+
+
+@njit(cache=True, inline="always")
+def end_gap(robot: Footprint) -> float:
+    """Return how long (metres of movement) a gap at an end of a motion may be that counts as free."""
+    return min(CONTACT, END_SHARE * float(robot.inner[0, 2]))
+
+
+@njit(cache=True)
+def new_queue() -> FloatArray:
+    """Return room for the gaps of one motion, shape (128, 2): the newest-first rule never needs more."""
+    return np.empty((128, 2))
+
+
+@njit(cache=True)
+def certify(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    placed: FloatArray,
+    queue: FloatArray,
+    track: StraightTrack | CurveTrack,
+    exact: bool,
+    budget: int,
+) -> int:
+    """Return FREE if a track is certified, BLOCKED if it is not, UNDECIDED if the field alone cannot tell.
+
+    Both ends must be valid. A robot may start and stop in contact with an obstacle: what is left open at an end
+    counts as free once it is no longer than :func:`end_gap`. All of it lies within half of that of the valid end or of
+    what is certified already.
+
+    Args:
+        grid: the obstacles.
+        field: their clearance field.
+        robot: the footprint.
+        placed: room (:func:`trailmark.collision.kernels.workspace`).
+        queue: room (:func:`new_queue`).
+        track: where the motion leads.
+        exact: False asks the field alone.
+        budget: configurations evaluated at most.
+    """
+    bound = track.bound
+    if bound == 0.0:
+        return FREE
+    capacity, open_end = len(queue), end_gap(robot)
+    queue[0, 0], queue[0, 1] = 0.0, bound
+    first, count = 0, 1
+    answer = FREE
+    for _ in range(budget):
+        if count == 0:
+            return answer
+        # Widest gaps first, which finds collisions soon; newest first once half of the queue is in use, which
+        # then grows by one gap for each halving only.
+        count -= 1
+        if 2 * count < capacity:
+            low, high = queue[first, 0], queue[first, 1]
+            first = (first + 1) % capacity
+        else:
+            last = (first + count) % capacity
+            low, high = queue[last, 0], queue[last, 1]
+        if (low == 0.0 or high == bound) and high - low <= open_end:
+            continue
+        middle = 0.5 * (low + high)
+        need = 0.5 * (high - low) + ROUNDING
+        x, y, theta = pose(track, middle)
+        c, s = cos(theta), sin(theta)
+        d = field_clearance(field, robot, x, y, c, s, need)
+        if d < need:
+            if not exact:
+                if field_hit(field, robot, x, y, c, s):
+                    return BLOCKED
+                if d < 0.5 * field.slack:
+                    answer = UNDECIDED
+                    continue
+            elif d < 2.0 * field.slack:
+                if d < 0.0 and field_hit(field, robot, x, y, c, s):
+                    return BLOCKED
+                cap = min(need + ROUNDING, max(d, 0.0) + 4.0 * field.slack)
+                d = exact_clearance(grid, robot, placed, x, y, c, s, cap)
+                near_end = min(middle, bound - middle) < END_ZONE
+                if d < need and d < CONTACT and (d <= ROUNDING or not near_end):
+                    return BLOCKED
+        if d < need:
+            # A gap that finds no place must not be lost: give up.
+            if count + 2 > capacity:
+                break
+            reach = d - ROUNDING
+            queue[(first + count) % capacity, 0] = low
+            queue[(first + count) % capacity, 1] = middle - reach
+            queue[(first + count + 1) % capacity, 0] = middle + reach
+            queue[(first + count + 1) % capacity, 1] = high
+            count += 2
+    return BLOCKED if exact else UNDECIDED
+
+
+@njit(cache=True)
+def motion(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    placed: FloatArray,
+    queue: FloatArray,
+    a: FloatArray,
+    b: FloatArray,
+    exact: bool,
+    budget: int = BUDGET,
+) -> int:
+    """Return what :func:`certify` does of the straight motion from a to b, each of shape (3,)."""
+    dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
+    bound = hypot(dx, dy) + robot.sweep_radius * fabs(dtheta)
+    track = StraightTrack(a[0], a[1], a[2], dx, dy, dtheta, bound)
+    return int(certify(grid, field, robot, placed, queue, track, exact, budget))
+
+
+@njit(cache=True)
+def curve_motion(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    placed: FloatArray,
+    queue: FloatArray,
+    a: FloatArray,
+    word: FloatArray,
+    radius: float,
+    budget: int = BUDGET,
+) -> int:
+    """Return what :func:`certify` does of driving a word, shape (2, 5), from a."""
+    pieces = np.empty((PIECES, 6))
+    used, bound, turning = 0, 0.0, robot.sweep_radius / radius
+    x, y, theta = a[0], a[1], a[2]
+    for k in range(PIECES):
+        side, way = word[1, k], word[0, k] * radius
+        if way == 0.0:
+            continue
+        pieces[used, 0], pieces[used, 1], pieces[used, 2] = x, y, theta
+        pieces[used, 3], pieces[used, 4], pieces[used, 5] = side, way, bound
+        bound += fabs(way) * (1.0 + fabs(side) * turning)
+        x, y, theta = drive(x, y, theta, side, way, radius)
+        used += 1
+    track = CurveTrack(pieces, used, radius, turning, bound)
+    return int(certify(grid, field, robot, placed, queue, track, True, budget))
+
+
+@njit(cache=True, nogil=True)
+def motions_certified(
+    grid: ObstacleGrid, field: ClearanceField, robot: Footprint, a: FloatArray, b: FloatArray, exact: bool
+) -> np.ndarray:
+    """Return FREE, BLOCKED or (only if not ``exact``) UNDECIDED for straight motions from a to b.
+
+    Args:
+        grid: the obstacles.
+        field: their clearance field.
+        robot: the footprint.
+        a: starts, shape (n, 3), valid.
+        b: ends, shape (n, 3), valid.
+        exact: False asks the field alone.
+
+    Returns:
+        uint8, shape (n,).
+    """
+    placed, queue = workspace(robot), new_queue()
+    result = np.empty(len(a), np.uint8)
+    for i in range(len(a)):
+        result[i] = motion(grid, field, robot, placed, queue, a[i], b[i], exact)
+    return result

@@ -1,0 +1,35 @@
+"""Motions between configurations: translations, straight motions, a car's curves."""
+
+from typing import Literal
+
+from trailmark.collision import StateChecker
+from trailmark.curves import Steering
+from trailmark.motion.base import Motion
+from trailmark.motion.curve import CurveMotion
+from trailmark.motion.straight import StraightMotion
+from trailmark.motion.translation import TranslationMotion
+from trailmark.shapes import Disc
+from trailmark.world import Robot
+
+__all__ = ["CurveMotion", "Kind", "Motion", "StraightMotion", "TranslationMotion", "kind_of", "motion_of"]
+
+Kind = Literal["translation", "straight", "curve"]
+
+
+def kind_of(robot: Robot) -> Kind:
+    """Return how a robot moves: on a car's curves if it has a turning radius, else straight, a disc without heading."""
+    if robot.turning_radius is not None:
+        return "curve"
+    return "translation" if isinstance(robot.footprint, Disc) else "straight"
+
+
+def motion_of(checker: StateChecker, steering: Steering | None = None) -> Motion:
+    """Return how a checker's robot moves: on a car's curves if it has a turning radius, else straight.
+
+    Args:
+        checker: decides which configurations are valid.
+        steering: turning radius, and whether the car reverses; that of the checker's robot if None.
+    """
+    if steering is not None or checker.robot.turning_radius is not None:
+        return CurveMotion(checker, steering)
+    return StraightMotion(checker) if checker.footprint.disc_radius < 0.0 else TranslationMotion(checker)

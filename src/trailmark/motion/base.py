@@ -1,0 +1,214 @@
+"""Motion: what leads a robot from one configuration to another, as roadmaps, searches and shortening ask about it.
+
+There are three kinds: a disc's translation (:mod:`trailmark.motion.translation`), a straight motion in SE(2)
+(:mod:`trailmark.motion.straight`), and the shortest curve of a car (:mod:`trailmark.motion.curve`). Compiled code
+takes a kind as a named tuple and calls the functions below, which are chosen by its type while it is compiled
+(:func:`trailmark.compiled.by_type`); Python asks a :class:`Motion`, which holds that tuple.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.collision.certify import BUDGET
+from trailmark.collision.kernels import UNDECIDED
+from trailmark.compiled import by_type, njit
+from trailmark.errors import ConfigurationError
+from trailmark.path import Path
+from trailmark.se2 import FloatArray
+
+__all__ = [
+    "Motion",
+    "Room",
+    "certified",
+    "cost",
+    "costs",
+    "embedding_radius",
+    "interpolate",
+    "least_cost",
+    "motions_free",
+    "new_room",
+]
+
+
+class Room(NamedTuple):
+    """Room for one thread's compiled code to work in.
+
+    Attributes:
+        placed: (v, 2), the placed outline.
+        queue: (128, 2), gaps of a motion.
+        words: (w, 2, 5), a car's curves.
+    """
+
+    placed: FloatArray
+    queue: FloatArray
+    words: FloatArray
+
+
+@by_type
+def new_room(kind: Any) -> Room:
+    """Return room to work in."""
+    raise NotImplementedError
+
+
+@by_type
+def cost(kind: Any, room: Room, a: FloatArray, b: FloatArray) -> float:
+    """Return what the motion from a to b, each of shape (3,), costs, metres."""
+    raise NotImplementedError
+
+
+@by_type
+def certified(kind: Any, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
+    """Return whether the motion from a to b, both valid, is certified free of collision.
+
+    Args:
+        kind: of motion.
+        room: to work in.
+        a: shape (3,).
+        b: shape (3,).
+        budget: configurations evaluated at most; a motion that needs more is not certified.
+    """
+    raise NotImplementedError
+
+
+@by_type
+def interpolate(kind: Any, room: Room, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
+    """Write the configuration at cost ``along`` (metres) on the motion from a to b into q."""
+    raise NotImplementedError
+
+
+@by_type
+def embedding_radius(kind: Any) -> float:
+    """Return R of the embedding (x, y, R·cos θ, R·sin θ) in which near configurations are cheap to join, metres."""
+    raise NotImplementedError
+
+
+@by_type
+def least_cost(kind: Any, a: FloatArray, b: FloatArray) -> float:
+    """Return a lower bound on :func:`cost` that is soon found and changes little where a or b does, metres."""
+    raise NotImplementedError
+
+
+@njit(cache=True, nogil=True)
+def costs(kind: Any, a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the costs (metres, shape (n,)) of the motions from a to b, each of shape (n, 3)."""
+    room, result = new_room(kind), np.empty(len(a))
+    for i in range(len(a)):
+        result[i] = cost(kind, room, a[i], b[i])
+    return result
+
+
+@njit(cache=True, nogil=True)
+def motions_free(kind: Any, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
+    """Return which motions between valid configurations, each of shape (n, 3), are certified, shape (n,)."""
+    room, result = new_room(kind), np.empty(len(a), np.bool_)
+    for i in range(len(a)):
+        result[i] = certified(kind, room, a[i], b[i], BUDGET)
+    return result
+
+
+class Motion(ABC):
+    """One kind of motion of a robot in a world.
+
+    Args:
+        checker: decides which configurations are valid, and knows the distances.
+
+    Attributes:
+        checker: as given.
+        kind: the named tuple that compiled code takes.
+        directed: whether a motion may be possible one way only.
+        candidates: nodes near in the embedding that are looked at for each neighbour wanted.
+        moves_anywhere: whether the robot may move in every direction, as a lattice's steps do.
+    """
+
+    kind: Any
+    directed = False
+    candidates: ClassVar[int] = 1
+    moves_anywhere: ClassVar[bool] = True
+
+    def __init__(self, checker: StateChecker) -> None:
+        self.checker = checker
+
+    @property
+    def radius(self) -> float:
+        """R of the embedding (x, y, R·cos θ, R·sin θ), metres."""
+        return float(embedding_radius(self.kind))
+
+    def costs(self, a: FloatArray, b: FloatArray) -> FloatArray:
+        """Return the costs (metres, shape (n,)) of the motions from a to b, each of shape (n, 3) or (3,)."""
+        starts, ends = np.broadcast_arrays(np.atleast_2d(a), np.atleast_2d(b))
+        return np.asarray(costs(self.kind, np.array(starts, order="C"), np.array(ends, order="C")))
+
+    def least_cost(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return what a path from start to goal, each of shape (3,), would cost without obstacles, metres."""
+        ends = self.ends(start, goal)
+        return self.whole_cost(float(self.costs(ends[:1], ends[1:])[0]), start, goal)
+
+    def cost_of(self, states: FloatArray) -> float:
+        """Return the cost (metres) of a path's states, shape (n, 3)."""
+        return float(self.costs(states[:-1], states[1:]).sum())
+
+    def motions_valid(self, a: ArrayLike, b: ArrayLike) -> NDArray[np.bool_]:
+        """Return which motions are certified free of collision, ends included.
+
+        Args:
+            a: starts, shape (n, 3).
+            b: ends, shape (n, 3).
+
+        Returns:
+            Shape (n,), True only if no configuration along the motion collides.
+
+        Raises:
+            ConfigurationError: other shapes, different lengths, or values that are not finite.
+        """
+        starts, ends = np.atleast_2d(se2.configurations(a)), np.atleast_2d(se2.configurations(b))
+        if starts.shape != ends.shape:
+            raise ConfigurationError(f"motions: {len(starts)} starts and {len(ends)} ends given, allowed: as many")
+        free = np.asarray(self.checker.valid(starts) & self.checker.valid(ends))
+        free[free] = self.motions_between_valid(starts[free], ends[free])
+        return free
+
+    def motion_valid(self, a: ArrayLike, b: ArrayLike) -> bool:
+        """Return whether the motion from a to b, each of shape (3,), is certified free of collision."""
+        ends = se2.configurations(a, name="motion: start"), se2.configurations(b, name="motion: end")
+        if ends[0].ndim != 1 or ends[1].ndim != 1:
+            raise ConfigurationError(f"motion: shapes {ends[0].shape} and {ends[1].shape} given, allowed: (3,)")
+        return bool(self.motions_valid(*ends)[0])
+
+    def motions_between_valid(self, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
+        """Return which motions between configurations known to be valid are certified; shapes (n, 3), unchecked."""
+        return np.asarray(motions_free(self.kind, a, b))
+
+    def motions_by_field(self, a: FloatArray, b: FloatArray) -> NDArray[np.uint8]:
+        """Return what the clearance field alone proves of motions: FREE, BLOCKED or UNDECIDED, shape (n,)."""
+        return np.full(len(a), UNDECIDED, np.uint8)
+
+    def reversible(self, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
+        """Return which motions are, driven back, the motion from b to a, shape (n,)."""
+        return np.ones(len(a), np.bool_)
+
+    def ends(self, start: FloatArray, goal: FloatArray) -> FloatArray:
+        """Return start and goal, shape (2, 3), as the motions lead from one to the other."""
+        return np.array([start, goal])
+
+    def whole_cost(self, cost: float, start: FloatArray, goal: FloatArray) -> float:
+        """Return what a path that costs so much between :meth:`ends` costs in all, metres."""
+        return cost
+
+    def whole_states(self, states: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
+        """Return a path between :meth:`ends`, shape (n, 3), as one from start to goal."""
+        return states
+
+    def lines(self, a: FloatArray, b: FloatArray) -> FloatArray:
+        """Return straight lines, shape (l, 2, 2), metres, that show the motions from a to b, each of shape (n, 3)."""
+        return np.stack([a[:, :2], b[:, :2]], axis=1)
+
+    @abstractmethod
+    def path(self, states: FloatArray) -> Path:
+        """Return the path over these states, shape (n, 3)."""

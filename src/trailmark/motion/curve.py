@@ -1,0 +1,134 @@
+"""A car's motions: the shortest curves of Dubins, or of Reeds and Shepp for a car that reverses."""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from trailmark.collision import StateChecker
+from trailmark.collision.certify import curve_motion, new_queue
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.footprint import Footprint
+from trailmark.collision.kernels import FREE, workspace
+from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit, variant_of
+from trailmark.curves import CurvePath, Steering
+from trailmark.curves.shortest import MOST_WORDS, curve_length, shortest_word
+from trailmark.curves.words import PIECES, walk
+from trailmark.errors import ConfigurationError
+from trailmark.motion.base import (
+    Motion,
+    Room,
+    certified,
+    cost,
+    embedding_radius,
+    interpolate,
+    least_cost,
+    new_room,
+)
+from trailmark.se2 import FloatArray
+
+__all__ = ["Curve", "CurveMotion"]
+
+DRAWN = 12
+"""Straight lines that a curve is drawn as."""
+
+
+class Curve(NamedTuple):
+    """Shortest curves, as compiled code takes them.
+
+    Attributes:
+        grid: the obstacles.
+        field: their clearance field.
+        robot: the footprint.
+        radius: turning radius, metres.
+        reverse: whether the car drives backwards too.
+    """
+
+    grid: ObstacleGrid
+    field: ClearanceField
+    robot: Footprint
+    radius: float
+    reverse: bool
+
+
+class CurveMotion(Motion):
+    """Shortest curves of a car.
+
+    A curve is certified if no configuration along it collides; as with straight motions, one that comes within 1e-6 m
+    of an obstacle more than 1 mm from its ends is not, nor is one that needs more than 20,000 distances. Configurations
+    are near in the embedding (x, y, ρ·cos θ, ρ·sin θ): to turn by an angle takes about as long as to drive it round.
+
+    Args:
+        checker: decides which configurations are valid, and knows the distances.
+        steering: turning radius, and whether the car reverses; that of the checker's robot if None.
+
+    Raises:
+        ConfigurationError: neither ``steering`` nor a turning radius of the robot is given.
+    """
+
+    candidates: ClassVar[int] = 3
+    moves_anywhere: ClassVar[bool] = False
+
+    def __init__(self, checker: StateChecker, steering: Steering | None = None) -> None:
+        super().__init__(checker)
+        chosen = steering or Steering.of(checker.robot)
+        if chosen is None:
+            raise ConfigurationError(
+                f"robot ({checker.robot.describe()}) without turning radius given, allowed: a steering, or one with it"
+            )
+        self.steering: Steering = chosen
+        self.directed = not chosen.reverse
+        self.kind = Curve(checker.grid, checker.field, checker.footprint, chosen.radius, chosen.reverse)
+
+    def lines(self, a: FloatArray, b: FloatArray) -> FloatArray:
+        """Return straight lines, shape (l, 2, 2), metres, that show the curves from a to b, each of shape (n, 3)."""
+        if len(a) == 0:
+            return np.empty((0, 2, 2))
+        along = self.costs(a, b)[:, None] * np.linspace(0.0, 1.0, DRAWN + 1)
+        xy = self.steering.states(a, b, along)[..., :2]
+        return np.stack([xy[:, :-1], xy[:, 1:]], axis=2).reshape(-1, 2, 2)
+
+    def path(self, states: FloatArray) -> CurvePath:
+        """Return the path over these knots, shape (n, 3)."""
+        return CurvePath(states, self.steering)
+
+
+@variant_of(new_room, Curve)
+@njit(cache=True)
+def _new_room(kind: Curve) -> Room:
+    return Room(workspace(kind.robot), new_queue(), np.empty((MOST_WORDS, 2, PIECES)))
+
+
+@variant_of(cost, Curve)
+@njit(cache=True)
+def _cost(kind: Curve, room: Room, a: FloatArray, b: FloatArray) -> float:
+    return float(curve_length(a, b, kind.radius, kind.reverse, room.words))
+
+
+@variant_of(certified, Curve)
+@njit(cache=True)
+def _certified(kind: Curve, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
+    word = shortest_word(a, b, kind.radius, kind.reverse, room.words)
+    answer = curve_motion(kind.grid, kind.field, kind.robot, room.placed, room.queue, a, word, kind.radius, budget)
+    return bool(answer == FREE)
+
+
+@variant_of(interpolate, Curve)
+@njit(cache=True)
+def _interpolate(kind: Curve, room: Room, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
+    walk(a, shortest_word(a, b, kind.radius, kind.reverse, room.words), kind.radius, along, q)
+
+
+@variant_of(embedding_radius, Curve)
+@njit(cache=True)
+def _radius(kind: Curve) -> float:
+    return kind.radius
+
+
+@variant_of(least_cost, Curve)
+@njit(cache=True)
+def _least_cost(kind: Curve, a: FloatArray, b: FloatArray) -> float:
+    return hypot(b[0] - a[0], b[1] - a[1])

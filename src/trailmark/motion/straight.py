@@ -1,0 +1,112 @@
+"""Straight motions in SE(2): x, y and heading are linear, the heading the shorter way round."""
+
+from __future__ import annotations
+
+from math import fabs, hypot
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.collision import StateChecker
+from trailmark.collision.certify import motion, new_queue
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.footprint import Footprint
+from trailmark.collision.kernels import FREE, workspace
+from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit, variant_of
+from trailmark.heading import turn, wrapped
+from trailmark.motion.base import (
+    Motion,
+    Room,
+    certified,
+    cost,
+    embedding_radius,
+    interpolate,
+    least_cost,
+    new_room,
+)
+from trailmark.path import Path
+from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+
+__all__ = ["Straight", "StraightMotion"]
+
+
+class Straight(NamedTuple):
+    """Straight motions, as compiled code takes them.
+
+    Attributes:
+        grid: the obstacles.
+        field: their clearance field.
+        robot: the footprint.
+    """
+
+    grid: ObstacleGrid
+    field: ClearanceField
+    robot: Footprint
+
+
+class StraightMotion(Motion):
+    """Straight motions of a robot with a heading; arguments and attributes are those of :class:`Motion`."""
+
+    def __init__(self, checker: StateChecker) -> None:
+        super().__init__(checker)
+        self.kind = Straight(checker.grid, checker.field, checker.footprint)
+
+    def motions_between_valid(self, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
+        """Return which motions between configurations known to be valid are certified; shapes (n, 3), unchecked."""
+        return self.checker.motions_between_valid(a, b)
+
+    def motions_by_field(self, a: FloatArray, b: FloatArray) -> NDArray[np.uint8]:
+        """Return what the clearance field alone proves of motions: FREE, BLOCKED or UNDECIDED, shape (n,)."""
+        return self.checker.motions_by_field(a, b)
+
+    def reversible(self, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
+        """Return which motions are, driven back, the motion from b to a, shape (n,).
+
+        Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
+        """
+        return np.asarray(np.abs(a[:, 2] - b[:, 2]) != np.pi)
+
+    def path(self, states: FloatArray) -> Path:
+        """Return the path over these states, shape (n, 3)."""
+        return Path(states)
+
+
+@variant_of(new_room, Straight)
+@njit(cache=True)
+def _new_room(kind: Straight) -> Room:
+    return Room(workspace(kind.robot), new_queue(), np.empty((0, 2, 5)))
+
+
+@variant_of(cost, Straight)
+@njit(cache=True)
+def _cost(kind: Straight, room: Room, a: FloatArray, b: FloatArray) -> float:
+    return float(hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2])))
+
+
+@variant_of(certified, Straight)
+@njit(cache=True)
+def _certified(kind: Straight, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
+    return bool(motion(kind.grid, kind.field, kind.robot, room.placed, room.queue, a, b, True, budget) == FREE)
+
+
+@variant_of(interpolate, Straight)
+@njit(cache=True)
+def _interpolate(kind: Straight, room: Room, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
+    length = hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2]))
+    t = min(1.0, along / length) if length > 0.0 else 0.0
+    q[0], q[1] = a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])
+    q[2] = wrapped(a[2] + t * turn(a[2], b[2]))
+
+
+@variant_of(embedding_radius, Straight)
+@njit(cache=True)
+def _radius(kind: Straight) -> float:
+    return float(kind.robot.sweep_radius)
+
+
+@variant_of(least_cost, Straight)
+@njit(cache=True)
+def _least_cost(kind: Straight, a: FloatArray, b: FloatArray) -> float:
+    return float(hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2])))

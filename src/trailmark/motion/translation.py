@@ -1,0 +1,128 @@
+"""Translations of a disc: its heading collides with nothing, so that it plays no part until the path is returned."""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import NamedTuple
+
+import numpy as np
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.collision.certify import motion, new_queue
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.footprint import Footprint
+from trailmark.collision.kernels import FREE, workspace
+from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit, variant_of
+from trailmark.heading import turn
+from trailmark.motion.base import (
+    Room,
+    certified,
+    cost,
+    embedding_radius,
+    interpolate,
+    least_cost,
+    new_room,
+)
+from trailmark.motion.straight import StraightMotion
+from trailmark.se2 import FloatArray
+
+__all__ = ["Translation", "TranslationMotion"]
+
+
+class Translation(NamedTuple):
+    """Translations, as compiled code takes them.
+
+    Attributes:
+        grid: the obstacles.
+        field: their clearance field.
+        robot: the footprint, a disc.
+    """
+
+    grid: ObstacleGrid
+    field: ClearanceField
+    robot: Footprint
+
+
+class TranslationMotion(StraightMotion):
+    """Translations of a disc; arguments and attributes are those of :class:`trailmark.motion.base.Motion`.
+
+    Costs are ‖Δxy‖. The heading turns evenly along the whole path, which costs the least.
+    """
+
+    def __init__(self, checker: StateChecker) -> None:
+        super().__init__(checker)
+        self.kind = Translation(checker.grid, checker.field, checker.footprint)
+
+    def reversible(self, a: FloatArray, b: FloatArray) -> np.ndarray:
+        """Return which motions are, driven back, the motion from b to a, shape (n,): all."""
+        return np.ones(len(a), np.bool_)
+
+    def ends(self, start: FloatArray, goal: FloatArray) -> FloatArray:
+        """Return start and goal, shape (2, 3), at heading 0."""
+        ends = np.array([start, goal])
+        ends[:, 2] = 0.0
+        return ends
+
+    def whole_cost(self, cost: float, start: FloatArray, goal: FloatArray) -> float:
+        """Return what a path costs in all, metres: its length and the turn from the start's heading to the goal's."""
+        return cost + se2.ROTATION_WEIGHT * abs(turn(start[2], goal[2]))
+
+    def whole_states(self, states: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
+        """Return a path with the ends' headings, shape (n, 3), that turns evenly along its length."""
+        return turned_evenly(states, start, goal)
+
+
+def turned_evenly(states: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
+    """Return a path with the headings of its ends, turning evenly along it, which costs the least; shape (n, 3).
+
+    Args:
+        states: shape (n, 3), n >= 2; their headings do not matter.
+        start: shape (3,).
+        goal: shape (3,).
+    """
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(states[:, :2], axis=0).T))])
+    share = along / along[-1] if along[-1] > 0.0 else np.linspace(0.0, 1.0, len(states))
+    turned = np.array(states)
+    turned[:, 2] = se2.interpolate(start, goal, share)[:, 2]
+    turned[0], turned[-1] = start, goal
+    return turned
+
+
+@variant_of(new_room, Translation)
+@njit(cache=True)
+def _new_room(kind: Translation) -> Room:
+    return Room(workspace(kind.robot), new_queue(), np.empty((0, 2, 5)))
+
+
+@variant_of(cost, Translation)
+@njit(cache=True)
+def _cost(kind: Translation, room: Room, a: FloatArray, b: FloatArray) -> float:
+    return hypot(b[0] - a[0], b[1] - a[1])
+
+
+@variant_of(certified, Translation)
+@njit(cache=True)
+def _certified(kind: Translation, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
+    return bool(motion(kind.grid, kind.field, kind.robot, room.placed, room.queue, a, b, True, budget) == FREE)
+
+
+@variant_of(interpolate, Translation)
+@njit(cache=True)
+def _interpolate(kind: Translation, room: Room, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
+    length = hypot(b[0] - a[0], b[1] - a[1])
+    t = min(1.0, along / length) if length > 0.0 else 0.0
+    q[0], q[1], q[2] = a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2]
+
+
+@variant_of(embedding_radius, Translation)
+@njit(cache=True)
+def _radius(kind: Translation) -> float:
+    return float(kind.robot.sweep_radius)
+
+
+@variant_of(least_cost, Translation)
+@njit(cache=True)
+def _least_cost(kind: Translation, a: FloatArray, b: FloatArray) -> float:
+    return hypot(b[0] - a[0], b[1] - a[1])
