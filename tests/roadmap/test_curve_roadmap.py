@@ -12,6 +12,7 @@ from benchmarks.random_worlds import random_world
 
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
+from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError, FormatError, OutputError
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
