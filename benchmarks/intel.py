@@ -35,10 +35,10 @@ from benchmarks.oracle import Oracle, motion_states
 from benchmarks.suite import data_folder
 from trailmark.errors import TrailmarkError
 from trailmark.estimation.logs import load_log
-from trailmark.estimation.mapping import MappingSettings, ScanMap, map_scans
-from trailmark.estimation.records import Log, Scan
-from trailmark.estimation.risk import regrow
-from trailmark.estimation.scan_features import find_features
+from trailmark.estimation.logs.records import Log, Scan
+from trailmark.estimation.maps.scan_map import MappingSettings, ScanMap, map_scans
+from trailmark.estimation.risk.allocation import regrow
+from trailmark.estimation.scans.scan_features import find_features
 from trailmark.formats.files import write_atomically
 from trailmark.planning import LandmarkPlanner
 from trailmark.se2 import transform, wrap

@@ -37,7 +37,7 @@ from benchmarks.machine import describe_machine, markdown_table
 from benchmarks.smoother import smooth
 from trailmark.estimation import EkfSlam, RangeBearing, SlamResult, SlamSettings, Unicycle
 from trailmark.estimation.logs import load_log
-from trailmark.estimation.records import Detection, Pose, Record
+from trailmark.estimation.logs.records import Detection, Pose, Record
 
 FloatArray = NDArray[np.float64]
 

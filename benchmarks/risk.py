@@ -36,12 +36,12 @@ from benchmarks.machine import describe_machine, markdown_table
 from benchmarks.random_worlds import star_polygon
 from trailmark.errors import TrailmarkError
 from trailmark.estimation import EkfSlam, RangeBearing, Unicycle
-from trailmark.estimation.mapping import MappingSettings, map_scans
-from trailmark.estimation.obstacles import disc_estimates
-from trailmark.estimation.records import Scan
-from trailmark.estimation.risk import regrow, spend_risk
-from trailmark.estimation.scan_features import ScanSettings
-from trailmark.estimation.simulator import Detector, Scanner, simulate
+from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.maps.obstacle_estimates import disc_estimates
+from trailmark.estimation.maps.scan_map import MappingSettings, map_scans
+from trailmark.estimation.risk.allocation import regrow, spend_risk
+from trailmark.estimation.scans.scan_features import ScanSettings
+from trailmark.estimation.simulation.simulator import Detector, Scanner, simulate
 from trailmark.formats.files import write_atomically
 from trailmark.planning import LandmarkPlanner
 from trailmark.shapes import Disc, Rectangle, Shape

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation import SlamResult, Unicycle
-from trailmark.estimation.records import Detection, Odometry, Record
+from trailmark.estimation.logs.records import Detection, Odometry, Record
 
 __all__ = ["Smoothed", "smooth"]
 

@@ -35,7 +35,7 @@ from benchmarks.alignment import aligned, rms
 from benchmarks.machine import describe_machine, markdown_table
 from trailmark.estimation import EkfSlam, PoseIncrement, RangeBearing, SlamResult, SlamSettings
 from trailmark.estimation.logs import load_log
-from trailmark.estimation.records import Detection, Record
+from trailmark.estimation.logs.records import Detection, Record
 
 FloatArray = NDArray[np.float64]
 Landmarks = dict[int, FloatArray]

@@ -21,8 +21,8 @@ from trailmark.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from trailmark.estimation.mapped_log import MappedLog
-    from trailmark.estimation.records import Log
+    from trailmark.estimation.logs.records import Log
+    from trailmark.estimation.maps.mapped_log import MappedLog
 
 __all__ = ["map_log"]
 
@@ -199,7 +199,7 @@ def map_log(
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
         from trailmark.estimation.logs import load_log, log_files
-        from trailmark.estimation.world_from_log import map_log as map_records
+        from trailmark.estimation.maps.log_map import map_log as map_records
 
         keep_inputs(log_files(log), world_file, picture)
         settings = settings_of(

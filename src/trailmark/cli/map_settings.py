@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from trailmark.cli.options import UsageError, read_configuration, read_count
 
 if TYPE_CHECKING:
-    from trailmark.estimation.map_log_settings import MapSettings
+    from trailmark.estimation.maps.map_settings import MapSettings
 
 __all__ = ["read_probability", "settings_of"]
 
@@ -22,10 +22,10 @@ def settings_of(**given: Any) -> MapSettings:
         UsageError: an option that cannot be read.
         EstimationError: a value that is not allowed.
     """
-    from trailmark.estimation.map_log_settings import MapSettings
-    from trailmark.estimation.map_settings import MappingSettings
-    from trailmark.estimation.motion import PoseIncrement, Unicycle
-    from trailmark.estimation.sensors import Cartesian, RangeBearing
+    from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
+    from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
+    from trailmark.estimation.maps.map_settings import MapSettings
+    from trailmark.estimation.maps.mapping_settings import MappingSettings
 
     s = MapSettings(obstacles=given["obstacles"], poses=given["poses"], association=given["association"])
     sizes = _numbers(given["radius"], "--radius", (1, 2), "R or R,SIGMA in metres, R above 0")

@@ -246,7 +246,7 @@ def grown_for(world: World, robot: Robot) -> World:
     """Return the world; its obstacles are grown anew, and that is told, if they were grown for a lesser robot."""
     if world.risk is None or world.risk.covers(robot):
         return world
-    from trailmark.estimation.risk import regrow
+    from trailmark.estimation.risk.allocation import regrow
 
     console.warn(
         f"world {world.name!r} was grown for a robot that reaches {world.risk.reach:g} m: its obstacles are grown "

@@ -63,8 +63,8 @@ def _warm_up_scans() -> None:
     """Run every kernel that makes a map from scans."""
     import numpy as np
 
-    from trailmark.estimation.mapping import map_scans
-    from trailmark.estimation.records import Scan
+    from trailmark.estimation.logs.records import Scan
+    from trailmark.estimation.maps.scan_map import map_scans
 
     scan = Scan(0.0, np.full(31, 2.0), -1.0, 2.0 / 30.0, 5.0)
     map_scans([scan, scan._replace(t=1.0), scan._replace(t=2.0)], np.zeros((3, 3)))

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from trailmark.estimation.mapped_log import MappedLog
+    from trailmark.estimation.maps.mapped_log import MappedLog
     from trailmark.world import ObstacleEstimate, World
 
 __all__ = ["draw_map", "save_map_figure"]
@@ -117,7 +117,7 @@ def draw_map(axes: Axes, mapped: MappedLog) -> list[Entry]:
 
 
 def _regions(estimates: list[ObstacleEstimate], pixel: float) -> list[Any]:
-    from trailmark.estimation.growth import grow
+    from trailmark.estimation.risk.growth import grow
 
     return [grow(estimate, PROBABILITY).polygon(pixel).shapely() for estimate in estimates]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from trailmark.errors import FormatError
 from trailmark.estimation.logs import load_log
 from trailmark.estimation.logs.carmen import JITTER
-from trailmark.estimation.records import Increment, Log, Pose, Record, Scan
+from trailmark.estimation.logs.records import Increment, Log, Pose, Record, Scan
 
 FloatArray = NDArray[np.float64]
 HEAD = "# message formats defined: PARAM SYNC ODOM FLASER RLASER TRUEPOS HELLO"

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from trailmark.errors import FormatError, OutputError
 from trailmark.estimation.logs import load_log, save_log
+from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.logs.schema import log_json_schema
-from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 lengths = st.floats(0.0, allow_nan=False, allow_infinity=False)

@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.errors import FormatError
 from trailmark.estimation.logs import load_log
-from trailmark.estimation.records import Detection, Odometry, Pose
+from trailmark.estimation.logs.records import Detection, Odometry, Pose
 
 FILES = {
     "Barcodes.dat": "# Subject #    Barcode #\n  1 \t   5\n  2 \t  14\n  6 \t  63\n  7 \t  81\n",

@@ -14,7 +14,7 @@ import pytest
 
 from trailmark.errors import FormatError
 from trailmark.estimation.logs import load_log
-from trailmark.estimation.records import Increment, Pose, Scan
+from trailmark.estimation.logs.records import Increment, Pose, Scan
 
 rosbags = pytest.importorskip("rosbags", reason="the extra trailmark[ros] is not installed")
 

@@ -9,8 +9,8 @@ import pytest
 
 from trailmark.errors import FormatError
 from trailmark.estimation.logs import load_log
+from trailmark.estimation.logs.records import Detection, Increment
 from trailmark.estimation.logs.victoria import read_gps
-from trailmark.estimation.records import Detection, Increment
 
 LINES = (
     "LANDMARK 0 7 5.0 -1.0 0.4 0 0.4",

@@ -10,7 +10,7 @@ from contextlib import suppress
 from pathlib import Path as FilePath
 
 from trailmark.errors import FormatError, OutputError, did_you_mean
-from trailmark.estimation.records import Log
+from trailmark.estimation.logs.records import Log
 
 __all__ = ["FORMATS", "load_log", "log_files", "save_log"]
 

@@ -41,8 +41,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from trailmark.estimation.logs.records import Increment, Log, Pose, Record, Scan
 from trailmark.estimation.logs.source import BadRecords, name_of, numbers, read_lines
-from trailmark.estimation.records import Increment, Log, Pose, Record, Scan
 from trailmark.se2 import FloatArray, compose
 
 __all__ = ["JITTER", "KEYWORDS", "read_carmen"]

@@ -14,9 +14,10 @@ The first line is the header, records follow in the order of time, landmarks sta
 - ``{"type": "pose", "t", "x", "y", "theta", "truth"}``: truth is true or false (left out: false);
 - ``{"type": "landmark", "identity", "x", "y"}``: a surveyed feature, for evaluation.
 
-Metres, radians, seconds; the meaning of the fields is that of :mod:`trailmark.estimation.records`. What is optional
-may be left out or null. Times may repeat but not go back. Numbers are written with all their digits, so that reading
-gives back what was written. :func:`trailmark.estimation.logs.schema.log_json_schema` gives the JSON Schema of a line.
+Metres, radians, seconds; the meaning of the fields is that of :mod:`trailmark.estimation.logs.records`. What is
+optional may be left out or null. Times may repeat but not go back. Numbers are written with all their digits, so that
+reading gives back what was written. :func:`trailmark.estimation.logs.schema.log_json_schema` gives the JSON Schema of
+a line.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from typing import Any
 import numpy as np
 
 from trailmark.errors import FormatError, OutputError
+from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.logs.source import BadRecords, name_of, read_lines
-from trailmark.estimation.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.formats.files import write_atomically
 from trailmark.se2 import FloatArray
 

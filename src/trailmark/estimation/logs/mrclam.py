@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from trailmark.errors import FormatError
+from trailmark.estimation.logs.records import Detection, Log, Odometry, Pose, Record
 from trailmark.estimation.logs.source import BadRecords, Table, in_order, read_table
-from trailmark.estimation.records import Detection, Log, Odometry, Pose, Record
 
 __all__ = ["read_mrclam", "robot_of", "robots"]
 

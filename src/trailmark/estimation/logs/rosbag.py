@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from trailmark.errors import FormatError, TrailmarkError, did_you_mean
+from trailmark.estimation.logs.records import Increment, Log, Pose, Record, Scan
 from trailmark.estimation.logs.source import BadRecords, name_of
 from trailmark.estimation.logs.transforms import Transforms, matrix
-from trailmark.estimation.records import Increment, Log, Pose, Record, Scan
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from trailmark.errors import did_you_mean
-from trailmark.estimation.records import Detection, Increment, Odometry, Pose, Record, Scan
+from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.se2 import FloatArray
 
 __all__ = ["Header", "Landmark", "header", "log_json_schema", "parse"]

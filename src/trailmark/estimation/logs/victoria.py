@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from trailmark.estimation.logs.records import Detection, Increment, Log, Record
 from trailmark.estimation.logs.source import BadRecords, in_order, name_of, numbers, read_lines, read_table
-from trailmark.estimation.records import Detection, Increment, Log, Record
 from trailmark.se2 import FloatArray
 
 __all__ = ["KEYWORDS", "read_gps", "read_victoria"]

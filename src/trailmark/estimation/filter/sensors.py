@@ -1,0 +1,318 @@
+# ruff: noqa: E741, N802, N806 # the names are the filter's own symbols: x, z, l, h, H, V, R
+"""Sensor models: range and bearing, points, lines.
+
+Range and bearing, and the inverse that starts a feature from its first reading, are those of Thrun, Burgard & Fox
+2005, Probabilistic Robotics, sections 6.6 and 10.2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.filter.sensor_model import Inverse, Linearised, SensorModel
+from trailmark.se2 import FloatArray, wrap
+
+__all__ = ["Cartesian", "LinePolar", "RangeBearing"]
+
+NEAREST = 1e-9
+"""Metres: a feature nearer than this has no bearing that could be differentiated; it counts as this far away."""
+
+
+@dataclass(frozen=True)
+class RangeBearing(SensorModel):
+    """Range and bearing of a point: z = (r + (1 + c·r)·v_r, β + v_β), l = (x, y) in the world.
+
+    r = ‖l − (x, y)‖, β = atan2(l_y − y, l_x − x) − θ in (−π, π].
+
+    Attributes:
+        sigma_range: standard deviation of v_r, metres.
+        sigma_bearing: standard deviation of v_β, radians.
+        growth: c, how much of sigma_range each metre of range adds to the range's noise, 1/m; 0 for a sensor
+            whose error does not grow.
+
+    Raises:
+        EstimationError: a deviation that is not positive, or growth below 0.
+    """
+
+    feature_kind: ClassVar[str] = "point"
+    feature_dim: ClassVar[int] = 2
+    reading_dim: ClassVar[int] = 2
+
+    sigma_range: float
+    sigma_bearing: float
+    growth: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_sigmas(self, "sigma_range", "sigma_bearing")
+        if not 0.0 <= self.growth < math.inf:
+            raise EstimationError(f"RangeBearing: growth {self.growth!r} given, allowed: 0 or more")
+
+    @cached_property
+    def R(self) -> FloatArray:
+        """diag(σ_r², σ_β²)."""
+        return np.diag([self.sigma_range**2, self.sigma_bearing**2])
+
+    def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
+        """Return (range, bearing), shape (..., 2)."""
+        dx, dy, theta = _offset(x, l)
+        r, beta = np.hypot(dx, dy), np.arctan2(dy, dx) - theta
+        if v is not None:
+            v = np.asarray(v, dtype=np.float64)
+            r, beta = r + (1.0 + self.growth * r) * v[..., 0], beta + v[..., 1]
+        return np.stack(np.broadcast_arrays(r, wrap(beta)), axis=-1)
+
+    def H_pose(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return ∂z/∂(x, y, θ), shape (..., 2, 3)."""
+        dx, dy, _ = _offset(x, l)
+        r = np.maximum(np.hypot(dx, dy), NEAREST)
+        H = np.empty((*r.shape, 2, 3))
+        H[..., 0, 0], H[..., 0, 1], H[..., 0, 2] = -dx / r, -dy / r, 0.0
+        H[..., 1, 0], H[..., 1, 1], H[..., 1, 2] = dy / r / r, -dx / r / r, -1.0
+        return H
+
+    def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return ∂z/∂l, shape (..., 2, 2): only the difference of pose and feature counts."""
+        return -self.H_pose(x, l)[..., :2]
+
+    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
+        """Return h, H_pose and H_feature from one and the same offset."""
+        dx, dy, theta = _offset(x, l)
+        far = np.hypot(dx, dy)
+        r = np.maximum(far, NEAREST)
+        z = np.empty((*r.shape, 2))
+        z[..., 0], z[..., 1] = far, wrap(np.arctan2(dy, dx) - theta)
+        cos, sin = dx / r, dy / r
+        H = np.empty((*r.shape, 2, 3))
+        H[..., 0, 0], H[..., 0, 1], H[..., 0, 2] = -cos, -sin, 0.0
+        H[..., 1, 0], H[..., 1, 1], H[..., 1, 2] = sin / r, -cos / r, -1.0
+        return Linearised(z, H, -H[..., :2])
+
+    def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return diag(1 + c·r, 1), shape (..., 2, 2)."""
+        dx, dy, _ = _offset(x, l)
+        V = np.zeros((*dx.shape, 2, 2))
+        V[..., 0, 0], V[..., 1, 1] = 1.0 + self.growth * np.hypot(dx, dy), 1.0
+        return V
+
+    def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
+        """Return the point that pose x reads as z, shape (..., 2), with ∂/∂x (..., 2, 3) and ∂/∂z (..., 2, 2)."""
+        pose, reading = np.broadcast_arrays(np.asarray(x, dtype=np.float64)[..., :3], _padded(z))
+        r, direction = reading[..., 0], pose[..., 2] + reading[..., 1]
+        cos, sin = np.cos(direction), np.sin(direction)
+        G_pose, G_z = np.zeros((*r.shape, 2, 3)), np.empty((*r.shape, 2, 2))
+        G_pose[..., 0, 0] = G_pose[..., 1, 1] = 1.0
+        G_z[..., 0, 0], G_z[..., 1, 0] = cos, sin
+        G_z[..., 0, 1], G_z[..., 1, 1] = -r * sin, r * cos
+        G_pose[..., 2] = G_z[..., 1]
+        return Inverse(pose[..., :2] + r[..., None] * np.stack([cos, sin], axis=-1), G_pose, G_z)
+
+    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
+        """Return z − ẑ, shape (..., 2), the bearing in (−π, π]."""
+        y = np.asarray(z, dtype=np.float64) - np.asarray(z_hat, dtype=np.float64)
+        y[..., 1] = wrap(y[..., 1])
+        return y
+
+
+@dataclass(frozen=True)
+class Cartesian(SensorModel):
+    """A point in the robot's frame: z = R(θ)ᵀ (l − (x, y)) + v, l = (x, y) in the world.
+
+    Attributes:
+        sigma_x: standard deviation ahead, metres.
+        sigma_y: standard deviation to the left, metres.
+
+    Raises:
+        EstimationError: a deviation that is not positive.
+    """
+
+    feature_kind: ClassVar[str] = "point"
+    feature_dim: ClassVar[int] = 2
+    reading_dim: ClassVar[int] = 2
+
+    sigma_x: float
+    sigma_y: float
+
+    def __post_init__(self) -> None:
+        _check_sigmas(self, "sigma_x", "sigma_y")
+
+    @cached_property
+    def R(self) -> FloatArray:
+        """diag(σ_x², σ_y²)."""
+        return np.diag([self.sigma_x**2, self.sigma_y**2])
+
+    def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
+        """Return the point in the robot's frame, shape (..., 2), metres."""
+        dx, dy, theta = _offset(x, l)
+        cos, sin = np.cos(theta), np.sin(theta)
+        z = np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)
+        return z if v is None else z + np.asarray(v, dtype=np.float64)
+
+    def H_pose(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return ∂z/∂(x, y, θ), shape (..., 2, 3)."""
+        z = self.h(x, l)
+        H = np.empty((*z.shape[:-1], 2, 3))
+        H[..., :2] = -self.H_feature(x, l)
+        H[..., 0, 2], H[..., 1, 2] = z[..., 1], -z[..., 0]
+        return H
+
+    def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return ∂z/∂l = R(θ)ᵀ, shape (..., 2, 2)."""
+        *_, theta = _offset(x, l)
+        return np.swapaxes(_rotation(theta), -1, -2)
+
+    def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return the identity, shape (..., 2, 2)."""
+        *_, theta = _offset(x, l)
+        return np.broadcast_to(np.eye(2), (*theta.shape, 2, 2))
+
+    def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
+        """Return the point in the world, shape (..., 2), with ∂/∂x (..., 2, 3) and ∂/∂z (..., 2, 2)."""
+        pose, reading = np.broadcast_arrays(np.asarray(x, dtype=np.float64)[..., :3], _padded(z))
+        G_z = _rotation(pose[..., 2])
+        turned = (G_z @ reading[..., :2, None])[..., 0]
+        G_pose = np.zeros((*turned.shape[:-1], 2, 3))
+        G_pose[..., 0, 0] = G_pose[..., 1, 1] = 1.0
+        G_pose[..., 0, 2], G_pose[..., 1, 2] = -turned[..., 1], turned[..., 0]
+        return Inverse(pose[..., :2] + turned, G_pose, G_z)
+
+    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
+        """Return z − ẑ, shape (..., 2)."""
+        return np.asarray(z, dtype=np.float64) - np.asarray(z_hat, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class LinePolar(SensorModel):
+    """An infinite line by its foot point: l = (ρ, α) is the line {p : p·(cos α, sin α) = ρ} of the world.
+
+    z is the same line in the robot's frame. A line has two names, (ρ, α) and (−ρ, α + π): readings carry the one
+    with ρ >= 0 and α in (−π, π]; a feature may carry either (an update can take ρ through 0), and
+    :meth:`canonical` returns the first. The model of Siegwart, Nourbakhsh & Scaramuzza 2011, Introduction to
+    Autonomous Mobile Robots, chapter 5.
+
+    Attributes:
+        sigma_rho: standard deviation of the line's distance, metres.
+        sigma_alpha: standard deviation of its normal's direction, radians.
+
+    Raises:
+        EstimationError: a deviation that is not positive.
+    """
+
+    feature_kind: ClassVar[str] = "line"
+    feature_dim: ClassVar[int] = 2
+    reading_dim: ClassVar[int] = 2
+
+    sigma_rho: float
+    sigma_alpha: float
+
+    def __post_init__(self) -> None:
+        _check_sigmas(self, "sigma_rho", "sigma_alpha")
+
+    @cached_property
+    def R(self) -> FloatArray:
+        """diag(σ_ρ², σ_α²)."""
+        return np.diag([self.sigma_rho**2, self.sigma_alpha**2])
+
+    def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
+        """Return (ρ, α) in the robot's frame, shape (..., 2), ρ >= 0."""
+        z, _ = self._seen(x, l)
+        return z if v is None else self.canonical(z + np.asarray(v, dtype=np.float64))
+
+    def H_pose(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return ∂z/∂(x, y, θ), shape (..., 2, 3)."""
+        _, sign = self._seen(x, l)
+        alpha = np.asarray(l, dtype=np.float64)[..., 1]
+        H = np.zeros((*sign.shape, 2, 3))
+        H[..., 0, 0], H[..., 0, 1], H[..., 1, 2] = -sign * np.cos(alpha), -sign * np.sin(alpha), -1.0
+        return H
+
+    def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return ∂z/∂(ρ, α), shape (..., 2, 2)."""
+        _, sign = self._seen(x, l)
+        pose, alpha = np.asarray(x, dtype=np.float64), np.asarray(l, dtype=np.float64)[..., 1]
+        H = np.zeros((*sign.shape, 2, 2))
+        H[..., 0, 0], H[..., 1, 1] = sign, 1.0
+        H[..., 0, 1] = sign * (pose[..., 0] * np.sin(alpha) - pose[..., 1] * np.cos(alpha))
+        return H
+
+    def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return the identity, shape (..., 2, 2)."""
+        _, sign = self._seen(x, l)
+        return np.broadcast_to(np.eye(2), (*sign.shape, 2, 2))
+
+    def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
+        """Return the line in the world, shape (..., 2), ρ >= 0, with ∂/∂x (..., 2, 3) and ∂/∂z (..., 2, 2)."""
+        pose, reading = np.broadcast_arrays(np.asarray(x, dtype=np.float64)[..., :3], _padded(z))
+        alpha = reading[..., 1] + pose[..., 2]
+        cos, sin = np.cos(alpha), np.sin(alpha)
+        rho = reading[..., 0] + pose[..., 0] * cos + pose[..., 1] * sin
+        sign = np.where(rho < 0.0, -1.0, 1.0)
+        lean = sign * (pose[..., 1] * cos - pose[..., 0] * sin)
+        G_pose, G_z = np.zeros((*rho.shape, 2, 3)), np.zeros((*rho.shape, 2, 2))
+        G_pose[..., 0, 0], G_pose[..., 0, 1], G_pose[..., 0, 2] = sign * cos, sign * sin, lean
+        G_z[..., 0, 0], G_z[..., 0, 1] = sign, lean
+        G_pose[..., 1, 2] = G_z[..., 1, 1] = 1.0
+        return Inverse(self.canonical(np.stack([rho, alpha], axis=-1)), G_pose, G_z)
+
+    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
+        """Return z − ẑ, shape (..., 2), z by that of its two names whose normal points more like ẑ's.
+
+        A line close to the robot may be read with its normal the other way round; the two readings then differ by
+        the sum of their distances and a small angle, not by half a turn.
+        """
+        reading, predicted = np.asarray(z, dtype=np.float64), np.asarray(z_hat, dtype=np.float64)
+        turn = np.asarray(wrap(reading[..., 1] - predicted[..., 1]))
+        other = np.abs(turn) > np.pi / 2
+        rho = np.where(other, -reading[..., 0], reading[..., 0]) - predicted[..., 0]
+        return np.stack([rho, np.asarray(wrap(np.where(other, turn + np.pi, turn)))], axis=-1)
+
+    @staticmethod
+    def canonical(l: ArrayLike) -> FloatArray:
+        """Return the line's name with ρ >= 0 and α in (−π, π], shape (..., 2).
+
+        Where that is the other name, the covariance of ρ and α changes its sign.
+        """
+        line = np.array(l, dtype=np.float64)
+        line[..., 1] = wrap(np.where(line[..., 0] < 0.0, line[..., 1] + np.pi, line[..., 1]))
+        line[..., 0] = np.abs(line[..., 0])
+        return line
+
+    def _seen(self, x: ArrayLike, l: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return the reading and the sign, shape (...), that made its distance positive."""
+        pose, line = np.asarray(x, dtype=np.float64), np.asarray(l, dtype=np.float64)
+        alpha = line[..., 1]
+        rho = line[..., 0] - pose[..., 0] * np.cos(alpha) - pose[..., 1] * np.sin(alpha)
+        z = np.stack(np.broadcast_arrays(rho, alpha - pose[..., 2]), axis=-1)
+        return self.canonical(z), np.where(rho < 0.0, -1.0, 1.0)
+
+
+def _offset(x: ArrayLike, l: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return l_x − x, l_y − y and theta, broadcast to one shape."""
+    pose, point = np.asarray(x, dtype=np.float64), np.asarray(l, dtype=np.float64)
+    dx, dy = point[..., 0] - pose[..., 0], point[..., 1] - pose[..., 1]
+    return dx, dy, np.broadcast_to(pose[..., 2], dx.shape)
+
+
+def _padded(z: ArrayLike) -> FloatArray:
+    """Return readings, shape (..., 2), with a third column, so that they broadcast with poses."""
+    reading = np.asarray(z, dtype=np.float64)
+    return np.concatenate([reading, np.zeros((*reading.shape[:-1], 1))], axis=-1)
+
+
+def _rotation(theta: FloatArray) -> FloatArray:
+    """Return rotation matrices, shape (..., 2, 2), counter-clockwise by theta."""
+    cos, sin = np.cos(theta), np.sin(theta)
+    return np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
+
+
+def _check_sigmas(model: object, *names: str) -> None:
+    for name in names:
+        sigma = getattr(model, name)
+        if not (isinstance(sigma, int | float) and 0.0 < sigma < math.inf):
+            raise EstimationError(f"{type(model).__name__}: {name} {sigma!r} given, allowed: a number above 0")

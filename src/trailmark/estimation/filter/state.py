@@ -1,0 +1,195 @@
+# ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P, R, G, H
+"""The state of a SLAM filter: the robot's pose and features, whose number grows and shrinks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from filterpy.kalman import ExtendedKalmanFilter
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.filter.covariance import checked_covariance
+from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.se2 import FloatArray, configurations
+
+__all__ = ["Mode", "SlamState", "checked_pose"]
+
+
+Mode = Literal["slam", "localisation", "mapping"]
+"""What an update may change: pose and features, the pose alone, or the features alone."""
+
+
+class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships no type information
+    """filterpy's EKF with x = [pose, feature, feature, …] and its covariance P, in which features have ids.
+
+    Args:
+        pose: x, y, theta to begin with; metres and radians.
+        P: its covariance, shape (3, 3); None for a pose that is certain.
+
+    Raises:
+        EstimationError: a covariance that is not symmetric positive semidefinite.
+    """
+
+    x: FloatArray
+    P: FloatArray
+    mode: Mode = "slam"
+
+    def __init__(self, pose: ArrayLike = (0.0, 0.0, 0.0), P: ArrayLike | None = None) -> None:
+        super().__init__(dim_x=3, dim_z=2)
+        self.x = checked_pose(pose)
+        self.P = np.zeros((3, 3)) if P is None else checked_covariance(P, 3, "pose")
+        self.x_prior = self.P_prior = self.x_post = self.P_post = None
+        self._places: dict[int, slice] = {}
+        self._kinds: dict[int, str] = {}
+        self._points: NDArray[np.intp] | None = None
+        self._next_id = 0
+
+    @property
+    def pose(self) -> FloatArray:
+        """x, y, theta, shape (3,); metres, radians in (−π, π]."""
+        return self.x[:3].copy()
+
+    @property
+    def pose_covariance(self) -> FloatArray:
+        """Shape (3, 3)."""
+        return self.P[:3, :3].copy()
+
+    @property
+    def features(self) -> Mapping[int, slice]:
+        """The features' ids, in the order of the state, and where in x and P each stands."""
+        return MappingProxyType(self._places)
+
+    def feature(self, feature_id: int) -> FloatArray:
+        """Return a feature's estimate, shape (d,)."""
+        return self.x[self._place(feature_id)].copy()
+
+    def feature_covariance(self, feature_id: int) -> FloatArray:
+        """Return a feature's covariance, shape (d, d)."""
+        place = self._place(feature_id)
+        return self.P[place, place].copy()
+
+    def kind(self, feature_id: int) -> str:
+        """Return what a feature is: the kind of the sensors that see it."""
+        self._place(feature_id)
+        return self._kinds[feature_id]
+
+    def add_feature(self, z: ArrayLike, sensor: SensorModel, R: ArrayLike | None = None) -> int:
+        """Add the feature that a reading shows, with the correlations that the pose gives it; return its id; O(n²).
+
+        Args:
+            z: its first reading, shape (m,).
+            sensor: what read it.
+            R: covariance of z itself, shape (m, m), where the log states one; None for the sensor's V R Vᵀ.
+
+        Raises:
+            EstimationError: in mode "localisation", whose map is known; a reading that is not finite.
+        """
+        if self.mode == "localisation":
+            raise EstimationError("add_feature: the map of mode 'localisation' is known, allowed: add_known_feature")
+        reading = np.asarray(z, dtype=np.float64)
+        if reading.shape != (sensor.reading_dim,) or not np.isfinite(reading).all():
+            raise EstimationError(
+                f"add_feature: reading {reading.tolist()} given, allowed: {sensor.reading_dim} finite numbers"
+            )
+        l, G_pose, G_z = sensor.inverse(self.pose, reading)  # noqa: E741 # a feature
+        noise = sensor.noise(self.pose, l) if R is None else checked_covariance(R, sensor.reading_dim, "reading")
+        block = G_pose @ self.P[:3, :3] @ G_pose.T + G_z @ noise @ G_z.T
+        return self._append(l, 0.5 * (block + block.T), G_pose @ self.P[:3], sensor.feature_kind)
+
+    def add_known_feature(self, feature: ArrayLike, P: ArrayLike | None = None, *, kind: str = "point") -> int:
+        """Add a feature of a known map, uncorrelated with the rest; return its id.
+
+        Args:
+            feature: shape (d,).
+            P: its covariance, shape (d, d); None for one that is certain.
+            kind: "point" or "line", as the sensors that see it have it.
+        """
+        l = np.array(feature, dtype=np.float64)  # noqa: E741 # a feature
+        if l.ndim != 1 or not np.isfinite(l).all():
+            raise EstimationError(f"add_known_feature: {l.tolist()} given, allowed: finite numbers, shape (d,)")
+        block = np.zeros((len(l), len(l))) if P is None else checked_covariance(P, len(l), "feature")
+        return self._append(l, block, np.zeros((len(l), len(self.x))), kind)
+
+    def remove_feature(self, feature_id: int) -> None:
+        """Take a feature out of the state: exact, since the rest of a Gaussian stays what it was."""
+        gone = self._place(feature_id)
+        keep = np.r_[0 : gone.start, gone.stop : len(self.x)]
+        self.x, self.P = self.x[keep], self.P[np.ix_(keep, keep)]
+        del self._places[feature_id], self._kinds[feature_id]
+        d = gone.stop - gone.start
+        for other, place in self._places.items():
+            if place.start > gone.start:
+                self._places[other] = slice(place.start - d, place.stop - d)
+        self.dim_x, self._points = len(self.x), None
+
+    @property
+    def points(self) -> NDArray[np.intp]:
+        """Where x and y of the robot and of each feature that is a point stand in the state, shape (k, 2)."""
+        if self._points is None:
+            starts = [0, *(place.start for i, place in self._places.items() if self._kinds[i] == "point")]
+            self._points = np.array(starts, dtype=np.intp)[:, None] + np.arange(2)
+        return self._points
+
+    def places(self, sensor: SensorModel, ids: Sequence[int]) -> NDArray[np.intp]:
+        """Return where the features' numbers stand in the state, shape (k, d)."""
+        starts = np.array([self._place(i).start for i in ids], dtype=np.intp)
+        return starts[:, None] + np.arange(sensor.feature_dim)
+
+    def checked_readings(
+        self, z: ArrayLike, sensor: SensorModel, ids: Sequence[int], R: Sequence[ArrayLike | None] | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return readings of features, shape (k, m), and the covariance of each, shape (k, m, m).
+
+        Args:
+            z: the readings, shape (k, m).
+            sensor: what read them.
+            ids: of which features, no two the same.
+            R: covariance of each reading, shape (m, m), or None for the sensor's V R Vᵀ; None for all of them.
+
+        Raises:
+            EstimationError: what of this is wrong.
+        """
+        readings, k, m = np.asarray(z, dtype=np.float64), len(ids), sensor.reading_dim
+        if readings.shape != (k, m) or not np.isfinite(readings).all():
+            raise EstimationError(f"readings {readings.tolist()} given, allowed: {k} times {m} finite numbers")
+        if len(set(ids)) < k:
+            raise EstimationError("update: two readings of one feature at once given, allowed: one after the other")
+        if any(self.kind(i) != sensor.feature_kind for i in ids):
+            raise EstimationError(f"update: a sensor of {sensor.feature_kind}s reads another kind of feature")
+        stated = [None] * k if R is None else list(R)
+        if len(stated) != k:
+            raise EstimationError(f"update: {len(stated)} covariances given, allowed: {k}, one for each reading")
+        noise = np.empty((k, m, m))
+        if any(covariance is None for covariance in stated):
+            noise[:] = sensor.noise(self.pose, self.x[self.places(sensor, ids)])
+        for i, covariance in enumerate(stated):
+            if covariance is not None:
+                noise[i] = checked_covariance(covariance, m, "reading")
+        return readings, noise
+
+    def _append(self, feature: FloatArray, block: FloatArray, cross: FloatArray, kind: str) -> int:
+        n, d = len(self.x), len(feature)
+        P = np.empty((n + d, n + d))
+        P[:n, :n], P[n:, :n], P[:n, n:], P[n:, n:] = self.P, cross, cross.T, block
+        self.x, self.P, self.dim_x = np.concatenate([self.x, feature]), P, n + d
+        feature_id, self._next_id = self._next_id, self._next_id + 1
+        self._places[feature_id], self._kinds[feature_id] = slice(n, n + d), kind
+        self._points = None
+        return feature_id
+
+    def _place(self, feature_id: int) -> slice:
+        if feature_id not in self._places:
+            raise EstimationError(f"feature {feature_id!r} given, allowed: one of the {len(self._places)} in the state")
+        return self._places[feature_id]
+
+
+def checked_pose(pose: ArrayLike) -> FloatArray:
+    """Return a copy of a pose, shape (3,), its heading in (−π, π], or say what is wrong with it."""
+    q = configurations(pose, name="pose")
+    if q.ndim != 1:
+        raise EstimationError(f"pose: shape {q.shape} given, allowed: (3,)")
+    return q

@@ -1,0 +1,120 @@
+"""What a log was turned into: the world, where the robot went, and the figures that say how far to trust both."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Scan
+from trailmark.estimation.maps.scan_map import ScanMap
+from trailmark.estimation.slam.slam_result import SlamResult
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.world import ObstacleEstimate, World
+
+__all__ = ["MappedLog"]
+
+_KINDS = {Odometry: "odometry", Increment: "increments", Detection: "detections", Scan: "scans", Pose: "poses"}
+
+_OBSTACLES = ("discs", "walls", "heaps", "unknown")
+"""Kinds of obstacles: heaps are groups of cells that beams met, unknown is what nobody looked into."""
+
+
+class MappedLog(NamedTuple):
+    """The outcome of :func:`trailmark.estimation.map_log`."""
+
+    log: Log
+    """What it was made from."""
+    world: World
+    """The obstacles with their covariances, grown if a confidence was asked for; the robot; queries."""
+    trajectory: FloatArray
+    """Where the robot was, shape (n, 4), rows t, x, y, theta: after each instant of EKF-SLAM, or at each scan."""
+    poses: str
+    """Where it was by: "slam", "log" or "odometry"."""
+    association: str | None
+    """How detections found their features, where EKF-SLAM ran."""
+    slam: SlamResult | None
+    """EKF-SLAM's result, where it ran."""
+    tentative: int
+    """Features that were still to be confirmed when its log ended; they are not in the world."""
+    scans: ScanMap | None
+    """The map from scans, where obstacles are made of those."""
+    seconds: float
+    """Time that it took."""
+    scan_seconds: float
+    """Of that, the time for scans."""
+    notes: tuple[str, ...] = ()
+    """One sentence each on what was left out, taken for granted or not used, the reader's own among them."""
+
+    def figures(self) -> dict[str, Any]:
+        """Return counts, consistency and times as plain data that JSON can hold (no NaN, no infinity)."""
+        risk = self.world.risk
+        kinds = Counter(_KINDS[type(record)] for record in self.log.records)
+        steps = np.diff(self.trajectory, axis=0)
+        times = self.trajectory[:, 0]
+        return {
+            "name": self.log.name,
+            "records": {"all": len(self.log.records), **{name: kinds[name] for name in _KINDS.values()}},
+            "dropped": self.log.dropped,
+            "poses": self.poses,
+            "association": self.association,
+            "features": self._features(),
+            "nis": self._nis(),
+            "counts": None if self.slam is None else self.slam.counts.as_dict(),
+            "obstacles": self._obstacles(),
+            "bounds": list(self.world.bounds),
+            "trajectory": {
+                "poses": len(times),
+                "length": float(np.hypot(steps[:, 1], steps[:, 2]).sum()),
+                "duration": float(times[-1] - times[0]) if len(times) else 0.0,
+            },
+            "queries": [query.name for query in self.world.queries],
+            "risk": None
+            if risk is None
+            else {"confidence": risk.confidence, "collision_at_most": 1.0 - risk.confidence},
+            "time": {"total": self.seconds, "per_update": self._per_update()},
+            "notes": list(self.notes),
+        }
+
+    def _features(self) -> dict[str, int]:
+        """Return how many features there are, of those that obstacles are made of."""
+        if self.scans is not None:
+            confirmed = self.scans.walls + self.scans.discs
+            return {"confirmed": confirmed, "tentative": 0, "dropped": self.scans.dropped}
+        features, dropped = (0, 0) if self.slam is None else (len(self.slam.features), self.slam.counts.dropped)
+        return {"confirmed": features, "tentative": self.tentative, "dropped": dropped}
+
+    def _nis(self) -> dict[str, Any] | None:
+        nis = None if self.slam is None else self.slam.nis()
+        if nis is None or nis.size == 0:
+            return None
+        return {
+            "mean": nis.mean,
+            "expected": nis.expected,
+            "low": nis.low,
+            "high": nis.high,
+            "inside": nis.inside,
+            "updates": nis.size,
+        }
+
+    def _obstacles(self) -> dict[str, int]:
+        """Return how many obstacles there are of each kind, by what they are the estimates of."""
+        every = len(self.world.obstacles)
+        kinds = Counter(_kind(estimate) for estimate in self.world.estimates or (None,) * every)
+        return {"all": every, **{name: kinds[name] for name in _OBSTACLES}}
+
+    def _per_update(self) -> float | None:
+        """Return the seconds that an update took: of EKF-SLAM's state, or of the map by a scan."""
+        if self.scans is not None:
+            return self.scan_seconds / len(self.scans.poses)
+        seconds = math.nan if self.slam is None else self.slam.seconds_per_update
+        return seconds if math.isfinite(seconds) else None
+
+
+def _kind(estimate: ObstacleEstimate | None) -> str:
+    if estimate is None:
+        return "unknown"
+    return {Disc: "discs", Rectangle: "walls", Polygon: "heaps"}[type(estimate.mean)]

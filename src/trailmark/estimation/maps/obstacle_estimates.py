@@ -1,0 +1,163 @@
+"""Estimated features to estimated obstacles: points to discs, lines to walls, groups of readings to hulls and boxes.
+
+What comes out is an :class:`trailmark.world.ObstacleEstimate`: a mean shape and the covariance of the numbers that
+place it. :mod:`trailmark.estimation.risk.allocation` grows it into an obstacle of a world.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.estimation.errors import EstimationError
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.world import ObstacleEstimate
+
+__all__ = ["ObstacleEstimate", "disc_estimates", "hull_estimate", "plain_box", "wall_estimate"]
+
+LEAST_SIDE = 1e-3
+"""Metres: what has no extent of its own (one reading, readings in a row) is made this wide, so that it is a region."""
+
+
+def disc_estimates(
+    points: ArrayLike, covariances: ArrayLike, radius: ArrayLike, radius_sigma: ArrayLike = 0.0
+) -> list[ObstacleEstimate]:
+    """Return a disc for each point-like feature, such as a tree or a post.
+
+    Args:
+        points: estimated centres, shape (m, 2), metres.
+        covariances: shape (m, 2, 2), square metres.
+        radius: metres, one for all or shape (m,): known, or half of the diameters that a detector measured.
+        radius_sigma: standard deviation of the radius, metres, one for all or shape (m,); taken to be independent
+            of the centre's error.
+
+    Raises:
+        EstimationError: shapes that do not fit together.
+        ShapeError: a radius that is not positive, a centre that is not finite.
+        WorldError: a covariance that is none.
+    """
+    centres, blocks = np.asarray(points, dtype=np.float64), np.asarray(covariances, dtype=np.float64)
+    if centres.ndim != 2 or centres.shape[1] != 2 or blocks.shape != (len(centres), 2, 2):
+        raise EstimationError(
+            f"points: shape {centres.shape} with covariances {blocks.shape} given, allowed: (m, 2) with (m, 2, 2)"
+        )
+    try:
+        radii, sigmas = (np.broadcast_to(np.asarray(v, float), len(centres)) for v in (radius, radius_sigma))
+    except ValueError:
+        raise EstimationError(
+            f"radius, radius_sigma: shapes {np.shape(radius)}, {np.shape(radius_sigma)} given, allowed: () or (m,)"
+        ) from None
+    estimates = []
+    for centre, block, r, sigma in zip(centres, blocks, radii, sigmas, strict=True):
+        covariance = np.zeros((3, 3))
+        covariance[:2, :2], covariance[2, 2] = block, sigma**2
+        disc = Disc((float(centre[0]), float(centre[1])), float(r))
+        estimates.append(ObstacleEstimate(disc, covariance if sigma else block))
+    return estimates
+
+
+def wall_estimate(
+    line: ArrayLike,
+    covariance: ArrayLike,
+    span: tuple[float, float],
+    *,
+    thickness: float,
+    along_sigma: float = 0.0,
+    end_sigma: float = 0.0,
+) -> ObstacleEstimate:
+    """Return a wall: a rectangle whose front is a stretch of an estimated line and that lies behind it.
+
+    With n = (cos α, sin α) and t = (−sin α, cos α), the front is {ρ n + s t : span[0] <= s <= span[1]} and the wall
+    reaches from there along n: give the line by that of its two names whose normal points away from who saw it.
+    A change of ρ and α moves the front's middle, at s = m, along n by δρ − m·δα, and turns the wall by δα. Where
+    the wall ends is measured by the readings themselves, not by the line.
+
+    Args:
+        line: ρ (metres, of either sign) and α (radians), shape (2,).
+        covariance: of ρ and α, shape (2, 2).
+        span: where the front begins and ends along t, metres.
+        thickness: of the wall, metres. The readings do not tell it.
+        along_sigma: standard deviation of the wall's place along the line, metres.
+        end_sigma: further standard deviation of each of the two ends by itself, metres.
+
+    Returns:
+        A rectangle with the covariance of x, y and heading; of length too, if the ends have errors of their own.
+
+    Raises:
+        ShapeError: a span or thickness that is not positive.
+        WorldError: a covariance that is none.
+    """
+    (rho, alpha), (low, high) = (float(v) for v in np.asarray(line, dtype=np.float64)), span
+    cos, sin = math.cos(alpha), math.sin(alpha)
+    middle, half = 0.5 * (low + high), 0.5 * thickness
+    # Columns: ρ, α, the shift of the middle along the line, the change of length.
+    J = np.zeros((4, 4))  # noqa: N806 # a Jacobian
+    along, across = np.array([-sin, cos]), np.array([cos, sin])
+    J[:2, 0], J[:2, 1], J[:2, 2] = across, half * along - middle * across, along
+    J[2, 1] = J[3, 3] = 1.0
+    sources = np.zeros((4, 4))
+    sources[:2, :2] = covariance
+    sources[2, 2], sources[3, 3] = along_sigma**2 + 0.5 * end_sigma**2, 2.0 * end_sigma**2
+    total = J @ sources @ J.T
+    centre = (rho + half) * across + middle * along
+    wall = Rectangle((float(centre[0]), float(centre[1])), high - low, thickness, alpha + 0.5 * math.pi)
+    total = 0.5 * (total + total.T)
+    return ObstacleEstimate(wall, total if end_sigma else total[:3, :3])
+
+
+def hull_estimate(readings: ArrayLike, covariance: ArrayLike, *, ratio: float = 1.0) -> ObstacleEstimate:
+    """Return the hull of readings that fit neither a line nor a circle.
+
+    Args:
+        readings: points, shape (n, 2), n >= 1, metres.
+        covariance: of the hull's place, shape (2, 2), or of its place and heading, (3, 3).
+        ratio: 1 for the convex hull; less, down to 0, follows the readings into bays (shapely's ``concave_hull``).
+
+    Raises:
+        EstimationError: no readings, another shape, not finite, a ratio out of range.
+        WorldError: a covariance that is none.
+    """
+    import shapely
+
+    points = _readings(readings)
+    if not 0.0 <= ratio <= 1.0:
+        raise EstimationError(f"ratio: {ratio} given, allowed: 0 to 1")
+    cloud = shapely.multipoints(points)
+    region = shapely.convex_hull(cloud) if ratio == 1.0 else shapely.concave_hull(cloud, ratio)
+    if shapely.get_dimensions(region) < 2 or not _roomy(region):
+        region = shapely.buffer(shapely.convex_hull(cloud), LEAST_SIDE / 2.0, quad_segs=2)
+    return ObstacleEstimate(Polygon(shapely.get_coordinates(region.exterior)), np.asarray(covariance, np.float64))
+
+
+def plain_box(readings: ArrayLike) -> Rectangle:
+    """Return the box of the source method's Algorithm 2: smallest to largest x and y of an obstacle's readings.
+
+    Args:
+        readings: points, shape (n, 2), n >= 1, metres. A box without extent is made 1 mm wide.
+
+    Raises:
+        EstimationError: no readings, another shape, not finite.
+    """
+    points = _readings(readings)
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, y = 0.5 * (low + high)
+    length, width = np.maximum(high - low, LEAST_SIDE)
+    return Rectangle((float(x), float(y)), float(length), float(width))
+
+
+def _roomy(region: object) -> bool:
+    """Return whether a hull is wider than rounding: 1 mm² per metre of its outline."""
+    import shapely
+
+    return bool(shapely.area(region) > 1e-6 * shapely.length(region))
+
+
+def _readings(readings: ArrayLike | Sequence[ArrayLike]) -> FloatArray:
+    points = np.asarray(readings, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) == 0 or not np.isfinite(points).all():
+        raise EstimationError(f"readings: shape {points.shape} given, allowed: (n, 2), n >= 1, finite")
+    return points

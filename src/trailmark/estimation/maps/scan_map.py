@@ -1,0 +1,157 @@
+"""From a log of laser scans to a world: walls and discs with their covariances, and cells where nothing else fits.
+
+Lines and discs of single scans are found again from scan to scan and refined by the EKF
+(:mod:`trailmark.estimation.scans.tracks`). Beside them a grid counts where beams ended and what they went through. It
+says along which stretches a line is a wall, what neither walls nor discs explain, and what nobody has looked into
+(:mod:`trailmark.estimation.maps.scan_obstacles`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.logs.records import Log, Scan
+from trailmark.estimation.maps.mapping_settings import MappingSettings
+from trailmark.estimation.scans.scan_features import find_features
+from trailmark.estimation.scans.scan_poses import Poses, records_of, scan_poses
+from trailmark.se2 import FloatArray, configurations, transform
+from trailmark.world import Robot, World
+
+if TYPE_CHECKING:
+    from trailmark.estimation.maps.evidence import EvidenceGrid
+    from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
+
+__all__ = ["MappingSettings", "ScanMap", "map_from_scans", "map_scans", "scan_poses"]
+
+BoolArray = NDArray[np.bool_]
+
+
+class ScanMap(NamedTuple):
+    """A map and what it was made from."""
+
+    world: World
+    """Its obstacles are the estimates' means: walls, discs, groups of cells; last, without estimates, the unknown."""
+    readings: tuple[FloatArray, ...]
+    """The end points behind each wall and disc, arrays of shape (n, 2): see :func:`trailmark.estimation.plain_box`."""
+    poses: FloatArray
+    """Where the scans were taken, shape (m, 3)."""
+    grid: EvidenceGrid
+    """Hits and passes."""
+    walls: int
+    """How many obstacles are walls, or boxes or hulls of their end points."""
+    discs: int
+    """How many are discs, or boxes or hulls of those."""
+    dropped: int
+    """Lines and discs that too few scans showed."""
+
+
+def map_from_scans(
+    log: Log | Sequence[Scan],
+    poses: Poses | ArrayLike = "auto",
+    *,
+    settings: MappingSettings | None = None,
+    robot: Robot | None = None,
+    confidence: float | None = None,
+) -> World:
+    """Return the world that a log's laser scans show; see :func:`map_scans`."""
+    return map_scans(log, poses, settings=settings, robot=robot, confidence=confidence).world
+
+
+def map_scans(
+    log: Log | Sequence[Scan],
+    poses: Poses | ArrayLike = "auto",
+    *,
+    settings: MappingSettings | None = None,
+    robot: Robot | None = None,
+    confidence: float | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> ScanMap:
+    """Return the map that a log's laser scans show, taken from known or estimated poses.
+
+    Args:
+        log: with scans.
+        poses: where they were taken from: see :func:`scan_poses`; or configurations, shape (m, 3), such as a
+            filter's, one for each scan.
+        settings: how to go about it.
+        robot: of the world.
+        confidence: grow the obstacles so that a path meets none with this probability at least
+            (:func:`trailmark.estimation.regrow`); None leaves them as they were measured.
+        on_progress: called with the number of scans done and their total.
+
+    Raises:
+        EstimationError: a log without scans, poses that are not there or not one for each scan.
+    """
+    from trailmark.estimation.maps.scan_obstacles import find_obstacles
+    from trailmark.estimation.risk.allocation import regrow
+
+    s = settings or MappingSettings()
+    if isinstance(poses, str):
+        scans, x = scan_poses(log, poses)  # type: ignore[arg-type]  # which checks the name
+    else:
+        scans, x = [record for record in records_of(log) if isinstance(record, Scan)], configurations(poses)
+        if x.shape != (len(scans), 3):
+            raise EstimationError(f"poses: shape {x.shape} given for {len(scans)} scans, allowed: ({len(scans)}, 3)")
+    if not scans:
+        raise EstimationError("log: no scans given, allowed: one or more")
+    grid, lines, discs = _read(scans, x, s, on_progress)
+    dropped = 0
+    for tracks in (lines, discs):
+        tracks.merge()
+        dropped += tracks.drop_unconfirmed(s.confirm)
+    found = find_obstacles(lines, discs, grid, x, s)
+    sighted = found.walls + found.discs
+    estimates = [*(estimate for estimate, _ in sighted), *found.heaps]
+    world = World(
+        log.name if isinstance(log, Log) else "map",
+        grid.bounds,
+        (*(estimate.mean for estimate in estimates), *found.unknown),
+        robot,
+        estimates=(*estimates, *(None for _ in found.unknown)),
+    )
+    if confidence is not None:
+        world = regrow(world, confidence)
+    return ScanMap(world, tuple(points for _, points in sighted), x, grid, len(found.walls), len(found.discs), dropped)
+
+
+def _read(
+    scans: Sequence[Scan], x: FloatArray, s: MappingSettings, on_progress: Callable[[int, int], None] | None
+) -> tuple[EvidenceGrid, LineTracks, DiscTracks]:
+    """Take all scans into grid and tracks."""
+    from trailmark.estimation.maps.evidence import EvidenceGrid
+    from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
+
+    beams = [_beams(scan, pose, s) for scan, pose in zip(scans, x, strict=True)]
+    corners = np.concatenate([x[:, :2], *(ends for _, ends, _ in beams)])
+    low, high = corners.min(axis=0) - 4.0 * s.cell, corners.max(axis=0) + 4.0 * s.cell
+    # On the lines of one grid for all maps of the same cells, so that maps can be compared.
+    low, high = np.floor(low / s.cell) * s.cell, np.ceil(high / s.cell) * s.cell
+    grid = EvidenceGrid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), s.cell)
+    covariance = np.diag([s.pose_sigma[0] ** 2, s.pose_sigma[0] ** 2, s.pose_sigma[1] ** 2])
+    lines, discs = LineTracks(s.gate, covariance, s.gap), DiscTracks(s.gate, covariance)
+    driven = np.cumsum(np.hypot(*np.diff(x[:, :2], axis=0, prepend=x[:1, :2]).T))
+    episodes = np.floor(driven / s.pose_memory).astype(np.intp)
+    for i, (scan, pose, (start, ends, met)) in enumerate(zip(scans, x, beams, strict=True)):
+        grid.add(start, ends, met)
+        seen, features = find_features(scan, s.scan)
+        lines.update([lines.seen(fit, seen.points, pose) for fit in features.lines], int(episodes[i]))
+        discs.update([discs.seen(fit, seen.points, pose) for fit in features.discs], int(episodes[i]))
+        if on_progress is not None:
+            on_progress(i + 1, len(scans))
+    return grid, lines, discs
+
+
+def _beams(scan: Scan, pose: FloatArray, s: MappingSettings) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return where the scanner is, (2,), where its beams end, (n, 2), and which of them met something, (n,)."""
+    ranges = np.asarray(scan.ranges, dtype=np.float64)
+    kept = ~np.isnan(ranges) & (ranges > 0.0)
+    angles = scan.angle_min + np.flatnonzero(kept) * scan.angle_increment
+    nothing = ranges[kept] >= scan.range_max
+    length = np.where(nothing, min(scan.range_max, s.clear_range), np.minimum(ranges[kept], s.scan.max_range))
+    met = ~nothing & (ranges[kept] <= s.scan.max_range)
+    ends = transform(scan.mount, length[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
+    return transform(pose, np.asarray(scan.mount)[None, :2])[0], transform(pose, ends), met

@@ -1,0 +1,204 @@
+"""What a map's tracks and its grid come to: walls, discs, groups of cells, and the unknown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.estimation.maps.evidence import EvidenceGrid
+from trailmark.estimation.maps.mapping_settings import MappingSettings
+from trailmark.estimation.maps.obstacle_estimates import hull_estimate, plain_box, wall_estimate
+from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Shape
+from trailmark.world import ObstacleEstimate
+
+__all__ = ["MapObstacles", "find_obstacles"]
+
+BoolArray = NDArray[np.bool_]
+Found = list[tuple[ObstacleEstimate, FloatArray]]
+"""Obstacles, each with its end points, shape (n, 2)."""
+
+
+class MapObstacles(NamedTuple):
+    """The obstacles of a map."""
+
+    walls: Found
+    """Stretches of lines."""
+    discs: Found
+    heaps: list[ObstacleEstimate]
+    """Groups of occupied cells that no wall and no disc explains."""
+    unknown: list[Shape]
+    """What nobody looked into, if that is blocked."""
+
+
+def find_obstacles(
+    lines: LineTracks, discs: DiscTracks, grid: EvidenceGrid, x: FloatArray, s: MappingSettings
+) -> MapObstacles:
+    """Return the obstacles that confirmed tracks and a grid come to.
+
+    Args:
+        lines: confirmed.
+        discs: confirmed.
+        grid: hits and passes.
+        x: where the robot was, shape (m, 3).
+        s: how to go about it.
+    """
+    occupied = grid.occupied(s.min_hits, s.least_share)
+    seen_free = (grid.passes > 0) & ~occupied
+    if s.unknown == "blocked":
+        seen_free = _reached(seen_free | _crumbs((grid.passes == 0) & (grid.hits == 0), s.crumbs), grid, x)
+    walls = _walls(lines, grid, occupied, s)
+    posts = _posts(discs, grid, occupied)
+    if s.unknown == "blocked":
+        walls, posts = (_facing(found, seen_free, grid) for found in (walls, posts))
+    explained = _explained(occupied, [estimate.mean for estimate, _ in walls + posts], grid, s)
+    heaps, unknown = _cells(grid, occupied & ~explained, explained, seen_free, s)
+    if s.shapes != "fitted":
+        walls, posts = (_redrawn(found, grid, s) for found in (walls, posts))
+        outlines = [(estimate, estimate.mean.polygon().vertices) for estimate in heaps]
+        heaps = [estimate for estimate, _ in _redrawn(outlines, grid, s)]
+    return MapObstacles(walls, posts, heaps, unknown)
+
+
+def _walls(tracks: LineTracks, grid: EvidenceGrid, occupied: BoolArray, s: MappingSettings) -> Found:
+    """Return the stretches of the lines where walls stand, each with its end points."""
+    width, walls = 2.0 * grid.cell, []
+    for at in range(len(tracks)):
+        rho, alpha = tracks.states[at]
+        across, along = np.array([math.cos(alpha), math.sin(alpha)]), np.array([-math.sin(alpha), math.cos(alpha)])
+        points = np.concatenate(tracks.readings[at])
+        points = points[np.abs(points @ across - rho) <= s.explained]
+        if len(points) == 0:
+            continue
+        places = points @ along
+        bins = np.floor((places - places.min()) / width).astype(np.intp)
+        middle = places.min() + width * (np.arange(bins.max() + 1) + 0.5)
+        # Half a bin along the line, and a cell to either side of it.
+        shifts = [u * 0.25 * width * along + v * grid.cell * across for u in (-1, 1) for v in (-1, 0, 1)]
+        looked = [grid.cells(rho * across + middle[:, None] * along + shift) for shift in shifts]
+        solid = np.any([occupied[where] for where in looked], axis=0)
+        passed = ~solid & np.all([grid.passes[where] > 0 for where in looked], axis=0)
+        standing = (np.bincount(bins) >= 2) & solid
+        for first, last in _stretches(standing, passed, round(s.gap / width)):
+            own = (bins >= first) & (bins <= last)
+            span = (float(places[own].min()), float(places[own].max()))
+            if span[1] - span[0] >= s.min_wall:
+                covariance = tracks.covariance(at)
+                cells = grid.cells(points[own])
+                along_sigma = math.sqrt(_place_variance(grid.hits[cells], grid.reach[cells], s))
+                wall = wall_estimate((rho, alpha), covariance, span, thickness=s.thickness, along_sigma=along_sigma)
+                walls.append((wall, points[own]))
+    return walls
+
+
+def _stretches(standing: BoolArray, passed: BoolArray, gap: int) -> list[tuple[int, int]]:
+    """Return first and last of the runs of ``standing``, joined over at most ``gap`` bins that nothing passed."""
+    runs = list[tuple[int, int]]()
+    for at in np.flatnonzero(standing).tolist():
+        if runs and at - runs[-1][1] - 1 <= gap and not passed[runs[-1][1] + 1 : at].any():
+            runs[-1] = runs[-1][0], at
+        else:
+            runs.append((at, at))
+    return runs
+
+
+def _posts(tracks: DiscTracks, grid: EvidenceGrid, occupied: BoolArray) -> Found:
+    """Return the discs that still stand, each with its end points."""
+    from scipy import ndimage
+
+    near, found = ndimage.binary_dilation(occupied), []
+    for at in range(len(tracks)):
+        x, y, radius = (float(v) for v in tracks.states[at])
+        points = np.concatenate(tracks.readings[at])
+        if radius > 0.0 and near[grid.cells(points)].mean() > 0.5:
+            found.append((ObstacleEstimate(Disc((x, y), radius), tracks.covariance(at)), points))
+    return found
+
+
+def _facing(found: Found, reached: BoolArray, grid: EvidenceGrid) -> Found:
+    """Leave out what stands beyond the reach of the robot: the unknown that is blocked covers it."""
+    from scipy import ndimage
+
+    near = ndimage.binary_dilation(reached, iterations=4)
+    return [(estimate, points) for estimate, points in found if near[grid.cells(points)].mean() > 0.2]
+
+
+def _explained(occupied: BoolArray, shapes: Sequence[Shape], grid: EvidenceGrid, s: MappingSettings) -> BoolArray:
+    """Return which of the occupied cells belong to shapes."""
+    import shapely
+
+    explained = np.zeros_like(occupied)
+    if shapes and occupied.any():
+        tree = shapely.STRtree([shape.polygon(1e-2).shapely() for shape in shapes])
+        inside, _ = tree.query(shapely.points(grid.centres(occupied)), predicate="dwithin", distance=s.explained)
+        rows, columns = np.nonzero(occupied)
+        explained[rows[inside], columns[inside]] = True
+    return explained
+
+
+def _crumbs(unseen: BoolArray, most: int) -> BoolArray:
+    """Return the cells of patches of at most so many cells."""
+    from scipy import ndimage
+
+    labels, count = ndimage.label(unseen)
+    sizes = np.bincount(labels.ravel(), minlength=count + 1)
+    return np.asarray(unseen & (sizes[labels] <= most))
+
+
+def _reached(free: BoolArray, grid: EvidenceGrid, x: FloatArray) -> BoolArray:
+    """Return the free cells that are joined to where the robot was."""
+    from scipy import ndimage
+
+    labels, _ = ndimage.label(free)
+    own = np.unique(labels[grid.cells(x[:, :2])])
+    return np.asarray(np.isin(labels, own[own > 0]))
+
+
+def _cells(
+    grid: EvidenceGrid, rest: BoolArray, explained: BoolArray, reached: BoolArray, s: MappingSettings
+) -> tuple[list[ObstacleEstimate], list[Shape]]:
+    """Return what cells must stand for: the occupied ones that nothing explains, and the unknown."""
+    from scipy import ndimage
+
+    from trailmark.formats.grid import grid_polygons
+
+    origin, unknown = (*grid.origin, 0.0), list[Shape]()
+    if s.unknown == "blocked":
+        near = ndimage.binary_dilation(reached, iterations=2)
+        rest, explained = rest & near, explained & near
+        unknown = list(grid_polygons(~(reached | rest | explained), grid.cell, origin))
+    heaps = []
+    for polygon in grid_polygons(rest, grid.cell, origin):
+        rows, columns = grid.cells(polygon.vertices)
+        around = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+        own = rest[around]
+        variance = _place_variance(grid.hits[around][own], grid.reach[around][own], s)
+        heaps.append(ObstacleEstimate(polygon, variance * np.eye(2)))
+    return heaps, unknown
+
+
+def _place_variance(hits: NDArray[np.int32], reach: NDArray[np.float32], s: MappingSettings) -> float:
+    """Return the variance of a place that end points in cells, (n,) each, tell: of one reading and of one pose.
+
+    No more than that is taken to average out: poses that follow one another err together.
+    """
+    turned = s.pose_sigma[1] * float(reach.sum()) / max(1, int(hits.sum()))
+    return s.scan.sigma_range**2 + s.pose_sigma[0] ** 2 + turned**2
+
+
+def _redrawn(found: Found, grid: EvidenceGrid, s: MappingSettings) -> Found:
+    """Return obstacles as boxes or hulls of their end points, which are as uncertain as one of these."""
+    redrawn: Found = []
+    for _, points in found:
+        cells = grid.cells(points)
+        covariance = _place_variance(grid.hits[cells], grid.reach[cells], s) * np.eye(2)
+        if s.shapes == "hulls":
+            redrawn.append((hull_estimate(points, covariance), points))
+        else:
+            redrawn.append((ObstacleEstimate(plain_box(points), covariance), points))
+    return redrawn

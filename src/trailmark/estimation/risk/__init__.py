@@ -1,0 +1,1 @@
+"""Obstacles grown so that a path meets none of the true ones with a stated probability."""

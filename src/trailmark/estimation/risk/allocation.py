@@ -1,0 +1,262 @@
+"""Obstacles grown so that a path past all of them meets any true one with at most a stated probability.
+
+:func:`grow` gives each obstacle a region. If obstacle i leaves its region with probability δᵢ at most, then a path
+that avoids all regions meets an obstacle with probability Σ δᵢ at most, whatever the dependence between obstacles
+(Boole's inequality); :func:`allocate` shares 1 − p out. All of this takes the errors to be Gaussian with the
+covariances given: an estimator that is too sure of itself makes the bound wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.risk.growth import Spread, grow
+from trailmark.estimation.risk.swept import swept_region
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Polygon, Shape
+from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
+
+__all__ = [
+    "allocate",
+    "grow",
+    "grown_world",
+    "reallocate",
+    "regrow",
+    "required_risk",
+    "spend_risk",
+    "swept_region",
+]
+
+LEAST_RISK = 1e-15
+"""What an obstacle far from a path is said to cost (nothing that a Gaussian says below this is worth anything)."""
+
+
+def allocate(confidence: float, obstacles: int | Sequence[Any], weights: ArrayLike | None = None) -> FloatArray:
+    """Return the risk that each obstacle may take, shape (n,), adding up to 1 − confidence.
+
+    Args:
+        confidence: p, above 0 and below 1.
+        obstacles: n, or anything that has this length.
+        weights: shape (n,), above 0: an obstacle with twice the weight gets twice the risk, and so grows less.
+            None gives all the same.
+
+    Raises:
+        EstimationError: a value out of these ranges.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise EstimationError(f"confidence: {confidence} given, allowed: above 0 and below 1")
+    n = obstacles if isinstance(obstacles, int) else len(obstacles)
+    return (1.0 - confidence) * _shares(n, weights)
+
+
+def grown_world(
+    estimates: Sequence[ObstacleEstimate],
+    bounds: tuple[float, float, float, float],
+    confidence: float,
+    *,
+    name: str = "map",
+    robot: Robot | None = None,
+    boundary: Polygon | None = None,
+    queries: Sequence[Query] = (),
+    fixed: Sequence[Shape] = (),
+    weights: ArrayLike | None = None,
+    pose_covariance: ArrayLike | None = None,
+) -> World:
+    """Return a world in which a valid path meets none of the true obstacles with at least the stated probability.
+
+    Args:
+        estimates: the obstacles; what share of the risk they carry already is overridden.
+        bounds: of the world.
+        confidence: above 0 and below 1.
+        name: of the world.
+        robot: of the world. A pose covariance needs it: its size says what a heading error moves.
+        boundary: of the world; counts as known.
+        queries: of the world.
+        fixed: further obstacles, which count as known.
+        weights: see :func:`allocate`.
+        pose_covariance: see :func:`grow`.
+
+    Raises:
+        EstimationError: a value out of these ranges, a pose covariance without a robot.
+    """
+    plain = World(
+        name,
+        bounds,
+        (*(estimate.mean for estimate in estimates), *fixed),
+        robot,
+        boundary,
+        tuple(queries),
+        (*estimates, *(None for _ in fixed)),
+    )
+    return regrow(plain, confidence, weights=_shares(len(estimates), weights), pose_covariance=pose_covariance)
+
+
+def regrow(
+    world: World,
+    confidence: float,
+    *,
+    weights: ArrayLike | None = None,
+    pose_covariance: ArrayLike | None = None,
+) -> World:
+    """Return the world with its estimated obstacles grown anew, from their means.
+
+    Args:
+        world: with estimates; obstacles without one stay as they are.
+        confidence: above 0 and below 1.
+        weights: as in :func:`allocate`, one per estimate; None keeps the shares that the estimates carry, and what
+            they leave is shared out equally between those that carry none.
+        pose_covariance: see :func:`grow`; None keeps the world's.
+
+    Raises:
+        EstimationError: a value out of these ranges, a pose covariance and no robot.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise EstimationError(f"confidence: {confidence} given, allowed: above 0 and below 1")
+    known = [estimate for estimate in world.estimates if estimate is not None]
+    shares = _kept_shares(known) if weights is None else _shares(len(known), weights)
+    before = world.risk or RiskBound(confidence)
+    pose = before.pose_covariance if pose_covariance is None else np.asarray(pose_covariance, dtype=np.float64)
+    reach = before.reach if world.robot is None else world.robot.sweep_radius
+    if pose_covariance is not None and world.robot is None and before.reach == 0.0:
+        raise EstimationError("pose_covariance: given for a world without a robot, allowed: with one")
+    bound = RiskBound(confidence, pose, 0.0 if pose is None else reach)
+    risks, obstacles = iter(((1.0 - confidence) * shares).tolist()), []
+    for shape, estimate in zip(world.obstacles, world.estimates or (None,) * len(world.obstacles), strict=True):
+        if estimate is None:
+            obstacles.append(shape)
+        else:
+            spread = Spread.of(estimate, bound)
+            obstacles.append(spread.region(spread.quantile(next(risks))))
+    share = iter(shares.tolist())
+    estimates = [None if e is None else replace(e, share=next(share)) for e in world.estimates]
+    return replace(world, obstacles=tuple(obstacles), estimates=tuple(estimates), risk=bound)
+
+
+def required_risk(estimate: ObstacleEstimate, region: Any, bound: RiskBound | None = None, *, steps: int = 24) -> float:
+    """Return the least risk for which the grown obstacle keeps off a region, LEAST_RISK to 1.
+
+    Args:
+        estimate: the obstacle.
+        region: what the robot sweeps, a shapely geometry.
+        bound: whose pose covariance and reach count; None leaves the robot's errors out.
+        steps: of the bisection.
+    """
+    import shapely
+
+    spread = Spread.of(estimate, bound)
+    shapely.prepare(region)
+    low, high = 0.0, spread.quantile(LEAST_RISK)
+    if not _overlap(spread.region(high), region):
+        return LEAST_RISK
+    for _ in range(steps):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if _overlap(spread.region(middle), region) else (middle, high)
+    return spread.risk(low) if spread.freedom else 1.0
+
+
+def reallocate(risks: ArrayLike, required: ArrayLike, *, rate: float = 0.5) -> FloatArray:
+    """Return risks, shape (n,), of the same sum, moved from obstacles that do not need them to those that do.
+
+    A step in the spirit of iterative risk allocation (Ono & Williams 2008, IEEE Conference on Decision and Control):
+    obstacles give up ``rate`` of their risk, and get it back in proportion to what the path needs of them. As long
+    as the needs add up to no more than there is, none falls below its need: the path stays valid, and the next one
+    can cut closer where it matters.
+
+    Args:
+        risks: as they were, shape (n,), each above 0.
+        required: what the path needs of each, shape (n,), above 0, by :func:`required_risk`.
+        rate: above 0 and at most 1.
+
+    Raises:
+        EstimationError: other shapes, values out of these ranges.
+    """
+    before, needed = np.asarray(risks, dtype=np.float64), np.asarray(required, dtype=np.float64)
+    fits = before.ndim == 1 and needed.shape == before.shape and (before > 0.0).all() and (needed > 0.0).all()
+    if not fits or not 0.0 < rate <= 1.0:
+        raise EstimationError(
+            f"risks, required, rate: shapes {before.shape}, {needed.shape} and {rate} given, allowed: (n,) twice, all "
+            "above 0, a rate of at most 1"
+        )
+    return np.asarray((1.0 - rate) * before + rate * before.sum() * needed / needed.sum())
+
+
+class SpentRisk(NamedTuple):
+    """What :func:`spend_risk` comes to."""
+
+    world: World
+    """The world that the best path was planned in."""
+    states: FloatArray | None
+    """That path's configurations, shape (n, 3), or None if no path was found."""
+    costs: tuple[float, ...]
+    """The cost of each round's path; infinite where none was found."""
+
+
+def spend_risk(
+    world: World, plan: Callable[[World], tuple[FloatArray, float] | None], *, rounds: int = 4, rate: float = 0.5
+) -> SpentRisk:
+    """Plan a path and spend the world's risk where that path needs it, in turns.
+
+    Args:
+        world: grown, with a robot.
+        plan: gives a path's configurations, shape (n, 3), and its cost, in a world; None if it finds none.
+        rounds: plans at most, >= 1.
+        rate: see :func:`reallocate`.
+
+    Returns:
+        The best round; its world states the same confidence as ``world``.
+
+    Raises:
+        EstimationError: a world that was not grown, or without a robot.
+    """
+    if world.risk is None or world.robot is None:
+        raise EstimationError("world: without risk or robot given, allowed: a grown world with a robot")
+    best, costs = SpentRisk(world, None, ()), list[float]()
+    for last in (i == rounds - 1 for i in range(rounds)):
+        found = plan(world)
+        costs.append(math.inf if found is None else found[1])
+        if found is None:
+            break
+        if costs[-1] <= min(costs):
+            best = SpentRisk(world, found[0], ())
+        if last:
+            break
+        region = swept_region(world.robot, found[0])
+        known = [estimate for estimate in world.estimates if estimate is not None]
+        risks = (1.0 - world.risk.confidence) * _kept_shares(known)
+        needed = [required_risk(estimate, region, world.risk) for estimate in known]
+        world = regrow(world, world.risk.confidence, weights=reallocate(risks, needed, rate=rate))
+    return best._replace(costs=tuple(costs))
+
+
+def _overlap(shape: Shape, region: Any) -> bool:
+    import shapely
+
+    if isinstance(shape, Disc):
+        return bool(shapely.distance(region, shapely.Point(shape.center)) < shape.radius)
+    return bool(shapely.intersects(region, shape.polygon().shapely()))
+
+
+def _shares(n: int, weights: ArrayLike | None) -> FloatArray:
+    if weights is None:
+        return np.full(n, 1.0 / n) if n else np.empty(0)
+    w = np.asarray(weights, dtype=np.float64)
+    if w.shape != (n,) or not (np.isfinite(w).all() and (w > 0.0).all()):
+        raise EstimationError(f"weights: shape {w.shape} given, allowed: ({n},), each a finite number above 0")
+    return np.asarray(w / w.sum())
+
+
+def _kept_shares(estimates: Sequence[ObstacleEstimate]) -> FloatArray:
+    """Return the shares that estimates carry; what those leave goes to the others in equal parts."""
+    given = np.array([np.nan if e.share is None else e.share for e in estimates], dtype=np.float64)
+    open_ones = np.isnan(given)
+    left = 1.0 - float(np.nansum(given))
+    if open_ones.any() and not left > 0.0:
+        raise EstimationError("estimates: their shares of the risk leave none for those without, allowed: less than 1")
+    return np.where(open_ones, left / max(1, int(open_ones.sum())), given)

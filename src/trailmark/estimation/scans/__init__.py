@@ -1,0 +1,1 @@
+"""Laser scans: the lines and discs in them, followed from scan to scan."""

@@ -1,0 +1,335 @@
+"""Features of one laser scan: its end points in groups, and in the groups lines, discs and what is neither.
+
+All features are given in the robot's frame. A line is (ρ, α), {p : p·(cos α, sin α) = ρ}, its normal pointing away
+from the scanner: ρ is then negative where the scanner stands farther out than the line, seen from the robot's origin.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark.errors import did_you_mean
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.logs.records import Detection, Scan
+from trailmark.estimation.scans.fits import DiscFit, LineFit, fit_circle_roughly, fit_disc, fit_line
+from trailmark.se2 import FloatArray, transform, wrap
+
+__all__ = [
+    "ScanFeatures",
+    "ScanPoints",
+    "ScanSettings",
+    "dbscan_groups",
+    "disc_finder",
+    "find_features",
+    "jump_groups",
+    "line_finder",
+    "scan_points",
+    "split_and_merge",
+]
+
+IntArray = NDArray[np.intp]
+Grouping = Literal["jump", "dbscan"]
+
+
+@dataclass(frozen=True)
+class ScanSettings:
+    """How scans are taken apart.
+
+    Raises:
+        EstimationError: a value that is not allowed.
+    """
+
+    sigma_range: float = 0.02
+    """Standard deviation of a range, metres (a SICK LMS's: some 1 to 2 cm)."""
+    sigma_bearing: float = 0.003
+    """Standard deviation of a beam's direction, radians: its width, not the step from beam to beam."""
+    max_range: float = math.inf
+    """Metres: end points farther away are left out."""
+    groups: Grouping = "jump"
+    """"jump": neighbours in the sweep that are close together; "dbscan": scikit-learn's DBSCAN."""
+    incidence: float = math.radians(10.0)
+    """"jump": the flattest angle, radians, at which a beam is taken to meet a surface that goes on."""
+    eps: float = 0.3
+    """"dbscan": metres between neighbours."""
+    min_samples: int = 3
+    """"dbscan": neighbours, itself included, that make a point belong to a group's core."""
+    split: float = 0.06
+    """Metres that an end point may lie off a line before the line is split."""
+    min_points: int = 6
+    """End points that a line or a disc needs."""
+    min_length: float = 0.3
+    """Metres that a line needs."""
+    line_misfit: float = 4.0
+    """Sum of squared residuals over variances, per degree of freedom, that a line may have."""
+    disc_radii: tuple[float, float] = (0.03, 0.6)
+    """Metres: radii that a disc may have."""
+    disc_arc: float = math.radians(100.0)
+    """Radians of a disc's outline that must be seen."""
+    disc_misfit: float = 2.0
+    """The same of a disc; where a line has no more, it is a line."""
+
+    def __post_init__(self) -> None:
+        if self.groups not in get_args(Grouping):
+            raise EstimationError(f"groups {self.groups!r} given, {did_you_mean(str(self.groups), get_args(Grouping))}")
+        for name in (
+            "sigma_range",
+            "sigma_bearing",
+            "max_range",
+            "incidence",
+            "eps",
+            "split",
+            "min_length",
+            "line_misfit",
+        ):
+            if not getattr(self, name) > 0.0:
+                raise EstimationError(f"{name} {getattr(self, name)!r} given, allowed: above 0")
+        if self.min_points < 4 or self.min_samples < 1:
+            raise EstimationError(
+                f"min_points, min_samples {self.min_points}, {self.min_samples} given, allowed: 4 or more, 1 or more"
+            )
+        if not 0.0 < self.disc_radii[0] < self.disc_radii[1]:
+            raise EstimationError(
+                f"disc_radii {self.disc_radii!r} given, allowed: two lengths above 0, the smaller first"
+            )
+
+
+class ScanPoints(NamedTuple):
+    """Where the beams of a scan ended, in the order of the sweep, in the robot's frame."""
+
+    points: FloatArray
+    """Shape (n, 2), metres."""
+    covariances: FloatArray
+    """Shape (n, 2, 2), from the noise of range and bearing."""
+    ranges: FloatArray
+    """Shape (n,), metres from the scanner."""
+    beams: IntArray
+    """Shape (n,), which beams these are."""
+    origin: FloatArray
+    """Where the scanner is, shape (2,)."""
+    step: float
+    """Radians from beam to beam, positive."""
+    closed: bool
+    """Whether the last beam is the first one's neighbour."""
+
+
+class ScanFeatures(NamedTuple):
+    """What a scan shows."""
+
+    lines: tuple[LineFit, ...]
+    discs: tuple[DiscFit, ...]
+    others: tuple[IntArray, ...]
+    """The end points, by group, that are part of neither."""
+
+
+def scan_points(scan: Scan, settings: ScanSettings) -> ScanPoints:
+    """Return the end points of the beams that met something.
+
+    A point's covariance is that of (r cos β, r sin β) to first order: σ_r² along the beam, (r·σ_β)² across it.
+    """
+    ranges = np.asarray(scan.ranges, dtype=np.float64)
+    met = np.isfinite(ranges) & (ranges > 0.0) & (ranges < scan.range_max)
+    beams = np.flatnonzero(met & (np.nan_to_num(ranges) <= settings.max_range))
+    r, angles = ranges[beams], scan.angle_min + beams * scan.angle_increment
+    mount = np.asarray(scan.mount, dtype=np.float64)
+    points = transform(mount, r[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
+    direction = angles + mount[2]
+    along = np.column_stack([np.cos(direction), np.sin(direction)])
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    covariances = settings.sigma_range**2 * along[:, :, None] * along[:, None]
+    covariances += ((settings.sigma_bearing * r) ** 2)[:, None, None] * across[:, :, None] * across[:, None]
+    step = abs(scan.angle_increment)
+    return ScanPoints(points, covariances, r, beams, mount[:2], step, len(ranges) * step > 2.0 * math.pi - 0.5 * step)
+
+
+def jump_groups(seen: ScanPoints, settings: ScanSettings) -> list[IntArray]:
+    """Return the end points' places by group: it ends where the next point is farther away than a surface explains.
+
+    That is farther than r·sin Δφ / sin(λ − Δφ) + 3σ_r, λ the flattest incidence and Δφ the angle from beam to beam
+    (the adaptive breakpoint detector of Borges & Aldon 2004, Journal of Intelligent and Robotic Systems 40), or than
+    3σ_r where so many beams in between met nothing that Δφ comes near λ.
+    """
+    n = len(seen.points)
+    if n == 0:
+        return []
+    following = np.roll(np.arange(n), -1)
+    gap = np.hypot(*(seen.points[following] - seen.points).T)
+    angle = (seen.beams[following] - seen.beams) * seen.step
+    angle[-1] = math.inf if not seen.closed else wrap(float(angle[-1]))
+    grazing = np.minimum(np.abs(angle), settings.incidence)
+    reach = np.divide(
+        np.minimum(seen.ranges, seen.ranges[following]) * np.sin(grazing),
+        np.sin(settings.incidence - grazing),
+        out=np.zeros(n),
+        where=grazing < 0.9 * settings.incidence,
+    )
+    ends = np.flatnonzero((gap > reach + 3.0 * settings.sigma_range) | ~np.isfinite(angle))
+    if len(ends) == 0:
+        return [np.arange(n)]
+    # From behind one break to the next; in a closed sweep the last group goes on at the beginning.
+    order = np.roll(np.arange(n), -(int(ends[-1]) + 1))
+    return np.split(order, (ends[:-1] - int(ends[-1])) % n)
+
+
+def dbscan_groups(seen: ScanPoints, settings: ScanSettings) -> list[IntArray]:
+    """Return the end points' places by cluster of scikit-learn's DBSCAN (Ester et al. 1996), each in the sweep's order.
+
+    Points of no cluster are groups of one.
+    """
+    from sklearn.cluster import DBSCAN
+
+    if len(seen.points) == 0:
+        return []
+    labels = DBSCAN(eps=settings.eps, min_samples=settings.min_samples).fit_predict(seen.points)
+    groups = [np.flatnonzero(labels == label) for label in range(int(labels.max()) + 1)]
+    return groups + [np.array([i]) for i in np.flatnonzero(labels < 0)]
+
+
+def split_and_merge(points: ArrayLike, threshold: float) -> list[IntArray]:
+    """Return the points' places by straight piece, in order.
+
+    Split: between the first and the last point of a piece, at the point farthest from the line through them, while
+    that is farther than the threshold (Ramer 1972, Douglas & Peucker 1973: iterative end point fit). Merge:
+    neighbouring pieces whose common least-squares line keeps all of their points within it (Pavlidis & Horowitz
+    1974). A corner's point goes to the piece before it.
+
+    Args:
+        points: shape (n, 2), along a curve.
+        threshold: metres.
+    """
+    p = np.asarray(points, dtype=np.float64)
+    if len(p) == 0:
+        return []
+    pieces, stack = list[tuple[int, int]](), [(0, len(p))]
+    while stack:
+        first, last = stack.pop()
+        at = _farthest(p[first:last], threshold)
+        if at is None:
+            pieces.append((first, last))
+        else:
+            stack += [(first + at + 1, last), (first, first + at + 1)]
+    merged = pieces[:1]
+    for first, last in pieces[1:]:
+        if _straight(p[merged[-1][0] : last], threshold):
+            merged[-1] = merged[-1][0], last
+        else:
+            merged.append((first, last))
+    return [np.arange(first, last) for first, last in merged]
+
+
+def find_features(scan: Scan, settings: ScanSettings | None = None) -> tuple[ScanPoints, ScanFeatures]:
+    """Return the end points of a scan, and the lines, discs and other groups in them.
+
+    A group is a disc if a circle of an allowed radius, of which enough is seen, bulges towards the scanner and fits
+    it as its noise would, which no line does. Else it is split into straight pieces; those that are long and straight
+    enough are lines. The rest is given as it is.
+    """
+    s = settings or ScanSettings()
+    seen = scan_points(scan, s)
+    groups = jump_groups(seen, s) if s.groups == "jump" else dbscan_groups(seen, s)
+    lines, discs, others = list[LineFit](), list[DiscFit](), list[IntArray]()
+    for group in groups:
+        disc = _disc_in(seen, group, s)
+        if disc is not None:
+            discs.append(disc)
+            continue
+        rest = []
+        for piece in split_and_merge(seen.points[group], s.split):
+            own = group[piece]
+            line = _line_in(seen, own, s)
+            if line is None:
+                rest.append(own)
+            else:
+                lines.append(line)
+        if rest:
+            others.append(np.concatenate(rest))
+    return seen, ScanFeatures(tuple(lines), tuple(discs), tuple(others))
+
+
+def line_finder(settings: ScanSettings | None = None) -> Callable[[Scan], Sequence[Detection]]:
+    """Return what finds the lines of a scan as detections of kind ``line``: ρ >= 0 and α in the robot's frame."""
+
+    def find(scan: Scan) -> list[Detection]:
+        _, features = find_features(scan, settings)
+        found = []
+        for fit in features.lines:
+            rho, alpha = fit.line
+            sign = -1.0 if rho < 0.0 else 1.0
+            z = np.array([abs(rho), float(wrap(alpha + (math.pi if rho < 0.0 else 0.0)))])
+            flip = np.diag([sign, 1.0])
+            found.append(Detection(scan.t, z, "line", None, flip @ fit.covariance @ flip))
+        return found
+
+    return find
+
+
+def disc_finder(settings: ScanSettings | None = None) -> Callable[[Scan], Sequence[Detection]]:
+    """Return what finds the discs of a scan as detections of kind ``cartesian``: their centres."""
+
+    def find(scan: Scan) -> list[Detection]:
+        _, features = find_features(scan, settings)
+        return [Detection(scan.t, fit.disc[:2], "cartesian", None, fit.covariance[:2, :2]) for fit in features.discs]
+
+    return find
+
+
+def _line_in(seen: ScanPoints, own: IntArray, s: ScanSettings) -> LineFit | None:
+    if len(own) < s.min_points:
+        return None
+    ends = seen.points[own[[0, -1]]]
+    if np.hypot(*(ends[1] - ends[0])) < s.min_length:
+        return None
+    fit = fit_line(seen.points[own], seen.covariances[own], seen.origin)
+    if fit.misfit > s.line_misfit:
+        return None
+    # A surface rougher than the sensor's noise: its scatter is what the line is known by.
+    return fit._replace(covariance=max(1.0, fit.misfit) * fit.covariance, indices=own)
+
+
+def _disc_in(seen: ScanPoints, group: IntArray, s: ScanSettings) -> DiscFit | None:
+    if len(group) < s.min_points:
+        return None
+    points, covariances = seen.points[group], seen.covariances[group]
+    if np.ptp(points, axis=0).max() > 2.0 * s.disc_radii[1]:
+        return None
+    rough = fit_circle_roughly(points)
+    if rough is None or rough[2] > 2.0 * s.disc_radii[1] or _arc(points, rough) < 0.5 * s.disc_arc:
+        return None
+    if fit_line(points, covariances, seen.origin).misfit <= s.disc_misfit:
+        return None
+    fit = fit_disc(points, covariances)
+    if fit is None or not s.disc_radii[0] <= fit.disc[2] <= s.disc_radii[1] or fit.misfit > s.disc_misfit:
+        return None
+    bulge = float((points.mean(axis=0) - fit.disc[:2]) @ (seen.origin - fit.disc[:2]))
+    if _arc(points, fit.disc) < s.disc_arc or bulge <= 0.0:
+        return None
+    return fit._replace(indices=group)
+
+
+def _arc(points: FloatArray, disc: FloatArray) -> float:
+    """Return how many radians of a circle its points span, in the order of the sweep."""
+    away = points - disc[:2]
+    return float(np.ptp(np.unwrap(np.arctan2(away[:, 1], away[:, 0]))))
+
+
+def _farthest(points: FloatArray, threshold: float) -> int | None:
+    """Return the inner point farthest from the chord of a piece, if that is beyond the threshold."""
+    if len(points) < 3:
+        return None
+    chord, inner = points[-1] - points[0], points[1:-1] - points[0]
+    length = float(np.hypot(*chord))
+    off = np.hypot(*inner.T) if length == 0.0 else np.abs(inner[:, 0] * chord[1] - inner[:, 1] * chord[0]) / length
+    at = int(off.argmax())
+    # The point stays with the part before it, and both parts are shorter than the whole.
+    return at + 1 if off[at] > threshold else None
+
+
+def _straight(points: FloatArray, threshold: float) -> bool:
+    q = points - points.mean(axis=0)
+    _, _, axes = np.linalg.svd(q, full_matrices=False)
+    return bool(np.abs(q @ axes[-1]).max() <= threshold) if len(axes) > 1 else True

@@ -1,0 +1,247 @@
+# ruff: noqa: N806 # the names are the filter's own symbols: x, P, H, R, S, K
+"""Point features refined from range-bearing readings by the EKF: the first step of the source method's Algorithm 2.
+
+The poses that the readings were taken from are known here, and a feature does not move: its state is its position
+l = (x, y), F is the identity and Q is 0. The first reading places it (the sensor's inverse), every further one is
+an EKF update.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.filter.sensors import RangeBearing
+from trailmark.se2 import FloatArray, configurations
+from trailmark.world import World
+
+if TYPE_CHECKING:
+    import shapely
+
+__all__ = ["RefinedPoint", "RefinedPoints", "refine_point", "refine_points", "sense_obstacles"]
+
+BoolArray = NDArray[np.bool_]
+RandomState = int | np.random.Generator | None
+
+OUTLINE = 1e-3
+"""Metres: how far a disc's outline, as a polygon, may reach beyond the disc."""
+
+STAND_OFF = 1e-6
+"""Metres: a line of sight ends this far before the point it looks at, which lies on an obstacle itself."""
+
+
+class RefinedPoint(NamedTuple):
+    """A point feature."""
+
+    point: FloatArray
+    """Position in the world, shape (2,), metres."""
+    covariance: FloatArray
+    """Shape (2, 2), square metres."""
+
+
+class RefinedPoints(NamedTuple):
+    """Point features, each estimated by itself."""
+
+    points: FloatArray
+    """Positions in the world, shape (b, 2), metres."""
+    covariances: FloatArray
+    """Shape (b, 2, 2), square metres."""
+
+
+def refine_point(readings: ArrayLike, poses: ArrayLike, sensor: RangeBearing) -> RefinedPoint:
+    """Return a static point feature from its readings, by filterpy's ``ExtendedKalmanFilter``.
+
+    Args:
+        readings: range (metres) and bearing (radians), shape (m, 2), m >= 1, in the order they were taken.
+        poses: where from, shape (m, 3) or (3,).
+        sensor: its noise.
+
+    Raises:
+        EstimationError: other shapes, or values that are not finite.
+    """
+    from filterpy.kalman import ExtendedKalmanFilter
+
+    z, x = _checked(np.asarray(readings, dtype=np.float64)[None], poses)
+    z, x = z[0], x[0]
+    first = sensor.inverse(x[0], z[0])
+    ekf = ExtendedKalmanFilter(dim_x=2, dim_z=2)
+    ekf.x = first.feature
+    ekf.P = first.G_z @ sensor.noise(x[0], first.feature) @ first.G_z.T
+    for pose, reading in zip(x[1:], z[1:], strict=True):
+        ekf.update(
+            reading,
+            HJacobian=lambda point, pose=pose: sensor.H_feature(pose, point),
+            Hx=lambda point, pose=pose: sensor.h(pose, point),
+            R=sensor.noise(pose, ekf.x),
+            residual=sensor.residual,
+        )
+    return RefinedPoint(ekf.x, 0.5 * (ekf.P + ekf.P.T))
+
+
+def refine_points(readings: ArrayLike, poses: ArrayLike, sensor: RangeBearing) -> RefinedPoints:
+    """Return many static point features, each from its own readings: :func:`refine_point` for all at once.
+
+    Args:
+        readings: range (metres) and bearing (radians), shape (b, m, 2), m >= 1, in the order they were taken.
+        poses: where from, shape (b, m, 3), (m, 3) or (3,).
+        sensor: its noise.
+
+    Raises:
+        EstimationError: other shapes, or values that are not finite.
+    """
+    z, x = _checked(np.asarray(readings, dtype=np.float64), poses)
+    first = sensor.inverse(x[:, 0], z[:, 0])
+    point = first.feature
+    P = first.G_z @ sensor.noise(x[:, 0], point) @ _transposed(first.G_z)
+    for pose, reading in zip(np.swapaxes(x, 0, 1)[1:], np.swapaxes(z, 0, 1)[1:], strict=True):
+        H, R = sensor.H_feature(pose, point), sensor.noise(pose, point)
+        PHT = P @ _transposed(H)
+        K = PHT @ np.linalg.inv(H @ PHT + R)
+        point = point + (K @ sensor.residual(reading, sensor.h(pose, point))[..., None])[..., 0]
+        I_KH = np.eye(2) - K @ H
+        P = I_KH @ P @ _transposed(I_KH) + K @ R @ _transposed(K)
+    return RefinedPoints(point, 0.5 * (P + _transposed(P)))
+
+
+def sense_obstacles(
+    world: World,
+    poses: ArrayLike | int,
+    sensor: RangeBearing,
+    *,
+    points_per_obstacle: int = 24,
+    readings_per_point: int = 8,
+    max_range: float = math.inf,
+    random_state: RandomState = None,
+) -> list[FloatArray]:
+    """Return the refined readings of each obstacle, an array of shape (r, 2) per obstacle of the world.
+
+    A robot at known poses takes noisy readings of points on the obstacles' outlines. The points of an obstacle are
+    spread evenly along its outer outline from a random place on, and its leftmost, rightmost, lowest and highest
+    points are among them, since those make the box of Algorithm 2. A point is read where it is seen: within the
+    sensor's range of a pose, and no obstacle nor the world's boundary in between. Each point that some pose sees
+    gets ``readings_per_point`` readings from poses drawn at random (with repetition) from those that see it, and
+    the EKF (:func:`refine_points`) makes one refined reading of them. So r is at most ``points_per_obstacle`` + 4,
+    and 0 for an obstacle that no pose sees.
+
+    Args:
+        world: obstacles, and the region to draw poses from.
+        poses: where the robot reads from, shape (p, 3) or (3,); or how many such poses to draw uniformly from the
+            free region (the robot as a point).
+        sensor: its noise.
+        points_per_obstacle: spread along each outline, >= 1.
+        readings_per_point: >= 1.
+        max_range: metres, the farthest that the sensor reads.
+        random_state: seed or generator; the same one gives the same readings.
+
+    Raises:
+        EstimationError: a count below 1, a range that is not positive, no free region to draw poses from.
+    """
+    for name, count in (("points_per_obstacle", points_per_obstacle), ("readings_per_point", readings_per_point)):
+        if count < 1:
+            raise EstimationError(f"{name}: {count} given, allowed: 1 or more")
+    if not max_range > 0.0:
+        raise EstimationError(f"max_range: {max_range} given, allowed: above 0")
+    rng = np.random.default_rng(random_state)
+    blockers = _Blockers(world)
+    if isinstance(poses, int | np.integer):
+        x = blockers.free_poses(int(poses), rng)
+    else:
+        x = np.atleast_2d(configurations(poses, name="poses"))
+    refined = []
+    for obstacle in world.obstacles:
+        points = _outline_points(obstacle.polygon(OUTLINE).shapely(), points_per_obstacle, rng)
+        seen = blockers.sees(x, points, max_range)
+        points, seen = points[seen.any(axis=0)], seen[:, seen.any(axis=0)]
+        chances = rng.random((len(points), readings_per_point))
+        # The j-th of the n poses that see a point, j uniform in 0..n-1.
+        order = np.argsort(~seen, axis=0, kind="stable")
+        chosen = np.take_along_axis(order.T, (chances * seen.sum(axis=0)[:, None]).astype(int), axis=1)
+        origins = x[chosen]
+        readings = sensor.sample(origins, np.broadcast_to(points[:, None], (*chosen.shape, 2)), rng)
+        refined.append(refine_points(readings, origins, sensor).points)
+    return refined
+
+
+class _Blockers:
+    """What a line of sight cannot pass: the obstacles' regions and the world's boundary."""
+
+    def __init__(self, world: World) -> None:
+        import shapely
+
+        boundary = None if world.boundary is None else world.boundary.shapely()
+        self._blocked = shapely.union_all([obstacle.polygon(OUTLINE).shapely() for obstacle in world.obstacles])
+        self._wall = shapely.LinearRing() if boundary is None else boundary.exterior
+        box = shapely.box(*world.bounds)
+        self._free = shapely.difference(box if boundary is None else boundary & box, self._blocked)
+        for region in (self._blocked, self._wall):
+            shapely.prepare(region)
+
+    def free_poses(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return ``count`` poses, shape (count, 3), uniform in the free region."""
+        import shapely
+
+        if count < 1:
+            raise EstimationError(f"poses: {count} given, allowed: 1 or more, or an array of poses")
+        if not self._free.area > 0.0:
+            raise EstimationError("poses: the world has no free region to draw them from")
+        parts = shapely.get_parts(shapely.constrained_delaunay_triangles(self._free))
+        a, b, c = np.swapaxes(shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3], 0, 1)
+        area = shapely.area(parts)
+        own = rng.choice(len(parts), count, p=area / area.sum())
+        u, v = rng.random((2, count, 1))
+        # The half of the parallelogram beyond the triangle's third side, folded back.
+        u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+        places = a[own] + u * (b - a)[own] + v * (c - a)[own]
+        return np.column_stack([places, rng.uniform(-np.pi, np.pi, count)])
+
+    def sees(self, poses: FloatArray, points: FloatArray, max_range: float) -> BoolArray:
+        """Return which of the poses (p, 3) see which of the points (m, 2), shape (p, m)."""
+        import shapely
+
+        eye = np.broadcast_to(poses[:, None, :2], (len(poses), len(points), 2))
+        sight = points[None] - eye
+        length = np.hypot(sight[..., 0], sight[..., 1])
+        near = (length <= max_range) & (length > STAND_OFF)
+        start = eye[near]
+        end = start + sight[near] * (1.0 - STAND_OFF / length[near])[:, None]
+        lines = shapely.linestrings(np.stack([start, end], axis=1))
+        blocked = shapely.intersects(self._blocked, lines) | shapely.intersects(self._wall, lines)
+        seen = np.zeros(near.shape, dtype=bool)
+        seen[near] = ~blocked
+        return seen
+
+
+def _outline_points(region: shapely.Polygon, count: int, rng: np.random.Generator) -> FloatArray:
+    """Return points on the outer outline, shape (count + 4, 2): spread evenly, and the four outermost ones."""
+    import shapely
+
+    outline = region.exterior
+    at = (np.arange(count) + rng.random()) / count
+    spread = shapely.get_coordinates(shapely.line_interpolate_point(outline, at, normalized=True))
+    corners = shapely.get_coordinates(outline)
+    extreme = corners[np.concatenate([corners.argmin(axis=0), corners.argmax(axis=0)])]
+    return np.concatenate([spread, extreme])
+
+
+def _checked(readings: FloatArray, poses: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return readings (b, m, 2) and poses (b, m, 3)."""
+    x = np.asarray(poses, dtype=np.float64)
+    if readings.ndim != 3 or readings.shape[-1] != 2 or readings.shape[1] < 1:
+        raise EstimationError(f"readings: shape {readings.shape[1:]} given, allowed: (m, 2), m >= 1, per point")
+    try:
+        x = np.broadcast_to(x, (*readings.shape[:2], 3))
+    except ValueError:
+        raise EstimationError(
+            f"poses: shape {x.shape} given for readings {readings.shape[:2]}, allowed: one x, y, theta each"
+        ) from None
+    if not (np.isfinite(readings).all() and np.isfinite(x).all()):
+        raise EstimationError("readings, poses: a value that is not finite given, allowed: finite numbers")
+    return readings, x
+
+
+def _transposed(matrices: FloatArray) -> FloatArray:
+    return np.swapaxes(matrices, -1, -2)

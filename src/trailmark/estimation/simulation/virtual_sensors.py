@@ -1,0 +1,180 @@
+"""Simulated sensors: a detector of point-like discs, and a laser scanner."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.filter.sensors import RangeBearing
+from trailmark.estimation.logs.records import Detection, Scan
+from trailmark.estimation.simulation.raycast import RayCaster
+from trailmark.se2 import FloatArray, compose, wrap
+from trailmark.shapes import Disc
+from trailmark.world import World
+
+__all__ = ["Detector", "Scanner"]
+
+
+@dataclass(frozen=True)
+class Detector:
+    """A sensor at the robot's origin that reads range and bearing of discs' centres.
+
+    A disc is seen if its centre lies within range and field of view, and the line of sight meets no other obstacle, no
+    bound and no boundary before the disc itself.
+
+    Attributes:
+        model: its noise.
+        max_range: metres.
+        field_of_view: radians, centred ahead.
+        period: seconds from one sweep to the next, the first at the start.
+        identities: whether it tells which disc it reads (the obstacle's index in the world).
+        max_radius: metres; larger discs are no point features.
+        detection_rate: chance that a disc that is seen is read in a sweep, 0..1.
+        false_alarms: mean number of readings of nothing in a sweep (Poisson), spread evenly over the area in view;
+            they have no identity.
+
+    Raises:
+        EstimationError: a value out of range.
+    """
+
+    model: RangeBearing
+    max_range: float = 10.0
+    field_of_view: float = 2.0 * math.pi
+    period: float = 0.5
+    identities: bool = True
+    max_radius: float = math.inf
+    detection_rate: float = 1.0
+    false_alarms: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check(self, "max_range", 0.0, math.inf, above=True)
+        _check(self, "field_of_view", 0.0, 2.0 * math.pi, above=True)
+        _check(self, "period", 0.0, math.inf, above=True)
+        _check(self, "detection_rate", 0.0, 1.0)
+        _check(self, "false_alarms", 0.0, math.inf)
+        if not self.max_radius > 0.0:
+            raise EstimationError(f"Detector: max_radius {self.max_radius!r} given, allowed: above 0")
+
+    def features(self, world: World) -> FloatArray:
+        """Return the discs that it can read, shape (k, 4), rows index, x, y, radius."""
+        discs = [
+            (i, *shape.center, shape.radius)
+            for i, shape in enumerate(world.obstacles)
+            if isinstance(shape, Disc) and shape.radius <= self.max_radius
+        ]
+        return np.array(discs, dtype=np.float64).reshape(-1, 4)
+
+    def sweep(
+        self, t: float, pose: FloatArray, features: FloatArray, caster: RayCaster, rng: np.random.Generator
+    ) -> list[Detection]:
+        """Return what it reads from a pose: discs in the order of the world, then false alarms.
+
+        Args:
+            t: seconds.
+            pose: x, y, theta.
+            features: as :meth:`features` gives them.
+            caster: the world, its bounds included.
+            rng: the noise's source.
+        """
+        dx, dy = features[:, 1] - pose[0], features[:, 2] - pose[1]
+        away, bearing = np.hypot(dx, dy), np.asarray(wrap(np.arctan2(dy, dx) - pose[2]))
+        near = (away <= self.max_range) & (np.abs(bearing) <= 0.5 * self.field_of_view)
+        seen = features[near]
+        met = caster.distances(pose[:2], pose[2] + bearing[near], self.max_range, passing=seen[:, 0].astype(np.intp))
+        # A disc in front of a wall, or half in it, is seen as long as its own near side comes first.
+        seen = seen[met >= away[near] - seen[:, 3]]
+        seen = seen[rng.random(len(seen)) < self.detection_rate]
+        readings = self.model.sample(pose, seen[:, 1:3], rng)
+        noises = self.model.noise(pose, seen[:, 1:3])
+        found = [
+            Detection(t, _reading(z), identity=int(index) if self.identities else None, covariance=noise)
+            for index, z, noise in zip(seen[:, 0], readings, noises, strict=True)
+        ]
+        for _ in range(rng.poisson(self.false_alarms)):
+            # Even over the area: the range goes by the root of a uniform number.
+            z = np.array([self.max_range * math.sqrt(rng.random()), self.field_of_view * (rng.random() - 0.5)])
+            place = z[0] * np.array([math.cos(z[1]), math.sin(z[1])])
+            found.append(Detection(t, _reading(z), covariance=self.model.noise(np.zeros(3), place)))
+        return found
+
+
+@dataclass(frozen=True)
+class Scanner:
+    """A laser scanner.
+
+    Attributes:
+        beams: how many, evenly spread over the field of view, its two ends included (one end for a full circle).
+        field_of_view: radians, centred on the scanner's heading.
+        max_range: metres; a beam that meets nothing within reads infinity.
+        sigma: standard deviation of a reading, metres.
+        period: seconds from one sweep to the next, the first at the start.
+        drop_out: chance that a reading is lost (NaN), 0..1.
+        mount: its configuration x, y, theta in the robot's frame.
+        bounds: whether the world's bounds are walls that it sees; its boundary always is.
+
+    Raises:
+        EstimationError: a value out of range.
+    """
+
+    beams: int = 181
+    field_of_view: float = math.pi
+    max_range: float = 10.0
+    sigma: float = 0.01
+    period: float = 0.5
+    drop_out: float = 0.0
+    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    bounds: bool = True
+
+    def __post_init__(self) -> None:
+        _check(self, "beams", 1, math.inf)
+        _check(self, "field_of_view", 0.0, 2.0 * math.pi, above=True)
+        _check(self, "max_range", 0.0, math.inf, above=True)
+        _check(self, "sigma", 0.0, math.inf)
+        _check(self, "period", 0.0, math.inf, above=True)
+        _check(self, "drop_out", 0.0, 1.0)
+        if len(self.mount) != 3 or not all(map(math.isfinite, self.mount)):
+            raise EstimationError(f"Scanner: mount {self.mount!r} given, allowed: three numbers x, y, theta")
+
+    @property
+    def angle_increment(self) -> float:
+        """From one beam to the next, radians."""
+        full = self.field_of_view >= 2.0 * math.pi
+        return self.field_of_view / (self.beams if full else max(1, self.beams - 1))
+
+    @property
+    def angle_min(self) -> float:
+        """The first beam's bearing, radians."""
+        return -0.5 * self.field_of_view if self.beams > 1 else 0.0
+
+    def sweep(self, t: float, pose: FloatArray, caster: RayCaster, rng: np.random.Generator) -> Scan:
+        """Return what it reads from a pose.
+
+        Args:
+            t: seconds.
+            pose: the robot's x, y, theta.
+            caster: the world.
+            rng: the noise's source.
+        """
+        own = compose(pose, np.array(self.mount))
+        angles = own[2] + self.angle_min + self.angle_increment * np.arange(self.beams)
+        ranges = caster.distances(own[:2], angles, self.max_range)
+        ranges = np.maximum(ranges + self.sigma * rng.standard_normal(self.beams), 0.0)
+        ranges[rng.random(self.beams) < self.drop_out] = np.nan
+        return Scan(t, ranges, self.angle_min, self.angle_increment, self.max_range, self.mount)
+
+
+def _reading(z: FloatArray) -> FloatArray:
+    """Return range and bearing as a sensor gives them: no range below 0."""
+    return np.array([max(z[0], 0.0), wrap(z[1])])
+
+
+def _check(sensor: object, name: str, low: float, high: float, above: bool = False) -> None:
+    value = getattr(sensor, name)
+    fits = isinstance(value, int | float) and low <= value <= high and math.isfinite(value)
+    if not fits or (above and value == low):
+        bounds = f"above {low:g}" if above else f"{low:g} or more"
+        most = "" if high == math.inf else f", at most {high:g}"
+        raise EstimationError(f"{type(sensor).__name__}: {name} {value!r} given, allowed: a number {bounds}{most}")

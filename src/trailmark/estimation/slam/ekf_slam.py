@@ -1,0 +1,296 @@
+# ruff: noqa: N803, N806 # the names are the filter's own symbols: z, P, R
+"""EKF-SLAM over the records of a log: predict, observe, update."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.errors import did_you_mean
+from trailmark.estimation.errors import RecordError
+from trailmark.estimation.filter.ekf import Mode, SlamFilter
+from trailmark.estimation.filter.motion import MotionModel
+from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
+from trailmark.estimation.slam.association import NEW
+from trailmark.estimation.slam.associator import Associator, repeats
+from trailmark.estimation.slam.feature_histories import FeatureHistories
+from trailmark.estimation.slam.field_of_view import FieldOfView
+from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult, Update
+from trailmark.estimation.slam.slam_settings import SlamSettings
+from trailmark.se2 import FloatArray
+
+__all__ = ["EkfSlam"]
+
+
+class EkfSlam:
+    """Estimates pose and features from records, one after the other.
+
+    Time:
+        - Odometry holds from its time on until the next; increments end at their time. A log has one or the other.
+        - At one instant motion comes before readings, whatever their order in the log; all readings of an instant
+          are associated and used together, once a later record comes or :meth:`finish` is called.
+        - A record older than one already processed is an error, or skipped and counted (``settings.late``).
+        - A record that repeats one of the same instant is skipped and counted: odometry or an increment with the same
+          numbers, a detection with the same identity or the same reading.
+
+    Features that are not of known identity are tentative at first. They are part of the state, so that no reading is
+    lost; they are confirmed by their third reading (``settings.confirm``), or dropped when none has come for a while
+    (``settings.timeout``). Taking a feature out of the state is exact.
+
+    Args:
+        sensors: the sensor model of each kind of detection (``Detection.kind``).
+        velocity: the model for odometry records, u = (v, ω, dt).
+        increment: the model for increments, u = (dx, dy, dθ).
+        find: what finds detections in a scan; None leaves scans out.
+        settings: how readings find their features.
+        start: first pose.
+        P: its covariance, shape (3, 3); None for a pose that is certain (the origin of the map, in SLAM).
+        mode: see :class:`trailmark.estimation.SlamFilter`. In "mapping" the poses come from the log's ``Pose`` records
+            and scans, with ``pose_covariance``; odometry is then left out.
+        pose_covariance: of the poses in "mapping", shape (3, 3); None for poses that are certain.
+    """
+
+    def __init__(
+        self,
+        sensors: Mapping[str, SensorModel],
+        *,
+        velocity: MotionModel | None = None,
+        increment: MotionModel | None = None,
+        find: Callable[[Scan], Sequence[Detection]] | None = None,
+        settings: SlamSettings | None = None,
+        start: ArrayLike = (0.0, 0.0, 0.0),
+        P: ArrayLike | None = None,
+        mode: Mode = "slam",
+        pose_covariance: ArrayLike | None = None,
+    ) -> None:
+        self.settings = SlamSettings() if settings is None else settings
+        self.filter = SlamFilter(start, P, mode, error=self.settings.error, iterations=self.settings.iterations)
+        self.counts = Counts()
+        self.time = -np.inf
+        self._sensors = dict(sensors)
+        self._velocity_model, self._increment_model, self._find = velocity, increment, find
+        self._pose_covariance = pose_covariance
+        self._odometry: Odometry | None = None
+        self._increment: Increment | None = None
+        self._waiting: list[Detection] = []
+        self._features = FeatureHistories(self.filter, self.settings)
+        self._associator = Associator(self.filter, self.settings, self.counts)
+        self._views: dict[str, FieldOfView] = {}
+        self._trajectory: list[tuple[float, FloatArray, FloatArray]] = []
+        self._updates: list[Update] = []
+        self._assignments: list[Assignment] = []
+
+    def add_landmark(
+        self, feature: ArrayLike, P: ArrayLike | None = None, *, identity: int | None = None, kind: str = "point"
+    ) -> int:
+        """Add a feature of a known map and return its id in the filter; P None for one that is certain."""
+        feature_id = self.filter.add_known_feature(feature, P, kind=kind)
+        self._features.add(feature_id, identity, confirmed=True, time=self.time, readings=0)
+        return feature_id
+
+    def run(self, records: Iterable[Record]) -> SlamResult:
+        """Process all records and return the result.
+
+        Raises:
+            RecordError: a late record (where they are not skipped), or one of a kind that no model was given for.
+        """
+        for record in records:
+            self.process(record)
+        self.finish()
+        return self.result()
+
+    def process(self, record: Record) -> None:
+        """Process the next record of the log.
+
+        Raises:
+            RecordError: as for :meth:`run`.
+        """
+        self.counts.records += 1
+        if isinstance(record, Pose) and (record.truth or self.filter.mode != "mapping"):
+            self.counts.not_estimated_from += 1
+            return
+        if record.t < self.time:
+            if self.settings.late == "raise":
+                raise RecordError(
+                    f"{type(record).__name__} at {record.t:.6f} s given after one at {self.time:.6f} s, "
+                    "allowed: records in the order of time"
+                )
+            self.counts.late += 1
+            return
+        if record.t > self.time:
+            self.finish()
+            self._advance(record.t)
+        match record:
+            case Odometry():
+                self._steer(record)
+            case Increment():
+                self._move(record)
+            case Detection():
+                self._collect([record])
+            case Scan():
+                self._scan(record)
+            case Pose():
+                self.filter.set_pose((record.x, record.y, record.theta), self._pose_covariance)
+                self._remember()
+
+    def finish(self) -> None:
+        """Use the readings that wait for the end of their instant."""
+        if not self._waiting:
+            return
+        begin = perf_counter()
+        waiting, self._waiting = self._waiting, []
+        nis, dof = 0.0, 0
+        for kind in dict.fromkeys(detection.kind for detection in waiting):
+            detections = [detection for detection in waiting if detection.kind == kind]
+            assigned = self._associator.assign(self._sensors[kind], detections, self._features.ids)
+            more_nis, more_dof = self._update(self._sensors[kind], detections, assigned)
+            self._start_features(self._sensors[kind], detections, assigned)
+            nis, dof = nis + more_nis, dof + more_dof
+            if self.settings.absences is not None and self.settings.association != "known":
+                self._miss(kind, detections)
+        self.counts.dropped += self._features.drop_stale(self.time)
+        self._remember()
+        self._updates.append(Update(self.time, nis, dof, perf_counter() - begin))
+
+    def result(self) -> SlamResult:
+        """Return what was found so far."""
+        features = [
+            MapFeature(
+                i,
+                history.identity,
+                self.filter.kind(i),
+                self.filter.feature(i),
+                self.filter.feature_covariance(i),
+                history.readings,
+            )
+            for i, history in self._features.histories.items()
+            if history.confirmed
+        ]
+        rows = [(t, *pose) for t, pose, _ in self._trajectory]
+        return SlamResult(
+            np.array(rows).reshape(-1, 4),
+            np.array([P for *_, P in self._trajectory]).reshape(-1, 3, 3),
+            tuple(features),
+            tuple(self._updates),
+            tuple(self._assignments),
+            replace(self.counts),
+        )
+
+    def _advance(self, t: float) -> None:
+        """Predict up to a time, by the odometry that holds."""
+        if self._odometry is not None and self._velocity_model is not None and self.filter.mode != "mapping":
+            u = np.array([self._odometry.v, self._odometry.omega, t - self.time])
+            self.filter.predict(self._velocity_model, u)
+            self.time = t
+            self._remember()
+        self.time = t
+
+    def _steer(self, record: Odometry) -> None:
+        if self._velocity_model is None and self.filter.mode != "mapping":
+            raise RecordError(f"Odometry at {record.t:.6f} s given without a motion model for it, allowed: velocity=…")
+        if record == self._odometry:
+            self.counts.repeated += 1
+        self._odometry = record
+
+    def _move(self, record: Increment) -> None:
+        if self.filter.mode == "mapping":
+            return
+        if self._increment_model is None:
+            raise RecordError(
+                f"Increment at {record.t:.6f} s given without a motion model for it, allowed: increment=…"
+            )
+        if self._increment is not None and record[:4] == self._increment[:4]:
+            self.counts.repeated += 1
+            return
+        self._increment = record
+        self.filter.predict(self._increment_model, np.array(record[1:4]), record.covariance)
+        self._remember()
+
+    def _scan(self, record: Scan) -> None:
+        if record.pose is not None and self.filter.mode == "mapping":
+            self.filter.set_pose(record.pose, self._pose_covariance)
+            self._remember()
+        if self._find is None:
+            self.counts.not_estimated_from += 1
+        else:
+            self._collect(self._find(record))
+
+    def _collect(self, detections: Sequence[Detection]) -> None:
+        """Let detections wait for the others of their instant."""
+        for detection in detections:
+            self.counts.detections += 1
+            if detection.kind not in self._sensors:
+                raise RecordError(
+                    f"Detection of kind {detection.kind!r} at {detection.t:.6f} s given without a sensor model, "
+                    f"{did_you_mean(detection.kind, self._sensors)}"
+                )
+            if any(repeats(detection, other) for other in self._waiting):
+                self.counts.repeated += 1
+            else:
+                self._waiting.append(detection)
+
+    def _update(
+        self, sensor: SensorModel, detections: Sequence[Detection], assigned: Sequence[int]
+    ) -> tuple[float, int]:
+        """Correct the state by the readings of features that are in it; return the NIS and its degrees of freedom."""
+        old = [(detection, i) for detection, i in zip(detections, assigned, strict=True) if i >= 0]
+        ids = [i for _, i in old]
+        R = [detection.covariance for detection, _ in old]
+        innovation = self.filter.update_batch(
+            np.array([detection.z for detection, _ in old]).reshape(-1, sensor.reading_dim), sensor, ids, R
+        )
+        self._features.read(ids, self.time)
+        return innovation.nis, innovation.dof
+
+    def _start_features(self, sensor: SensorModel, detections: Sequence[Detection], assigned: Sequence[int]) -> None:
+        """Add what is new, and write down what became of each detection."""
+        known, seen = self.settings.association == "known", list[int]()
+        for detection, i in zip(detections, assigned, strict=True):
+            feature = i if i >= 0 else None
+            if i == NEW and self.filter.mode == "localisation":
+                self.counts.unknown += 1
+            elif i == NEW:
+                feature = self.filter.add_feature(detection.z, sensor, detection.covariance)
+                identity = detection.identity if known else None
+                confirmed = known or self.settings.confirm == 1
+                self._features.add(feature, identity, confirmed=confirmed, time=self.time)
+            if feature is not None:
+                seen.append(feature)
+            self._assignments.append(Assignment(detection.t, detection.identity, feature))
+        self.counts.used += len(seen)
+        if not known and self.settings.merge_gate is not None and self.filter.mode == "slam":
+            self._features.part(seen)
+            self._merge(seen)
+
+    def _miss(self, kind: str, detections: Sequence[Detection]) -> None:
+        """Count which features should have been read at this instant, and were not."""
+        view = self._views.setdefault(kind, FieldOfView())
+        prediction = self.filter.predict_readings(self._sensors[kind])
+        inside = view.holds(prediction.z_hat)
+        missed = [
+            i
+            for i, held in zip(prediction.ids, inside, strict=True)
+            if held and self._features.histories[i].last < self.time
+        ]
+        self.counts.absent += self._features.drop_absent(missed)
+        view.learn(np.array([detection.z for detection in detections]))
+
+    def _merge(self, seen: list[int]) -> None:
+        """Merge features that were seen now with others that may be the same, in what was written down, too."""
+        gone = self._features.merge(seen)
+        self.counts.merged += len(gone)
+        if gone:
+            self._assignments = [
+                a._replace(feature=gone[a.feature]) if a.feature in gone else a for a in self._assignments
+            ]
+
+    def _remember(self) -> None:
+        """Write down the pose; of one instant only what it ends with."""
+        if self._trajectory and self._trajectory[-1][0] == self.time:
+            self._trajectory.pop()
+        self._trajectory.append((self.time, self.filter.pose, self.filter.pose_covariance))

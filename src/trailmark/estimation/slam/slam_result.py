@@ -1,0 +1,119 @@
+"""What a run over a log gives: trajectory, features, and what happened to the records."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from trailmark.estimation.filter.consistency import Consistency, average
+from trailmark.se2 import FloatArray
+
+__all__ = ["Assignment", "Counts", "MapFeature", "SlamResult", "Update"]
+
+
+@dataclass
+class Counts:
+    """How many records there were, and how many of them went which way."""
+
+    records: int = 0
+    """All of them."""
+    detections: int = 0
+    """Detections, those found in scans included."""
+    used: int = 0
+    """Detections that corrected the state or started a feature."""
+    late: int = 0
+    """Records older than what had been processed, skipped."""
+    repeated: int = 0
+    """Records that say again what one of the same instant said, skipped."""
+    ambiguous: int = 0
+    """Detections between the two gates, ignored."""
+    outliers: int = 0
+    """Detections of a known identity too far from what they should have read, ignored."""
+    unidentified: int = 0
+    """Detections without the identity that the association asks for, ignored."""
+    unknown: int = 0
+    """Detections of what the known map does not hold, ignored."""
+    not_estimated_from: int = 0
+    """Poses that are truth or a reference, and scans that nothing looks into."""
+    dropped: int = 0
+    """Tentative features that were not seen again in time."""
+    absent: int = 0
+    """Features that were not seen where they should have been, and were dropped."""
+    merged: int = 0
+    """Features that turned out to be another one."""
+    cut_short: int = 0
+    """Joint associations whose search was cut short."""
+
+    def as_dict(self) -> dict[str, int]:
+        """Return the counts by name."""
+        return asdict(self)
+
+
+class Update(NamedTuple):
+    """One correction of the state."""
+
+    t: float
+    """Seconds."""
+    nis: float
+    """Normalised innovation squared; 0 where all readings were new."""
+    dof: int
+    """Its degrees of freedom."""
+    seconds: float
+    """Time that association, update and features took."""
+
+
+class Assignment(NamedTuple):
+    """What became of one detection."""
+
+    t: float
+    """Seconds."""
+    identity: int | None
+    """What the log says the feature was, used or not."""
+    feature: int | None
+    """The feature that it was taken for; None if it was ignored."""
+
+
+class MapFeature(NamedTuple):
+    """A feature of the map."""
+
+    id: int
+    """Its id in the filter."""
+    identity: int | None
+    """The number that the sensor gives it, where identities are known."""
+    kind: str
+    """"point" or "line"."""
+    mean: FloatArray
+    """Shape (d,)."""
+    covariance: FloatArray
+    """Shape (d, d)."""
+    readings: int
+    """How many readings it rests on."""
+
+
+class SlamResult(NamedTuple):
+    """The outcome of a run."""
+
+    trajectory: FloatArray
+    """Rows t, x, y, theta, shape (n, 4): the estimate at each instant that had a record."""
+    covariances: FloatArray
+    """Of x, y, theta, shape (n, 3, 3)."""
+    features: tuple[MapFeature, ...]
+    """Confirmed features."""
+    updates: tuple[Update, ...]
+    """Corrections in order."""
+    assignments: tuple[Assignment, ...]
+    """Detections in order."""
+    counts: Counts
+    """What happened to the records."""
+
+    def nis(self, probability: float = 0.95) -> Consistency:
+        """Return the average NIS per update and its band."""
+        updates = [update for update in self.updates if update.dof]
+        return average([update.nis for update in updates], [update.dof for update in updates], probability)
+
+    @property
+    def seconds_per_update(self) -> float:
+        """Mean time of an update; NaN if there was none."""
+        return float(np.mean([update.seconds for update in self.updates])) if self.updates else float("nan")

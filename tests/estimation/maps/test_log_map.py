@@ -1,0 +1,339 @@
+"""From a log to a world: which records make the obstacles and the poses, the world's parts, the figures, misuse."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from shapely import affinity
+
+from trailmark.estimation import (
+    Cartesian,
+    Detection,
+    Detector,
+    EstimationError,
+    Increment,
+    Log,
+    MapSettings,
+    Odometry,
+    Pose,
+    PoseIncrement,
+    RangeBearing,
+    Scan,
+    Scanner,
+    Unicycle,
+    map_log,
+    regrow,
+    simulate,
+)
+from trailmark.estimation.logs.records import Record
+from trailmark.shapes import Disc, Rectangle
+from trailmark.world import Robot, World
+
+CENTRES = np.array([[2.0, 2.2], [5.0, 1.0], [9.5, 1.5], [10.5, 5.0], [7.0, 6.5], [3.0, 6.8], [1.0, 5.0], [6.0, 3.8]])
+RADIUS = 0.15
+YARD = World("yard", (0.0, 0.0, 12.0, 8.0), tuple(Disc((float(x), float(y)), RADIUS) for x, y in CENTRES))
+START = (1.0, 1.0, math.atan2(1.6, 7.0))  # a drive to waypoints begins towards the second
+WAY = [[1.0, 1.0], [8.0, 2.6], [9.0, 5.0], [4.5, 5.3], [2.2, 4.0], [1.2, 1.6], [8.0, 2.4]]
+ROBOT = Robot.disc(0.25)
+
+
+@cache
+def recorded(identities: bool = True, scanner: bool = False, increments: bool = False) -> Log:
+    motion = PoseIncrement(0.002, 0.002, 0.001) if increments else Unicycle(0.01, 0.01, period=1.0)
+    detector = Detector(RangeBearing(0.03, 0.01), 7.0, identities=identities)
+    eyes = Scanner(beams=121, max_range=9.0, period=1.0, bounds=True) if scanner else None
+    return simulate(YARD, WAY, motion, detector=detector, scanner=eyes, random_state=3).log
+
+
+def without(log: Log, *kinds: type) -> Log:
+    return log._replace(records=tuple(record for record in log.records if not isinstance(record, kinds)))
+
+
+def discs(world: World) -> list[Disc]:
+    return [estimate.mean for estimate in world.estimates if estimate and isinstance(estimate.mean, Disc)]
+
+
+def test_detections_become_discs_with_their_covariances() -> None:
+    settings = MapSettings(radius=RADIUS, radius_sigma=0.02, start=START, velocity=Unicycle(0.01, 0.01, period=1.0))
+    mapped = map_log(recorded(), settings, robot=ROBOT)
+    assert (mapped.poses, mapped.association) == ("slam", "known")
+    assert mapped.slam is not None
+    truth = {int(i): np.array([x, y]) for i, x, y in recorded().landmarks}
+    assert {feature.identity for feature in mapped.slam.features} == set(truth)
+    for feature, estimate in zip(mapped.slam.features, mapped.world.estimates, strict=True):
+        assert estimate is not None
+        assert isinstance(estimate.mean, Disc)
+        assert estimate.mean.radius == RADIUS
+        assert feature.identity is not None
+        error = np.array(estimate.mean.center) - truth[feature.identity]
+        assert error @ np.linalg.solve(estimate.covariance[:2, :2], error) < 20.0
+        assert np.hypot(*error) < 0.2
+        assert estimate.covariance[2, 2] == pytest.approx(0.02**2)
+    assert mapped.world.obstacles == tuple(e.mean for e in mapped.world.estimates if e is not None)
+    assert mapped.world.risk is None
+    np.testing.assert_allclose(mapped.trajectory[0, 1:], START, atol=0.1)
+    np.testing.assert_allclose(mapped.trajectory[-1, 1:3], WAY[-1], atol=0.3)
+
+
+def test_bounds_leave_room_around_everything() -> None:
+    mapped = map_log(recorded(), MapSettings(margin=2.0), robot=ROBOT, confidence=0.99)
+    xmin, ymin, xmax, ymax = mapped.world.bounds
+    boxes = np.array([shape.bounding_box() for shape in mapped.world.obstacles])
+    room = 2.0 + 2.0 * 0.25 - 1e-9
+    for points in (boxes[:, :2], boxes[:, 2:], mapped.trajectory[:, 1:3]):
+        assert (points >= [xmin + room, ymin + room]).all()
+        assert (points <= [xmax - room, ymax - room]).all()
+
+
+def test_confidence_grows_and_the_covariances_are_kept() -> None:
+    plain, grown = (map_log(recorded(), robot=ROBOT, confidence=p).world for p in (None, 0.99))
+    assert grown.risk is not None
+    assert grown.risk.confidence == 0.99
+    for before, after in zip(plain.obstacles, grown.obstacles, strict=True):
+        assert after.polygon(1e-4).shapely().buffer(2e-4).covers(before.polygon(1e-4).shapely())
+        assert after.area > before.area
+    wider = regrow(grown, 0.999)
+    assert all(b.area > a.area for a, b in zip(grown.obstacles, wider.obstacles, strict=True))
+    errs = map_log(recorded(), MapSettings(robot_sigma=(0.1, 0.05)), robot=ROBOT, confidence=0.99).world
+    assert errs.risk is not None
+    np.testing.assert_allclose(np.diag(errs.risk.pose_covariance), [0.01, 0.01, 0.0025])  # type: ignore[arg-type]  # it is there
+    assert all(b.area > a.area for a, b in zip(grown.obstacles, errs.obstacles, strict=True))
+
+
+@pytest.mark.parametrize("confidence", [None, 0.95])
+def test_queries_start_and_end_where_the_robot_was_and_stands_free(confidence: float | None) -> None:
+    robot = Robot.rectangle(0.8, 0.5)
+    mapped = map_log(recorded(), MapSettings(radius=RADIUS), robot=robot, confidence=confidence)
+    driven, farthest = mapped.world.queries
+    assert (driven.name, farthest.name) == ("driven", "farthest")
+    assert driven.start == farthest.start
+    solid = shapely.union_all([shape.polygon(1e-4).shapely() for shape in mapped.world.obstacles])
+    for q in (driven.start, driven.goal, farthest.goal):
+        assert np.abs(mapped.trajectory[:, 1:] - q).sum(axis=1).min() < 1e-9
+        corners = np.array([[0.4, 0.25], [-0.4, 0.25], [-0.4, -0.25], [0.4, -0.25]])
+        cos, sin = math.cos(q[2]), math.sin(q[2])
+        body = shapely.Polygon(corners @ np.array([[cos, sin], [-sin, cos]]) + q[:2])
+        assert not body.intersects(solid)
+        assert shapely.box(*mapped.world.bounds).contains(body)
+    away = [math.dist(mapped.trajectory[0, 1:3], q[:2]) for q in (driven.goal, farthest.goal)]
+    assert away[1] >= away[0]
+
+
+def test_a_robot_too_large_for_its_own_way_gets_no_queries() -> None:
+    mapped = map_log(recorded(), robot=Robot.disc(3.0))
+    assert mapped.world.queries == ()
+    assert any("no queries" in note for note in mapped.notes)
+
+
+@pytest.mark.parametrize("method", ["auto", "nearest", "joint"])
+def test_features_of_unknown_identity(method: Any) -> None:
+    settings = MapSettings(association=method, start=START, velocity=Unicycle(0.01, 0.01, period=1.0))
+    mapped = map_log(recorded(identities=False), settings)
+    assert mapped.association == ("joint" if method == "auto" else method)
+    found = np.array([disc.center for disc in discs(mapped.world)])
+    assert len(found) == len(CENTRES)
+    assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
+
+
+def test_increments_and_cartesian_detections_as_in_victoria_park() -> None:
+    log = recorded(increments=True)
+    records = tuple(
+        record._replace(
+            z=record.z[0] * np.array([np.cos(record.z[1]), np.sin(record.z[1])]), kind="cartesian"
+        )._replace(covariance=0.05**2 * np.eye(2))
+        if isinstance(record, Detection)
+        else record
+        for record in log.records
+    )
+    mapped = map_log(log._replace(records=records), MapSettings(start=START))
+    assert len(discs(mapped.world)) == len(CENTRES)
+    found = np.array([disc.center for disc in discs(mapped.world)])
+    assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
+
+
+def test_stated_noise_counts_unless_told_otherwise() -> None:
+    def spread(settings: MapSettings) -> float:
+        world = map_log(recorded(increments=True), settings).world
+        return float(np.mean([np.trace(estimate.covariance) for estimate in world.estimates if estimate]))
+
+    loose = MapSettings(range_bearing=RangeBearing(0.5, 0.2), cartesian=Cartesian(0.5, 0.5))
+    stated = spread(MapSettings())
+    assert spread(loose) == stated
+    assert spread(replace(loose, stated_sensor_noise=False)) > 2.0 * stated
+    drifts = PoseIncrement(0.05, 0.05, 0.05)
+    assert spread(MapSettings(increment=drifts)) == stated
+    assert spread(MapSettings(increment=drifts, stated_motion_noise=False)) > 1.5 * stated
+
+
+def test_scans_are_mapped_from_the_poses_that_detections_give() -> None:
+    mapped = map_log(recorded(scanner=True), MapSettings(start=START), robot=ROBOT)
+    assert (mapped.poses, mapped.association) == ("slam", "known")
+    assert mapped.scans is not None
+    assert mapped.slam is not None
+    walls = [e.mean for e in mapped.world.estimates if e is not None and isinstance(e.mean, Rectangle)]
+    assert len(walls) >= 4
+    sides = shapely.box(*YARD.bounds).exterior
+    for wall in walls:
+        if wall.length > 2.0:
+            assert sides.distance(shapely.Point(wall.center)) < 0.3
+    only = map_log(recorded(scanner=True), MapSettings(start=START, obstacles="detections"))
+    assert only.scans is None
+    assert len(discs(only.world)) == len(CENTRES)
+
+
+def test_scans_by_odometry_alone_say_that_they_drift() -> None:
+    log = without(recorded(scanner=True), Detection)
+    mapped = map_log(log, MapSettings(start=START))
+    assert (mapped.poses, mapped.slam) == ("odometry", None)
+    np.testing.assert_allclose(mapped.trajectory[0, 1:], START, atol=1e-6)
+    np.testing.assert_allclose(mapped.trajectory[-1, 1:3], WAY[-1], atol=1.0)
+    assert any("drift" in note for note in mapped.notes)
+    origin = map_log(log)
+    x, y, theta = START
+    turned = affinity.rotate(shapely.LineString(origin.trajectory[:, 1:3]), theta, origin=(0.0, 0.0), use_radians=True)
+    moved = np.array([x, y]) + shapely.get_coordinates(turned)
+    np.testing.assert_allclose(moved, mapped.trajectory[:, 1:3], atol=1e-9)
+
+
+def test_stated_poses_are_taken_between_records() -> None:
+    scan = Scan(0.0, np.full(19, 2.0), -0.9, 0.1, 8.0)
+    records: tuple[Record, ...] = (
+        Pose(0.0, 0.0, 0.0, 3.0),
+        *(scan._replace(t=0.25 * i) for i in range(5)),
+        Pose(1.0, 1.0, -2.0, -3.0),
+        Pose(0.5, 9.0, 9.0, 9.0, truth=True),
+    )
+    mapped = map_log(Log("hand", records, np.empty((0, 3))))
+    assert mapped.poses == "log"
+    turn = 2.0 * math.pi - 6.0
+    for i, (t, x, y, theta) in enumerate(mapped.trajectory):
+        assert (t, x, y) == pytest.approx((0.25 * i, 0.25 * i, -0.5 * i))
+        assert math.remainder(theta - 3.0 - turn * t, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_features_from_stated_poses() -> None:
+    poses = [
+        record._replace(truth=False) if isinstance(record, Pose) else record
+        for record in recorded().records
+        if not isinstance(record, Odometry)
+    ]
+    # Of one instant, the pose must come first.
+    poses.sort(key=lambda record: (record.t, not isinstance(record, Pose)))
+    mapped = map_log(Log("posed", tuple(poses), np.empty((0, 3))))
+    assert mapped.poses == "log"
+    found = np.array([disc.center for disc in discs(mapped.world)])
+    assert (
+        np.hypot(*(found - CENTRES[np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).argmin(axis=1)]).T).max()
+        < 0.1
+    )
+
+
+def test_misread_identities_are_refused_unless_they_are_many() -> None:
+    log = recorded()
+
+    def spoiled(every: int) -> Log:
+        records, seen = [], 0
+        for record in log.records:
+            seen += isinstance(record, Detection)
+            if isinstance(record, Detection) and seen % every == 0:
+                record = record._replace(z=np.array([record.z[0], record.z[1] + 1.5]))
+            records.append(record)
+        return log._replace(records=tuple(records))
+
+    few = map_log(spoiled(100), MapSettings(start=START))
+    assert few.slam is not None
+    detections = few.slam.counts.detections
+    assert 0 < few.slam.counts.outliers <= 0.02 * detections
+    found = np.array([disc.center for disc in discs(few.world)])
+    assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
+    many = map_log(spoiled(5), MapSettings(start=START))
+    assert many.slam is not None
+    assert many.slam.counts.outliers == 0
+    assert any("gate" in note for note in many.notes)
+
+
+def test_figures_are_plain_data() -> None:
+    mapped = map_log(recorded(), confidence=0.95)
+    figures = mapped.figures()
+    assert json.loads(json.dumps(figures, allow_nan=False)) == figures
+    records = figures["records"]
+    assert records["all"] == len(recorded().records) == sum(n for name, n in records.items() if name != "all")
+    assert figures["features"] == {"confirmed": 8, "tentative": 0, "dropped": 0}
+    assert figures["obstacles"] == {"all": 8, "discs": 8, "walls": 0, "heaps": 0, "unknown": 0}
+    assert figures["risk"]["collision_at_most"] == pytest.approx(0.05)
+    nis = figures["nis"]
+    assert nis["low"] < nis["expected"] < nis["high"]
+    assert nis["inside"] == (nis["low"] <= nis["mean"] <= nis["high"])
+    assert 0.0 < figures["time"]["per_update"] < figures["time"]["total"]
+    scans = map_log(without(recorded(scanner=True), Detection)).figures()
+    assert scans["nis"] is None
+    assert scans["features"]["confirmed"] == scans["obstacles"]["walls"] + scans["obstacles"]["discs"]
+    assert json.dumps(scans, allow_nan=False)
+
+
+def test_progress_reaches_its_end() -> None:
+    seen: list[tuple[str, int, int]] = []
+    map_log(recorded(scanner=True), on_progress=lambda *step: seen.append(step))
+    for what in ("records", "scans"):
+        steps = [(done, total) for name, done, total in seen if name == what]
+        assert steps[-1][0] == steps[-1][1]
+        assert [done for done, _ in steps] == sorted({done for done, _ in steps})
+
+
+def test_nothing_to_go_by() -> None:
+    log = recorded()
+    for kept, settings, problem in (
+        (without(log, Detection), MapSettings(), "neither scans nor detections given"),
+        (log, MapSettings(obstacles="scans"), "no scans given"),
+        (without(log, Odometry), MapSettings(), "neither odometry nor poses given"),
+        (
+            log,
+            MapSettings(poses="odometry"),
+            "poses 'odometry' given for detections, allowed with what the log holds: slam",
+        ),
+        (log, MapSettings(poses="log"), "poses 'log' given for detections"),
+        (
+            recorded(identities=False),
+            MapSettings(association="known"),
+            "no feature confirmed by .* without the identity",
+        ),
+        (recorded(identities=False), MapSettings(confirm=10_000), "no feature confirmed"),
+    ):
+        with pytest.raises(EstimationError, match=problem):
+            map_log(kept, settings)
+    with pytest.raises(EstimationError, match="neither scans nor detections"):
+        map_log(Log("still", (Increment(0.0, 0.0, 0.0, 0.0),), np.empty((0, 3))))
+
+
+@pytest.mark.parametrize(
+    ("given", "problem"),
+    [
+        ({"obstacles": "scan"}, "obstacles 'scan' given, did you mean 'scans'"),
+        ({"poses": "ekf"}, "poses 'ekf' given, allowed: auto"),
+        ({"association": "nearst"}, "did you mean 'nearest'"),
+        ({"radius": 0.0}, "radius 0.0 given"),
+        ({"radius": math.nan}, "radius nan given"),
+        ({"radius_sigma": -1.0}, "radius_sigma -1.0 given"),
+        ({"margin": math.inf}, "margin inf given"),
+        ({"robot_sigma": (0.1, -0.1)}, "robot_sigma"),
+        ({"start": (0.0, 0.0, math.nan)}, "start"),
+    ],
+)
+def test_settings_check_themselves(given: dict[str, Any], problem: str) -> None:
+    with pytest.raises(EstimationError, match=problem):
+        MapSettings(**given)
+
+
+@pytest.mark.parametrize("confidence", [0.0, 1.0, -1.0, math.nan])
+def test_confidence_is_a_probability(confidence: float) -> None:
+    with pytest.raises(EstimationError, match="confidence"):
+        map_log(recorded(), confidence=confidence)
+    with pytest.raises(EstimationError, match="robot_sigma"):
+        map_log(recorded(), MapSettings(robot_sigma=(0.1, 0.1)))

@@ -1,0 +1,113 @@
+"""What tracks and grids come to: heaps, gaps, and the unknown, in grids that are filled by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from trailmark.estimation.maps.evidence import EvidenceGrid
+from trailmark.estimation.maps.mapping_settings import MappingSettings
+from trailmark.estimation.maps.scan_obstacles import find_obstacles
+from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Seen
+from trailmark.shapes import Polygon, Rectangle
+
+CELL = 0.1
+HERE = np.array([[1.05, 1.05, 0.0]])
+SETTINGS = MappingSettings(cell=CELL, pose_sigma=(0.02, 0.01))
+POSE = np.diag([4e-4, 4e-4, 1e-4])
+
+
+def nothing() -> tuple[LineTracks, DiscTracks]:
+    return LineTracks(0.99, POSE, 0.3), DiscTracks(0.99, POSE)
+
+
+def open_grid() -> EvidenceGrid:
+    """Six by four metres, all of which beams went through once."""
+    grid = EvidenceGrid((0.0, 0.0, 6.0, 4.0), CELL)
+    grid.passes[:] = 1
+    return grid
+
+
+def hit(grid: EvidenceGrid, rows: slice, columns: slice, times: int = 5, length: float = 2.0) -> None:
+    grid.hits[rows, columns], grid.passes[rows, columns] = times, 0
+    grid.reach[rows, columns] = times * length
+
+
+def test_cells_that_nothing_explains_are_heaps() -> None:
+    grid = open_grid()
+    hit(grid, np.s_[20:23], np.s_[30:35], length=3.0)
+    # Beside it, within three cells, what was seen from far away: no part of it.
+    hit(grid, np.s_[20:23], np.s_[37:38], length=40.0)
+    found = find_obstacles(*nothing(), grid, HERE, SETTINGS)
+    assert (found.walls, found.discs, found.unknown) == ([], [], [])
+    near, far = sorted(found.heaps, key=lambda heap: float(heap.mean.polygon().vertices[:, 0].min()))
+    assert isinstance(near.mean, Polygon)
+    assert shapely.hausdorff_distance(near.mean.shapely(), shapely.box(3.0, 2.0, 3.5, 2.3)) < 1e-9
+    for heap, away in ((near, 3.0), (far, 40.0)):
+        assert heap.covariance == pytest.approx((4e-4 + 4e-4 + (0.01 * away) ** 2) * np.eye(2))
+
+
+def test_a_heap_about_free_space_is_as_uncertain_as_its_own_cells() -> None:
+    """The middle of a ring is no part of it."""
+    grid = open_grid()
+    hit(grid, np.s_[10:30], np.s_[30:50], length=30.0)
+    grid.hits[12:28, 32:48], grid.reach[12:28, 32:48], grid.passes[12:28, 32:48] = 0, 0.0, 1
+    settings = MappingSettings(cell=CELL, pose_sigma=(0.02, 0.01), unknown="free")
+    (ring,) = find_obstacles(*nothing(), grid, HERE, settings).heaps
+    assert ring.covariance[0, 0] == pytest.approx(8e-4 + 0.09)
+
+
+def test_what_is_cut_off_or_unseen_is_blocked() -> None:
+    grid = open_grid()
+    grid.passes[:, 40:] = 0
+    grid.passes[5, 20] = 0
+    hit(grid, np.s_[:], np.s_[30:32])
+    found = find_obstacles(*nothing(), grid, HERE, SETTINGS)
+    blocked = shapely.union_all([shape.polygon().shapely() for shape in found.unknown])
+    assert shapely.covers(blocked, shapely.box(4.0, 0.0, 6.0, 4.0))
+    # Behind the wall beams went, but no robot came there; one unseen cell among free ones is none.
+    assert shapely.covers(blocked, shapely.box(3.4, 0.1, 4.0, 3.9))
+    assert shapely.distance(blocked, shapely.box(0.0, 0.0, 2.9, 4.0)) > 0.0
+    free = find_obstacles(*nothing(), grid, HERE, MappingSettings(cell=CELL, unknown="free"))
+    assert free.unknown == []
+
+
+@pytest.mark.parametrize(("gap", "passed", "walls"), [(2, False, 1), (2, True, 2), (8, False, 2)])
+def test_stretches_are_joined_over_gaps_that_nothing_went_through(gap: int, passed: bool, walls: int) -> None:
+    grid = open_grid()
+    lines, discs = nothing()
+    middle = 30
+    places = np.concatenate([np.arange(10, middle), np.arange(middle + gap, 52)])
+    points = np.repeat(np.column_stack([CELL * (places + 0.5), np.full(len(places), 2.05)]), 3, axis=0)
+    for column in places.tolist():
+        hit(grid, np.s_[20:21], np.s_[column : column + 1])
+    if not passed:
+        grid.passes[19:22, middle : middle + gap] = 0
+    # The line y = 2.05, seen from below.
+    lines.update([Seen(np.array([2.05, 0.5 * math.pi]), 1e-4 * np.eye(2), np.zeros((2, 2)), points)])
+    found = find_obstacles(lines, discs, grid, HERE, SETTINGS)
+    assert len(found.walls) == walls
+    assert found.heaps == []
+    for estimate, own in found.walls:
+        assert isinstance(estimate.mean, Rectangle)
+        assert estimate.mean.width == SETTINGS.thickness
+        low, high = own[:, 0].min(), own[:, 0].max()
+        expected = shapely.box(low, 2.05, high, 2.05 + SETTINGS.thickness)
+        assert shapely.hausdorff_distance(estimate.mean.polygon().shapely(), expected) < 1e-9
+
+
+def test_a_wall_that_is_gone_is_no_wall() -> None:
+    grid = open_grid()
+    lines, discs = nothing()
+    points = np.column_stack([np.linspace(1.0, 3.0, 60), np.full(60, 2.05)])
+    lines.update([Seen(np.array([2.05, 0.5 * math.pi]), 1e-4 * np.eye(2), np.zeros((2, 2)), points)])
+    assert find_obstacles(lines, discs, grid, HERE, SETTINGS).walls == []
+    post = np.array([3.0, 1.0, 0.2])
+    discs.update([Seen(post, 1e-4 * np.eye(3), np.zeros((3, 3)), post[:2] - [[0.2, 0.0], [0.1, 0.17]])])
+    assert find_obstacles(lines, discs, grid, HERE, SETTINGS).discs == []
+    hit(grid, np.s_[8:13], np.s_[27:31])
+    ((disc, _),) = find_obstacles(lines, discs, grid, HERE, SETTINGS).discs
+    assert disc.covariance.shape == (3, 3)

@@ -1,0 +1,317 @@
+"""The risk of a whole path: how it is shared out, what worlds say of it, and that it is kept."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trailmark.errors import FormatError, WorldError
+from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.risk.allocation import (
+    LEAST_RISK,
+    allocate,
+    grown_world,
+    reallocate,
+    regrow,
+    required_risk,
+    spend_risk,
+)
+from trailmark.estimation.risk.growth import grow
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
+
+BOUNDS = (0.0, 0.0, 20.0, 10.0)
+ESTIMATES = [
+    ObstacleEstimate(Disc((3.0, 4.0), 0.5), np.array([[0.02, 0.01], [0.01, 0.03]])),
+    ObstacleEstimate(Disc((9.0, 2.0), 0.3), np.diag([0.01, 0.01, 0.0025])),
+    ObstacleEstimate(Rectangle((7.0, 6.0), 3.0, 0.1, 0.4), np.diag([0.01, 0.02, 0.001, 0.04])),
+    ObstacleEstimate(Polygon(np.array([[12, 1], [15, 1], [13, 4.0]])), np.diag([0.01, 0.01, 0.0004])),
+]
+POSE = np.diag([0.01, 0.01, 0.0009])
+
+
+def office(confidence: float = 0.99) -> World:
+    return grown_world(
+        ESTIMATES,
+        BOUNDS,
+        confidence,
+        name="office",
+        robot=Robot.rectangle(0.6, 0.4),
+        queries=[Query("door", (1, 1, 0), (18, 9, 0))],
+        fixed=[Disc((18.0, 2.0), 0.4)],
+        weights=[1.0, 2.0, 3.0, 4.0],
+        pose_covariance=POSE,
+    )
+
+
+# --- Shares
+
+
+@given(st.floats(0.01, 0.9999), st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=200))
+def test_risks_add_up_to_what_there_is(confidence: float, weights: list[float]) -> None:
+    for given_weights in (None, weights):
+        risks = allocate(confidence, len(weights), given_weights)
+        assert risks.shape == (len(weights),)
+        assert (risks > 0.0).all()
+        assert math.fsum(risks) == pytest.approx(1.0 - confidence, rel=1e-12)
+
+
+def test_risk_follows_the_weights() -> None:
+    assert allocate(0.9, ESTIMATES) == pytest.approx([0.025] * 4)
+    assert allocate(0.9, ESTIMATES, [1, 2, 3, 4]) == pytest.approx([0.01, 0.02, 0.03, 0.04])
+    assert allocate(0.9, 0).shape == (0,)
+
+
+@pytest.mark.parametrize("weights", [[1.0], [1.0, 0.0], [1.0, -1.0], [1.0, math.nan], [1.0, math.inf], [[1.0, 1.0]]])
+def test_weights_that_share_nothing_out(weights: list[float]) -> None:
+    with pytest.raises(EstimationError, match=r"weights: .* allowed: \(2,\)"):
+        allocate(0.9, 2, weights)
+
+
+@pytest.mark.parametrize("confidence", [0.0, 1.0, -1.0, 2.0, math.nan])
+def test_a_confidence_out_of_range(confidence: float) -> None:
+    for call in (lambda: allocate(confidence, 3), lambda: regrow(office(), confidence)):
+        with pytest.raises(EstimationError, match="confidence: "):
+            call()
+
+
+# --- Worlds
+
+
+def test_each_obstacle_is_grown_by_its_part_of_the_risk() -> None:
+    world = office(0.96)
+    assert world.risk == RiskBound(0.96, POSE, Robot.rectangle(0.6, 0.4).sweep_radius)
+    assert [e.share if e else None for e in world.estimates] == pytest.approx([0.1, 0.2, 0.3, 0.4, None])
+    for shape, estimate, risk in zip(world.obstacles, ESTIMATES, (0.004, 0.008, 0.012, 0.016), strict=False):
+        alone = grow(estimate, 1.0 - risk, pose_covariance=POSE, reach=math.hypot(0.3, 0.2))
+        assert shape.area == pytest.approx(alone.area, rel=1e-9)
+    assert world.obstacles[4] == Disc((18.0, 2.0), 0.4)
+
+
+def test_saving_and_loading_is_exact(tmp_path: Path) -> None:
+    world = office()
+    world.save(tmp_path / "w.yaml")
+    again = World.load(tmp_path / "w.yaml")
+    assert again == world
+    assert hash(again) == hash(world)
+    again.save(tmp_path / "v.yaml")
+    assert (tmp_path / "v.yaml").read_text() == (tmp_path / "w.yaml").read_text()
+
+
+@given(st.floats(0.01, 0.99999), st.integers(0, 2**32 - 1))
+@settings(max_examples=10)
+def test_growing_again_needs_the_file_only(tmp_path_factory: pytest.TempPathFactory, p: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    estimates = []
+    for _ in range(3):
+        a = rng.normal(size=(3, 3)) * 0.1
+        estimates.append(ObstacleEstimate(Rectangle(tuple(rng.uniform(2, 8, 2)), 2.0, 0.1, float(a[0, 0])), a @ a.T))
+    file = tmp_path_factory.mktemp("risk") / "w.yaml"
+    world = grown_world(estimates, BOUNDS, 0.9)
+    world.save(file)
+    again = regrow(World.load(file), p)
+    assert again == regrow(world, p) == grown_world(estimates, BOUNDS, p)
+    assert regrow(again, 0.9) == world
+
+
+def test_worlds_as_they_were_measured_can_be_grown() -> None:
+    means = tuple(estimate.mean for estimate in ESTIMATES)
+    measured = World("measured", BOUNDS, means, estimates=tuple(ESTIMATES))
+    grown = regrow(measured, 0.99)
+    assert [e.share for e in grown.estimates if e] == [0.25] * 4
+    assert all(new.area > old.area for new, old in zip(grown.obstacles, means, strict=True))
+    certain = World("certain", BOUNDS, means)
+    assert regrow(certain, 0.99).obstacles == means
+
+
+def test_shares_that_some_carry_and_some_do_not() -> None:
+    estimates = (ObstacleEstimate(Disc((3, 3), 1), 0.01 * np.eye(2), 0.5), *ESTIMATES[:2])
+    world = World("w", BOUNDS, tuple(e.mean for e in estimates), estimates=estimates)
+    assert [e.share for e in regrow(world, 0.9).estimates if e] == [0.5, 0.25, 0.25]
+
+
+def test_a_pose_covariance_needs_a_robot() -> None:
+    with pytest.raises(EstimationError, match="pose_covariance"):
+        grown_world(ESTIMATES, BOUNDS, 0.9, pose_covariance=POSE)
+
+
+@pytest.mark.parametrize(
+    ("make", "problem"),
+    [
+        (lambda: World("w", BOUNDS, (), estimates=(ESTIMATES[0],)), "1 given for 0 obstacles"),
+        (
+            lambda: World(
+                "w", BOUNDS, 2 * (Disc((1, 1), 1),), estimates=2 * (ObstacleEstimate(Disc((1, 1), 1), np.eye(2), 0.6),)
+            ),
+            "shares that add up to 1.2",
+        ),
+        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), 0.0), "share 0.0 given"),
+        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), math.nan), "share nan given"),
+        (lambda: RiskBound(1.0), "confidence 1 given"),
+        (lambda: RiskBound(0.5, np.eye(2)), r"shape \(2, 2\) given, allowed: \(3, 3\)"),
+        (lambda: RiskBound(0.5, None, -1.0), "reach -1.0 given"),
+    ],
+)
+def test_contradictions_are_one_line(make: object, problem: str) -> None:
+    with pytest.raises(WorldError, match=problem) as caught:
+        make()  # type: ignore[operator]  # the parameters above
+    assert "\n" not in str(caught.value)
+
+
+HEAD = "trailmark: 1\nbounds: [0, 0, 9, 9]\n"
+DISC = "{shape: disc, center: [1, 2], radius: 1"
+
+
+def entry(estimate: str) -> str:
+    return f"{HEAD}obstacles: [{DISC}, estimate: {estimate}}}]"
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        (entry("5"), "obstacles[0].estimate: 5 given, allowed: a mapping {mean, covariance, share}"),
+        (entry("{}"), "obstacles[0].estimate.mean: missing, allowed: a mapping with the key shape"),
+        (entry("{mean: 5, covariance: [[1, 0], [0, 1]]}"), "obstacles[0].estimate.mean: 5 given, allowed: a mapping"),
+        (entry(f"{{mean: {DISC}}}, covarance: 1}}"), "obstacles[0].estimate.covarance: unknown key, did you mean"),
+        (
+            entry(f"{{mean: {DISC}, radus: 1}}, covariance: [[1, 0], [0, 1]]}}"),
+            "obstacles[0].estimate.mean.radus: unknown key, did you mean 'radius'? allowed: center, radius, shape",
+        ),
+        (
+            entry("{mean: {shape: disk}, covariance: [[1, 0], [0, 1]]}"),
+            "obstacles[0].estimate.mean.shape: 'disk' given, did you mean 'disc'?",
+        ),
+        (
+            entry(f"{{mean: {DISC}}}, covariance: 1}}"),
+            "obstacles[0].estimate.covariance: 1 given, allowed: 2 to 5 rows",
+        ),
+        (entry(f"{{mean: {DISC}}}, covariance: [1, 2]}}"), "obstacles[0].estimate.covariance[0]: 1 given, allowed: "),
+        (
+            entry(f"{{mean: {DISC}}}, covariance: [[1, x], [0, 1]]}}"),
+            "obstacles[0].estimate.covariance[0][1]: 'x' given, allowed: a finite number",
+        ),
+        (
+            entry(f"{{mean: {DISC}}}, covariance: [[1, 0], [0, 1, 2]]}}"),
+            "obstacles[0].estimate: estimate of a disc: covariance: no matrix",
+        ),
+        (
+            entry(f"{{mean: {DISC}}}, covariance: [[1, 2], [2, 1]]}}"),
+            "obstacles[0].estimate: estimate of a disc: covariance: [[1.0, 2.0], [2.0, 1.0]] given, allowed: a matrix",
+        ),
+        (
+            entry(f"{{mean: {DISC}}}, covariance: [[1, 0], [0, 1]], share: 0}}"),
+            "obstacles[0].estimate.share: 0 given, allowed: a number above 0 and at most 1",
+        ),
+        (HEAD + "risk: 0.9", "risk: 0.9 given, allowed: a mapping {confidence, pose_covariance, reach}"),
+        (HEAD + "risk: {}", "risk.confidence: missing, allowed: a number above 0 and below 1"),
+        (HEAD + "risk: {confidence: 1.0}", "risk.confidence: 1.0 given, allowed: a number above 0 and below 1"),
+        (HEAD + "risk: {confidence: 0.9, reach: -1}", "risk.reach: -1 given, allowed: a finite number, 0 or more"),
+        (HEAD + "risk: {confidance: 0.9}", "risk.confidance: unknown key, did you mean 'confidence'?"),
+        (HEAD + "risk: {confidence: 0.9, pose_covariance: [[1, 0], [0, 1]]}", "risk: risk: pose_covariance: shape"),
+    ],
+)
+def test_messages_about_world_files(tmp_path: Path, text: str, problem: str) -> None:
+    file = tmp_path / "w.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(FormatError) as caught:
+        World.load(file)
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+# --- Is the bound kept?
+
+
+@pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99])
+def test_all_obstacles_together_are_covered_as_often_as_stated(confidence: float) -> None:
+    rng = np.random.default_rng(3)
+    centres = rng.uniform(0, 50, (30, 2))
+    covariances = np.array([a @ a.T for a in rng.normal(size=(30, 2, 2)) * 0.2])
+    estimates = [ObstacleEstimate(Disc(tuple(c), 0.5), s) for c, s in zip(centres, covariances, strict=True)]
+    world = grown_world(estimates, (0, 0, 50, 50), confidence)
+    grown = np.array([shape.polygon(1e-6).shapely() for shape in world.obstacles])
+    draws = 500
+    escaped = np.zeros(draws, dtype=bool)
+    for region, centre, covariance in zip(grown, centres, covariances, strict=True):
+        true = shapely.buffer(shapely.points(rng.multivariate_normal(centre, covariance, draws)), 0.5, quad_segs=16)
+        shapely.prepare(region)
+        escaped |= ~shapely.covers(region, true)
+    assert escaped.mean() <= 1.0 - confidence + 3.0 * math.sqrt(confidence * (1.0 - confidence) / draws)
+
+
+# --- Spending the risk where it is needed
+
+
+@given(st.floats(0.01, 0.3), st.floats(0.05, 2.0))
+@settings(max_examples=25)
+def test_the_risk_a_path_needs_of_a_round_error(sigma: float, gap: float) -> None:
+    estimate = ObstacleEstimate(Disc((0.0, 0.0), 0.5), sigma**2 * np.eye(2))
+    region = shapely.box(0.5 + gap, -1.0, 2.0 + gap, 1.0)
+    exact = math.exp(-0.5 * (gap / sigma) ** 2)
+    assert required_risk(estimate, region) == pytest.approx(max(LEAST_RISK, exact), rel=1e-3)
+
+
+def test_an_obstacle_in_the_way_needs_all_risk() -> None:
+    for covariance in (0.01 * np.eye(2), np.zeros((2, 2))):
+        estimate = ObstacleEstimate(Disc((0.0, 0.0), 0.5), covariance)
+        assert required_risk(estimate, shapely.box(0.4, -1, 1, 1)) == 1.0
+    assert required_risk(ObstacleEstimate(Disc((0, 0), 0.5), np.zeros((2, 2))), shapely.box(2, 2, 3, 3)) == LEAST_RISK
+
+
+@given(st.lists(st.tuples(st.floats(1e-6, 1.0), st.floats(0.01, 1.0)), min_size=1, max_size=50), st.floats(0.01, 1.0))
+def test_moving_risk_keeps_its_sum_and_the_paths_need(pairs: list[tuple[float, float]], rate: float) -> None:
+    risks, parts = np.array(pairs).T
+    after = reallocate(risks, risks * parts, rate=rate)
+    assert after.sum() == pytest.approx(risks.sum())
+    assert (after >= risks * parts * (1.0 - 1e-12)).all()
+
+
+@pytest.mark.parametrize(
+    ("risks", "required", "rate"), [([0.1], [0.1, 0.1], 0.5), ([0.1], [0.0], 0.5), ([0.1], [0.1], 0.0)]
+)
+def test_risk_that_cannot_be_moved(risks: list[float], required: list[float], rate: float) -> None:
+    with pytest.raises(EstimationError, match="risks, required, rate"):
+        reallocate(risks, required, rate=rate)
+
+
+def straight_planner(world: World) -> tuple[FloatArray, float] | None:
+    """The free crossing from left to right that is nearest to y = 5."""
+    assert world.robot is not None
+    blocked = shapely.union_all([shape.polygon(1e-3).shapely() for shape in world.obstacles])
+    for offset in np.arange(0.0, 4.5, 0.01):
+        line = shapely.LineString([(1.0, 5.0 + offset), (19.0, 5.0 + offset)])
+        if shapely.distance(line, blocked) > world.robot.circumradius + 0.002:
+            return np.insert(shapely.get_coordinates(line), 2, 0.0, axis=1), float(offset)
+    return None
+
+
+def test_risk_goes_to_the_obstacles_that_the_path_passes() -> None:
+    near = ObstacleEstimate(Disc((10.0, 4.6), 0.5), 0.01 * np.eye(2))
+    far = [ObstacleEstimate(Disc((x, 1.0), 0.5), 0.01 * np.eye(2)) for x in (3.0, 8.0, 13.0, 17.0)]
+    world = grown_world([near, *far], BOUNDS, 0.99, robot=Robot.disc(0.3))
+    spent = spend_risk(world, straight_planner, rounds=5)
+    assert list(spent.costs) == sorted(spent.costs, reverse=True)
+    assert spent.costs[-1] < spent.costs[0] - 0.02
+    assert spent.states is not None
+    assert spent.states[0, 1] == pytest.approx(5.0 + spent.costs[-1])
+    assert spent.world.risk == world.risk
+    shares = [e.share or 0.0 for e in spent.world.estimates if e]
+    assert math.fsum(shares) == pytest.approx(1.0)
+    assert shares[0] > 0.9
+    assert all(0.0 < share < 0.05 for share in shares[1:])
+
+
+def test_no_path_ends_the_spending() -> None:
+    world = grown_world(ESTIMATES, BOUNDS, 0.9, robot=Robot.disc(0.3))
+    spent = spend_risk(world, lambda _: None)
+    assert spent.states is None
+    assert spent.costs == (math.inf,)
+    with pytest.raises(EstimationError, match="grown world with a robot"):
+        spend_risk(World("w", BOUNDS), straight_planner)

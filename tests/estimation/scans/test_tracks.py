@@ -1,0 +1,217 @@
+"""Features over time: found again, refined by as much as the scans tell, kept apart where they are two."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from tests.estimation.ray_casting import cast
+
+from trailmark.estimation.filter.consistency import average, nees
+from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.scans.scan_features import ScanSettings, find_features
+from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Seen
+
+SETTINGS = ScanSettings(sigma_range=0.02, sigma_bearing=0.003)
+POSE_SIGMA = np.diag([0.01, 0.01, 0.002]) ** 2
+WALL = shapely.box(3.0, -2.0, 3.3, 2.0)
+POST = shapely.buffer(shapely.Point(3.0, 0.4), 0.3, quad_segs=256)
+
+
+def scans(region: shapely.Geometry, n: int, rng: np.random.Generator, x: float = 0.0) -> list[Scan]:
+    places = np.column_stack([x + rng.uniform(-0.5, 0.5, n), rng.uniform(-1, 1, n), rng.uniform(-0.5, 0.5, n)])
+    return [cast([region], pose, beams=180, sigma_range=0.02, sigma_bearing=0.003, rng=rng) for pose in places.tolist()]
+
+
+def follow_lines(tracks: LineTracks, seen_by: list[Scan], offset: np.ndarray | None = None) -> LineTracks:
+    for scan in seen_by:
+        pose = np.asarray(scan.pose) + (0.0 if offset is None else offset)
+        seen, features = find_features(scan, SETTINGS)
+        tracks.update([tracks.seen(fit, seen.points, pose) for fit in features.lines])
+    return tracks
+
+
+def test_a_walls_front_is_one_line_refined_with_every_scan() -> None:
+    rng = np.random.default_rng(0)
+    tracks = LineTracks(0.999, np.zeros((3, 3)), 0.3)
+    sigmas = []
+    for scan in scans(WALL, 20, rng):
+        follow_lines(tracks, [scan])
+        sigmas.append(math.sqrt(tracks.covariance(0)[0, 0]))
+    assert len(tracks) == 1
+    assert tracks.scans.tolist() == [20]
+    assert tracks.states[0] == pytest.approx([3.0, 0.0], abs=0.005)
+    assert (np.diff(sigmas) < 0.0).all()
+    assert sigmas[-1] < 0.35 * sigmas[0]
+    assert sum(map(len, tracks.readings[0])) > 500
+
+
+def test_with_exact_poses_the_covariance_is_that_of_the_errors() -> None:
+    errors, stated = [], []
+    for seed in range(60):
+        tracks = LineTracks(0.999999, np.zeros((3, 3)), 0.3)
+        follow_lines(tracks, scans(WALL, 4, np.random.default_rng(seed)))
+        errors.append(tracks.difference(tracks.states[0], np.array([3.0, 0.0])))
+        stated.append(tracks.covariance(0))
+    result = average(nees(errors, stated), 2.0, probability=0.999)
+    assert result.mean < result.high
+    assert result.mean > 0.5 * result.low
+
+
+def test_errors_that_poses_have_in_common_do_not_average_out() -> None:
+    """All scans of a run share the error of their poses; the stated covariance must hold nevertheless."""
+    errors, stated = [], []
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        offset = rng.multivariate_normal(np.zeros(3), POSE_SIGMA)
+        tracks = follow_lines(LineTracks(0.999999, POSE_SIGMA, 0.3), scans(WALL, 8, rng), offset)
+        errors.append(tracks.difference(tracks.states[0], np.array([3.0, 0.0])))
+        stated.append(tracks.covariance(0))
+    values = nees(errors, stated)
+    assert average(values, 2.0, probability=0.999).mean < average(values, 2.0, probability=0.999).high
+    assert values.mean() > 0.5
+
+
+def test_errors_of_different_episodes_average_out_and_no_more() -> None:
+    """Each episode shares one error of its poses; episodes are of unequal length."""
+    errors, stated = [], []
+    lengths = (1, 2, 6)
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        tracks = LineTracks(0.999999, POSE_SIGMA, 0.3)
+        for episode, length in enumerate(lengths):
+            offset = rng.multivariate_normal(np.zeros(3), POSE_SIGMA)
+            for scan in scans(WALL, length, rng):
+                seen, features = find_features(scan, SETTINGS)
+                pose = np.asarray(scan.pose) + offset
+                tracks.update([tracks.seen(fit, seen.points, pose) for fit in features.lines], episode)
+        assert all(tracks.episodes[0][i] >= length for i, length in enumerate(lengths))
+        errors.append(tracks.difference(tracks.states[0], np.array([3.0, 0.0])))
+        stated.append(tracks.covariance(0))
+    values = nees(errors, stated)
+    assert average(values, 2.0, probability=0.999).mean < average(values, 2.0, probability=0.999).high
+    assert values.mean() > 0.5
+
+
+def test_more_episodes_are_known_better() -> None:
+    by_episodes = []
+    for episodes in (1, 3, 9):
+        tracks = LineTracks(0.999, POSE_SIGMA, 0.3)
+        for i, scan in enumerate(scans(WALL, 9, np.random.default_rng(1))):
+            seen, features = find_features(scan, SETTINGS)
+            lines = [tracks.seen(fit, seen.points, np.asarray(scan.pose)) for fit in features.lines]
+            tracks.update(lines, i * episodes // 9)
+        by_episodes.append(tracks.covariance(0) - tracks.P[0])
+    for n, part in zip((3, 9), by_episodes[1:], strict=True):
+        ratio = float(part[0, 0] / by_episodes[0][0, 0])
+        assert part == pytest.approx(ratio * by_episodes[0])
+        # A scan may see the wall in two pieces, so that the shares are not quite equal; equal ones give the least.
+        assert 1.0 / n - 1e-12 <= ratio < 1.2 / n
+
+
+def test_the_two_faces_of_a_thin_wall_are_two_lines() -> None:
+    thin = shapely.box(3.0, -2.0, 3.08, 2.0)
+    rng = np.random.default_rng(3)
+    tracks = follow_lines(LineTracks(0.999, POSE_SIGMA, 0.3), scans(thin, 8, rng))
+    # From behind, looking back.
+    for scan in scans(thin, 8, rng, x=6.0):
+        x, y, theta = scan.pose or (0.0, 0.0, 0.0)
+        back = cast([thin], (x, y, theta + math.pi), sigma_range=0.02, sigma_bearing=0.003, rng=rng)
+        follow_lines(tracks, [back])
+    tracks.merge()
+    tracks.drop_unconfirmed(3)
+    faces = tracks.states[np.argsort(tracks.states[:, 0])]
+    assert faces[0] == pytest.approx([-3.08, math.pi], abs=0.02) or faces[0] == pytest.approx(
+        [-3.08, -math.pi], abs=0.02
+    )
+    assert faces[1] == pytest.approx([3.0, 0.0], abs=0.02)
+    assert len(faces) == 2
+
+
+def test_stretches_with_a_wide_gap_are_two_lines() -> None:
+    gate = shapely.union(shapely.box(3.0, -2.0, 3.3, -0.6), shapely.box(3.0, 0.6, 3.3, 2.0))
+    for gap, count in ((0.3, 2), (2.0, 1)):
+        tracks = follow_lines(LineTracks(0.999, POSE_SIGMA, gap), scans(gate, 10, np.random.default_rng(4)))
+        tracks.drop_unconfirmed(3)
+        fronts = np.abs(tracks.states[:, 1]) < 0.2
+        assert fronts.sum() == count
+
+
+def test_lines_that_turn_out_to_be_one_are_joined() -> None:
+    rng = np.random.default_rng(5)
+    tracks = LineTracks(0.999, POSE_SIGMA, 0.3)
+    halves = [shapely.box(3.0, -2.0, 3.3, -0.5), shapely.box(3.0, 0.5, 3.3, 2.0)]
+    for half in halves:
+        follow_lines(tracks, scans(half, 5, rng))
+    fronts = int((np.abs(tracks.states[:, 1]) < 0.2).sum())
+    assert fronts == 2
+    # What joins them comes last.
+    follow_lines(tracks, scans(WALL, 1, rng))
+    before = sum(sum(map(len, own)) for own in tracks.readings)
+    tracks.merge()
+    at = np.flatnonzero(np.abs(tracks.states[:, 1]) < 0.2)
+    assert len(at) == 1
+    assert tracks.scans[at[0]] == 11
+    assert sum(tracks.episodes[at[0]].values()) == 11
+    assert sum(sum(map(len, own)) for own in tracks.readings) == before
+    assert tracks.states[at[0]] == pytest.approx([3.0, 0.0], abs=0.02)
+
+
+def test_what_was_seen_once_is_dropped() -> None:
+    rng = np.random.default_rng(6)
+    tracks = follow_lines(LineTracks(0.999, POSE_SIGMA, 0.3), scans(WALL, 5, rng))
+    follow_lines(tracks, scans(shapely.box(2.0, -1.0, 2.2, 1.0), 1, rng))
+    assert len(tracks) > 1
+    dropped = tracks.drop_unconfirmed(3)
+    assert dropped == 1
+    assert len(tracks) == len(tracks.readings) == len(tracks.P) == 1
+
+
+def test_discs_are_found_again_and_refined() -> None:
+    errors, stated = [], []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        tracks = DiscTracks(0.999999, np.zeros((3, 3)))
+        for scan in scans(POST, 5, rng):
+            seen, features = find_features(scan, SETTINGS)
+            tracks.update([tracks.seen(fit, seen.points, np.asarray(scan.pose)) for fit in features.discs])
+        tracks.merge()
+        assert len(tracks) == 1
+        errors.append(tracks.states[0] - [3.0, 0.4, 0.3])
+        stated.append(tracks.covariance(0))
+    result = average(nees(errors, stated), 3.0, probability=0.9999)
+    assert 0.3 * result.low < result.mean < result.high
+
+
+def test_the_pose_turns_what_a_disc_is_known_by() -> None:
+    """The pose's part of a disc's covariance against the spread of discs seen from drawn poses."""
+    rng = np.random.default_rng(8)
+    pose = np.array([1.0, 2.0, 0.7])
+    (scan,) = (cast([POST], (0.0, 0.0, 0.0), beams=180),)
+    seen, features = find_features(scan, SETTINGS)
+    (fit,) = features.discs
+    tracks = DiscTracks(0.99, POSE_SIGMA)
+    one = tracks.seen(fit, seen.points, pose)
+    draws = rng.multivariate_normal(pose, POSE_SIGMA, 4000)
+    spread = np.cov(np.array([tracks.seen(fit, seen.points, draw).state for draw in draws]).T)
+    assert one.R_pose == pytest.approx(spread, abs=0.08 * spread.max())
+    lines = LineTracks(0.99, POSE_SIGMA, 0.3)
+    seen, features = find_features(cast([WALL], (0.0, 0.0, 0.0), beams=180), SETTINGS)
+    wall = lines.seen(features.lines[0], seen.points, pose)
+    states = [lines.seen(features.lines[0], seen.points, draw).state for draw in draws]
+    spread = np.cov(np.array(states).T)
+    assert wall.R_pose == pytest.approx(spread, abs=0.08 * spread.max())
+
+
+def test_no_features_no_tracks() -> None:
+    tracks = LineTracks(0.99, POSE_SIGMA, 0.3)
+    tracks.update([])
+    tracks.merge()
+    assert tracks.drop_unconfirmed(3) == 0
+    assert len(tracks) == 0
+    once = Seen(np.array([1.0, 0.0]), np.eye(2), np.zeros((2, 2)), np.array([[1.0, 0.0], [1.0, 1.0]]))
+    tracks.update([once, once])
+    # Two stretches of one scan count once.
+    assert tracks.scans.tolist() == [1]
