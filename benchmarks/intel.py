@@ -36,7 +36,8 @@ from benchmarks.suite import data_folder
 from trailmark.errors import TrailmarkError
 from trailmark.estimation.logs import load_log
 from trailmark.estimation.logs.records import Log, Scan
-from trailmark.estimation.maps.scan_map import MappingSettings, ScanMap, map_scans
+from trailmark.estimation.maps.map_settings import MappingSettings
+from trailmark.estimation.maps.scan_map import ScanMap, map_scans
 from trailmark.estimation.risk.allocation import regrow
 from trailmark.estimation.scans.scan_features import find_features
 from trailmark.formats.files import write_atomically

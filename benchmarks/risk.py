@@ -37,10 +37,11 @@ from benchmarks.random_worlds import star_polygon
 from trailmark.errors import TrailmarkError
 from trailmark.estimation import EkfSlam, RangeBearing, Unicycle
 from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
-from trailmark.estimation.maps.scan_map import MappingSettings, map_scans
+from trailmark.estimation.maps.scan_map import map_scans
 from trailmark.estimation.risk.allocation import regrow, spend_risk
-from trailmark.estimation.scans.scan_features import ScanSettings
+from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.estimation.simulation.simulator import Detector, Scanner, simulate
 from trailmark.formats.files import write_atomically
 from trailmark.planning import LandmarkPlanner

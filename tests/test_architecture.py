@@ -16,6 +16,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"compiled"}),
     frozenset({"clock", "errors", "heading", "heap"}),
     frozenset({"arguments"}),
+    frozenset({"checked"}),
     frozenset({"nearest", "se2", "shapes"}),
     frozenset({"path", "robot", "world", "formats"}),
     frozenset({"curves"}),

@@ -24,10 +24,10 @@ def settings_of(**given: Any) -> MapSettings:
     """
     from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
     from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
-    from trailmark.estimation.maps.map_settings import MapSettings
-    from trailmark.estimation.maps.mapping_settings import MappingSettings
+    from trailmark.estimation.maps.map_settings import MappingSettings, MapSettings
 
-    s = MapSettings(obstacles=given["obstacles"], poses=given["poses"], association=given["association"])
+    s = MapSettings(obstacles=given["obstacles"], poses=given["poses"])
+    slam = replace(s.slam, association=given["association"])
     sizes = _numbers(given["radius"], "--radius", (1, 2), "R or R,SIGMA in metres, R above 0")
     if sizes[0] == 0.0:
         raise UsageError(f"--radius {given['radius']!r} given, allowed: R or R,SIGMA in metres, R above 0")
@@ -36,9 +36,8 @@ def settings_of(**given: Any) -> MapSettings:
         s = replace(s, start=read_configuration(given["start"], "--start"))
     if given["outlier_gate"] != "auto":
         word = given["outlier_gate"]
-        s = replace(
-            s, outlier_gate=None if word == "none" else read_probability(word, "--outlier-gate", " (or none, auto)")
-        )
+        gate = None if word == "none" else read_probability(word, "--outlier-gate", " (or none, auto)")
+        slam = replace(slam, outlier_gate=gate)
     pair = _pair_of(given)
     if (noise := pair("sensor_noise", positive=True)) is not None:
         a, b = noise
@@ -51,7 +50,7 @@ def settings_of(**given: Any) -> MapSettings:
         s = replace(s, robot_sigma=noise)
     if given["confirm"] is not None:
         count = read_count(given["confirm"], "--confirm", 1, 1_000_000)
-        s = replace(s, confirm=count, mapping=replace(s.mapping, confirm=count))
+        slam, s = replace(slam, confirm=count), replace(s, mapping=replace(s.mapping, confirm=count))
     mapping: MappingSettings = replace(
         s.mapping, unknown=given["unknown"], shapes=given["shapes"], cell=_length(given["cell"], "--cell")
     )
@@ -64,7 +63,7 @@ def settings_of(**given: Any) -> MapSettings:
     if given["scan_range"] is not None:
         reach = _length(given["scan_range"], "--scan-range")
         mapping = replace(mapping, scan=replace(mapping.scan, max_range=reach))
-    return replace(s, mapping=mapping)
+    return replace(s, slam=slam, mapping=mapping)
 
 
 def _pair_of(given: dict[str, Any]) -> Callable[..., tuple[float, float] | None]:

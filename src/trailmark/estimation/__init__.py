@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from trailmark.estimation.logs.records import Pose as Pose
     from trailmark.estimation.logs.records import Scan as Scan
     from trailmark.estimation.maps.log_map import map_log as map_log
+    from trailmark.estimation.maps.map_settings import MappingSettings as MappingSettings
     from trailmark.estimation.maps.map_settings import MapSettings as MapSettings
     from trailmark.estimation.maps.mapped_log import MappedLog as MappedLog
-    from trailmark.estimation.maps.mapping_settings import MappingSettings as MappingSettings
     from trailmark.estimation.maps.obstacle_estimates import disc_estimates as disc_estimates
     from trailmark.estimation.maps.obstacle_estimates import hull_estimate as hull_estimate
     from trailmark.estimation.maps.obstacle_estimates import plain_box as plain_box
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from trailmark.estimation.risk.allocation import regrow as regrow
     from trailmark.estimation.risk.allocation import spend_risk as spend_risk
     from trailmark.estimation.risk.growth import grow as grow
-    from trailmark.estimation.scans.scan_features import ScanSettings as ScanSettings
+    from trailmark.estimation.scans.scan_settings import ScanSettings as ScanSettings
     from trailmark.estimation.simulation.readings import RefinedPoint as RefinedPoint
     from trailmark.estimation.simulation.readings import refine_point as refine_point
     from trailmark.estimation.simulation.readings import refine_points as refine_points
@@ -56,54 +56,31 @@ if TYPE_CHECKING:
     from trailmark.estimation.slam.slam_result import SlamResult as SlamResult
     from trailmark.estimation.slam.slam_settings import SlamSettings as SlamSettings
 
-_HOME = {
-    "SlamFilter": "filter.ekf",
-    "EstimationError": "errors",
-    "RecordError": "errors",
-    "grow": "risk.growth",
-    "Innovation": "filter.innovation",
-    "Prediction": "filter.innovation",
-    "load_log": "logs",
-    "save_log": "logs",
-    "map_log": "maps.log_map",
-    "MapSettings": "maps.map_settings",
-    "MappingSettings": "maps.mapping_settings",
-    "MappedLog": "maps.mapped_log",
-    "ScanMap": "maps.scan_map",
-    "map_scans": "maps.scan_map",
-    "MotionModel": "filter.motion",
-    "PoseIncrement": "filter.motion",
-    "Unicycle": "filter.motion",
-    "disc_estimates": "maps.obstacle_estimates",
-    "hull_estimate": "maps.obstacle_estimates",
-    "plain_box": "maps.obstacle_estimates",
-    "wall_estimate": "maps.obstacle_estimates",
-    "RefinedPoint": "simulation.readings",
-    "refine_point": "simulation.readings",
-    "refine_points": "simulation.readings",
-    "sense_obstacles": "simulation.readings",
-    "Detection": "logs.records",
-    "Increment": "logs.records",
-    "Log": "logs.records",
-    "Odometry": "logs.records",
-    "Pose": "logs.records",
-    "Scan": "logs.records",
-    "grown_world": "risk.allocation",
-    "regrow": "risk.allocation",
-    "spend_risk": "risk.allocation",
-    "ScanSettings": "scans.scan_features",
-    "SensorModel": "filter.sensor_model",
-    "Cartesian": "filter.sensors",
-    "LinePolar": "filter.sensors",
-    "RangeBearing": "filter.sensors",
-    "Simulation": "simulation.simulator",
-    "simulate": "simulation.simulator",
-    "EkfSlam": "slam.ekf_slam",
-    "SlamResult": "slam.slam_result",
-    "SlamSettings": "slam.slam_settings",
-    "Detector": "simulation.virtual_sensors",
-    "Scanner": "simulation.virtual_sensors",
+_NAMES = {
+    "errors": "EstimationError RecordError",
+    "filter.ekf": "SlamFilter",
+    "filter.innovation": "Innovation Prediction",
+    "filter.motion": "MotionModel PoseIncrement Unicycle",
+    "filter.sensor_model": "SensorModel",
+    "filter.sensors": "Cartesian LinePolar RangeBearing",
+    "logs": "load_log save_log",
+    "logs.records": "Detection Increment Log Odometry Pose Scan",
+    "maps.log_map": "map_log",
+    "maps.map_settings": "MapSettings MappingSettings",
+    "maps.mapped_log": "MappedLog",
+    "maps.obstacle_estimates": "disc_estimates hull_estimate plain_box wall_estimate",
+    "maps.scan_map": "ScanMap map_scans",
+    "risk.allocation": "grown_world regrow spend_risk",
+    "risk.growth": "grow",
+    "scans.scan_settings": "ScanSettings",
+    "simulation.readings": "RefinedPoint refine_point refine_points sense_obstacles",
+    "simulation.simulator": "Simulation simulate",
+    "simulation.virtual_sensors": "Detector Scanner",
+    "slam.ekf_slam": "EkfSlam",
+    "slam.slam_result": "SlamResult",
+    "slam.slam_settings": "SlamSettings",
 }
+_HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 __all__ = [*_HOME]
 

@@ -160,11 +160,11 @@ def test_samples_have_the_stated_covariance(model: MotionModel, u: list[float]) 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Unicycle(-0.1, 0.1), "sigma_v, sigma_omega"),
-        (lambda: Unicycle(0.1, np.nan), "sigma_v, sigma_omega"),
+        (lambda: Unicycle(-0.1, 0.1), "Unicycle: sigma_v: expected a finite number of 0 or more, got -0.1"),
+        (lambda: Unicycle(0.1, np.nan), "sigma_omega: expected .*, got nan"),
         (lambda: Unicycle(0.1, 0.1, (0.0, 0.0)), "alpha"),  # type: ignore[arg-type]  # wrong on purpose
-        (lambda: Unicycle(0.1, 0.1, period=0.0), "period 0.0 given"),
-        (lambda: PoseIncrement(0.1, -1.0, 0.1), "sigma_x, sigma_y, sigma_theta"),
+        (lambda: Unicycle(0.1, 0.1, period=0.0), "period: expected a finite number above 0 or None, got 0.0"),
+        (lambda: PoseIncrement(0.1, -1.0, 0.1), "sigma_y: expected .*, got -1.0"),
         (lambda: PoseIncrement(0.1, 0.1, 0.1, (0.0, 0.0, np.inf)), "growth"),
     ],
 )

@@ -196,11 +196,11 @@ def test_noise_that_grows_with_range() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: RangeBearing(0.0, 0.1), "RangeBearing: sigma_range 0.0 given"),
-        (lambda: RangeBearing(0.1, np.nan), "RangeBearing: sigma_bearing nan given"),
-        (lambda: RangeBearing(0.1, 0.1, -1.0), "RangeBearing: growth -1.0 given"),
-        (lambda: Cartesian(0.1, -0.1), "Cartesian: sigma_y -0.1 given"),
-        (lambda: LinePolar(np.inf, 0.1), "LinePolar: sigma_rho inf given"),
+        (lambda: RangeBearing(0.0, 0.1), "RangeBearing: sigma_range: expected .*, got 0.0"),
+        (lambda: RangeBearing(0.1, np.nan), "RangeBearing: sigma_bearing: expected .*, got nan"),
+        (lambda: RangeBearing(0.1, 0.1, -1.0), "RangeBearing: growth: expected .*, got -1.0"),
+        (lambda: Cartesian(0.1, -0.1), "Cartesian: sigma_y: expected .*, got -0.1"),
+        (lambda: LinePolar(np.inf, 0.1), "LinePolar: sigma_rho: expected .*, got inf"),
     ],
 )
 def test_bad_noise(make: Callable[[], object], message: str) -> None:

@@ -27,6 +27,7 @@ from trailmark.estimation import (
     RangeBearing,
     Scan,
     Scanner,
+    SlamSettings,
     Unicycle,
     map_log,
     regrow,
@@ -134,7 +135,8 @@ def test_a_robot_too_large_for_its_own_way_gets_no_queries() -> None:
 
 @pytest.mark.parametrize("method", ["auto", "nearest", "joint"])
 def test_features_of_unknown_identity(method: Any) -> None:
-    settings = MapSettings(association=method, start=START, velocity=Unicycle(0.01, 0.01, period=1.0))
+    slam = replace(MapSettings().slam, association=method)
+    settings = MapSettings(slam=slam, start=START, velocity=Unicycle(0.01, 0.01, period=1.0))
     mapped = map_log(recorded(identities=False), settings)
     assert mapped.association == ("joint" if method == "auto" else method)
     found = np.array([disc.center for disc in discs(mapped.world)])
@@ -301,10 +303,10 @@ def test_nothing_to_go_by() -> None:
         (log, MapSettings(poses="log"), "poses 'log' given for detections"),
         (
             recorded(identities=False),
-            MapSettings(association="known"),
+            MapSettings(slam=SlamSettings("known")),
             "no feature confirmed by .* without the identity",
         ),
-        (recorded(identities=False), MapSettings(confirm=10_000), "no feature confirmed"),
+        (recorded(identities=False), MapSettings(slam=SlamSettings("joint", confirm=10_000)), "no feature confirmed"),
     ):
         with pytest.raises(EstimationError, match=problem):
             map_log(kept, settings)
@@ -317,11 +319,11 @@ def test_nothing_to_go_by() -> None:
     [
         ({"obstacles": "scan"}, "obstacles 'scan' given, did you mean 'scans'"),
         ({"poses": "ekf"}, "poses 'ekf' given, allowed: auto"),
-        ({"association": "nearst"}, "did you mean 'nearest'"),
-        ({"radius": 0.0}, "radius 0.0 given"),
-        ({"radius": math.nan}, "radius nan given"),
-        ({"radius_sigma": -1.0}, "radius_sigma -1.0 given"),
-        ({"margin": math.inf}, "margin inf given"),
+        ({"slam": MapSettings()}, "slam: expected SlamSettings, got MapSettings"),
+        ({"radius": 0.0}, "radius: expected a finite number above 0, got 0.0"),
+        ({"radius": math.nan}, "radius: expected .*, got nan"),
+        ({"radius_sigma": -1.0}, "radius_sigma: expected a finite number of 0 or more, got -1.0"),
+        ({"margin": math.inf}, "margin: .*, got inf"),
         ({"robot_sigma": (0.1, -0.1)}, "robot_sigma"),
         ({"start": (0.0, 0.0, math.nan)}, "start"),
     ],

@@ -14,9 +14,10 @@ from tests.estimation.ray_casting import cast, end_points, room
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log, Pose, Scan
+from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.obstacle_estimates import plain_box
-from trailmark.estimation.maps.scan_map import MappingSettings, ScanMap, map_from_scans, map_scans
-from trailmark.estimation.scans.scan_features import ScanSettings
+from trailmark.estimation.maps.scan_map import ScanMap, map_scans
+from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 
@@ -75,7 +76,7 @@ def test_what_nobody_saw_is_blocked_or_free_as_asked() -> None:
     outside = shapely.points([[-0.2, 2.5], [5.0, 5.2], [10.2, 1.0], [7.5, 3.5]])
     blocked = regions(mapped().world)
     assert all(shapely.distance(blocked, point).min() == 0.0 for point in outside)
-    world = map_from_scans(scans(), settings=MappingSettings(scan=SETTINGS.scan, unknown="free"))
+    world = map_scans(scans(), settings=MappingSettings(scan=SETTINGS.scan, unknown="free")).world
     free = regions(world)
     assert all(shapely.distance(free, point).min() > 0.0 for point in outside[:3])
     assert None not in world.estimates
@@ -168,7 +169,7 @@ def test_people_who_walk_on_leave_no_obstacle() -> None:
 
 
 def test_the_door_is_open_and_passable_when_grown(tmp_path: Path) -> None:
-    world = map_from_scans(scans(), settings=SETTINGS, robot=Robot.disc(0.2), confidence=0.99)
+    world = map_scans(scans(), settings=SETTINGS, robot=Robot.disc(0.2), confidence=0.99).world
     assert world.risk is not None
     assert world.risk.confidence == 0.99
     assert math.fsum(e.share or 0.0 for e in world.estimates if e is not None) == pytest.approx(1.0)
@@ -190,13 +191,13 @@ def test_beams_that_meet_nothing_clear_the_way() -> None:
     views = [cast([wall], (0.0, 0.0, 0.01 * i), range_max=6.0) for i in range(5)]
     inside = shapely.Point(1.0, 3.0)
     for clear_range, cleared in ((4.0, True), (0.0, False)):
-        world = map_from_scans(views, settings=MappingSettings(clear_range=clear_range))
+        world = map_scans(views, settings=MappingSettings(clear_range=clear_range)).world
         assert open_at(world, inside) == cleared
-    beyond = map_from_scans(views, settings=MappingSettings(clear_range=4.0))
+    beyond = map_scans(views, settings=MappingSettings(clear_range=4.0)).world
     assert not open_at(beyond, shapely.Point(1.0, 4.5))
     # Lost readings say nothing.
     lost = [view._replace(ranges=np.where(view.ranges < 6.0, view.ranges, math.nan)) for view in views]
-    world = map_from_scans(lost, settings=MappingSettings(clear_range=4.0))
+    world = map_scans(lost, settings=MappingSettings(clear_range=4.0)).world
     assert not open_at(world, inside)
 
 

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from trailmark.estimation.maps.evidence import EvidenceGrid
-from trailmark.estimation.maps.mapping_settings import MappingSettings
+from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.scan_obstacles import find_obstacles
 from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Seen
 from trailmark.shapes import Polygon, Rectangle

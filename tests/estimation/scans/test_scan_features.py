@@ -16,7 +16,6 @@ from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.sensors import LinePolar
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.scan_features import (
-    ScanSettings,
     dbscan_groups,
     disc_finder,
     find_features,
@@ -25,6 +24,7 @@ from trailmark.estimation.scans.scan_features import (
     scan_points,
     split_and_merge,
 )
+from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.se2 import compose, transform
 
 SETTINGS = ScanSettings()

@@ -11,7 +11,8 @@ from tests.estimation.ray_casting import cast
 
 from trailmark.estimation.filter.consistency import average, nees
 from trailmark.estimation.logs.records import Scan
-from trailmark.estimation.scans.scan_features import ScanSettings, find_features
+from trailmark.estimation.scans.scan_features import find_features
+from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Seen
 
 SETTINGS = ScanSettings(sigma_range=0.02, sigma_bearing=0.003)

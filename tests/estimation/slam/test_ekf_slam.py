@@ -353,10 +353,11 @@ def test_nothing_to_process() -> None:
         (lambda: slam().run([Detection(0.0, np.ones(2), "range-baring")]), "did you mean 'range-bearing'"),
         (lambda: slam().run([Detection(0.0, np.array([np.nan, 0.0]), identity=1)]), "finite"),
         (lambda: slam().run([Odometry(0.0, np.inf, 0.0), Odometry(1.0, 0.0, 0.0)]), "finite"),
-        (lambda: SlamSettings(association="closest"), "allowed: joint, known, nearest"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: SlamSettings(association="closest"), "allowed: auto, joint, known, nearest"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: EkfSlam({}, settings=SlamSettings("auto")), "settings 'auto' given"),
         (lambda: SlamSettings(gate=0.99, new_gate=0.9), "gate <= new_gate"),
         (lambda: SlamSettings(outlier_gate=1.0), "outlier_gate"),
-        (lambda: SlamSettings(confirm=0), "confirm 0 given"),
+        (lambda: SlamSettings(confirm=0), "confirm: expected a whole number of 1 or more, got 0"),
         (lambda: SlamSettings(timeout=0.0), "timeout"),
         (lambda: SlamSettings(late="ignore"), "late 'ignore' given"),  # type: ignore[arg-type]  # wrong on purpose
     ],

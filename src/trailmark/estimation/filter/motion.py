@@ -1,4 +1,4 @@
-# ruff: noqa: N802, N806 # the names are the filter's own symbols: x, u, w, f, F, W, Q
+# ruff: noqa: N802 # the names are the filter's own symbols: x, u, w, f, F, W, Q
 """Motion models x' = f(x, u, w), w ~ N(0, Q), with their Jacobians.
 
 x is the robot's pose (x, y, theta), u what its odometry says, and w the noise of that, which enters f as it likes.
@@ -9,18 +9,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.checked import NonNegative, Positive, checked_fields
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import draw_noise
 from trailmark.se2 import FloatArray, compose, wrap
 
 __all__ = ["MotionModel", "PoseIncrement", "Step", "Unicycle"]
-
-Number = TypeVar("Number", float, FloatArray)
 
 
 class Step(NamedTuple):
@@ -34,8 +33,12 @@ class Step(NamedTuple):
     """∂f/∂w, shape (3, q)."""
 
 
+@runtime_checkable
 class MotionModel(Protocol):
-    """A motion with p numbers of odometry and q of noise. Subclass it to get :meth:`step` and :meth:`sample`."""
+    """A motion with p numbers of odometry and q of noise.
+
+    Subclass it, with f, Q, and either :meth:`step` or F and W, to get the others.
+    """
 
     def f(self, x: ArrayLike, u: ArrayLike, w: ArrayLike | None = None) -> FloatArray:
         """Return the next pose, shape (..., 3), from x (..., 3), u (..., p) and w (..., q); w None stands for 0."""
@@ -43,11 +46,11 @@ class MotionModel(Protocol):
 
     def F(self, x: ArrayLike, u: ArrayLike) -> FloatArray:
         """Return ∂f/∂x at w = 0, shape (..., 3, 3)."""
-        ...
+        return np.asarray(np.vectorize(lambda *pair: self.step(*pair).F, signature="(n),(p)->(n,n)")(x, u))
 
     def W(self, x: ArrayLike, u: ArrayLike) -> FloatArray:
         """Return ∂f/∂w at w = 0, shape (..., 3, q)."""
-        ...
+        return np.asarray(np.vectorize(lambda *pair: self.step(*pair).W, signature="(n),(p)->(n,q)")(x, u))
 
     def Q(self, u: ArrayLike) -> FloatArray:
         """Return the covariance of w in the step u, shape (p,): shape (q, q)."""
@@ -86,16 +89,13 @@ class Unicycle(MotionModel):
         EstimationError: a value out of these ranges.
     """
 
-    sigma_v: float
-    sigma_omega: float
-    alpha: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    period: float | None = None
+    sigma_v: NonNegative
+    sigma_omega: NonNegative
+    alpha: tuple[NonNegative, NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0, 0.0)
+    period: Positive | None = None
 
     def __post_init__(self) -> None:
-        _check("Unicycle: sigma_v, sigma_omega", (self.sigma_v, self.sigma_omega), 2)
-        _check("Unicycle: alpha", self.alpha, 4)
-        if self.period is not None and not 0.0 < self.period < math.inf:
-            raise EstimationError(f"Unicycle: period {self.period!r} given, allowed: seconds above 0, or None")
+        checked_fields(self, EstimationError)
 
     def f(self, x: ArrayLike, u: ArrayLike, w: ArrayLike | None = None) -> FloatArray:
         """Return the pose at the arc's end, shape (..., 3), heading in (−π, π]."""
@@ -105,33 +105,13 @@ class Unicycle(MotionModel):
             noise = np.asarray(w, dtype=np.float64)
             v, omega = v + noise[..., 0], omega + noise[..., 1]
         half = 0.5 * omega * dt
-        chord, direction = v * dt * _sinc(half), pose[..., 2] + half
+        chord, direction = v * dt * np.sinc(half / np.pi), pose[..., 2] + half
         ahead = (
             pose[..., 0] + chord * np.cos(direction),
             pose[..., 1] + chord * np.sin(direction),
             wrap(direction + half),
         )
         return np.stack(np.broadcast_arrays(*ahead), axis=-1)
-
-    def F(self, x: ArrayLike, u: ArrayLike) -> FloatArray:
-        """Return ∂x'/∂(x, y, θ), shape (..., 3, 3)."""
-        cos, sin, _, _, chord, _ = self._arc(x, u)
-        F = np.zeros((*chord.shape, 3, 3))
-        F[..., 0, 0] = F[..., 1, 1] = F[..., 2, 2] = 1.0
-        F[..., 0, 2], F[..., 1, 2] = -chord * sin, chord * cos
-        return F
-
-    def W(self, x: ArrayLike, u: ArrayLike) -> FloatArray:
-        """Return ∂x'/∂(v, ω), shape (..., 3, 2)."""
-        cos, sin, half, dt, chord, drive = self._arc(x, u)
-        # A turn changes the chord's length by sinc' and its direction by half of itself.
-        shorter = 0.5 * drive * dt * _sinc_slope(half)
-        sideways = 0.5 * chord * dt
-        W = np.zeros((*chord.shape, 3, 2))
-        W[..., 0, 0], W[..., 1, 0] = dt * _sinc(half) * cos, dt * _sinc(half) * sin
-        W[..., 0, 1], W[..., 1, 1] = shorter * cos - sideways * sin, shorter * sin + sideways * cos
-        W[..., 2, 1] = dt
-        return W
 
     def Q(self, u: ArrayLike) -> FloatArray:
         """Return diag(Var w_v, Var w_ω), shape (2, 2)."""
@@ -149,14 +129,16 @@ class Unicycle(MotionModel):
         return np.diag(variances)
 
     def step(self, x: FloatArray, u: FloatArray) -> Step:
-        """Return one pose's step: f, F and W in plain numbers, ten times as fast, since odometry comes often."""
+        """Return one pose's step in plain numbers, ten times as fast as by arrays, since odometry comes often."""
         px, py, theta = x.tolist()
         v, omega, dt = u.tolist()
         half, drive = 0.5 * omega * dt, v * dt
-        near = abs(half) < 0.1
         sinc = math.sin(half) / half if half else 1.0
-        slope = _sinc_series(half) if near else (math.cos(half) - sinc) / half
+        # The derivative of sinc. The closed form loses all digits near 0; there the Taylor series is exact to rounding.
+        series = -half / 3.0 * (1.0 - half**2 / 10.0 * (1.0 - half**2 / 28.0 * (1.0 - half**2 / 54.0)))
+        slope = series if abs(half) < 0.1 else (math.cos(half) - sinc) / half
         cos, sin = math.cos(theta + half), math.sin(theta + half)
+        # A turn changes the chord's length by sinc' and its direction by half of itself.
         along, across, shorter = dt * sinc, 0.5 * drive * sinc * dt, 0.5 * drive * dt * slope
         dx, dy = drive * sinc * cos, drive * sinc * sin
         return Step(
@@ -170,15 +152,6 @@ class Unicycle(MotionModel):
                 ]
             ),
         )
-
-    @staticmethod
-    def _arc(x: ArrayLike, u: ArrayLike) -> tuple[FloatArray, ...]:
-        """Return cos and sin of the chord's direction, half of the turn, dt, the chord's length, and v·dt."""
-        pose, step = np.asarray(x, dtype=np.float64), np.asarray(u, dtype=np.float64)
-        v, omega, dt = step[..., 0], step[..., 1], step[..., 2]
-        half, drive = 0.5 * omega * dt, v * dt
-        direction = pose[..., 2] + half
-        return tuple(np.broadcast_arrays(np.cos(direction), np.sin(direction), half, dt, drive * _sinc(half), drive))
 
 
 @dataclass(frozen=True)
@@ -202,50 +175,28 @@ class PoseIncrement(MotionModel):
         EstimationError: a value below 0 or not finite.
     """
 
-    sigma_x: float
-    sigma_y: float
-    sigma_theta: float
-    growth: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    sigma_x: NonNegative
+    sigma_y: NonNegative
+    sigma_theta: NonNegative
+    growth: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        _check("PoseIncrement: sigma_x, sigma_y, sigma_theta", (self.sigma_x, self.sigma_y, self.sigma_theta), 3)
-        _check("PoseIncrement: growth", self.growth, 3)
+        checked_fields(self, EstimationError)
 
     def f(self, x: ArrayLike, u: ArrayLike, w: ArrayLike | None = None) -> FloatArray:
         """Return the pose after the step, shape (..., 3), heading in (−π, π]."""
         step = np.asarray(u, dtype=np.float64)
         return compose(x, step if w is None else step + np.asarray(w, dtype=np.float64))
 
-    def F(self, x: ArrayLike, u: ArrayLike) -> FloatArray:
-        """Return ∂x'/∂(x, y, θ), shape (..., 3, 3)."""
-        cos, sin, dx, dy = self._step(x, u)
-        F = np.zeros((*dx.shape, 3, 3))
-        F[..., 0, 0] = F[..., 1, 1] = F[..., 2, 2] = 1.0
-        F[..., 0, 2], F[..., 1, 2] = -sin * dx - cos * dy, cos * dx - sin * dy
-        return F
-
-    def W(self, x: ArrayLike, u: ArrayLike) -> FloatArray:
-        """Return ∂x'/∂(dx, dy, dθ), shape (..., 3, 3): the turn by the heading."""
-        cos, sin, *_ = self._step(x, u)
-        W = np.zeros((*cos.shape, 3, 3))
-        W[..., 0, 0] = W[..., 1, 1] = cos
-        W[..., 0, 1], W[..., 1, 0], W[..., 2, 2] = -sin, sin, 1.0
-        return W
-
     def Q(self, u: ArrayLike) -> FloatArray:
         """Return diag(Var w_x, Var w_y, Var w_θ), shape (3, 3)."""
         dx, dy, dtheta = (float(number) for number in np.asarray(u, dtype=np.float64))
         (a, b, c), d = self.growth, math.hypot(dx, dy)
-        return np.diag(
-            [
-                self.sigma_x**2 + a * d,
-                self.sigma_y**2 + a * d,
-                self.sigma_theta**2 + b * d + c * abs(dtheta),
-            ]
-        )
+        variances = self.sigma_x**2 + a * d, self.sigma_y**2 + a * d, self.sigma_theta**2 + b * d + c * abs(dtheta)
+        return np.diag(variances)
 
     def step(self, x: FloatArray, u: FloatArray) -> Step:
-        """Return one pose's step: f, F and W in plain numbers, ten times as fast, since odometry comes often."""
+        """Return one pose's step in plain numbers, ten times as fast as by arrays, since odometry comes often."""
         px, py, theta = x.tolist()
         forward, left, turn = u.tolist()
         cos, sin = math.cos(theta), math.sin(theta)
@@ -255,32 +206,3 @@ class PoseIncrement(MotionModel):
             np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]]),
             np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]]),
         )
-
-    @staticmethod
-    def _step(x: ArrayLike, u: ArrayLike) -> tuple[FloatArray, ...]:
-        """Return cos and sin of the heading, dx and dy."""
-        pose, step = np.asarray(x, dtype=np.float64), np.asarray(u, dtype=np.float64)
-        theta = pose[..., 2]
-        return tuple(np.broadcast_arrays(np.cos(theta), np.sin(theta), step[..., 0], step[..., 1]))
-
-
-def _sinc(z: FloatArray) -> FloatArray:
-    """Return sin(z)/z, 1 at 0."""
-    return np.asarray(np.sinc(z / np.pi))
-
-
-def _sinc_slope(z: FloatArray) -> FloatArray:
-    """Return the derivative of sin(z)/z, 0 at 0."""
-    near = np.abs(z) < 0.1
-    # The closed form loses all digits near 0; there the Taylor series is exact to rounding.
-    far = np.where(near, 1.0, z)
-    return np.where(near, _sinc_series(z), (np.cos(far) - _sinc(far)) / far)
-
-
-def _sinc_series(z: Number) -> Number:
-    return -z / 3.0 * (1.0 - z**2 / 10.0 * (1.0 - z**2 / 28.0 * (1.0 - z**2 / 54.0)))
-
-
-def _check(name: str, values: tuple[float, ...], count: int) -> None:
-    if len(values) != count or not all(isinstance(v, int | float) and 0.0 <= v < math.inf for v in values):
-        raise EstimationError(f"{name} {values!r} given, allowed: {count} numbers of 0 or more")

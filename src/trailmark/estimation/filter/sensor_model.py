@@ -7,7 +7,7 @@ functions broadcast over leading dimensions, so that one call predicts the readi
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,10 +40,11 @@ class Linearised(NamedTuple):
     """∂h/∂l, shape (..., m, d)."""
 
 
+@runtime_checkable
 class SensorModel(Protocol):
     """A sensor that reads m numbers of a feature of d numbers, with noise of as many as R has rows.
 
-    Subclass it to get :meth:`linearised`, :meth:`noise` and :meth:`sample`.
+    Subclass it, with either :meth:`linearised` or H_pose and H_feature, to get the others.
     """
 
     feature_kind: ClassVar[str]
@@ -64,11 +65,11 @@ class SensorModel(Protocol):
 
     def H_pose(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
         """Return ∂h/∂x at v = 0, shape (..., m, 3)."""
-        ...
+        return self.linearised(x, l).H_pose
 
     def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
         """Return ∂h/∂l at v = 0, shape (..., m, d)."""
-        ...
+        return self.linearised(x, l).H_feature
 
     def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
         """Return ∂h/∂v at v = 0, shape (..., m, q)."""
@@ -91,12 +92,7 @@ class SensorModel(Protocol):
         V = self.V(x, l)
         return np.asarray(V @ self.R @ np.swapaxes(V, -1, -2))
 
-    def sample(
-        self,
-        x: ArrayLike,
-        l: ArrayLike,
-        rng: np.random.Generator,
-    ) -> FloatArray:
+    def sample(self, x: ArrayLike, l: ArrayLike, rng: np.random.Generator) -> FloatArray:
         """Return simulated readings, shape (..., m): h with v drawn anew from N(0, R) for each."""
         shape = np.broadcast_shapes(np.shape(x)[:-1], np.shape(l)[:-1])
         return self.h(x, l, draw_noise(self.R, shape, rng))

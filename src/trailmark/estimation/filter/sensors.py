@@ -7,14 +7,14 @@ Range and bearing, and the inverse that starts a feature from its first reading,
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.checked import NonNegative, Positive, checked_fields
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.sensor_model import Inverse, Linearised, SensorModel
 from trailmark.se2 import FloatArray, wrap
@@ -25,8 +25,30 @@ NEAREST = 1e-9
 """Metres: a feature nearer than this has no bearing that could be differentiated; it counts as this far away."""
 
 
+class _TwoNumbers(SensorModel):
+    """Readings of two numbers of a feature that has two, each with its own noise: the dataclass's first two fields."""
+
+    feature_kind: ClassVar[str] = "point"
+    feature_dim: ClassVar[int] = 2
+    reading_dim: ClassVar[int] = 2
+
+    def __post_init__(self) -> None:
+        checked_fields(self, EstimationError)
+
+    @cached_property
+    def R(self) -> FloatArray:
+        """The two variances on the diagonal."""
+        first, second = astuple(self)[:2]  # type: ignore[call-overload]  # all that derive from it are dataclasses
+        return np.diag([first**2, second**2])
+
+    def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
+        """Return the identity, shape (..., 2, 2)."""
+        shape = np.broadcast_shapes(np.shape(x)[:-1], np.shape(l)[:-1])
+        return np.broadcast_to(np.eye(2), (*shape, 2, 2))
+
+
 @dataclass(frozen=True)
-class RangeBearing(SensorModel):
+class RangeBearing(_TwoNumbers):
     """Range and bearing of a point: z = (r + (1 + c·r)·v_r, β + v_β), l = (x, y) in the world.
 
     r = ‖l − (x, y)‖, β = atan2(l_y − y, l_x − x) − θ in (−π, π].
@@ -41,23 +63,9 @@ class RangeBearing(SensorModel):
         EstimationError: a deviation that is not positive, or growth below 0.
     """
 
-    feature_kind: ClassVar[str] = "point"
-    feature_dim: ClassVar[int] = 2
-    reading_dim: ClassVar[int] = 2
-
-    sigma_range: float
-    sigma_bearing: float
-    growth: float = 0.0
-
-    def __post_init__(self) -> None:
-        _check_sigmas(self, "sigma_range", "sigma_bearing")
-        if not 0.0 <= self.growth < math.inf:
-            raise EstimationError(f"RangeBearing: growth {self.growth!r} given, allowed: 0 or more")
-
-    @cached_property
-    def R(self) -> FloatArray:
-        """diag(σ_r², σ_β²)."""
-        return np.diag([self.sigma_range**2, self.sigma_bearing**2])
+    sigma_range: Positive
+    sigma_bearing: Positive
+    growth: NonNegative = 0.0
 
     def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
         """Return (range, bearing), shape (..., 2)."""
@@ -68,21 +76,8 @@ class RangeBearing(SensorModel):
             r, beta = r + (1.0 + self.growth * r) * v[..., 0], beta + v[..., 1]
         return np.stack(np.broadcast_arrays(r, wrap(beta)), axis=-1)
 
-    def H_pose(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return ∂z/∂(x, y, θ), shape (..., 2, 3)."""
-        dx, dy, _ = _offset(x, l)
-        r = np.maximum(np.hypot(dx, dy), NEAREST)
-        H = np.empty((*r.shape, 2, 3))
-        H[..., 0, 0], H[..., 0, 1], H[..., 0, 2] = -dx / r, -dy / r, 0.0
-        H[..., 1, 0], H[..., 1, 1], H[..., 1, 2] = dy / r / r, -dx / r / r, -1.0
-        return H
-
-    def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return ∂z/∂l, shape (..., 2, 2): only the difference of pose and feature counts."""
-        return -self.H_pose(x, l)[..., :2]
-
     def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
-        """Return h, H_pose and H_feature from one and the same offset."""
+        """Return (range, bearing) with ∂/∂(x, y, θ) (..., 2, 3) and ∂/∂l (..., 2, 2)."""
         dx, dy, theta = _offset(x, l)
         far = np.hypot(dx, dy)
         r = np.maximum(far, NEAREST)
@@ -92,6 +87,7 @@ class RangeBearing(SensorModel):
         H = np.empty((*r.shape, 2, 3))
         H[..., 0, 0], H[..., 0, 1], H[..., 0, 2] = -cos, -sin, 0.0
         H[..., 1, 0], H[..., 1, 1], H[..., 1, 2] = sin / r, -cos / r, -1.0
+        # Only the difference of pose and feature counts.
         return Linearised(z, H, -H[..., :2])
 
     def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
@@ -121,7 +117,7 @@ class RangeBearing(SensorModel):
 
 
 @dataclass(frozen=True)
-class Cartesian(SensorModel):
+class Cartesian(_TwoNumbers):
     """A point in the robot's frame: z = R(θ)ᵀ (l − (x, y)) + v, l = (x, y) in the world.
 
     Attributes:
@@ -132,20 +128,8 @@ class Cartesian(SensorModel):
         EstimationError: a deviation that is not positive.
     """
 
-    feature_kind: ClassVar[str] = "point"
-    feature_dim: ClassVar[int] = 2
-    reading_dim: ClassVar[int] = 2
-
-    sigma_x: float
-    sigma_y: float
-
-    def __post_init__(self) -> None:
-        _check_sigmas(self, "sigma_x", "sigma_y")
-
-    @cached_property
-    def R(self) -> FloatArray:
-        """diag(σ_x², σ_y²)."""
-        return np.diag([self.sigma_x**2, self.sigma_y**2])
+    sigma_x: Positive
+    sigma_y: Positive
 
     def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
         """Return the point in the robot's frame, shape (..., 2), metres."""
@@ -154,23 +138,14 @@ class Cartesian(SensorModel):
         z = np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)
         return z if v is None else z + np.asarray(v, dtype=np.float64)
 
-    def H_pose(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return ∂z/∂(x, y, θ), shape (..., 2, 3)."""
-        z = self.h(x, l)
-        H = np.empty((*z.shape[:-1], 2, 3))
-        H[..., :2] = -self.H_feature(x, l)
-        H[..., 0, 2], H[..., 1, 2] = z[..., 1], -z[..., 0]
-        return H
-
-    def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return ∂z/∂l = R(θ)ᵀ, shape (..., 2, 2)."""
-        *_, theta = _offset(x, l)
-        return np.swapaxes(_rotation(theta), -1, -2)
-
-    def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return the identity, shape (..., 2, 2)."""
-        *_, theta = _offset(x, l)
-        return np.broadcast_to(np.eye(2), (*theta.shape, 2, 2))
+    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
+        """Return the point with ∂/∂(x, y, θ) (..., 2, 3) and ∂/∂l = R(θ)ᵀ (..., 2, 2)."""
+        z, (*_, theta) = self.h(x, l), _offset(x, l)
+        H_feature = np.swapaxes(_rotation(theta), -1, -2)
+        H_pose = np.empty((*z.shape[:-1], 2, 3))
+        H_pose[..., :2] = -H_feature
+        H_pose[..., 0, 2], H_pose[..., 1, 2] = z[..., 1], -z[..., 0]
+        return Linearised(z, H_pose, H_feature)
 
     def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
         """Return the point in the world, shape (..., 2), with ∂/∂x (..., 2, 3) and ∂/∂z (..., 2, 2)."""
@@ -188,7 +163,7 @@ class Cartesian(SensorModel):
 
 
 @dataclass(frozen=True)
-class LinePolar(SensorModel):
+class LinePolar(_TwoNumbers):
     """An infinite line by its foot point: l = (ρ, α) is the line {p : p·(cos α, sin α) = ρ} of the world.
 
     z is the same line in the robot's frame. A line has two names, (ρ, α) and (−ρ, α + π): readings carry the one
@@ -205,46 +180,25 @@ class LinePolar(SensorModel):
     """
 
     feature_kind: ClassVar[str] = "line"
-    feature_dim: ClassVar[int] = 2
-    reading_dim: ClassVar[int] = 2
 
-    sigma_rho: float
-    sigma_alpha: float
-
-    def __post_init__(self) -> None:
-        _check_sigmas(self, "sigma_rho", "sigma_alpha")
-
-    @cached_property
-    def R(self) -> FloatArray:
-        """diag(σ_ρ², σ_α²)."""
-        return np.diag([self.sigma_rho**2, self.sigma_alpha**2])
+    sigma_rho: Positive
+    sigma_alpha: Positive
 
     def h(self, x: ArrayLike, l: ArrayLike, v: ArrayLike | None = None) -> FloatArray:
         """Return (ρ, α) in the robot's frame, shape (..., 2), ρ >= 0."""
         z, _ = self._seen(x, l)
         return z if v is None else self.canonical(z + np.asarray(v, dtype=np.float64))
 
-    def H_pose(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return ∂z/∂(x, y, θ), shape (..., 2, 3)."""
-        _, sign = self._seen(x, l)
-        alpha = np.asarray(l, dtype=np.float64)[..., 1]
-        H = np.zeros((*sign.shape, 2, 3))
-        H[..., 0, 0], H[..., 0, 1], H[..., 1, 2] = -sign * np.cos(alpha), -sign * np.sin(alpha), -1.0
-        return H
-
-    def H_feature(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return ∂z/∂(ρ, α), shape (..., 2, 2)."""
-        _, sign = self._seen(x, l)
+    def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
+        """Return (ρ, α) with ∂/∂(x, y, θ) (..., 2, 3) and ∂/∂(ρ, α) (..., 2, 2)."""
+        z, sign = self._seen(x, l)
         pose, alpha = np.asarray(x, dtype=np.float64), np.asarray(l, dtype=np.float64)[..., 1]
-        H = np.zeros((*sign.shape, 2, 2))
-        H[..., 0, 0], H[..., 1, 1] = sign, 1.0
-        H[..., 0, 1] = sign * (pose[..., 0] * np.sin(alpha) - pose[..., 1] * np.cos(alpha))
-        return H
-
-    def V(self, x: ArrayLike, l: ArrayLike) -> FloatArray:
-        """Return the identity, shape (..., 2, 2)."""
-        _, sign = self._seen(x, l)
-        return np.broadcast_to(np.eye(2), (*sign.shape, 2, 2))
+        cos, sin = np.cos(alpha), np.sin(alpha)
+        H_pose, H_feature = np.zeros((*sign.shape, 2, 3)), np.zeros((*sign.shape, 2, 2))
+        H_pose[..., 0, 0], H_pose[..., 0, 1], H_pose[..., 1, 2] = -sign * cos, -sign * sin, -1.0
+        H_feature[..., 0, 0], H_feature[..., 1, 1] = sign, 1.0
+        H_feature[..., 0, 1] = sign * (pose[..., 0] * sin - pose[..., 1] * cos)
+        return Linearised(z, H_pose, H_feature)
 
     def inverse(self, x: ArrayLike, z: ArrayLike) -> Inverse:
         """Return the line in the world, shape (..., 2), ρ >= 0, with ∂/∂x (..., 2, 3) and ∂/∂z (..., 2, 2)."""
@@ -309,10 +263,3 @@ def _rotation(theta: FloatArray) -> FloatArray:
     """Return rotation matrices, shape (..., 2, 2), counter-clockwise by theta."""
     cos, sin = np.cos(theta), np.sin(theta)
     return np.stack([np.stack([cos, -sin], axis=-1), np.stack([sin, cos], axis=-1)], axis=-2)
-
-
-def _check_sigmas(model: object, *names: str) -> None:
-    for name in names:
-        sigma = getattr(model, name)
-        if not (isinstance(sigma, int | float) and 0.0 < sigma < math.inf):
-            raise EstimationError(f"{type(model).__name__}: {name} {sigma!r} given, allowed: a number above 0")

@@ -6,12 +6,13 @@ sensor's noise, where the log states them; None leaves them to the model's setti
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Detection", "Increment", "Log", "Odometry", "Pose", "Record", "Scan"]
+__all__ = ["Detection", "Increment", "Log", "Odometry", "Pose", "Record", "Scan", "first_pose"]
 
 FloatArray = NDArray[np.float64]
 
@@ -125,3 +126,13 @@ class Log(NamedTuple):
     landmarks: FloatArray
     dropped: int = 0
     notes: tuple[str, ...] = ()
+
+
+def first_pose(records: Sequence[Record]) -> tuple[float, float, float] | None:
+    """Return the pose that records state before the first motion and the first scan, truth left out; None without."""
+    for record in records:
+        if isinstance(record, Odometry | Increment | Scan):
+            break
+        if isinstance(record, Pose) and not record.truth:
+            return record.x, record.y, record.theta
+    return None

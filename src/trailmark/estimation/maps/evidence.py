@@ -104,7 +104,7 @@ def _trace(hits, passes, reach, x0, y0, cell, start, ends, met, margin):  # type
         ex, ey = (ends[k, 0] - x0) / cell, (ends[k, 1] - y0) / cell
         dx, dy = ex - sx, ey - sy
         length = hypot(dx, dy)
-        if length == 0.0:
+        if length < 1e-300:  # its inverse would be infinite
             continue
         i, j, last_i, last_j = floor(sx), floor(sy), floor(ex), floor(ey)
         if met[k] and 0 <= last_i < columns and 0 <= last_j < rows:

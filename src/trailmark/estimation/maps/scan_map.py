@@ -9,16 +9,17 @@ says along which stretches a line is a wall, what neither walls nor discs explai
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from trailmark.checked import Numbers, Probability, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log, Scan
-from trailmark.estimation.maps.mapping_settings import MappingSettings
+from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.scans.scan_features import find_features
-from trailmark.estimation.scans.scan_poses import Poses, records_of, scan_poses
+from trailmark.estimation.scans.scan_poses import scan_poses
 from trailmark.se2 import FloatArray, configurations, transform
 from trailmark.world import Robot, World
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from trailmark.estimation.maps.evidence import EvidenceGrid
     from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 
-__all__ = ["MappingSettings", "ScanMap", "map_from_scans", "map_scans", "scan_poses"]
+__all__ = ["ScanMap", "map_scans"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -50,33 +51,22 @@ class ScanMap(NamedTuple):
     """Lines and discs that too few scans showed."""
 
 
-def map_from_scans(
-    log: Log | Sequence[Scan],
-    poses: Poses | ArrayLike = "auto",
-    *,
-    settings: MappingSettings | None = None,
-    robot: Robot | None = None,
-    confidence: float | None = None,
-) -> World:
-    """Return the world that a log's laser scans show; see :func:`map_scans`."""
-    return map_scans(log, poses, settings=settings, robot=robot, confidence=confidence).world
-
-
+@checked_arguments(EstimationError)
 def map_scans(
     log: Log | Sequence[Scan],
-    poses: Poses | ArrayLike = "auto",
+    poses: Literal["auto", "log", "odometry"] | Numbers = "auto",
     *,
     settings: MappingSettings | None = None,
     robot: Robot | None = None,
-    confidence: float | None = None,
+    confidence: Probability | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> ScanMap:
     """Return the map that a log's laser scans show, taken from known or estimated poses.
 
     Args:
         log: with scans.
-        poses: where they were taken from: see :func:`scan_poses`; or configurations, shape (m, 3), such as a
-            filter's, one for each scan.
+        poses: where they were taken from: see :func:`trailmark.estimation.scans.scan_poses.scan_poses`; or
+            configurations, shape (m, 3), such as a filter's, one for each scan.
         settings: how to go about it.
         robot: of the world.
         confidence: grow the obstacles so that a path meets none with this probability at least
@@ -91,9 +81,10 @@ def map_scans(
 
     s = settings or MappingSettings()
     if isinstance(poses, str):
-        scans, x = scan_poses(log, poses)  # type: ignore[arg-type]  # which checks the name
+        scans, x = scan_poses(log, poses)  # type: ignore[arg-type]  # one of the three, as was checked
     else:
-        scans, x = [record for record in records_of(log) if isinstance(record, Scan)], configurations(poses)
+        records = log.records if isinstance(log, Log) else log
+        scans, x = [record for record in records if isinstance(record, Scan)], configurations(poses, name="poses")
         if x.shape != (len(scans), 3):
             raise EstimationError(f"poses: shape {x.shape} given for {len(scans)} scans, allowed: ({len(scans)}, 3)")
     if not scans:

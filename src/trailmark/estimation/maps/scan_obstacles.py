@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.maps.evidence import EvidenceGrid
-from trailmark.estimation.maps.mapping_settings import MappingSettings
+from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.obstacle_estimates import hull_estimate, plain_box, wall_estimate
 from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 from trailmark.se2 import FloatArray

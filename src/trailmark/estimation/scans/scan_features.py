@@ -8,22 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.errors import did_you_mean
-from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Detection, Scan
 from trailmark.estimation.scans.fits import DiscFit, LineFit, fit_circle_roughly, fit_disc, fit_line
+from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.se2 import FloatArray, transform, wrap
 
 __all__ = [
     "ScanFeatures",
     "ScanPoints",
-    "ScanSettings",
     "dbscan_groups",
     "disc_finder",
     "find_features",
@@ -34,69 +31,6 @@ __all__ = [
 ]
 
 IntArray = NDArray[np.intp]
-Grouping = Literal["jump", "dbscan"]
-
-
-@dataclass(frozen=True)
-class ScanSettings:
-    """How scans are taken apart.
-
-    Raises:
-        EstimationError: a value that is not allowed.
-    """
-
-    sigma_range: float = 0.02
-    """Standard deviation of a range, metres (a SICK LMS's: some 1 to 2 cm)."""
-    sigma_bearing: float = 0.003
-    """Standard deviation of a beam's direction, radians: its width, not the step from beam to beam."""
-    max_range: float = math.inf
-    """Metres: end points farther away are left out."""
-    groups: Grouping = "jump"
-    """"jump": neighbours in the sweep that are close together; "dbscan": scikit-learn's DBSCAN."""
-    incidence: float = math.radians(10.0)
-    """"jump": the flattest angle, radians, at which a beam is taken to meet a surface that goes on."""
-    eps: float = 0.3
-    """"dbscan": metres between neighbours."""
-    min_samples: int = 3
-    """"dbscan": neighbours, itself included, that make a point belong to a group's core."""
-    split: float = 0.06
-    """Metres that an end point may lie off a line before the line is split."""
-    min_points: int = 6
-    """End points that a line or a disc needs."""
-    min_length: float = 0.3
-    """Metres that a line needs."""
-    line_misfit: float = 4.0
-    """Sum of squared residuals over variances, per degree of freedom, that a line may have."""
-    disc_radii: tuple[float, float] = (0.03, 0.6)
-    """Metres: radii that a disc may have."""
-    disc_arc: float = math.radians(100.0)
-    """Radians of a disc's outline that must be seen."""
-    disc_misfit: float = 2.0
-    """The same of a disc; where a line has no more, it is a line."""
-
-    def __post_init__(self) -> None:
-        if self.groups not in get_args(Grouping):
-            raise EstimationError(f"groups {self.groups!r} given, {did_you_mean(str(self.groups), get_args(Grouping))}")
-        for name in (
-            "sigma_range",
-            "sigma_bearing",
-            "max_range",
-            "incidence",
-            "eps",
-            "split",
-            "min_length",
-            "line_misfit",
-        ):
-            if not getattr(self, name) > 0.0:
-                raise EstimationError(f"{name} {getattr(self, name)!r} given, allowed: above 0")
-        if self.min_points < 4 or self.min_samples < 1:
-            raise EstimationError(
-                f"min_points, min_samples {self.min_points}, {self.min_samples} given, allowed: 4 or more, 1 or more"
-            )
-        if not 0.0 < self.disc_radii[0] < self.disc_radii[1]:
-            raise EstimationError(
-                f"disc_radii {self.disc_radii!r} given, allowed: two lengths above 0, the smaller first"
-            )
 
 
 class ScanPoints(NamedTuple):

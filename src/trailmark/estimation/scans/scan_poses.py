@@ -1,68 +1,73 @@
-"""Where a log's scans were taken from: the poses that they carry, or those that its odometry adds up to."""
+"""Where a log's scans were taken from: the poses that it states, or those that its odometry adds up to."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
-from trailmark.errors import did_you_mean
+from trailmark.checked import checked_arguments
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Scan
-from trailmark.se2 import FloatArray, compose
+from trailmark.estimation.filter.motion import Unicycle
+from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan, first_pose
+from trailmark.se2 import FloatArray, compose, wrap
 
-__all__ = ["Poses", "records_of", "scan_poses"]
-
-Poses = Literal["auto", "log", "odometry"]
+__all__ = ["scan_poses"]
 
 
-def scan_poses(log: Log | Sequence[Scan], source: Poses = "auto") -> tuple[list[Scan], FloatArray]:
+@checked_arguments(EstimationError)
+def scan_poses(
+    log: Log | Sequence[Scan],
+    source: Literal["auto", "log", "odometry"] = "auto",
+    start: tuple[float, float, float] | None = None,
+) -> tuple[list[Scan], FloatArray]:
     """Return a log's scans, and where they were taken from, shape (m, 3).
 
     Args:
         log: with scans.
-        source: ``log`` takes the poses that the scans carry; ``odometry`` adds up increments and velocities from
-            the log's first pose on, or the first scan's, or else the origin; ``auto`` takes the scans' own if all
-            carry one.
+        source: ``log`` takes the poses that the scans carry, or else those between the log's ``Pose`` records around
+            them, truth left out; ``odometry`` adds up increments and velocities; ``auto`` takes the scans' own if all
+            carry one, else odometry.
+        start: where odometry begins; None for the log's first pose, or the first scan's, or else the origin.
 
     Raises:
-        EstimationError: an unknown source, or ``log`` and a scan without a pose.
+        EstimationError: an unknown source, or ``log`` and no poses.
     """
-    if source not in get_args(Poses):
-        raise EstimationError(f"poses {source!r} given, {did_you_mean(source, get_args(Poses))}")
-    records = records_of(log)
+    records = log.records if isinstance(log, Log) else log
     scans = [record for record in records if isinstance(record, Scan)]
-    stated = [scan.pose for scan in scans if scan.pose is not None]
-    if source == "log" and len(stated) < len(scans):
-        raise EstimationError(f"poses: {len(scans) - len(stated)} of {len(scans)} scans carry none, allowed: odometry")
-    if source != "odometry" and len(stated) == len(scans):
-        return scans, np.array(stated, dtype=np.float64).reshape(-1, 3)
-    return scans, _dead_reckoning(records, stated[0] if stated else (0.0, 0.0, 0.0))
+    carried = [scan.pose for scan in scans if scan.pose is not None]
+    if source != "odometry" and len(carried) == len(scans):
+        return scans, np.array(carried, dtype=np.float64).reshape(-1, 3)
+    if source == "log":
+        return scans, _between(records, scans)
+    first = start or first_pose(records) or (carried[0] if carried else (0.0, 0.0, 0.0))
+    return scans, _dead_reckoning(records, np.array(first, dtype=np.float64))
 
 
-def records_of(log: Log | Sequence[Scan]) -> Sequence[object]:
-    """Return a log's records; scans are their own."""
-    return log.records if isinstance(log, Log) else log
+def _between(records: Sequence[Record], scans: Sequence[Scan]) -> FloatArray:
+    """Return the poses of scans between the stated poses around them, shape (m, 3)."""
+    rows = np.array([record[:4] for record in records if isinstance(record, Pose) and not record.truth])
+    if len(rows) == 0:
+        lacking = sum(scan.pose is None for scan in scans)
+        raise EstimationError(f"poses: {lacking} of {len(scans)} scans carry none, allowed: odometry")
+    t = [scan.t for scan in scans]
+    x, y, theta = (np.interp(t, rows[:, 0], column) for column in (rows[:, 1], rows[:, 2], np.unwrap(rows[:, 3])))
+    return np.column_stack([x, y, np.asarray(wrap(theta))])
 
 
-def _dead_reckoning(records: Sequence[object], start: tuple[float, float, float]) -> FloatArray:
-    """Return the poses of the scans, shape (m, 3), by odometry alone."""
-    from trailmark.estimation.filter.motion import Unicycle
-
-    drive = Unicycle(0.0, 0.0)
-    x, poses, odometry, begun = np.array(start), list[FloatArray](), None, False
+def _dead_reckoning(records: Sequence[Record], x: FloatArray) -> FloatArray:
+    """Return the poses of the scans, shape (m, 3), by odometry alone, from x on."""
+    arc = Unicycle(0.0, 0.0)
+    poses, odometry = list[FloatArray](), None
     for record in records:
         if isinstance(record, Odometry | Scan) and odometry is not None:
-            x = drive.f(x, np.array([odometry.v, odometry.omega, record.t - odometry.t]))
+            x = arc.f(x, np.array([odometry.v, odometry.omega, record.t - odometry.t]))
             odometry = odometry._replace(t=record.t)
         if isinstance(record, Odometry):
             odometry = record
         elif isinstance(record, Increment):
             x = compose(x, np.array(record[1:4]))
-        elif isinstance(record, Pose) and not record.truth and not begun:
-            x = np.array(record[1:4], dtype=np.float64)
         elif isinstance(record, Scan):
             poses.append(x)
-        begun = begun or isinstance(record, Odometry | Increment | Scan)
     return np.array(poses).reshape(-1, 3)

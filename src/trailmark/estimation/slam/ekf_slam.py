@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.errors import did_you_mean
-from trailmark.estimation.errors import RecordError
+from trailmark.estimation.errors import EstimationError, RecordError
 from trailmark.estimation.filter.ekf import Mode, SlamFilter
 from trailmark.estimation.filter.motion import MotionModel
 from trailmark.estimation.filter.sensor_model import SensorModel
@@ -69,6 +69,8 @@ class EkfSlam:
         pose_covariance: ArrayLike | None = None,
     ) -> None:
         self.settings = SlamSettings() if settings is None else settings
+        if "auto" in (self.settings.association, self.settings.outlier_gate):
+            raise EstimationError("EkfSlam: settings 'auto' given, allowed in map_log only, which sees the whole log")
         self.filter = SlamFilter(start, P, mode, error=self.settings.error, iterations=self.settings.iterations)
         self.counts = Counts()
         self.time = -np.inf

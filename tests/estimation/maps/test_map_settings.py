@@ -7,7 +7,7 @@ import math
 import pytest
 
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.maps.mapping_settings import MappingSettings
+from trailmark.estimation.maps.map_settings import MappingSettings
 
 
 def test_the_defaults_hold() -> None:

@@ -1,0 +1,199 @@
+"""Arguments and fields that are checked by their annotations: ``period: Positive`` takes a finite number above 0.
+
+What is given comes out as it is to be used (a float, a whole number, an array of numbers, a tuple), or one line says
+what was expected and what was given. Numbers may be Python's or numpy's; text, truth values, times and masked values
+are no numbers, as for :mod:`trailmark.arguments`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import lru_cache, wraps
+from inspect import signature
+from types import NoneType, UnionType
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, ParamSpec, TypeVar, Union, get_args, get_origin
+from typing import get_type_hints as type_hints
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.arguments import brief, number_array, real
+from trailmark.errors import TrailmarkError, did_you_mean
+
+__all__ = [
+    "Count",
+    "Finite",
+    "NonNegative",
+    "Numbers",
+    "Positive",
+    "PositiveOrInfinite",
+    "Probability",
+    "RandomState",
+    "Rule",
+    "Share",
+    "checked",
+    "checked_arguments",
+    "checked_fields",
+]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class _Mismatch(Exception):  # noqa: N818 # no error: it says that one of several allowed kinds is not the one given
+    pass
+
+
+class Rule(NamedTuple):
+    """What a value must be, as the metadata of an ``Annotated`` type."""
+
+    text: str
+    """What is expected, as messages say it."""
+    holds: Callable[[Any], bool]
+    """Whether a value of the right type is allowed."""
+
+
+Positive = Annotated[float, Rule("a finite number above 0", lambda v: 0.0 < v < math.inf)]
+PositiveOrInfinite = Annotated[float, Rule("a number above 0", lambda v: v > 0.0)]
+NonNegative = Annotated[float, Rule("a finite number of 0 or more", lambda v: 0.0 <= v < math.inf)]
+Finite = Annotated[float, Rule("a finite number", math.isfinite)]
+Probability = Annotated[float, Rule("a number above 0 and below 1", lambda v: 0.0 < v < 1.0)]
+Share = Annotated[float, Rule("a number from 0 to 1", lambda v: 0.0 <= v <= 1.0)]
+Count = Annotated[int, Rule("a whole number of 1 or more", lambda v: v >= 1)]
+Numbers = Annotated[ArrayLike, Rule("an array of finite numbers", lambda v: bool(np.isfinite(v).all()))]
+RandomState = Annotated[int, Rule("a whole number of 0 or more", lambda v: v >= 0)] | np.random.Generator | None
+"""A seed or a generator; the same one gives the same numbers."""
+
+
+def checked(value: Any, hint: Any, name: str, error: type[TrailmarkError]) -> Any:
+    """Return a value as its annotation wants it.
+
+    Args:
+        value: what was given.
+        hint: the annotation: one of the types above, a class, ``Literal``, ``tuple``, ``Sequence``, ``Callable``, or
+            several joined by ``|``. Other annotations allow all.
+        name: what the message calls it.
+        error: what is raised.
+    """
+    try:
+        return _matched(value, hint)
+    except _Mismatch:
+        words = [word for kind in _alternatives(hint) if get_origin(kind) is Literal for word in get_args(kind)]
+        if words and isinstance(value, str):
+            raise error(f"{name} {value!r} given, {did_you_mean(value, words)}") from None
+        raise error(f"{name}: expected {_text(hint)}, got {brief(value)}") from None
+
+
+def checked_fields(instance: Any, error: type[TrailmarkError]) -> None:
+    """Check the fields of a dataclass, frozen or not, by their annotations; for its ``__post_init__``."""
+    for name, hint in _hints(instance.__class__).items():
+        value = checked(getattr(instance, name), hint, f"{type(instance).__name__}: {name}", error)
+        object.__setattr__(instance, name, value)
+
+
+def checked_arguments(error: type[TrailmarkError]) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Return a decorator that checks a function's arguments by their annotations at each call."""
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        parameters = signature(function)
+
+        @wraps(function)
+        def call(*args: P.args, **options: P.kwargs) -> R:
+            bound, hints = parameters.bind(*args, **options), _hints(function)
+            for name, value in bound.arguments.items():
+                if name in hints:
+                    bound.arguments[name] = checked(value, hints[name], f"{function.__name__}: {name}", error)
+            return function(*bound.args, **bound.kwargs)
+
+        return call
+
+    return decorate
+
+
+@lru_cache(maxsize=256)
+def _hints(owner: Any) -> dict[str, Any]:
+    hints = type_hints(owner, include_extras=True)
+    return {name: hint for name, hint in hints.items() if name != "return" and get_origin(hint) is not ClassVar}
+
+
+def _matched(value: Any, hint: Any) -> Any:
+    """Return the value as the kind that the annotation names, or raise _Mismatch."""
+    origin, args = get_origin(hint), get_args(hint)
+    if len(kinds := _alternatives(hint)) > 1:
+        for kind in kinds:
+            with suppress(_Mismatch):
+                return _matched(value, kind)
+        raise _Mismatch
+    if origin is Annotated:
+        found = _matched(value, np.ndarray if args[0] == ArrayLike else args[0])
+        return _require(found, bool(args[1].holds(found)))
+    if origin is Literal:
+        return _require(value, isinstance(value, str) and value in args)
+    if origin in (tuple, Sequence):
+        return _matched_sequence(value, args, any_length=origin is Sequence or args[-1] is Ellipsis)
+    if origin is Mapping:
+        return _require(value, isinstance(value, Mapping) and all(_fits(item, args[1]) for item in value.values()))
+    if origin is Callable:
+        return _require(value, callable(value))
+    if hint in (float, int):
+        found = real(value)
+        if hint is float:
+            return _require(found, not math.isnan(found))
+        return int(_require(value, math.isfinite(found) and found == int(found)))
+    if hint is np.ndarray:
+        try:
+            return number_array(value, "")
+        except TrailmarkError:
+            raise _Mismatch from None
+    if hint is bool:
+        return bool(_require(value, isinstance(value, bool | np.bool_)))
+    return _require(value, hint is Any or not isinstance(hint, type) or isinstance(value, hint))
+
+
+def _matched_sequence(value: Any, args: tuple[Any, ...], *, any_length: bool) -> tuple[Any, ...]:
+    try:
+        items = () if np.ma.is_masked(value) else tuple(value)
+    except TypeError:
+        raise _Mismatch from None
+    hints = (args[0],) * len(items) if any_length else args
+    _require(value, not isinstance(value, str | bytes | dict | set) and len(items) == len(hints))
+    return tuple(_matched(item, hint) for item, hint in zip(items, hints, strict=True))
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    with suppress(_Mismatch):
+        _matched(value, hint)
+        return True
+    return False
+
+
+def _alternatives(hint: Any) -> tuple[Any, ...]:
+    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+
+
+def _require(value: Any, holds: bool) -> Any:
+    if not holds:
+        raise _Mismatch
+    return value
+
+
+def _text(hint: Any) -> str:
+    """Return what a message calls a kind."""
+    origin, args = get_origin(hint), get_args(hint)
+    if origin in (Union, UnionType):
+        return " or ".join(map(_text, args))
+    if origin is Annotated:
+        return str(args[1].text)
+    if origin is Literal:
+        return " or ".join(map(repr, args))
+    if origin in (tuple, Sequence):
+        kind = _text(args[0])
+        return f"a sequence of {kind}" if origin is Sequence or args[-1] is Ellipsis else f"{len(args)} times {kind}"
+    if origin is Mapping:
+        return f"a dictionary of {_text(args[1])}"
+    if origin is Callable:
+        return "a function"
+    plain = {NoneType: "None", float: "a number", int: "a whole number", bool: "True or False", str: "text"}
+    return str(plain.get(hint) or getattr(hint, "__name__", hint))
