@@ -33,7 +33,8 @@ from benchmarks.machine import describe_machine, markdown_table
 from trailmark import World
 from trailmark.estimation import EkfSlam, RangeBearing, SlamSettings, Unicycle
 from trailmark.estimation.filter.consistency import Consistency, average, chi_square_quantile, nees
-from trailmark.estimation.simulation.simulator import Detector, Simulation, simulate
+from trailmark.estimation.simulation.simulator import Simulation, simulate
+from trailmark.estimation.simulation.virtual_sensors import Detector
 from trailmark.se2 import wrap
 from trailmark.shapes import Disc
 

@@ -42,7 +42,8 @@ from trailmark.estimation.maps.obstacle_estimates import disc_estimates
 from trailmark.estimation.maps.scan_map import map_scans
 from trailmark.estimation.risk.allocation import regrow, spend_risk
 from trailmark.estimation.scans.scan_settings import ScanSettings
-from trailmark.estimation.simulation.simulator import Detector, Scanner, simulate
+from trailmark.estimation.simulation.simulator import simulate
+from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.formats.files import write_atomically
 from trailmark.planning import LandmarkPlanner
 from trailmark.shapes import Disc, Rectangle, Shape

@@ -36,6 +36,7 @@ __all__ = [
     "checked",
     "checked_arguments",
     "checked_fields",
+    "shaped",
 ]
 
 P = ParamSpec("P")
@@ -63,6 +64,23 @@ Probability = Annotated[float, Rule("a number above 0 and below 1", lambda v: 0.
 Share = Annotated[float, Rule("a number from 0 to 1", lambda v: 0.0 <= v <= 1.0)]
 Count = Annotated[int, Rule("a whole number of 1 or more", lambda v: v >= 1)]
 Numbers = Annotated[ArrayLike, Rule("an array of finite numbers", lambda v: bool(np.isfinite(v).all()))]
+
+
+def shaped(*sizes: int | None, minimum: int = 0) -> Rule:
+    """Return the rule for arrays of finite numbers of that shape, None standing for any size, ``minimum`` rows or more.
+
+    Use it as ``Annotated[ArrayLike, shaped(None, 2)]``.
+    """
+    sides = ", ".join("n" if size is None else str(size) for size in sizes)
+    text = f"finite numbers of shape ({sides}{',' * (len(sizes) == 1)})" + f", n >= {minimum}" * (minimum > 0)
+
+    def holds(v: Any) -> bool:
+        fits = v.ndim == len(sizes) and all(a in (None, b) for a, b in zip(sizes, v.shape, strict=True))
+        return fits and len(v) >= minimum and bool(np.isfinite(v).all())
+
+    return Rule(text, holds)
+
+
 RandomState = Annotated[int, Rule("a whole number of 0 or more", lambda v: v >= 0)] | np.random.Generator | None
 """A seed or a generator; the same one gives the same numbers."""
 
@@ -97,14 +115,14 @@ def checked_arguments(error: type[TrailmarkError]) -> Callable[[Callable[P, R]],
     """Return a decorator that checks a function's arguments by their annotations at each call."""
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        parameters = signature(function)
+        parameters, called = signature(function), function.__qualname__.removesuffix(".__init__")
 
         @wraps(function)
         def call(*args: P.args, **options: P.kwargs) -> R:
             bound, hints = parameters.bind(*args, **options), _hints(function)
             for name, value in bound.arguments.items():
                 if name in hints:
-                    bound.arguments[name] = checked(value, hints[name], f"{function.__name__}: {name}", error)
+                    bound.arguments[name] = checked(value, hints[name], f"{called}: {name}", error)
             return function(*bound.args, **bound.kwargs)
 
         return call

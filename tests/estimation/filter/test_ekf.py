@@ -378,22 +378,31 @@ def slam() -> SlamFilter:
     ("call", "message"),
     [
         (lambda: SlamFilter(mode="slamm"), "did you mean 'slam'"),  # type: ignore[arg-type]  # wrong on purpose
-        (lambda: SlamFilter((0, 0, 0), np.eye(2)), r"pose: covariance of shape \(2, 2\) given"),
+        (
+            lambda: SlamFilter((0, 0, 0), np.eye(2)),
+            r"expected a finite covariance of shape \(3, 3\)",
+        ),
         (lambda: SlamFilter((0, 0, 0), -np.eye(3)), "positive semidefinite"),
-        (lambda: SlamFilter(np.zeros((2, 3))), r"pose: shape \(2, 3\) given"),
-        (lambda: slam().update([1.0, 0.0], SENSOR, 7), "feature 7 given"),
-        (lambda: slam().remove_feature(7), "feature 7 given"),
+        (lambda: SlamFilter(np.zeros((2, 3))), r"pose: expected shape \(3,\), got \(2, 3\)"),
+        (lambda: slam().update([1.0, 0.0], SENSOR, 7), "feature: expected the id of one of the 1 features, got 7"),
+        (lambda: slam().remove_feature(7), "feature: expected the id of one of the 1 features, got 7"),
         (lambda: slam().update([np.nan, 0.0], SENSOR, 0), "finite"),
         (lambda: slam().update([1.0, 0.0, 0.0], SENSOR, 0), "1 times 2 finite numbers"),
         (lambda: slam().update([1.0, 0.0], LinePolar(0.1, 0.1), 0), "another kind"),
         (lambda: slam().update([1.0, 0.0], SENSOR, 0, -9 * np.eye(2)), "positive semidefinite"),
-        (lambda: slam().update_batch(np.ones((2, 2)), SENSOR, [0, 0]), "two readings of one feature"),
+        (
+            lambda: slam().update_batch(np.ones((2, 2)), SENSOR, [0, 0]),
+            "expected one reading of each feature",
+        ),
         (lambda: slam().add_feature([np.inf, 0.0], SENSOR), "2 finite numbers"),
         (lambda: slam().add_known_feature([np.inf, 0.0]), "finite numbers"),
         (lambda: slam().predict(MOTION, [np.nan, 0.0, 1.0]), "odometry"),
-        (lambda: slam().set_pose([0, 0, 0]), "allowed: mode 'mapping'"),
+        (lambda: slam().set_pose([0, 0, 0]), "expected mode 'mapping', got 'slam'"),
         (lambda: slam().predict_update(None, None, None), "not for a state that grows"),
-        (lambda: SlamFilter(mode="mapping").predict(MOTION, [1, 0, 1]), "allowed: set_pose"),
+        (
+            lambda: SlamFilter(mode="mapping").predict(MOTION, [1, 0, 1]),
+            "expected set_pose",
+        ),
         (lambda: SlamFilter(mode="localisation").add_feature([1, 0], SENSOR), "allowed: add_known_feature"),
     ],
 )

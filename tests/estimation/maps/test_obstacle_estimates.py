@@ -40,7 +40,7 @@ def test_points_become_discs() -> None:
         ([[1.0, 2.0]], np.zeros((2, 2)), 0.2, EstimationError),
         ([[1.0, 2.0]], np.zeros((1, 2, 2)), [0.2, 0.3], EstimationError),
         ([[1.0, 2.0]], np.zeros((1, 2, 2)), 0.0, ShapeError),
-        ([[1.0, math.nan]], np.zeros((1, 2, 2)), 0.2, ShapeError),
+        ([[1.0, math.nan]], np.zeros((1, 2, 2)), 0.2, EstimationError),
         ([[1.0, 2.0]], -np.ones((1, 2, 2)), 0.2, WorldError),
     ],
 )
@@ -146,9 +146,9 @@ def test_a_concave_hull_follows_a_bay() -> None:
 
 @pytest.mark.parametrize("readings", [np.empty((0, 2)), [1.0, 2.0], [[1.0, math.nan]], [[1.0, 2.0, 3.0]]])
 def test_readings_that_make_no_region(readings: ArrayLike) -> None:
-    with pytest.raises(EstimationError, match=r"readings: shape .* allowed: \(n, 2\)"):
+    with pytest.raises(EstimationError, match=r"readings: expected finite numbers of shape \(n, 2\)"):
         plain_box(readings)
-    with pytest.raises(EstimationError, match=r"readings: shape .* allowed: \(n, 2\)"):
+    with pytest.raises(EstimationError, match=r"readings: expected finite numbers of shape \(n, 2\)"):
         hull_estimate(readings, np.eye(2))
     with pytest.raises(EstimationError, match="ratio"):
         hull_estimate([[0, 0], [1, 0], [0, 1]], np.eye(2), ratio=2.0)

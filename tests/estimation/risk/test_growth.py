@@ -216,11 +216,11 @@ def test_a_round_robots_heading_does_not_matter() -> None:
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        ({"confidence": 1.0}, "confidence: 1.0 given"),
-        ({"confidence": 0.0}, "confidence: 0.0 given"),
-        ({"confidence": math.nan}, "confidence: nan given"),
-        ({"confidence": 0.9, "sides": 3}, "sides, reach: 3"),
-        ({"confidence": 0.9, "reach": -1.0}, "sides, reach: 16, -1.0"),
+        ({"confidence": 1.0}, r"confidence: expected .*, got 1.0"),
+        ({"confidence": 0.0}, r"confidence: expected .*, got 0.0"),
+        ({"confidence": math.nan}, r"confidence: expected .*, got nan"),
+        ({"confidence": 0.9, "sides": 3}, "grow: sides: expected a whole number of 4 or more, got 3"),
+        ({"confidence": 0.9, "reach": -1.0}, r"grow: reach: expected a finite number of 0 or more, got -1\.0"),
     ],
 )
 def test_bad_arguments_are_one_line(arguments: dict[str, float], problem: str) -> None:

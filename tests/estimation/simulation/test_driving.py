@@ -103,11 +103,11 @@ def test_waypoints_are_passed_ahead(holonomic: bool) -> None:
 @pytest.mark.parametrize(
     ("states", "speed", "problem"),
     [
-        ([[0.0, 0.0]], 1.0, r"states: shape \(1, 2\) given, allowed: \(n, 3\), n >= 1, or \(n, 2\), n >= 2"),
-        ([0.0, 0.0, 0.0], 1.0, r"states: shape \(3,\) given"),
-        (np.empty((0, 3)), 1.0, r"states: shape \(0, 3\) given"),
-        ([[0.0, 0.0, np.nan]], 1.0, "states: a value that is not finite given"),
-        ([[0.0, 0.0, 0.0]], 0.0, "speed: 0.0 given, allowed: a number above 0"),
+        ([[0.0, 0.0]], 1.0, r"states: expected shape \(n, 3\), n >= 1, or \(n, 2\), n >= 2, got \(1, 2\)"),
+        ([0.0, 0.0, 0.0], 1.0, r"states: expected shape \(n, 3\), n >= 1, or \(n, 2\), n >= 2, got \(3,\)"),
+        (np.empty((0, 3)), 1.0, r"states: expected shape \(n, 3\), n >= 1, or \(n, 2\), n >= 2, got \(0, 3\)"),
+        ([[0.0, 0.0, np.nan]], 1.0, r"Drive: states: expected an array of finite numbers, got \[\[0\.0, 0\.0, nan\]\]"),
+        ([[0.0, 0.0, 0.0]], 0.0, r"Drive: speed: expected a finite number above 0, got 0\.0"),
     ],
 )
 def test_misuse(states: list[list[float]], speed: float, problem: str) -> None:

@@ -95,11 +95,27 @@ def test_poses_broadcast() -> None:
 @pytest.mark.parametrize(
     ("readings", "poses", "message"),
     [
-        (np.zeros((0, 2)), np.zeros((0, 3)), r"shape \(0, 2\) given"),
-        (np.zeros((4, 3)), np.zeros((4, 3)), r"shape \(4, 3\) given"),
-        (np.ones((4, 2)), np.zeros((3, 3)), r"poses: shape \(3, 3\) given"),
-        ([[1.0, np.nan]], np.zeros(3), "not finite"),
-        ([[1.0, 0.0]], [np.inf, 0.0, 0.0], "not finite"),
+        (
+            np.zeros((0, 2)),
+            np.zeros((0, 3)),
+            r"readings: expected finite numbers of shape \(n, 2\)",
+        ),
+        (
+            np.zeros((4, 3)),
+            np.zeros((4, 3)),
+            r"readings: expected finite numbers of shape \(n, 2\)",
+        ),
+        (
+            np.ones((4, 2)),
+            np.zeros((3, 3)),
+            r"poses: expected one x, y, theta for each of \(4,\) readings",
+        ),
+        ([[1.0, np.nan]], np.zeros(3), r"readings: expected finite numbers of shape \(n, 2\)"),
+        (
+            [[1.0, 0.0]],
+            [np.inf, 0.0, 0.0],
+            r"readings: expected finite numbers of shape \(n, 2\)",
+        ),
     ],
 )
 def test_bad_readings(readings: FloatArray, poses: FloatArray, message: str) -> None:
@@ -168,11 +184,14 @@ def test_an_empty_world_has_no_readings() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"poses": 0}, "poses: 0 given"),
+        ({"poses": 0}, r"poses: expected a whole number of 1 or more, got array\(0\.\)"),
         ({"poses": [[0.0, 0.0]]}, "poses: shape"),
-        ({"points_per_obstacle": 0}, "points_per_obstacle: 0 given"),
-        ({"readings_per_point": 0}, "readings_per_point: 0 given"),
-        ({"max_range": 0.0}, "max_range: 0.0 given"),
+        (
+            {"points_per_obstacle": 0},
+            "points_per_obstacle: expected a whole number of 1 or more, got 0",
+        ),
+        ({"readings_per_point": 0}, "readings_per_point: expected a whole number of 1 or more, got 0"),
+        ({"max_range": 0.0}, r"sense_obstacles: max_range: expected a number above 0, got 0\.0"),
         ({"world": World("w", (0.0, 0.0, 1.0, 1.0), (Rectangle((0.5, 0.5), 3.0, 3.0),))}, "no free region"),
     ],
 )

@@ -17,7 +17,8 @@ from trailmark import Disc, Polygon, Rectangle, World
 from trailmark.estimation import EstimationError, PoseIncrement, RangeBearing, Unicycle
 from trailmark.estimation.logs import load_log, save_log
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Scan
-from trailmark.estimation.simulation.simulator import Detector, Scanner, Simulation, simulate
+from trailmark.estimation.simulation.simulator import Simulation, simulate
+from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 
 FloatArray = NDArray[np.float64]
 
@@ -273,11 +274,11 @@ def test_the_same_seed_gives_the_same_log_and_sensors_do_not_disturb_each_other(
 @pytest.mark.parametrize(
     ("way", "problem"),
     [
-        ([[2, 2], [9, 6.5]], r"states: the way leads through obstacles\[2\] near \(8"),
-        ([[5, 8], [5, 10]], r"states: the way leads through obstacles\[0\] near \(5, 8.8\)"),
-        ([[2, 2], [30, 2]], r"states: the way leaves the world's bounds near \(20, 2\)"),
-        ([[2, 6], [0.1, 0.5]], r"states: the way leaves the world's boundary near \(0.4"),
-        ([[9, 6.5, 0.0]], r"states: the way leads through obstacles\[2\]"),
+        ([[2, 2], [9, 6.5]], r"states: the path leads through obstacles\[2\] near \(8"),
+        ([[5, 8], [5, 10]], r"states: the path leads through obstacles\[0\] near \(5, 8.8\)"),
+        ([[2, 2], [30, 2]], r"states: the path leaves the world's bounds near \(20, 2\)"),
+        ([[2, 6], [0.1, 0.5]], r"states: the path leaves the world's boundary near \(0.4"),
+        ([[9, 6.5, 0.0]], r"states: the path leads through obstacles\[2\]"),
     ],
 )
 def test_ways_that_cannot_be_driven(way: list[list[float]], problem: str) -> None:
@@ -295,7 +296,8 @@ def test_touching_is_allowed() -> None:
 def test_a_scanner_inside_an_obstacle() -> None:
     world = World("wall", (0, 0, 10, 10), (Rectangle((5, 5), 2, 8),))
     with pytest.raises(
-        EstimationError, match=r"states: the scanner's way leads through obstacles\[0\] near \(4.05, 2\)"
+        EstimationError,
+        match=r"states: the scanner's path leads through obstacles\[0\] near \(4\.05, 2\)",
     ):
         simulate(world, [[1.0, 2.0], [3.9, 2.0]], Unicycle(0.0, 0.0), scanner=Scanner(mount=(0.4, 0.0, 0.0)), speed=0.1)
 
@@ -303,23 +305,26 @@ def test_a_scanner_inside_an_obstacle() -> None:
 @pytest.mark.parametrize(
     ("make", "problem"),
     [
-        (lambda: Detector(SENSOR, max_range=0.0), "Detector: max_range 0.0 given, allowed: a number above 0"),
+        (lambda: Detector(SENSOR, max_range=0.0), r"Detector: max_range: expected .*, got 0.0"),
         (
             lambda: Detector(SENSOR, field_of_view=7.0),
-            "Detector: field_of_view 7.0 given, allowed: a number above 0, at mo",
+            r"Detector: field_of_view: expected radians above 0, at most a full turn, got 7.0",
         ),
         (
             lambda: Detector(SENSOR, detection_rate=1.1),
-            "detection_rate 1.1 given, allowed: a number 0 or more, at most 1",
+            r"detection_rate: expected a number from 0 to 1, got 1.1",
         ),
-        (lambda: Detector(SENSOR, false_alarms=-1.0), "false_alarms -1.0 given, allowed: a number 0 or more"),
-        (lambda: Detector(SENSOR, max_radius=0.0), "max_radius 0.0 given, allowed: above 0"),
-        (lambda: Detector(SENSOR, period=math.nan), "period nan given, allowed: a number above 0"),
-        (lambda: Scanner(beams=0), "Scanner: beams 0 given, allowed: a number 1 or more"),
-        (lambda: Scanner(sigma=-0.1), "Scanner: sigma -0.1 given"),
-        (lambda: Scanner(drop_out=math.inf), "Scanner: drop_out inf given"),
+        (lambda: Detector(SENSOR, false_alarms=-1.0), r"false_alarms: expected .*, got -1.0"),
+        (lambda: Detector(SENSOR, max_radius=0.0), r"Detector: max_radius: expected a number above 0, got 0\.0"),
+        (lambda: Detector(SENSOR, period=math.nan), r"Detector: period: expected a finite number above 0, got nan"),
+        (lambda: Scanner(beams=0), r"Scanner: beams: expected a whole number of 1 or more, got 0"),
+        (lambda: Scanner(sigma=-0.1), r"Scanner: sigma: expected a finite number of 0 or more, got -0\.1"),
+        (lambda: Scanner(drop_out=math.inf), r"Scanner: drop_out: expected a number from 0 to 1, got inf"),
         (lambda: Scanner(mount=(0.0, math.nan, 0.0)), "Scanner: mount"),
-        (lambda: simulate(YARD, WAY, Unicycle(0.0, 0.0), period=0.0), "period: 0.0 given, allowed: seconds above 0"),
+        (
+            lambda: simulate(YARD, WAY, Unicycle(0.0, 0.0), period=0.0),
+            r"period: expected .*, got 0\.0",
+        ),
     ],
 )
 def test_misuse(make: Any, problem: str) -> None:

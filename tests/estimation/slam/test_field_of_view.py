@@ -51,7 +51,7 @@ def test_a_post_that_went_away_is_dropped() -> None:
 
 
 def test_misuse() -> None:
-    with pytest.raises(EstimationError, match="absences: expected .*, got 0"):
+    with pytest.raises(EstimationError, match=r"absences: expected .*, got 0"):
         SlamSettings(absences=0)
     with pytest.raises(EstimationError, match="margin"):
         SlamSettings(margin=-1.0)

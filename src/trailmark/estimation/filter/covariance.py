@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.arguments import number_array
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray
 
@@ -14,9 +15,9 @@ __all__ = ["checked_covariance", "draw_noise", "subtract_square"]
 
 def checked_covariance(value: ArrayLike, size: int, name: str) -> FloatArray:
     """Return a copy of a covariance, shape (size, size), or say what is wrong with it."""
-    P = np.array(value, dtype=np.float64)
+    P = number_array(value, f"{name}: covariance", error=EstimationError)
     if P.shape != (size, size) or not np.isfinite(P).all():
-        raise EstimationError(f"{name}: covariance of shape {P.shape} given, allowed: ({size}, {size}), finite")
+        raise EstimationError(f"{name}: expected a finite covariance of shape ({size}, {size}), got shape {P.shape}")
     if np.count_nonzero(P - np.diag(np.diagonal(P))) == 0 and (np.diagonal(P) >= 0.0).all():
         return P
     scale, symmetric = float(np.abs(P).max()), 0.5 * (P + P.T)
@@ -27,7 +28,7 @@ def checked_covariance(value: ArrayLike, size: int, name: str) -> FloatArray:
     except np.linalg.LinAlgError:
         wrong = True
     if wrong:
-        raise EstimationError(f"{name}: covariance {P.tolist()} given, allowed: symmetric, positive semidefinite")
+        raise EstimationError(f"{name}: expected a symmetric, positive semidefinite covariance, got {P.tolist()}")
     return symmetric
 
 

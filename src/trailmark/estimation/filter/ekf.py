@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.errors import did_you_mean
+from trailmark.arguments import number_array
+from trailmark.checked import Count, checked, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter import invariance
 from trailmark.estimation.filter.correction import Gain, correct_part, gain_of
@@ -64,6 +65,7 @@ class SlamFilter(SlamState):
             semidefinite.
     """
 
+    @checked_arguments(EstimationError)
     def __init__(
         self,
         pose: ArrayLike = (0.0, 0.0, 0.0),
@@ -71,13 +73,8 @@ class SlamFilter(SlamState):
         mode: Mode = "slam",
         *,
         error: ErrorForm = "invariant",
-        iterations: int = 1,
+        iterations: Count = 1,
     ) -> None:
-        for name, value, allowed in (("mode", mode, get_args(Mode)), ("error", error, get_args(ErrorForm))):
-            if value not in allowed:
-                raise EstimationError(f"SlamFilter: {name} {value!r} given, {did_you_mean(str(value), allowed)}")
-        if iterations < 1:
-            raise EstimationError(f"SlamFilter: iterations {iterations!r} given, allowed: 1 or more")
         super().__init__(pose, P)
         self.mode = mode
         self.error: ErrorForm = error
@@ -95,10 +92,11 @@ class SlamFilter(SlamState):
             EstimationError: in mode "mapping", where poses are given; odometry that is not finite.
         """
         if self.mode == "mapping":
-            raise EstimationError("predict: the poses of mode 'mapping' are given, allowed: set_pose")
-        u = np.asarray(u, dtype=np.float64)
-        if not all(map(math.isfinite, u.tolist())):
-            raise EstimationError(f"predict: odometry {u.tolist()} given, allowed: finite numbers")
+            raise EstimationError("predict: expected set_pose, since the poses of mode 'mapping' are given")
+        checked(motion, MotionModel, "predict: motion", EstimationError)
+        u = number_array(u, "odometry", error=EstimationError)
+        if u.shape != (3,) or not all(map(math.isfinite, u.tolist())):
+            raise EstimationError(f"odometry: expected three finite numbers, got {u.tolist()}")
         pose, F, W = motion.step(self.x[:3], u)
         noise = motion.Q(u) if Q is None else checked_covariance(Q, W.shape[1], "odometry")
         pose_block = F @ self.P[:3, :3] @ F.T + W @ noise @ W.T
@@ -119,7 +117,7 @@ class SlamFilter(SlamState):
             EstimationError: in another mode.
         """
         if self.mode != "mapping":
-            raise EstimationError(f"set_pose: mode {self.mode!r} estimates the pose, allowed: mode 'mapping'")
+            raise EstimationError(f"set_pose: expected mode 'mapping', got {self.mode!r}, which estimates the pose")
         self.x[:3] = checked_pose(pose)
         self.P[:3], self.P[:, :3] = 0.0, 0.0
         if P is not None:
@@ -132,6 +130,7 @@ class SlamFilter(SlamState):
             sensor: the model.
             ids: which features; None for all of the sensor's kind.
         """
+        checked(sensor, SensorModel, "predict_readings: sensor", EstimationError)
         if ids is None:
             ids = [i for i, kind in self._kinds.items() if kind == sensor.feature_kind]
         at = self.places(sensor, ids)
@@ -154,7 +153,8 @@ class SlamFilter(SlamState):
 
     def innovation(self, z: ArrayLike, sensor: SensorModel, feature_id: int, R: ArrayLike | None = None) -> Innovation:
         """Return what :meth:`update` would make of a reading, and leave the filter as it is."""
-        readings, noise = self.checked_readings(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], [R])
+        z = number_array(z, "readings", error=EstimationError)
+        readings, noise = self.checked_readings(z[None], sensor, [feature_id], [R])
         gain = self._gain(readings, sensor, self.places(sensor, [feature_id]), noise)
         return gain.innovation
 
@@ -170,7 +170,7 @@ class SlamFilter(SlamState):
         Raises:
             EstimationError: no such feature, a reading that is not finite, a covariance that is not positive definite.
         """
-        return self.update_batch(np.asarray(z, dtype=np.float64)[None], sensor, [feature_id], [R])
+        return self.update_batch(number_array(z, "readings", error=EstimationError)[None], sensor, [feature_id], [R])
 
     def update_batch(
         self,
@@ -187,9 +187,9 @@ class SlamFilter(SlamState):
             ids: of which features.
             R: covariance of each reading, shape (m, m), or None for the sensor's V R Vᵀ; None for all of them.
         """
-        if len(ids) == 0:
-            return Innovation(np.zeros(0), np.zeros((0, 0)), 0.0)
         readings, noise = self.checked_readings(z, sensor, ids, R)
+        if len(readings) == 0:
+            return Innovation(np.zeros(0), np.zeros((0, 0)), 0.0)
         at = self.places(sensor, ids)
         gain = self._gain(readings, sensor, at, noise)
         innovation = gain.innovation
@@ -220,8 +220,9 @@ class SlamFilter(SlamState):
         Raises:
             EstimationError: features that are no points, or one and the same; a mode other than "slam".
         """
-        if self.mode != "slam" or keep == drop or self.kind(keep) != "point" or self.kind(drop) != "point":
-            raise EstimationError(f"merge_features: {keep}, {drop} given, allowed: two points, in mode 'slam'")
+        kinds = self.kind(keep), self.kind(drop)
+        if self.mode != "slam" or keep == drop or kinds != ("point", "point"):
+            raise EstimationError(f"merge_features: expected two points, in mode 'slam', got {keep!r}, {drop!r}")
         one, other = self._place(keep), self._place(drop)
         PHT = self.P[:, one] - self.P[:, other]
         D = PHT[one] - PHT[other]

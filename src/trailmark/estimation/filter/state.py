@@ -5,12 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 from numpy.typing import ArrayLike, NDArray
 
+from trailmark.arguments import brief, number_array
+from trailmark.checked import checked, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import checked_covariance
 from trailmark.estimation.filter.sensor_model import SensorModel
@@ -90,17 +92,19 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
         """
         if self.mode == "localisation":
             raise EstimationError("add_feature: the map of mode 'localisation' is known, allowed: add_known_feature")
-        reading = np.asarray(z, dtype=np.float64)
+        checked(sensor, SensorModel, "add_feature: sensor", EstimationError)
+        reading = number_array(z, "reading", error=EstimationError)
         if reading.shape != (sensor.reading_dim,) or not np.isfinite(reading).all():
-            raise EstimationError(
-                f"add_feature: reading {reading.tolist()} given, allowed: {sensor.reading_dim} finite numbers"
-            )
+            raise EstimationError(f"reading: expected {sensor.reading_dim} finite numbers, got {reading.tolist()}")
         l, G_pose, G_z = sensor.inverse(self.pose, reading)  # noqa: E741 # a feature
         noise = sensor.noise(self.pose, l) if R is None else checked_covariance(R, sensor.reading_dim, "reading")
         block = G_pose @ self.P[:3, :3] @ G_pose.T + G_z @ noise @ G_z.T
         return self._append(l, 0.5 * (block + block.T), G_pose @ self.P[:3], sensor.feature_kind)
 
-    def add_known_feature(self, feature: ArrayLike, P: ArrayLike | None = None, *, kind: str = "point") -> int:
+    @checked_arguments(EstimationError)
+    def add_known_feature(
+        self, feature: Annotated[ArrayLike, shaped(None)], P: ArrayLike | None = None, *, kind: str = "point"
+    ) -> int:
         """Add a feature of a known map, uncorrelated with the rest; return its id.
 
         Args:
@@ -108,9 +112,7 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
             P: its covariance, shape (d, d); None for one that is certain.
             kind: "point" or "line", as the sensors that see it have it.
         """
-        l = np.array(feature, dtype=np.float64)  # noqa: E741 # a feature
-        if l.ndim != 1 or not np.isfinite(l).all():
-            raise EstimationError(f"add_known_feature: {l.tolist()} given, allowed: finite numbers, shape (d,)")
+        l = np.asarray(feature)  # noqa: E741 # a feature
         block = np.zeros((len(l), len(l))) if P is None else checked_covariance(P, len(l), "feature")
         return self._append(l, block, np.zeros((len(l), len(self.x))), kind)
 
@@ -136,7 +138,8 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
 
     def places(self, sensor: SensorModel, ids: Sequence[int]) -> NDArray[np.intp]:
         """Return where the features' numbers stand in the state, shape (k, d)."""
-        starts = np.array([self._place(i).start for i in ids], dtype=np.intp)
+        places = [self._place(i) for i in checked(ids, Sequence[Any], "ids", EstimationError)]
+        starts = np.array([place.start for place in places], dtype=np.intp)
         return starts[:, None] + np.arange(sensor.feature_dim)
 
     def checked_readings(
@@ -153,16 +156,18 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
         Raises:
             EstimationError: what of this is wrong.
         """
-        readings, k, m = np.asarray(z, dtype=np.float64), len(ids), sensor.reading_dim
+        checked(sensor, SensorModel, "update: sensor", EstimationError)
+        kinds = [self.kind(i) for i in checked(ids, Sequence[Any], "update: ids", EstimationError)]
+        readings, k, m = number_array(z, "readings", error=EstimationError), len(kinds), sensor.reading_dim
         if readings.shape != (k, m) or not np.isfinite(readings).all():
-            raise EstimationError(f"readings {readings.tolist()} given, allowed: {k} times {m} finite numbers")
+            raise EstimationError(f"readings: expected {k} times {m} finite numbers, got {readings.tolist()}")
         if len(set(ids)) < k:
-            raise EstimationError("update: two readings of one feature at once given, allowed: one after the other")
-        if any(self.kind(i) != sensor.feature_kind for i in ids):
-            raise EstimationError(f"update: a sensor of {sensor.feature_kind}s reads another kind of feature")
-        stated = [None] * k if R is None else list(R)
+            raise EstimationError("update: expected one reading of each feature, got two of one at once")
+        if any(kind != sensor.feature_kind for kind in kinds):
+            raise EstimationError(f"update: expected features of kind {sensor.feature_kind}, got another kind")
+        stated = [None] * k if R is None else checked(R, Sequence[Any], "update: R", EstimationError)
         if len(stated) != k:
-            raise EstimationError(f"update: {len(stated)} covariances given, allowed: {k}, one for each reading")
+            raise EstimationError(f"update: expected {k} covariances, one for each reading, got {len(stated)}")
         noise = np.empty((k, m, m))
         if any(covariance is None for covariance in stated):
             noise[:] = sensor.noise(self.pose, self.x[self.places(sensor, ids)])
@@ -182,8 +187,9 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
         return feature_id
 
     def _place(self, feature_id: int) -> slice:
-        if feature_id not in self._places:
-            raise EstimationError(f"feature {feature_id!r} given, allowed: one of the {len(self._places)} in the state")
+        if not isinstance(feature_id, int | np.integer) or feature_id not in self._places:
+            allowed = f"the id of one of the {len(self._places)} features"
+            raise EstimationError(f"feature: expected {allowed}, got {brief(feature_id)}")
         return self._places[feature_id]
 
 
@@ -191,5 +197,5 @@ def checked_pose(pose: ArrayLike) -> FloatArray:
     """Return a copy of a pose, shape (3,), its heading in (−π, π], or say what is wrong with it."""
     q = configurations(pose, name="pose")
     if q.ndim != 1:
-        raise EstimationError(f"pose: shape {q.shape} given, allowed: (3,)")
+        raise EstimationError(f"pose: expected shape (3,), got {q.shape}")
     return q

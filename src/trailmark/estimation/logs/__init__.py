@@ -9,7 +9,9 @@ import re
 from contextlib import suppress
 from pathlib import Path as FilePath
 
+from trailmark.checked import checked_arguments
 from trailmark.errors import FormatError, OutputError, did_you_mean
+from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log
 
 __all__ = ["FORMATS", "load_log", "log_files", "save_log"]
@@ -28,6 +30,7 @@ _HEAD = 2**16
 """Bytes from a file's beginning in which a line must tell its format."""
 
 
+@checked_arguments(EstimationError)
 def load_log(
     path: str | FilePath,
     format: str | None = None,  # noqa: A002 # the option's name in the shell
@@ -96,6 +99,7 @@ def load_log(
     return log._replace(dropped=bad.dropped)
 
 
+@checked_arguments(EstimationError)
 def save_log(log: Log, path: str | FilePath) -> None:
     """Write a log as trailmark JSON Lines (:mod:`trailmark.estimation.logs.jsonl`), whole or not at all.
 

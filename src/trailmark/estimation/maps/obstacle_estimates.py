@@ -7,24 +7,30 @@ place it. :mod:`trailmark.estimation.risk.allocation` grows it into an obstacle 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.checked import NonNegative, Numbers, Positive, Share, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
-from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import ObstacleEstimate
 
-__all__ = ["ObstacleEstimate", "disc_estimates", "hull_estimate", "plain_box", "wall_estimate"]
+__all__ = ["disc_estimates", "hull_estimate", "plain_box", "wall_estimate"]
 
-LEAST_SIDE = 1e-3
+Points = Annotated[ArrayLike, shaped(None, 2, minimum=1)]
+
+MIN_SIDE = 1e-3
 """Metres: what has no extent of its own (one reading, readings in a row) is made this wide, so that it is a region."""
 
 
+@checked_arguments(EstimationError)
 def disc_estimates(
-    points: ArrayLike, covariances: ArrayLike, radius: ArrayLike, radius_sigma: ArrayLike = 0.0
+    points: Annotated[ArrayLike, shaped(None, 2)],
+    covariances: Annotated[ArrayLike, shaped(None, 2, 2)],
+    radius: Numbers,
+    radius_sigma: Numbers = 0.0,
 ) -> list[ObstacleEstimate]:
     """Return a disc for each point-like feature, such as a tree or a post.
 
@@ -41,15 +47,12 @@ def disc_estimates(
         WorldError: a covariance that is none.
     """
     centres, blocks = np.asarray(points, dtype=np.float64), np.asarray(covariances, dtype=np.float64)
-    if centres.ndim != 2 or centres.shape[1] != 2 or blocks.shape != (len(centres), 2, 2):
-        raise EstimationError(
-            f"points: shape {centres.shape} with covariances {blocks.shape} given, allowed: (m, 2) with (m, 2, 2)"
-        )
     try:
-        radii, sigmas = (np.broadcast_to(np.asarray(v, float), len(centres)) for v in (radius, radius_sigma))
+        radii, sigmas, _ = (np.broadcast_to(v, len(centres)) for v in (radius, radius_sigma, np.empty(len(blocks))))
     except ValueError:
+        shapes = [np.shape(given) for given in (points, covariances, radius, radius_sigma)]
         raise EstimationError(
-            f"radius, radius_sigma: shapes {np.shape(radius)}, {np.shape(radius_sigma)} given, allowed: () or (m,)"
+            f"disc_estimates: expected shapes (m, 2), (m, 2, 2), and (m,) or () twice, got {shapes}"
         ) from None
     estimates = []
     for centre, block, r, sigma in zip(centres, blocks, radii, sigmas, strict=True):
@@ -60,14 +63,15 @@ def disc_estimates(
     return estimates
 
 
+@checked_arguments(EstimationError)
 def wall_estimate(
-    line: ArrayLike,
-    covariance: ArrayLike,
+    line: Annotated[ArrayLike, shaped(2)],
+    covariance: Annotated[ArrayLike, shaped(2, 2)],
     span: tuple[float, float],
     *,
-    thickness: float,
-    along_sigma: float = 0.0,
-    end_sigma: float = 0.0,
+    thickness: Positive,
+    along_sigma: NonNegative = 0.0,
+    end_sigma: NonNegative = 0.0,
 ) -> ObstacleEstimate:
     """Return a wall: a rectangle whose front is a stretch of an estimated line and that lies behind it.
 
@@ -109,7 +113,8 @@ def wall_estimate(
     return ObstacleEstimate(wall, total if end_sigma else total[:3, :3])
 
 
-def hull_estimate(readings: ArrayLike, covariance: ArrayLike, *, ratio: float = 1.0) -> ObstacleEstimate:
+@checked_arguments(EstimationError)
+def hull_estimate(readings: Points, covariance: Numbers, *, ratio: Share = 1.0) -> ObstacleEstimate:
     """Return the hull of readings that fit neither a line nor a circle.
 
     Args:
@@ -123,17 +128,16 @@ def hull_estimate(readings: ArrayLike, covariance: ArrayLike, *, ratio: float = 
     """
     import shapely
 
-    points = _readings(readings)
-    if not 0.0 <= ratio <= 1.0:
-        raise EstimationError(f"ratio: {ratio} given, allowed: 0 to 1")
-    cloud = shapely.multipoints(points)
+    cloud = shapely.multipoints(readings)
     region = shapely.convex_hull(cloud) if ratio == 1.0 else shapely.concave_hull(cloud, ratio)
-    if shapely.get_dimensions(region) < 2 or not _roomy(region):
-        region = shapely.buffer(shapely.convex_hull(cloud), LEAST_SIDE / 2.0, quad_segs=2)
+    # A hull that is hardly wider than rounding, 1 mm² per metre of its outline, is none.
+    if shapely.get_dimensions(region) < 2 or not shapely.area(region) > 1e-6 * shapely.length(region):
+        region = shapely.buffer(shapely.convex_hull(cloud), MIN_SIDE / 2.0, quad_segs=2)
     return ObstacleEstimate(Polygon(shapely.get_coordinates(region.exterior)), np.asarray(covariance, np.float64))
 
 
-def plain_box(readings: ArrayLike) -> Rectangle:
+@checked_arguments(EstimationError)
+def plain_box(readings: Points) -> Rectangle:
     """Return the box of the source method's Algorithm 2: smallest to largest x and y of an obstacle's readings.
 
     Args:
@@ -142,22 +146,8 @@ def plain_box(readings: ArrayLike) -> Rectangle:
     Raises:
         EstimationError: no readings, another shape, not finite.
     """
-    points = _readings(readings)
+    points = np.asarray(readings)
     low, high = points.min(axis=0), points.max(axis=0)
     x, y = 0.5 * (low + high)
-    length, width = np.maximum(high - low, LEAST_SIDE)
+    length, width = np.maximum(high - low, MIN_SIDE)
     return Rectangle((float(x), float(y)), float(length), float(width))
-
-
-def _roomy(region: object) -> bool:
-    """Return whether a hull is wider than rounding: 1 mm² per metre of its outline."""
-    import shapely
-
-    return bool(shapely.area(region) > 1e-6 * shapely.length(region))
-
-
-def _readings(readings: ArrayLike | Sequence[ArrayLike]) -> FloatArray:
-    points = np.asarray(readings, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 2 or len(points) == 0 or not np.isfinite(points).all():
-        raise EstimationError(f"readings: shape {points.shape} given, allowed: (n, 2), n >= 1, finite")
-    return points

@@ -1,9 +1,9 @@
 """Obstacles grown so that a path past all of them meets any true one with at most a stated probability.
 
-:func:`grow` gives each obstacle a region. If obstacle i leaves its region with probability δᵢ at most, then a path
-that avoids all regions meets an obstacle with probability Σ δᵢ at most, whatever the dependence between obstacles
-(Boole's inequality); :func:`allocate` shares 1 − p out. All of this takes the errors to be Gaussian with the
-covariances given: an estimator that is too sure of itself makes the bound wrong.
+:func:`trailmark.estimation.grow` gives each obstacle a region. If obstacle i leaves its region with probability δᵢ at
+most, then a path that avoids all regions meets an obstacle with probability Σ δᵢ at most, whatever the dependence
+between obstacles (Boole's inequality); :func:`regrow` shares 1 − p out. All this takes the errors to be Gaussian with
+the covariances given: an estimator that is too sure of itself makes the bound wrong.
 """
 
 from __future__ import annotations
@@ -11,63 +11,41 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.checked import Count, Numbers, Probability, Rule, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
-from trailmark.estimation.risk.growth import Spread, grow
+from trailmark.estimation.risk.growth import Spread
 from trailmark.estimation.risk.swept import swept_region
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
-__all__ = [
-    "allocate",
-    "grow",
-    "grown_world",
-    "reallocate",
-    "regrow",
-    "required_risk",
-    "spend_risk",
-    "swept_region",
-]
+__all__ = ["grown_world", "reallocate", "regrow", "required_risk", "spend_risk"]
 
-LEAST_RISK = 1e-15
+Matrix3 = Annotated[ArrayLike, shaped(3, 3)]
+Rate = Annotated[float, Rule("a number above 0, at most 1", lambda v: 0.0 < v <= 1.0)]
+
+MIN_RISK = 1e-15
 """What an obstacle far from a path is said to cost (nothing that a Gaussian says below this is worth anything)."""
 
 
-def allocate(confidence: float, obstacles: int | Sequence[Any], weights: ArrayLike | None = None) -> FloatArray:
-    """Return the risk that each obstacle may take, shape (n,), adding up to 1 − confidence.
-
-    Args:
-        confidence: p, above 0 and below 1.
-        obstacles: n, or anything that has this length.
-        weights: shape (n,), above 0: an obstacle with twice the weight gets twice the risk, and so grows less.
-            None gives all the same.
-
-    Raises:
-        EstimationError: a value out of these ranges.
-    """
-    if not 0.0 < confidence < 1.0:
-        raise EstimationError(f"confidence: {confidence} given, allowed: above 0 and below 1")
-    n = obstacles if isinstance(obstacles, int) else len(obstacles)
-    return (1.0 - confidence) * _shares(n, weights)
-
-
+@checked_arguments(EstimationError)
 def grown_world(
     estimates: Sequence[ObstacleEstimate],
     bounds: tuple[float, float, float, float],
-    confidence: float,
+    confidence: Probability,
     *,
     name: str = "map",
     robot: Robot | None = None,
     boundary: Polygon | None = None,
     queries: Sequence[Query] = (),
     fixed: Sequence[Shape] = (),
-    weights: ArrayLike | None = None,
-    pose_covariance: ArrayLike | None = None,
+    weights: Numbers | None = None,
+    pose_covariance: Matrix3 | None = None,
 ) -> World:
     """Return a world in which a valid path meets none of the true obstacles with at least the stated probability.
 
@@ -80,8 +58,8 @@ def grown_world(
         boundary: of the world; counts as known.
         queries: of the world.
         fixed: further obstacles, which count as known.
-        weights: see :func:`allocate`.
-        pose_covariance: see :func:`grow`.
+        weights: see :func:`regrow`; None gives all the same.
+        pose_covariance: see :func:`trailmark.estimation.grow`.
 
     Raises:
         EstimationError: a value out of these ranges, a pose covariance without a robot.
@@ -98,34 +76,34 @@ def grown_world(
     return regrow(plain, confidence, weights=_shares(len(estimates), weights), pose_covariance=pose_covariance)
 
 
+@checked_arguments(EstimationError)
 def regrow(
     world: World,
-    confidence: float,
+    confidence: Probability,
     *,
-    weights: ArrayLike | None = None,
-    pose_covariance: ArrayLike | None = None,
+    weights: Numbers | None = None,
+    pose_covariance: Matrix3 | None = None,
 ) -> World:
     """Return the world with its estimated obstacles grown anew, from their means.
 
     Args:
         world: with estimates; obstacles without one stay as they are.
         confidence: above 0 and below 1.
-        weights: as in :func:`allocate`, one per estimate; None keeps the shares that the estimates carry, and what
-            they leave is shared out equally between those that carry none.
-        pose_covariance: see :func:`grow`; None keeps the world's.
+        weights: shape (n,), above 0, one per estimate: an obstacle with twice the weight gets twice the risk, and so
+            grows less. None keeps the shares that the estimates carry, and what they leave is shared out equally
+            between those that carry none.
+        pose_covariance: see :func:`trailmark.estimation.grow`; None keeps the world's.
 
     Raises:
         EstimationError: a value out of these ranges, a pose covariance and no robot.
     """
-    if not 0.0 < confidence < 1.0:
-        raise EstimationError(f"confidence: {confidence} given, allowed: above 0 and below 1")
     known = [estimate for estimate in world.estimates if estimate is not None]
-    shares = _kept_shares(known) if weights is None else _shares(len(known), weights)
+    shares = _shares_of(known) if weights is None else _shares(len(known), weights)
     before = world.risk or RiskBound(confidence)
     pose = before.pose_covariance if pose_covariance is None else np.asarray(pose_covariance, dtype=np.float64)
     reach = before.reach if world.robot is None else world.robot.sweep_radius
     if pose_covariance is not None and world.robot is None and before.reach == 0.0:
-        raise EstimationError("pose_covariance: given for a world without a robot, allowed: with one")
+        raise EstimationError("pose_covariance: expected a world with a robot, got one without")
     bound = RiskBound(confidence, pose, 0.0 if pose is None else reach)
     risks, obstacles = iter(((1.0 - confidence) * shares).tolist()), []
     for shape, estimate in zip(world.obstacles, world.estimates or (None,) * len(world.obstacles), strict=True):
@@ -140,7 +118,7 @@ def regrow(
 
 
 def required_risk(estimate: ObstacleEstimate, region: Any, bound: RiskBound | None = None, *, steps: int = 24) -> float:
-    """Return the least risk for which the grown obstacle keeps off a region, LEAST_RISK to 1.
+    """Return the least risk for which the grown obstacle keeps off a region, MIN_RISK to 1.
 
     Args:
         estimate: the obstacle.
@@ -152,16 +130,17 @@ def required_risk(estimate: ObstacleEstimate, region: Any, bound: RiskBound | No
 
     spread = Spread.of(estimate, bound)
     shapely.prepare(region)
-    low, high = 0.0, spread.quantile(LEAST_RISK)
+    low, high = 0.0, spread.quantile(MIN_RISK)
     if not _overlap(spread.region(high), region):
-        return LEAST_RISK
+        return MIN_RISK
     for _ in range(steps):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if _overlap(spread.region(middle), region) else (middle, high)
     return spread.risk(low) if spread.freedom else 1.0
 
 
-def reallocate(risks: ArrayLike, required: ArrayLike, *, rate: float = 0.5) -> FloatArray:
+@checked_arguments(EstimationError)
+def reallocate(risks: Numbers, required: Numbers, *, rate: Rate = 0.5) -> FloatArray:
     """Return risks, shape (n,), of the same sum, moved from obstacles that do not need them to those that do.
 
     A step in the spirit of iterative risk allocation (Ono & Williams 2008, IEEE Conference on Decision and Control):
@@ -178,12 +157,9 @@ def reallocate(risks: ArrayLike, required: ArrayLike, *, rate: float = 0.5) -> F
         EstimationError: other shapes, values out of these ranges.
     """
     before, needed = np.asarray(risks, dtype=np.float64), np.asarray(required, dtype=np.float64)
-    fits = before.ndim == 1 and needed.shape == before.shape and (before > 0.0).all() and (needed > 0.0).all()
-    if not fits or not 0.0 < rate <= 1.0:
-        raise EstimationError(
-            f"risks, required, rate: shapes {before.shape}, {needed.shape} and {rate} given, allowed: (n,) twice, all "
-            "above 0, a rate of at most 1"
-        )
+    if before.ndim != 1 or needed.shape != before.shape or not ((before > 0.0) & (needed > 0.0)).all():
+        shapes = f"{before.shape}, {needed.shape}"
+        raise EstimationError(f"reallocate: expected risks and needs above 0, shapes (n,), got shapes {shapes}")
     return np.asarray((1.0 - rate) * before + rate * before.sum() * needed / needed.sum())
 
 
@@ -198,8 +174,9 @@ class SpentRisk(NamedTuple):
     """The cost of each round's path; infinite where none was found."""
 
 
+@checked_arguments(EstimationError)
 def spend_risk(
-    world: World, plan: Callable[[World], tuple[FloatArray, float] | None], *, rounds: int = 4, rate: float = 0.5
+    world: World, plan: Callable[[World], tuple[FloatArray, float] | None], *, rounds: Count = 4, rate: Rate = 0.5
 ) -> SpentRisk:
     """Plan a path and spend the world's risk where that path needs it, in turns.
 
@@ -216,20 +193,20 @@ def spend_risk(
         EstimationError: a world that was not grown, or without a robot.
     """
     if world.risk is None or world.robot is None:
-        raise EstimationError("world: without risk or robot given, allowed: a grown world with a robot")
+        raise EstimationError("spend_risk: expected a grown world with a robot, got one without risk or robot")
     best, costs = SpentRisk(world, None, ()), list[float]()
-    for last in (i == rounds - 1 for i in range(rounds)):
+    for i in range(rounds):
         found = plan(world)
         costs.append(math.inf if found is None else found[1])
         if found is None:
             break
         if costs[-1] <= min(costs):
             best = SpentRisk(world, found[0], ())
-        if last:
+        if i == rounds - 1:
             break
         region = swept_region(world.robot, found[0])
         known = [estimate for estimate in world.estimates if estimate is not None]
-        risks = (1.0 - world.risk.confidence) * _kept_shares(known)
+        risks = (1.0 - world.risk.confidence) * _shares_of(known)
         needed = [required_risk(estimate, region, world.risk) for estimate in known]
         world = regrow(world, world.risk.confidence, weights=reallocate(risks, needed, rate=rate))
     return best._replace(costs=tuple(costs))
@@ -248,15 +225,15 @@ def _shares(n: int, weights: ArrayLike | None) -> FloatArray:
         return np.full(n, 1.0 / n) if n else np.empty(0)
     w = np.asarray(weights, dtype=np.float64)
     if w.shape != (n,) or not (np.isfinite(w).all() and (w > 0.0).all()):
-        raise EstimationError(f"weights: shape {w.shape} given, allowed: ({n},), each a finite number above 0")
+        raise EstimationError(f"weights: expected {n} finite numbers above 0, got shape {w.shape}")
     return np.asarray(w / w.sum())
 
 
-def _kept_shares(estimates: Sequence[ObstacleEstimate]) -> FloatArray:
+def _shares_of(estimates: Sequence[ObstacleEstimate]) -> FloatArray:
     """Return the shares that estimates carry; what those leave goes to the others in equal parts."""
     given = np.array([np.nan if e.share is None else e.share for e in estimates], dtype=np.float64)
     open_ones = np.isnan(given)
     left = 1.0 - float(np.nansum(given))
     if open_ones.any() and not left > 0.0:
-        raise EstimationError("estimates: their shares of the risk leave none for those without, allowed: less than 1")
+        raise EstimationError("estimates: expected shares of the risk that leave some for those without, got all of it")
     return np.where(open_ones, left / max(1, int(open_ones.sum())), given)

@@ -9,11 +9,13 @@ ellipse where Σ is that of a displacement.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import chdtrc, chdtri
 
+from trailmark.checked import NonNegative, Probability, Rule, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
@@ -31,13 +33,14 @@ OUTWARDS = 1e-9
 """Regions are this fraction of their ellipse wider than calculated: more than rounding takes away."""
 
 
+@checked_arguments(EstimationError)
 def grow(
     estimate: ObstacleEstimate,
-    confidence: float,
+    confidence: Probability,
     *,
-    pose_covariance: ArrayLike | None = None,
-    reach: float = 0.0,
-    sides: int = SIDES,
+    pose_covariance: Annotated[ArrayLike, shaped(3, 3)] | None = None,
+    reach: NonNegative = 0.0,
+    sides: Annotated[int, Rule("a whole number of 4 or more", lambda v: v >= 4)] = SIDES,
 ) -> Shape:
     """Return a region that contains the true obstacle with at least the stated probability.
 
@@ -66,10 +69,6 @@ def grow(
     Raises:
         EstimationError: a value out of these ranges.
     """
-    if not 0.0 < confidence < 1.0:
-        raise EstimationError(f"confidence: {confidence} given, allowed: above 0 and below 1")
-    if not (sides >= 4 and 0.0 <= reach < math.inf):
-        raise EstimationError(f"sides, reach: {sides}, {reach} given, allowed: 4 or more, 0 or more metres")
     bound = RiskBound(confidence, None if pose_covariance is None else np.asarray(pose_covariance), reach)
     spread = Spread.of(estimate, bound)
     return spread.region(spread.quantile(1.0 - confidence), sides)
@@ -138,14 +137,10 @@ class Spread(NamedTuple):
 
     def quantile(self, risk: float) -> float:
         """Return the radius, in standard deviations, of the ellipsoid that ξ leaves with probability ``risk``."""
-        from scipy.special import chdtri
-
         return math.sqrt(float(chdtri(self.freedom, risk))) if self.freedom else 0.0
 
     def risk(self, q: float) -> float:
         """Return the probability with which ξ leaves the ellipsoid of radius q standard deviations."""
-        from scipy.special import chdtrc
-
         return float(chdtrc(self.freedom, q * q)) if self.freedom else 0.0
 
     def region(self, q: float, sides: int = SIDES) -> Shape:
@@ -156,22 +151,17 @@ class Spread(NamedTuple):
         # R(δ)(b + β) − (b + δ·b⊥ + β), β the stretch: at most |b|·δ²/2 + |δ|·|β| long.
         beyond = 0.5 * self.arms * (q * self.turn) ** 2 + q * self.turn * q * self.stretch
         roots = _roots(_widened(ellipses, beyond)) * (1.0 + OUTWARDS)
+        points, beyond_circle = self.points, 1.0 / math.cos(math.pi / sides)
         if isinstance(self.mean, Disc):
-            return _grown_disc(self.mean, roots[0], sides)
+            narrow, wide = np.linalg.eigvalsh(roots[0])
+            if wide - narrow <= (beyond_circle - 1.0) * wide:
+                return Disc(self.mean.center, self.mean.radius + float(wide))
+            points = self.mean.polygon(DISC_ERROR).vertices
         angles = np.pi * (2.0 * np.arange(sides) + 1.0) / sides
         circle = np.column_stack([np.cos(angles), np.sin(angles)]) / math.cos(math.pi / sides)
         # Shape (m, sides, 2): a polygon about each vertex's ellipse. The roots are symmetric.
-        clouds = self.points[:, None] + circle @ roots
+        clouds = points[:, None] + circle @ roots
         return _hull(clouds) if _convex(self.mean) else _outlined(self.mean.polygon(), clouds)
-
-
-def _grown_disc(disc: Disc, root: FloatArray, sides: int) -> Shape:
-    narrow, wide = np.linalg.eigvalsh(root)
-    if wide - narrow <= (1.0 / math.cos(math.pi / sides) - 1.0) * wide:
-        return Disc(disc.center, disc.radius + float(wide))
-    angles = np.pi * (2.0 * np.arange(sides) + 1.0) / sides
-    circle = np.column_stack([np.cos(angles), np.sin(angles)]) / math.cos(math.pi / sides)
-    return _hull(disc.polygon(DISC_ERROR).vertices[:, None] + circle @ root)
 
 
 def _hull(points: FloatArray) -> Polygon:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
+from trailmark.checked import Numbers, Positive, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray
 
@@ -54,10 +55,8 @@ class Drive:
         EstimationError: other shapes, values that are not finite, speeds that are not positive.
     """
 
-    def __init__(self, states: ArrayLike, speed: float, turn_rate: float, *, holonomic: bool = False) -> None:
-        for name, value in (("speed", speed), ("turn_rate", turn_rate)):
-            if not 0.0 < value < math.inf:
-                raise EstimationError(f"{name}: {value!r} given, allowed: a number above 0")
+    @checked_arguments(EstimationError)
+    def __init__(self, states: Numbers, speed: Positive, turn_rate: Positive, *, holonomic: bool = False) -> None:
         q, headings = _states(states)
         self._speed, self._turn_rate = speed, turn_rate
         self._pieces: list[_Piece] = []
@@ -130,9 +129,7 @@ def _states(states: ArrayLike) -> tuple[FloatArray, bool]:
     given = np.asarray(states, dtype=np.float64)
     columns = given.shape[1] if given.ndim == 2 else 0
     if columns not in (2, 3) or len(given) < 4 - columns:
-        raise EstimationError(f"states: shape {given.shape} given, allowed: (n, 3), n >= 1, or (n, 2), n >= 2")
-    if not np.isfinite(given).all():
-        raise EstimationError("states: a value that is not finite given, allowed: finite numbers")
+        raise EstimationError(f"states: expected shape (n, 3), n >= 1, or (n, 2), n >= 2, got {given.shape}")
     if columns == 3:
         return se2.configurations(given, name="states"), True
     moves = np.diff(given, axis=0)

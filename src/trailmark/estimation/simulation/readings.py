@@ -9,11 +9,12 @@ an EKF update.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trailmark.checked import Count, Numbers, PositiveOrInfinite, RandomState, checked, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.sensors import RangeBearing
 from trailmark.se2 import FloatArray, configurations
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
 __all__ = ["RefinedPoint", "RefinedPoints", "refine_point", "refine_points", "sense_obstacles"]
 
 BoolArray = NDArray[np.bool_]
-RandomState = int | np.random.Generator | None
+Readings = Annotated[ArrayLike, shaped(None, 2, minimum=1)]
+ReadingsOfMany = Annotated[ArrayLike, shaped(None, None, 2)]
 
 OUTLINE = 1e-3
 """Metres: how far a disc's outline, as a polygon, may reach beyond the disc."""
@@ -52,7 +54,8 @@ class RefinedPoints(NamedTuple):
     """Shape (b, 2, 2), square metres."""
 
 
-def refine_point(readings: ArrayLike, poses: ArrayLike, sensor: RangeBearing) -> RefinedPoint:
+@checked_arguments(EstimationError)
+def refine_point(readings: Readings, poses: Numbers, sensor: RangeBearing) -> RefinedPoint:
     """Return a static point feature from its readings, by filterpy's ``ExtendedKalmanFilter``.
 
     Args:
@@ -65,8 +68,8 @@ def refine_point(readings: ArrayLike, poses: ArrayLike, sensor: RangeBearing) ->
     """
     from filterpy.kalman import ExtendedKalmanFilter
 
-    z, x = _checked(np.asarray(readings, dtype=np.float64)[None], poses)
-    z, x = z[0], x[0]
+    z = np.asarray(readings)
+    x = _poses_of(poses, (len(z),))
     first = sensor.inverse(x[0], z[0])
     ekf = ExtendedKalmanFilter(dim_x=2, dim_z=2)
     ekf.x = first.feature
@@ -82,7 +85,8 @@ def refine_point(readings: ArrayLike, poses: ArrayLike, sensor: RangeBearing) ->
     return RefinedPoint(ekf.x, 0.5 * (ekf.P + ekf.P.T))
 
 
-def refine_points(readings: ArrayLike, poses: ArrayLike, sensor: RangeBearing) -> RefinedPoints:
+@checked_arguments(EstimationError)
+def refine_points(readings: ReadingsOfMany, poses: Numbers, sensor: RangeBearing) -> RefinedPoints:
     """Return many static point features, each from its own readings: :func:`refine_point` for all at once.
 
     Args:
@@ -93,7 +97,8 @@ def refine_points(readings: ArrayLike, poses: ArrayLike, sensor: RangeBearing) -
     Raises:
         EstimationError: other shapes, or values that are not finite.
     """
-    z, x = _checked(np.asarray(readings, dtype=np.float64), poses)
+    z = np.asarray(readings)
+    x = _poses_of(poses, z.shape[:2])
     first = sensor.inverse(x[:, 0], z[:, 0])
     point = first.feature
     P = first.G_z @ sensor.noise(x[:, 0], point) @ _transposed(first.G_z)
@@ -107,14 +112,15 @@ def refine_points(readings: ArrayLike, poses: ArrayLike, sensor: RangeBearing) -
     return RefinedPoints(point, 0.5 * (P + _transposed(P)))
 
 
+@checked_arguments(EstimationError)
 def sense_obstacles(
     world: World,
-    poses: ArrayLike | int,
+    poses: Numbers,
     sensor: RangeBearing,
     *,
-    points_per_obstacle: int = 24,
-    readings_per_point: int = 8,
-    max_range: float = math.inf,
+    points_per_obstacle: Count = 24,
+    readings_per_point: Count = 8,
+    max_range: PositiveOrInfinite = math.inf,
     random_state: RandomState = None,
 ) -> list[FloatArray]:
     """Return the refined readings of each obstacle, an array of shape (r, 2) per obstacle of the world.
@@ -140,15 +146,10 @@ def sense_obstacles(
     Raises:
         EstimationError: a count below 1, a range that is not positive, no free region to draw poses from.
     """
-    for name, count in (("points_per_obstacle", points_per_obstacle), ("readings_per_point", readings_per_point)):
-        if count < 1:
-            raise EstimationError(f"{name}: {count} given, allowed: 1 or more")
-    if not max_range > 0.0:
-        raise EstimationError(f"max_range: {max_range} given, allowed: above 0")
     rng = np.random.default_rng(random_state)
     blockers = _Blockers(world)
-    if isinstance(poses, int | np.integer):
-        x = blockers.free_poses(int(poses), rng)
+    if np.ndim(poses) == 0:
+        x = blockers.free_poses(checked(poses, Count, "sense_obstacles: poses", EstimationError), rng)
     else:
         x = np.atleast_2d(configurations(poses, name="poses"))
     refined = []
@@ -184,8 +185,6 @@ class _Blockers:
         """Return ``count`` poses, shape (count, 3), uniform in the free region."""
         import shapely
 
-        if count < 1:
-            raise EstimationError(f"poses: {count} given, allowed: 1 or more, or an array of poses")
         if not self._free.area > 0.0:
             raise EstimationError("poses: the world has no free region to draw them from")
         parts = shapely.get_parts(shapely.constrained_delaunay_triangles(self._free))
@@ -227,20 +226,13 @@ def _outline_points(region: shapely.Polygon, count: int, rng: np.random.Generato
     return np.concatenate([spread, extreme])
 
 
-def _checked(readings: FloatArray, poses: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return readings (b, m, 2) and poses (b, m, 3)."""
-    x = np.asarray(poses, dtype=np.float64)
-    if readings.ndim != 3 or readings.shape[-1] != 2 or readings.shape[1] < 1:
-        raise EstimationError(f"readings: shape {readings.shape[1:]} given, allowed: (m, 2), m >= 1, per point")
+def _poses_of(poses: Numbers, shape: tuple[int, ...]) -> FloatArray:
+    """Return poses, shape (*shape, 3): one for each reading."""
     try:
-        x = np.broadcast_to(x, (*readings.shape[:2], 3))
+        return np.broadcast_to(np.asarray(poses), (*shape, 3))
     except ValueError:
-        raise EstimationError(
-            f"poses: shape {x.shape} given for readings {readings.shape[:2]}, allowed: one x, y, theta each"
-        ) from None
-    if not (np.isfinite(readings).all() and np.isfinite(x).all()):
-        raise EstimationError("readings, poses: a value that is not finite given, allowed: finite numbers")
-    return readings, x
+        given = np.shape(poses)
+        raise EstimationError(f"poses: expected one x, y, theta for each of {shape} readings, got {given}") from None
 
 
 def _transposed(matrices: FloatArray) -> FloatArray:

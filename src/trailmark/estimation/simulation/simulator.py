@@ -12,8 +12,9 @@ import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from trailmark.checked import Numbers, Positive, RandomState, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record
@@ -21,15 +22,12 @@ from trailmark.estimation.simulation.driving import Drive
 from trailmark.estimation.simulation.raycast import RayCaster
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.se2 import FloatArray, compose, wrap
-from trailmark.shapes import Disc
 from trailmark.world import World
 
 if TYPE_CHECKING:
     import shapely
 
-__all__ = ["Detector", "Scanner", "Simulation", "simulate"]
-
-RandomState = int | np.random.Generator | None
+__all__ = ["Simulation", "simulate"]
 
 _INSTANT = 1e-9
 """Seconds: what lies closer together happens at once."""
@@ -50,16 +48,17 @@ class Simulation(NamedTuple):
     """Shape (n, 4), rows t, x, y, theta: one for each time of the log, seconds from 0."""
 
 
+@checked_arguments(EstimationError)
 def simulate(
     world: World,
-    states: ArrayLike,
+    states: Numbers,
     motion: Unicycle | PoseIncrement,
     *,
     detector: Detector | None = None,
     scanner: Scanner | None = None,
-    speed: float = 1.0,
-    turn_rate: float = 1.0,
-    period: float = 0.1,
+    speed: Positive = 1.0,
+    turn_rate: Positive = 1.0,
+    period: Positive = 0.1,
     name: str | None = None,
     random_state: RandomState = None,
 ) -> Simulation:
@@ -89,14 +88,12 @@ def simulate(
     Raises:
         EstimationError: values out of range, or a path that leaves the world or leads into an obstacle.
     """
-    if not 0.0 < period < math.inf:
-        raise EstimationError(f"period: {period!r} given, allowed: seconds above 0")
     drive = Drive(states, speed, turn_rate, holonomic=isinstance(motion, PoseIncrement))
     end = float(drive.times[-1])
     sweeps = [_ticks(end, sensor.period) if sensor else np.empty(0) for sensor in (detector, scanner)]
     times = _merged([drive.times, _ticks(end, period), *sweeps])
     poses = drive.poses(times)
-    _check_free(world, poses[:, :2], "states: the way", joined=True)
+    _check_free(world, poses[:, :2], "states: the path", joined=True)
     odometry_rng, detector_rng, scanner_rng = np.random.default_rng(random_state).spawn(3)
     records: list[tuple[float, int, Record]]
     if isinstance(motion, PoseIncrement):
@@ -115,7 +112,7 @@ def simulate(
     if scanner is not None:
         caster = RayCaster(world, bounds=scanner.bounds)
         own = compose(poses[_places(times, sweeps[1])], np.array(scanner.mount))
-        _check_free(world, own[:, :2], "states: the scanner's way", joined=False)
+        _check_free(world, own[:, :2], "states: the scanner's path", joined=False)
         for i in _places(times, sweeps[1]):
             scan = scanner.sweep(float(times[i]), poses[i], caster, scanner_rng)
             records.append((scan.t, _SCAN, scan))
@@ -167,23 +164,21 @@ def _places(times: FloatArray, some: FloatArray) -> NDArray[np.intp]:
 
 
 def _check_free(world: World, xy: FloatArray, what: str, *, joined: bool) -> None:
-    """Raise if points (n, 2), or the way that joins them, leave the world or lead into an obstacle."""
+    """Raise if points (n, 2), or the line that joins them, leave the world or lead into an obstacle."""
     import shapely
 
-    way = shapely.LineString(xy) if joined and np.ptp(xy, axis=0).any() else shapely.MultiPoint(xy)
+    path = shapely.LineString(xy) if joined and np.ptp(xy, axis=0).any() else shapely.MultiPoint(xy)
     xmin, ymin, xmax, ymax = world.bounds
     inside = [shapely.box(xmin - _TOUCH, ymin - _TOUCH, xmax + _TOUCH, ymax + _TOUCH)]
     if world.boundary is not None:
         inside.append(shapely.buffer(world.boundary.shapely(), _TOUCH))
     for region, edge in zip(inside, ("bounds", "boundary"), strict=False):
-        if not region.covers(way):
-            raise EstimationError(f"{what} leaves the world's {edge} near {_first_point(way.difference(region))}")
+        if not region.covers(path):
+            raise EstimationError(f"{what} leaves the world's {edge} near {_first_point(path.difference(region))}")
     for i, obstacle in enumerate(world.obstacles):
         # A disc's polygon holds the disc; less than its tolerance is taken off of it again.
-        region = (
-            obstacle.polygon(0.5 * _TOUCH).shapely() if isinstance(obstacle, Disc) else obstacle.polygon().shapely()
-        )
-        met = way.intersection(shapely.buffer(region, -_TOUCH, join_style="mitre"))
+        region = obstacle.polygon(0.5 * _TOUCH).shapely()
+        met = path.intersection(shapely.buffer(region, -_TOUCH, join_style="mitre"))
         if not met.is_empty:
             raise EstimationError(f"{what} leads through obstacles[{i}] near {_first_point(met)}, allowed: around it")
 

@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from trailmark.checked import (
+    Count,
+    Finite,
+    NonNegative,
+    Positive,
+    PositiveOrInfinite,
+    Rule,
+    Share,
+    checked_fields,
+)
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.sensors import RangeBearing
 from trailmark.estimation.logs.records import Detection, Scan
@@ -16,6 +27,8 @@ from trailmark.shapes import Disc
 from trailmark.world import World
 
 __all__ = ["Detector", "Scanner"]
+
+Angle = Annotated[float, Rule("radians above 0, at most a full turn", lambda v: 0.0 < v <= 2.0 * math.pi)]
 
 
 @dataclass(frozen=True)
@@ -41,22 +54,16 @@ class Detector:
     """
 
     model: RangeBearing
-    max_range: float = 10.0
-    field_of_view: float = 2.0 * math.pi
-    period: float = 0.5
+    max_range: Positive = 10.0
+    field_of_view: Angle = 2.0 * math.pi
+    period: Positive = 0.5
     identities: bool = True
-    max_radius: float = math.inf
-    detection_rate: float = 1.0
-    false_alarms: float = 0.0
+    max_radius: PositiveOrInfinite = math.inf
+    detection_rate: Share = 1.0
+    false_alarms: NonNegative = 0.0
 
     def __post_init__(self) -> None:
-        _check(self, "max_range", 0.0, math.inf, above=True)
-        _check(self, "field_of_view", 0.0, 2.0 * math.pi, above=True)
-        _check(self, "period", 0.0, math.inf, above=True)
-        _check(self, "detection_rate", 0.0, 1.0)
-        _check(self, "false_alarms", 0.0, math.inf)
-        if not self.max_radius > 0.0:
-            raise EstimationError(f"Detector: max_radius {self.max_radius!r} given, allowed: above 0")
+        checked_fields(self, EstimationError)
 
     def features(self, world: World) -> FloatArray:
         """Return the discs that it can read, shape (k, 4), rows index, x, y, radius."""
@@ -119,24 +126,17 @@ class Scanner:
         EstimationError: a value out of range.
     """
 
-    beams: int = 181
-    field_of_view: float = math.pi
-    max_range: float = 10.0
-    sigma: float = 0.01
-    period: float = 0.5
-    drop_out: float = 0.0
-    mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    beams: Count = 181
+    field_of_view: Angle = math.pi
+    max_range: Positive = 10.0
+    sigma: NonNegative = 0.01
+    period: Positive = 0.5
+    drop_out: Share = 0.0
+    mount: tuple[Finite, Finite, Finite] = (0.0, 0.0, 0.0)
     bounds: bool = True
 
     def __post_init__(self) -> None:
-        _check(self, "beams", 1, math.inf)
-        _check(self, "field_of_view", 0.0, 2.0 * math.pi, above=True)
-        _check(self, "max_range", 0.0, math.inf, above=True)
-        _check(self, "sigma", 0.0, math.inf)
-        _check(self, "period", 0.0, math.inf, above=True)
-        _check(self, "drop_out", 0.0, 1.0)
-        if len(self.mount) != 3 or not all(map(math.isfinite, self.mount)):
-            raise EstimationError(f"Scanner: mount {self.mount!r} given, allowed: three numbers x, y, theta")
+        checked_fields(self, EstimationError)
 
     @property
     def angle_increment(self) -> float:
@@ -169,12 +169,3 @@ class Scanner:
 def _reading(z: FloatArray) -> FloatArray:
     """Return range and bearing as a sensor gives them: no range below 0."""
     return np.array([max(z[0], 0.0), wrap(z[1])])
-
-
-def _check(sensor: object, name: str, low: float, high: float, above: bool = False) -> None:
-    value = getattr(sensor, name)
-    fits = isinstance(value, int | float) and low <= value <= high and math.isfinite(value)
-    if not fits or (above and value == low):
-        bounds = f"above {low:g}" if above else f"{low:g} or more"
-        most = "" if high == math.inf else f", at most {high:g}"
-        raise EstimationError(f"{type(sensor).__name__}: {name} {value!r} given, allowed: a number {bounds}{most}")

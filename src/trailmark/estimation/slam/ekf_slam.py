@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
@@ -10,6 +11,8 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.arguments import brief, real
+from trailmark.checked import checked_arguments
 from trailmark.errors import did_you_mean
 from trailmark.estimation.errors import EstimationError, RecordError
 from trailmark.estimation.filter.ekf import Mode, SlamFilter
@@ -55,6 +58,7 @@ class EkfSlam:
         pose_covariance: of the poses in "mapping", shape (3, 3); None for poses that are certain.
     """
 
+    @checked_arguments(EstimationError)
     def __init__(
         self,
         sensors: Mapping[str, SensorModel],
@@ -87,6 +91,7 @@ class EkfSlam:
         self._updates: list[Update] = []
         self._assignments: list[Assignment] = []
 
+    @checked_arguments(EstimationError)
     def add_landmark(
         self, feature: ArrayLike, P: ArrayLike | None = None, *, identity: int | None = None, kind: str = "point"
     ) -> int:
@@ -101,6 +106,8 @@ class EkfSlam:
         Raises:
             RecordError: a late record (where they are not skipped), or one of a kind that no model was given for.
         """
+        if not isinstance(records, Iterable):
+            raise EstimationError(f"run: expected records, got {brief(records)}")
         for record in records:
             self.process(record)
         self.finish()
@@ -112,6 +119,8 @@ class EkfSlam:
         Raises:
             RecordError: as for :meth:`run`.
         """
+        if not isinstance(record, Record) or math.isnan(real(record.t)):
+            raise RecordError(f"expected a record with its time, got {brief(record)}")
         self.counts.records += 1
         if isinstance(record, Pose) and (record.truth or self.filter.mode != "mapping"):
             self.counts.not_estimated_from += 1
@@ -186,8 +195,7 @@ class EkfSlam:
     def _advance(self, t: float) -> None:
         """Predict up to a time, by the odometry that holds."""
         if self._odometry is not None and self._velocity_model is not None and self.filter.mode != "mapping":
-            u = np.array([self._odometry.v, self._odometry.omega, t - self.time])
-            self.filter.predict(self._velocity_model, u)
+            self.filter.predict(self._velocity_model, (self._odometry.v, self._odometry.omega, t - self.time))
             self.time = t
             self._remember()
         self.time = t
@@ -210,7 +218,7 @@ class EkfSlam:
             self.counts.repeated += 1
             return
         self._increment = record
-        self.filter.predict(self._increment_model, np.array(record[1:4]), record.covariance)
+        self.filter.predict(self._increment_model, record[1:4], record.covariance)
         self._remember()
 
     def _scan(self, record: Scan) -> None:
@@ -226,11 +234,13 @@ class EkfSlam:
         """Let detections wait for the others of their instant."""
         for detection in detections:
             self.counts.detections += 1
-            if detection.kind not in self._sensors:
+            if not isinstance(detection.kind, str) or detection.kind not in self._sensors:
                 raise RecordError(
-                    f"Detection of kind {detection.kind!r} at {detection.t:.6f} s given without a sensor model, "
-                    f"{did_you_mean(detection.kind, self._sensors)}"
+                    f"Detection of kind {brief(detection.kind)} at {detection.t:.6f} s given without a sensor model, "
+                    f"{did_you_mean(str(detection.kind), self._sensors)}"
                 )
+            if not isinstance(detection.identity, int | np.integer | None):
+                raise RecordError(f"identity: expected a whole number or None, got {brief(detection.identity)}")
             if any(repeats(detection, other) for other in self._waiting):
                 self.counts.repeated += 1
             else:

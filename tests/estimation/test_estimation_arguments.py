@@ -1,0 +1,259 @@
+"""Wrong arguments to the public names of trailmark.estimation are told in one line of trailmark's own."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.test_arguments import WRONG
+
+from trailmark import Disc, Polygon, Robot, TrailmarkError, World, estimation
+from trailmark.estimation import (
+    Cartesian,
+    Detection,
+    Detector,
+    EkfSlam,
+    EstimationError,
+    Increment,
+    LinePolar,
+    Log,
+    MappingSettings,
+    MapSettings,
+    Odometry,
+    Pose,
+    PoseIncrement,
+    RangeBearing,
+    Scan,
+    Scanner,
+    ScanSettings,
+    SlamFilter,
+    SlamSettings,
+    Unicycle,
+)
+from trailmark.world import ObstacleEstimate
+
+WORLD = World("room", (0.0, 0.0, 6.0, 4.0), (Disc((3.0, 2.0), 0.5),), Robot.disc(0.2))
+ESTIMATE = ObstacleEstimate(Disc((3.0, 2.0), 0.5), 0.01 * np.eye(2))
+GROWN = estimation.grown_world([ESTIMATE], WORLD.bounds, 0.9, robot=WORLD.robot)
+MOTION, SENSOR = Unicycle(0.01, 0.01), RangeBearing(0.05, 0.02)
+SCANS = tuple(Scan(float(t), np.full(31, 2.0), -1.0, 2.0 / 30.0, 5.0) for t in range(3))
+LOG = Log("room", (Pose(0.0, 1.0, 1.0, 0.0), *SCANS, Odometry(3.0, 1.0, 0.0)), np.empty((0, 3)))
+PATH = [[1.0, 1.0, 0.0], [5.0, 1.0, 0.0]]
+READ = {"format": None, "skip_bad": False, "robot": None, "corrected": None, "scan_topic": None, "odometry_topic": None}
+DRIVE = {"detector": None, "scanner": None, "speed": 1.0, "turn_rate": 1.0, "period": 0.5, "name": None}
+SENSE = {"points_per_obstacle": 4, "readings_per_point": 2, "max_range": 9.0, "random_state": 0}
+PLAIN = {"name": "map", "robot": WORLD.robot, "boundary": None, "queries": (), "fixed": (), "weights": None}
+
+
+def filled() -> SlamFilter:
+    ekf = SlamFilter()
+    for z in ((2.0, 0.5), (3.0, -0.5)):
+        ekf.add_feature(z, SENSOR)
+    return ekf
+
+
+def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
+    """Return the public ways in, each with arguments that are right."""
+    file.write_text('{"trailmark_log": 1}\n{"type": "odometry", "t": 0.0, "v": 1.0, "omega": 0.0}\n')
+    mapping = SlamFilter(mode="mapping")
+    return {
+        "load_log": (estimation.load_log, {"path": file} | READ),
+        "save_log": (estimation.save_log, {"log": LOG, "path": file.with_name("new.jsonl")}),
+        "map_log": (
+            estimation.map_log,
+            {"log": LOG, "settings": None, "robot": None, "confidence": None, "on_progress": None},
+        ),
+        "map_scans": (
+            estimation.map_scans,
+            {"log": SCANS, "poses": "auto", "settings": None, "robot": None, "confidence": None, "on_progress": None},
+        ),
+        "simulate": (
+            estimation.simulate,
+            {"world": WORLD, "states": PATH, "motion": MOTION, **DRIVE, "random_state": 0},
+        ),
+        "sense_obstacles": (
+            estimation.sense_obstacles,
+            {"world": WORLD, "poses": 4, "sensor": SENSOR, **SENSE},
+        ),
+        "refine_point": (estimation.refine_point, {"readings": [[2.0, 0.5]], "poses": PATH[0], "sensor": SENSOR}),
+        "refine_points": (estimation.refine_points, {"readings": [[[2.0, 0.5]]], "poses": PATH[0], "sensor": SENSOR}),
+        "disc_estimates": (
+            estimation.disc_estimates,
+            {"points": [[1.0, 1.0]], "covariances": [np.eye(2)], "radius": 1.0, "radius_sigma": 0.1},
+        ),
+        "hull_estimate": (
+            estimation.hull_estimate,
+            {"readings": PATH_XY, "covariance": np.eye(2), "ratio": 1.0},
+        ),
+        "plain_box": (estimation.plain_box, {"readings": PATH_XY}),
+        "wall_estimate": (
+            estimation.wall_estimate,
+            {
+                "line": (1.0, 0.0),
+                "covariance": np.eye(2),
+                "span": (0.0, 1.0),
+                "thickness": 0.1,
+                "along_sigma": 0.1,
+                "end_sigma": 0.1,
+            },
+        ),
+        "grow": (
+            estimation.grow,
+            {"estimate": ESTIMATE, "confidence": 0.9, "pose_covariance": None, "reach": 0.0, "sides": 16},
+        ),
+        "grown_world": (
+            estimation.grown_world,
+            {"estimates": [ESTIMATE], "bounds": WORLD.bounds, "confidence": 0.9, **PLAIN, "pose_covariance": None},
+        ),
+        "regrow": (
+            estimation.regrow,
+            {"world": GROWN, "confidence": 0.9, "weights": None, "pose_covariance": None},
+        ),
+        "spend_risk": (
+            estimation.spend_risk,
+            {"world": GROWN, "plan": lambda _: (np.array(PATH), 4.0), "rounds": 1, "rate": 0.5},
+        ),
+        "SlamFilter": (
+            SlamFilter,
+            {"pose": PATH[0], "P": np.eye(3), "mode": "slam", "error": "invariant", "iterations": 1},
+        ),
+        "predict": (
+            lambda **given: filled().predict(**given),
+            {"motion": MOTION, "u": (1.0, 0.1, 0.1), "Q": np.eye(2)},
+        ),
+        "set_pose": (mapping.set_pose, {"pose": PATH[0], "P": np.eye(3)}),
+        "predict_readings": (lambda **given: filled().predict_readings(**given), {"sensor": SENSOR, "ids": None}),
+        "innovation": (
+            lambda **given: filled().innovation(**given),
+            {"z": (2.0, 0.5), "sensor": SENSOR, "feature_id": 0, "R": None},
+        ),
+        "update": (
+            lambda **given: filled().update(**given),
+            {"z": (2.0, 0.5), "sensor": SENSOR, "feature_id": 0, "R": None},
+        ),
+        "update_batch": (
+            lambda **given: filled().update_batch(**given),
+            {"z": [(2.0, 0.5)], "sensor": SENSOR, "ids": [0], "R": None},
+        ),
+        "add_feature": (lambda **given: filled().add_feature(**given), {"z": (2.0, 0.5), "sensor": SENSOR, "R": None}),
+        "add_known_feature": (
+            lambda **given: filled().add_known_feature(**given),
+            {"feature": (2.0, 0.5), "P": np.eye(2), "kind": "point"},
+        ),
+        "remove_feature": (lambda **given: filled().remove_feature(**given), {"feature_id": 0}),
+        "merge_features": (lambda **given: filled().merge_features(**given), {"keep": 0, "drop": 1}),
+        "feature": (filled().feature, {"feature_id": 0}),
+        "feature_covariance": (filled().feature_covariance, {"feature_id": 0}),
+        "kind": (filled().kind, {"feature_id": 0}),
+        "EkfSlam": (
+            EkfSlam,
+            {
+                "sensors": {"range-bearing": SENSOR},
+                "velocity": MOTION,
+                "increment": None,
+                "find": None,
+                "settings": None,
+                "start": PATH[0],
+                "P": None,
+                "mode": "slam",
+                "pose_covariance": None,
+            },
+        ),
+        "add_landmark": (
+            lambda **given: slam().add_landmark(**given),
+            {"feature": (1.0, 1.0), "P": None, "identity": 3, "kind": "point"},
+        ),
+        "run": (lambda **given: slam().run(**given), {"records": LOG.records}),
+        "process": (lambda **given: slam().process(**given), {"record": LOG.records[-1]}),
+        "Odometry": (lambda **given: slam().run([Odometry(**given)] * 2), {"t": 0.0, "v": 1.0, "omega": 0.1}),
+        "Increment": (
+            lambda **given: slam().run([Increment(**given)]),
+            {"t": 0.0, "dx": 1.0, "dy": 0.1, "dtheta": 0.1, "covariance": None},
+        ),
+        "Detection": (
+            lambda **given: slam().run([Detection(**given)]),
+            {"t": 0.0, "z": (1.0, 1.0), "kind": "range-bearing", "identity": 3, "covariance": None},
+        ),
+        "SlamSettings": (
+            SlamSettings,
+            {"association": "known", "gate": 0.9, "margin": 1.0, "confirm": 2, "late": "skip"},
+        ),
+        "ScanSettings": (ScanSettings, {"groups": "jump", "split": 0.1, "disc_radii": (0.1, 0.2), "min_points": 6}),
+        "MappingSettings": (MappingSettings, {"pose_sigma": (0.1, 0.1), "cell": 0.1, "shapes": "hulls", "crumbs": 2}),
+        "MapSettings": (
+            MapSettings,
+            {"slam": SlamSettings(), "radius": 1.0, "start": None, "stated_motion_noise": True},
+        ),
+        "Unicycle": (Unicycle, {"sigma_v": 0.1, "sigma_omega": 0.1, "alpha": (0.0, 0.0, 0.0, 0.0), "period": None}),
+        "PoseIncrement": (PoseIncrement, {"sigma_x": 0.1, "sigma_y": 0.1, "sigma_theta": 0.1, "growth": (0, 0, 0)}),
+        "RangeBearing": (RangeBearing, {"sigma_range": 0.1, "sigma_bearing": 0.1, "growth": 0.1}),
+        "Cartesian": (Cartesian, {"sigma_x": 0.1, "sigma_y": 0.1}),
+        "LinePolar": (LinePolar, {"sigma_rho": 0.1, "sigma_alpha": 0.1}),
+        "Detector": (Detector, {"model": SENSOR, "max_range": 1.0, "identities": True, "detection_rate": 0.5}),
+        "Scanner": (Scanner, {"beams": 3, "field_of_view": 1.0, "mount": (0, 0, 0), "bounds": True, "drop_out": 0.1}),
+    }
+
+
+PATH_XY = [[1.0, 1.0], [2.0, 1.0], [2.0, 2.0]]
+
+
+def slam() -> EkfSlam:
+    return EkfSlam({"range-bearing": SENSOR}, velocity=MOTION, increment=PoseIncrement(0.1, 0.1, 0.1))
+
+
+NAMES = list(entries(Path(os.devnull)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_raw_comes_out(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # some of the wrong arguments are paths that can be written
+    call, right = entries(tmp_path / "log.jsonl")[name]
+    call(**right)
+    messages: list[str] = []
+    for argument in right:
+        for wrong in WRONG:
+            try:
+                call(**(right | {argument: wrong}))
+            except TrailmarkError as error:
+                messages.append(str(error))
+            except Exception as error:
+                raise AssertionError(f"{name}({argument}={wrong!r})") from error
+    assert len(messages) > 5 * len(right)
+    assert [line for line in messages if "\n" in line or len(line) > 500] == []
+
+
+def test_all_public_callables_are_tried() -> None:
+    values = {"EstimationError", "RecordError", "Innovation", "Prediction", "MapFeature", "MappedLog", "ScanMap"}
+    values |= {"MotionModel", "SensorModel", "Pose", "Scan", "Log", "RefinedPoint", "Simulation", "SlamResult"}
+    assert set(estimation.__all__) - set(NAMES) == values - {"MapFeature"}
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "said"),
+    [
+        (
+            "simulate",
+            {"random_state": 1.5},
+            "simulate: random_state: expected a whole number of 0 or more or .*, got 1.5",
+        ),
+        ("simulate", {"period": "1"}, "simulate: period: expected a finite number above 0, got '1'"),
+        ("grow", {"confidence": float("nan")}, "grow: confidence: expected a number above 0 and below 1, got nan"),
+        ("grown_world", {"fixed": [1]}, "grown_world: fixed: expected a sequence of Disc or Rectangle or Polygon, got"),
+        ("map_log", {"log": "drive.jsonl"}, "map_log: log: expected Log, got 'drive.jsonl'"),
+        ("update", {"z": ("1", "2")}, "readings: .* is not an array of numbers"),
+        ("predict", {"motion": SENSOR}, "predict: motion: expected MotionModel, got RangeBearing"),
+    ],
+)
+def test_messages(name: str, wrong: dict[str, Any], said: str, tmp_path: Path) -> None:
+    call, right = entries(tmp_path / "log.jsonl")[name]
+    with pytest.raises(EstimationError, match=said):
+        call(**(right | wrong))
+
+
+def test_a_boundary_is_a_polygon() -> None:
+    square = Polygon(np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 4.0], [0.0, 4.0]]))
+    assert estimation.grown_world([ESTIMATE], WORLD.bounds, 0.9, boundary=square).boundary == square
