@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from trailmark.estimation.errors import EstimationError as EstimationError
     from trailmark.estimation.errors import RecordError as RecordError
     from trailmark.estimation.filter.ekf import SlamFilter as SlamFilter
-    from trailmark.estimation.filter.innovation import Innovation as Innovation
-    from trailmark.estimation.filter.innovation import Prediction as Prediction
+    from trailmark.estimation.filter.gain import Innovation as Innovation
+    from trailmark.estimation.filter.gain import Prediction as Prediction
     from trailmark.estimation.filter.motion import MotionModel as MotionModel
     from trailmark.estimation.filter.motion import PoseIncrement as PoseIncrement
     from trailmark.estimation.filter.motion import Unicycle as Unicycle
@@ -59,7 +59,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "errors": "EstimationError RecordError",
     "filter.ekf": "SlamFilter",
-    "filter.innovation": "Innovation Prediction",
+    "filter.gain": "Innovation Prediction",
     "filter.motion": "MotionModel PoseIncrement Unicycle",
     "filter.sensor_model": "SensorModel",
     "filter.sensors": "Cartesian LinePolar RangeBearing",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from trailmark.estimation.logs.transforms import Transforms, matrix
+from trailmark.estimation.logs.rosbag import Transforms, matrix
 
 
 def test_a_chain_and_a_branch() -> None:

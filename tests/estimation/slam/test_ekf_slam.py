@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -342,7 +343,7 @@ def test_nothing_to_process() -> None:
     assert result.features == ()
     assert np.isnan(result.seconds_per_update)
     assert result.nis().size == 0
-    assert set(result.counts.as_dict().values()) == {0}
+    assert set(asdict(result.counts).values()) == {0}
 
 
 @pytest.mark.parametrize(

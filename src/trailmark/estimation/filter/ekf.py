@@ -21,10 +21,8 @@ from trailmark.arguments import number_array
 from trailmark.checked import Count, checked, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter import invariance
-from trailmark.estimation.filter.correction import Gain, correct_part, gain_of
 from trailmark.estimation.filter.covariance import checked_covariance, subtract_square
-from trailmark.estimation.filter.innovation import Innovation, Prediction
-from trailmark.estimation.filter.jacobian import SparseJacobian
+from trailmark.estimation.filter.gain import Gain, Innovation, Prediction, SparseJacobian, correct_part, gain_of
 from trailmark.estimation.filter.motion import MotionModel
 from trailmark.estimation.filter.sensor_model import SensorModel
 from trailmark.estimation.filter.state import Mode, SlamState, checked_pose

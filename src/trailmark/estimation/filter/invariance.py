@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.filter.covariance import subtract_square
-from trailmark.estimation.filter.jacobian import SparseJacobian
+from trailmark.estimation.filter.gain import SparseJacobian
 from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["carried", "correct_covariance", "moved", "turned"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import asdict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,7 +64,7 @@ class MappedLog(NamedTuple):
             "association": self.association,
             "features": self._features(),
             "nis": self._nis(),
-            "counts": None if self.slam is None else self.slam.counts.as_dict(),
+            "counts": None if self.slam is None else asdict(self.slam.counts),
             "obstacles": self._obstacles(),
             "bounds": list(self.world.bounds),
             "trajectory": {

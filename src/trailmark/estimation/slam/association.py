@@ -9,29 +9,22 @@ either, and is ignored: a wrong feature, or one feature as two, harms a filter m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
-from trailmark.estimation.filter.innovation import Prediction
+from trailmark.estimation.filter.ekf import SlamFilter
+from trailmark.estimation.filter.gain import Prediction
 from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.logs.records import Detection
+from trailmark.estimation.slam.slam_result import Counts
+from trailmark.estimation.slam.slam_settings import SlamSettings
 from trailmark.se2 import FloatArray
 
-__all__ = [
-    "IGNORED",
-    "NEW",
-    "Compatibility",
-    "JointAssociation",
-    "clear",
-    "compatibility",
-    "distinct",
-    "joint_compatibility",
-    "nearest",
-]
+__all__ = ["IGNORED", "NEW", "Associator", "clear", "compatibility", "distinct", "joint_compatibility", "nearest"]
 
 NEW = -1
 """Stands for a feature not seen before."""
@@ -178,23 +171,109 @@ def joint_compatibility(
         node_limit: how many sets to look at; the number grows exponentially where many features are close together.
     """
     r, k, m = compatible.y.shape
-    search = _Search(
-        compatible,
-        joint,
-        [np.flatnonzero(row <= gate)[np.argsort(row[row <= gate], kind="stable")].tolist() for row in compatible.d2],
-        np.concatenate([[0.0], chi_square_quantile(probability, m * np.arange(1, r + 1))]),
-        node_limit,
-    )
-    search.extend(_Set((), np.zeros((0, 0)), np.zeros(0), 0.0), 0)
+    rows = compatible.d2
+    candidates = [np.flatnonzero(row <= gate)[np.argsort(row[row <= gate], kind="stable")].tolist() for row in rows]
+    limits = np.concatenate([[0.0], chi_square_quantile(probability, m * np.arange(1, r + 1))])
+    best, nodes = _Pairs((), np.zeros((0, 0)), np.zeros(0), 0.0), 0
+
+    def may_win(found: _Pairs, i: int) -> bool:
+        """Whether more pairs than the best set has, or as many with a smaller d², can still come of it."""
+        possible = len(found.pairs) + sum(1 for row in candidates[i:] if row)
+        return possible > len(best.pairs) or (possible == len(best.pairs) and found.d2 < best.d2)
+
+    def extend(found: _Pairs, i: int) -> None:
+        """Try all ways to go on with readings i, i + 1 and so on."""
+        nonlocal best, nodes
+        if i == r:
+            best = found if may_win(found, i) else best
+            return
+        taken = {j for _, j in found.pairs}
+        for j in candidates[i]:
+            if j in taken:
+                continue
+            nodes += 1
+            if nodes > node_limit:
+                break
+            more = _extended(found, i, j, compatible, joint)
+            if more.d2 <= limits[len(more.pairs)] and may_win(more, i + 1):
+                extend(more, i + 1)
+        if may_win(found, i + 1):
+            extend(found, i + 1)
+
+    extend(best, 0)
     assigned = np.full(r, NEW, dtype=np.intp)
     if k:
-        assigned[compatible.d2.min(axis=1) <= new_gate] = IGNORED
-    for i, j in search.best.pairs:
+        assigned[rows.min(axis=1) <= new_gate] = IGNORED
+    for i, j in best.pairs:
         assigned[i] = j
-    return JointAssociation(assigned, search.best.d2, search.nodes <= node_limit)
+    return JointAssociation(assigned, best.d2, nodes <= node_limit)
 
 
-class _Set(NamedTuple):
+class Associator:
+    """Assigns detections to a filter's features, and counts what it leaves out.
+
+    Args:
+        ekf: the filter; it is only read.
+        settings: by identity, nearest neighbour or joint compatibility, and the gates.
+        counts: where detections that are left out are counted.
+    """
+
+    def __init__(self, ekf: SlamFilter, settings: SlamSettings, counts: Counts) -> None:
+        self._filter, self._settings, self._counts = ekf, settings, counts
+
+    def assign(self, sensor: SensorModel, detections: Sequence[Detection], ids: Mapping[int, int]) -> list[int]:
+        """Return the feature's id of each detection, or NEW or IGNORED.
+
+        Args:
+            sensor: what read them.
+            detections: of one instant and one kind; they are of distinct features.
+            ids: the features of known identity.
+        """
+        if self._settings.association == "known":
+            return [self._known(sensor, detection, ids) for detection in detections]
+        settings = self._settings
+        prediction = self._filter.predict_readings(sensor)
+        gate, new_gate = chi_square_quantile([settings.gate, settings.new_gate], sensor.reading_dim)
+        z, stated = [detection.z for detection in detections], [detection.covariance for detection in detections]
+        fit = compatibility(z, prediction, sensor, stated)
+        if settings.association == "nearest":
+            assigned = nearest(fit.d2, gate, new_gate)
+        else:
+            # Features that no reading comes near have no part in it, and would make it slow.
+            near = np.flatnonzero((fit.d2 <= new_gate).any(axis=0))
+            prediction, fit = prediction.select(near), fit.select(near)
+            joint = self._filter.joint_covariance(prediction)
+            found = joint_compatibility(fit, joint, gate, new_gate, probability=settings.gate)
+            assigned = found.assigned
+            self._counts.cut_short += not found.complete
+        if settings.margin > 0.0:
+            assigned = clear(assigned, fit.d2, settings.margin)
+        if settings.distinct:
+            assigned = distinct(assigned, fit.d2, new_gate)
+        self._counts.ambiguous += int(np.count_nonzero(assigned == IGNORED))
+        return [prediction.ids[j] if j >= 0 else int(j) for j in assigned]
+
+    def _known(self, sensor: SensorModel, detection: Detection, ids: Mapping[int, int]) -> int:
+        if detection.identity is None:
+            self._counts.unidentified += 1
+            return IGNORED
+        feature = ids.get(detection.identity, NEW)
+        if feature != NEW and self._settings.outlier_gate is not None:
+            innovation = self._filter.innovation(detection.z, sensor, feature, detection.covariance)
+            if innovation.nis > chi_square_quantile(self._settings.outlier_gate, innovation.dof):
+                self._counts.outliers += 1
+                return IGNORED
+        return feature
+
+
+def repeats(a: Detection, b: Detection) -> bool:
+    """Return whether two detections of one instant are one: of the same feature by name, or the same reading."""
+    if a.kind != b.kind or a.identity != b.identity:
+        return False
+    return a.identity is not None or np.array_equal(a.z, b.z)
+
+
+class _Pairs(NamedTuple):
     """Pairs, with L⁻¹ of their joint S = L Lᵀ and L⁻¹ y, which grow by rows as pairs are added."""
 
     pairs: tuple[tuple[int, int], ...]
@@ -203,54 +282,18 @@ class _Set(NamedTuple):
     d2: float
 
 
-@dataclass
-class _Search:
-    compatible: Compatibility
-    joint: FloatArray
-    candidates: list[list[int]]
-    limits: FloatArray
-    node_limit: int
-    nodes: int = 0
-    best: _Set = field(default_factory=lambda: _Set((), np.zeros((0, 0)), np.zeros(0), 0.0))
-
-    def extend(self, pairs: _Set, i: int) -> None:
-        """Try all ways to go on with readings i, i + 1 and so on."""
-        best, found = self.best, len(pairs.pairs)
-        if i == len(self.candidates):
-            if found > len(best.pairs) or (found == len(best.pairs) and pairs.d2 < best.d2):
-                self.best = pairs
-            return
-        taken = {j for _, j in pairs.pairs}
-        for j in self.candidates[i]:
-            if j in taken:
-                continue
-            self.nodes += 1
-            if self.nodes > self.node_limit:
-                break
-            more = self._with(pairs, i, j)
-            if more.d2 <= self.limits[found + 1] and self._may_win(more, i + 1):
-                self.extend(more, i + 1)
-        if self._may_win(pairs, i + 1):
-            self.extend(pairs, i + 1)
-
-    def _may_win(self, pairs: _Set, i: int) -> bool:
-        """Whether more pairs than the best set has, or as many with a smaller d², can still come of it."""
-        most = len(pairs.pairs) + sum(1 for row in self.candidates[i:] if row)
-        return most > len(self.best.pairs) or (most == len(self.best.pairs) and pairs.d2 < self.best.d2)
-
-    def _with(self, pairs: _Set, i: int, j: int) -> _Set:
-        """Return the set with reading i as one of feature j, too."""
-        y, R, _ = self.compatible
-        m, size = y.shape[2], len(pairs.scaled)
-        others = [other for _, other in pairs.pairs]
-        cross = self.joint[j][:, others].reshape(m, size)
-        # Cholesky by blocks: S = [S₁, Cᵀ; C, S₂], L = [L₁, 0; C L₁⁻ᵀ, L₂].
-        C = cross @ pairs.L_inverse.T
-        corner = np.linalg.inv(np.linalg.cholesky(self.joint[j, :, j] + R[i, j] - C @ C.T))
-        tail = corner @ (y[i, j] - C @ pairs.scaled)
-        L_inverse = np.zeros((size + m, size + m))
-        L_inverse[:size, :size], L_inverse[size:, size:] = pairs.L_inverse, corner
-        L_inverse[size:, :size] = -corner @ C @ pairs.L_inverse
-        return _Set(
-            (*pairs.pairs, (i, j)), L_inverse, np.concatenate([pairs.scaled, tail]), pairs.d2 + float(tail @ tail)
-        )
+def _extended(found: _Pairs, i: int, j: int, compatible: Compatibility, joint: FloatArray) -> _Pairs:
+    """Return the pairs with reading i as one of feature j, too."""
+    y, R, _ = compatible
+    m, size = y.shape[2], len(found.scaled)
+    others = [other for _, other in found.pairs]
+    cross = joint[j][:, others].reshape(m, size)
+    # Cholesky by blocks: S = [S₁, Cᵀ; C, S₂], L = [L₁, 0; C L₁⁻ᵀ, L₂].
+    C = cross @ found.L_inverse.T
+    corner = np.linalg.inv(np.linalg.cholesky(joint[j, :, j] + R[i, j] - C @ C.T))
+    tail = corner @ (y[i, j] - C @ found.scaled)
+    L_inverse = np.zeros((size + m, size + m))
+    L_inverse[:size, :size], L_inverse[size:, size:] = found.L_inverse, corner
+    L_inverse[size:, :size] = -corner @ C @ found.L_inverse
+    scaled = np.concatenate([found.scaled, tail])
+    return _Pairs((*found.pairs, (i, j)), L_inverse, scaled, found.d2 + float(tail @ tail))

@@ -19,8 +19,7 @@ from trailmark.estimation.filter.ekf import Mode, SlamFilter
 from trailmark.estimation.filter.motion import MotionModel
 from trailmark.estimation.filter.sensor_model import SensorModel
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
-from trailmark.estimation.slam.association import NEW
-from trailmark.estimation.slam.associator import Associator, repeats
+from trailmark.estimation.slam.association import NEW, Associator, repeats
 from trailmark.estimation.slam.feature_histories import FeatureHistories
 from trailmark.estimation.slam.field_of_view import FieldOfView
 from trailmark.estimation.slam.slam_result import Assignment, Counts, MapFeature, SlamResult, Update

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -45,10 +45,6 @@ class Counts:
     """Features that turned out to be another one."""
     cut_short: int = 0
     """Joint associations whose search was cut short."""
-
-    def as_dict(self) -> dict[str, int]:
-        """Return the counts by name."""
-        return asdict(self)
 
 
 class Update(NamedTuple):

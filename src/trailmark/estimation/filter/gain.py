@@ -1,19 +1,82 @@
-# ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P, H, S, W, L, K
-"""The Kalman gain of readings, and what it corrects where pose or map are given."""
+# ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P, A, H, S, W, L, K
+"""What a filter expects of readings, how far they lie from it, and what they correct: prediction, innovation, gain."""
 
 from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.covariance import subtract_square
-from trailmark.estimation.filter.innovation import Innovation
-from trailmark.estimation.filter.jacobian import SparseJacobian
 from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["Gain", "correct_part", "gain_of"]
+__all__ = ["Gain", "Innovation", "Prediction", "SparseJacobian", "correct_part", "gain_of"]
+
+
+class Innovation(NamedTuple):
+    """How far readings lie from what was expected of them."""
+
+    y: FloatArray
+    """z − ẑ, shape (m,); of several readings one after the other."""
+    S: FloatArray
+    """Its covariance, H P Hᵀ + V R Vᵀ, shape (m, m)."""
+    nis: float
+    """yᵀ S⁻¹ y: the normalised innovation squared, of chi-square distribution with m degrees of freedom."""
+
+    @property
+    def dof(self) -> int:
+        """m, the degrees of freedom of the NIS."""
+        return len(self.y)
+
+
+class Prediction(NamedTuple):
+    """What a sensor should read of k features."""
+
+    ids: tuple[int, ...]
+    """Which features, k of them."""
+    z_hat: FloatArray
+    """ẑ, shape (k, m)."""
+    H_pose: FloatArray
+    """∂ẑ/∂pose, shape (k, m, 3)."""
+    H_feature: FloatArray
+    """∂ẑ/∂feature, shape (k, m, d)."""
+    R: FloatArray
+    """V R Vᵀ, the sensor's noise, shape (k, m, m)."""
+    S: FloatArray
+    """H P Hᵀ + V R Vᵀ of each feature by itself, shape (k, m, m)."""
+
+    def select(self, which: NDArray[np.intp]) -> Prediction:
+        """Return the prediction of some of the features only, by their numbers in this one, shape (j,)."""
+        rest = (array[which] for array in self[1:])
+        return Prediction(tuple(self.ids[j] for j in which), *rest)
+
+
+class SparseJacobian(NamedTuple):
+    """H of k readings, each of which depends on the pose and on one feature: m rows and 3 + d columns each."""
+
+    pose: FloatArray
+    """∂ẑ/∂pose, shape (k, m, 3)."""
+    feature: FloatArray
+    """∂ẑ/∂feature, shape (k, m, d)."""
+    at: NDArray[np.intp]
+    """Where the features' numbers stand in the state, shape (k, d)."""
+
+    def times(self, A: FloatArray) -> FloatArray:
+        """Return H A, shape (k·m, c), for A of shape (n, c); O(k c).
+
+        P Hᵀ is the transpose of H P, since P is symmetric: rows of P are read, which lie together in memory.
+        """
+        k, m, _ = self.pose.shape
+        product = (self.feature @ A[self.at]).reshape(k * m, A.shape[1])
+        product += self.pose.reshape(k * m, 3) @ A[:3]
+        return np.asarray(product)
+
+    def times_vector(self, step: FloatArray) -> FloatArray:
+        """Return H δ, shape (k·m,), for δ of shape (n,)."""
+        ahead = self.pose @ step[:3] + (self.feature @ step[self.at][..., None])[..., 0]
+        return np.asarray(ahead.reshape(-1))
 
 
 class Gain(NamedTuple):
