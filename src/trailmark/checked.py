@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
-from functools import lru_cache, wraps
+from functools import lru_cache, partial, wraps
 from inspect import signature
 from types import NoneType, UnionType
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, ParamSpec, TypeVar, Union, get_args, get_origin
@@ -96,7 +95,7 @@ def checked(value: Any, hint: Any, name: str, error: type[TrailmarkError]) -> An
         error: what is raised.
     """
     try:
-        return _matched(value, hint)
+        return _matcher(hint)(value)
     except _Mismatch:
         words = [word for kind in _alternatives(hint) if get_origin(kind) is Literal for word in get_args(kind)]
         if words and isinstance(value, str):
@@ -136,55 +135,74 @@ def _hints(owner: Any) -> dict[str, Any]:
     return {name: hint for name, hint in hints.items() if name != "return" and get_origin(hint) is not ClassVar}
 
 
-def _matched(value: Any, hint: Any) -> Any:
-    """Return the value as the kind that the annotation names, or raise _Mismatch."""
+@lru_cache(maxsize=1024)
+def _matcher(hint: Any) -> Callable[[Any], Any]:
+    """Return what gives a value as the kind that an annotation names, or raises _Mismatch."""
     origin, args = get_origin(hint), get_args(hint)
-    if len(kinds := _alternatives(hint)) > 1:
-        for kind in kinds:
-            with suppress(_Mismatch):
-                return _matched(value, kind)
-        raise _Mismatch
+    if hint in _PLAIN:
+        return _PLAIN[hint]
+    if origin in (Union, UnionType):
+        return partial(_first_match, [_matcher(kind) for kind in args])
     if origin is Annotated:
-        found = _matched(value, np.ndarray if args[0] == ArrayLike else args[0])
-        return _require(found, bool(args[1].holds(found)))
+        inner, holds = _as_numbers if args[0] == ArrayLike else _matcher(args[0]), args[1].holds
+        return lambda value: _require(found := inner(value), holds(found))
     if origin is Literal:
-        return _require(value, isinstance(value, str) and value in args)
+        return lambda value: _require(value, isinstance(value, str) and value in args)
     if origin in (tuple, Sequence):
-        return _matched_sequence(value, args, any_length=origin is Sequence or args[-1] is Ellipsis)
+        any_length = origin is Sequence or args[-1] is Ellipsis
+        return partial(_as_tuple, [_matcher(kind) for kind in args if kind is not Ellipsis], any_length)
     if origin is Mapping:
-        return _require(value, isinstance(value, Mapping) and all(_fits(item, args[1]) for item in value.values()))
+        of_value = _matcher(args[1])
+        return lambda value: {key: of_value(v) for key, v in _require(value, isinstance(value, Mapping)).items()}
     if origin is Callable:
-        return _require(value, callable(value))
-    if hint in (float, int):
-        found = real(value)
-        if hint is float:
-            return _require(found, not math.isnan(found))
-        return int(_require(value, math.isfinite(found) and found == int(found)))
-    if hint is np.ndarray:
+        return lambda value: _require(value, callable(value))
+    kind = list if origin is list else hint
+    return lambda value: _require(value, not isinstance(kind, type) or isinstance(value, kind))
+
+
+def _first_match(matchers: list[Callable[[Any], Any]], value: Any) -> Any:
+    for matcher in matchers:
         try:
-            return number_array(value, "")
-        except TrailmarkError:
-            raise _Mismatch from None
-    if hint is bool:
-        return bool(_require(value, isinstance(value, bool | np.bool_)))
-    return _require(value, hint is Any or not isinstance(hint, type) or isinstance(value, hint))
+            return matcher(value)
+        except _Mismatch:
+            pass
+    raise _Mismatch
 
 
-def _matched_sequence(value: Any, args: tuple[Any, ...], *, any_length: bool) -> tuple[Any, ...]:
+def _as_float(value: Any) -> float:
+    found = value if type(value) is float else real(value)
+    return float(_require(found, found == found))
+
+
+def _as_int(value: Any) -> int:
+    found = real(value)
+    return int(_require(value, math.isfinite(found) and found == int(found)))
+
+
+def _as_numbers(value: Any) -> Any:
+    try:
+        return number_array(value, "")
+    except TrailmarkError:
+        raise _Mismatch from None
+
+
+def _as_tuple(matchers: list[Callable[[Any], Any]], any_length: bool, value: Any) -> tuple[Any, ...]:
     try:
         items = () if np.ma.is_masked(value) else tuple(value)
     except TypeError:
         raise _Mismatch from None
-    hints = (args[0],) * len(items) if any_length else args
-    _require(value, not isinstance(value, str | bytes | dict | set) and len(items) == len(hints))
-    return tuple(_matched(item, hint) for item, hint in zip(items, hints, strict=True))
+    if any_length:
+        matchers = matchers * len(items)
+    _require(value, not isinstance(value, str | bytes | dict | set) and len(items) == len(matchers))
+    return tuple(matcher(item) for matcher, item in zip(matchers, items, strict=True))
 
 
-def _fits(value: Any, hint: Any) -> bool:
-    with suppress(_Mismatch):
-        _matched(value, hint)
-        return True
-    return False
+_PLAIN: dict[Any, Callable[[Any], Any]] = {
+    float: _as_float,
+    int: _as_int,
+    bool: lambda value: bool(_require(value, isinstance(value, bool | np.bool_))),
+    Any: lambda value: value,
+}
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:

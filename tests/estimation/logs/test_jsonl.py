@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from hypothesis import strategies as st
 from trailmark.errors import FormatError, OutputError
 from trailmark.estimation.logs import load_log, save_log
 from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
-from trailmark.estimation.logs.schema import log_json_schema
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 lengths = st.floats(0.0, allow_nan=False, allow_infinity=False)
@@ -99,16 +97,16 @@ SCAN = '"angle_min": 0, "angle_increment": 1, "range_max": 9'
 @pytest.mark.parametrize(
     ("line", "problem"),
     [
-        ("{", "not valid JSON: EOF while parsing an object at line 1 column 1"),
+        ("{", "not valid JSON: Expecting property name"),
         (GOOD[:-9], "not valid JSON"),
-        ("[1]", "[1] given, allowed: a JSON object"),
+        ("[1]", "expected a JSON object, got [1]"),
         ("{}", "type None given, allowed: detection, increment, landmark, odometry, pose, scan"),
         ('{"type": "odometri"}', "type 'odometri' given, did you mean 'odometry'? allowed"),
-        ('{"type": "odometry", "t": NaN, "v": 1, "omega": 2}', "odometry: t nan given, allowed: a finite number"),
-        ('{"type": "odometry", "t": true, "v": 1, "omega": 2}', "odometry: t True given, allowed: a finite number"),
-        ('{"type": "odometry", "t": "1", "v": 1, "omega": 2}', "odometry: t '1' given, allowed: a finite number"),
-        ('{"type": "odometry", "t": 1, "v": 1e999, "omega": 2}', "odometry: v inf given, allowed: a finite number"),
-        ('{"type": "odometry", "t": 1, "v": 1}', "odometry: no field 'omega' given, allowed: a finite number"),
+        ('{"type": "odometry", "t": NaN, "v": 1, "omega": 2}', "odometry: t: expected a finite number, got nan"),
+        ('{"type": "odometry", "t": true, "v": 1, "omega": 2}', "odometry: t: expected a finite number, got True"),
+        ('{"type": "odometry", "t": "1", "v": 1, "omega": 2}', "odometry: t: expected a finite number, got '1'"),
+        ('{"type": "odometry", "t": 1, "v": 1e999, "omega": 2}', "odometry: v: expected a finite number, got inf"),
+        ('{"type": "odometry", "t": 1, "v": 1}', "odometry: no field 'omega' given"),
         ('{"type": "odometry", "t": 1, "v": 1, "omga": 2}', "unknown field 'omga' given, did you mean 'omega'?"),
         (
             '{"type": "odometry", "t": 0.5, "v": 1, "omega": 2}',
@@ -116,41 +114,44 @@ SCAN = '"angle_min": 0, "angle_increment": 1, "range_max": 9'
         ),
         (
             '{"type": "scan", "t": 1, "ranges": [1, -1], ' + SCAN + "}",
-            "scan: ranges[1] -1 given, allowed: a list of numb",
+            "scan: ranges: expected a list of numbers of 0 or more, ",
         ),
         (
             '{"type": "scan", "t": 1, "ranges": [1, "nan"], ' + SCAN + "}",
-            "scan: ranges[1] 'nan' given, allowed: a list",
+            "scan: ranges: expected a list of numbers of 0 or more, ",
         ),
         (
             '{"type": "scan", "t": 1, "ranges": 3, ' + SCAN + "}",
-            "scan: ranges 3 given, allowed: a list of numbers of 0",
+            "scan: ranges: expected a list of numbers of 0 or more, ",
         ),
-        ('{"type": "scan", "t": 1, "ranges": [], ' + SCAN.replace("9", "0") + "}", "scan: range_max 0 given, allowed"),
-        ('{"type": "detection", "t": 1, "z": [1]}', "detection: z [1] given, allowed: two finite numbers"),
-        ('{"type": "detection", "t": 1, "z": [-1, 2]}', "detection: range -1 given, allowed: 0 or more"),
+        (
+            '{"type": "scan", "t": 1, "ranges": [], ' + SCAN.replace("9", "0") + "}",
+            "scan: range_max: expected a finite",
+        ),
+        ('{"type": "detection", "t": 1, "z": [1]}', "detection: z: expected finite numbers of shape (2,), got [1]"),
+        ('{"type": "detection", "t": 1, "z": [-1, 2]}', "detection: range: expected 0 or more, got -1"),
         (
             '{"type": "detection", "t": 1, "z": [1, 2], "kind": "polar"}',
-            "kind 'polar' given, allowed: range-bearing, car",
+            "kind 'polar' given, allowed: cartesian, range-bearing",
         ),
-        ('{"type": "detection", "t": 1, "z": [1, 2], "identity": 1.5}', "identity 1.5 given, allowed: a whole number"),
+        ('{"type": "detection", "t": 1, "z": [1, 2], "identity": 1.5}', "identity: expected a whole number, got 1.5"),
         (
             '{"type": "detection", "t": 1, "z": [1, 2], "covariance": [[1, 0]]}',
-            "covariance [[1, 0]] given, allowed: two",
+            "covariance: expected 2 rows of 2 finite numbers, symmetric and not negative, got [[1, 0]]",
         ),
         (
             '{"type": "detection", "t": 1, "z": [1, 2], "covariance": [[1, 2], [3, 4]]}',
-            "allowed: symmetric, not negativ",
+            "symmetric and not negative, got [[",
         ),
         (
             '{"type": "detection", "t": 1, "z": [1, 2], "covariance": [[1, 2], [2, 1]]}',
-            "allowed: symmetric, not negativ",
+            "symmetric and not negative, got [[",
         ),
-        ('{"type": "pose", "t": 1, "x": 1, "y": 2, "theta": null}', "pose: theta None given, allowed: a finite number"),
-        ('{"type": "pose", "t": 1, "x": 1, "y": 2, "theta": 0, "truth": 1}', "truth 1 given, allowed: true or false"),
+        ('{"type": "pose", "t": 1, "x": 1, "y": 2, "theta": null}', "pose: theta: expected a finite number, got None"),
+        ('{"type": "pose", "t": 1, "x": 1, "y": 2, "theta": 0, "truth": 1}', "truth: expected True or False, got 1"),
         (
             '{"type": "landmark", "identity": 1.5, "x": 0, "y": 0}',
-            "landmark: identity 1.5 given, allowed: a whole number",
+            "landmark: identity: expected a whole number, got 1.5",
         ),
     ],
 )
@@ -168,10 +169,10 @@ def test_bad_lines(tmp_path: Path, line: str, problem: str) -> None:
 @pytest.mark.parametrize(
     ("line", "problem"),
     [
-        ('{"trailmark_log": 2}', "header: trailmark_log 2 given, allowed: 1 (the schema version)"),
-        ('{"trailmark_log": true}', "header: trailmark_log True given, allowed: 1 (the schema version)"),
+        ('{"trailmark_log": 2}', "header: trailmark_log: expected 1 (the schema version), got 2"),
+        ('{"trailmark_log": true}', "header: trailmark_log: expected 1 (the schema version), got True"),
         ('{"trailmark_log": 1, "nam": "a"}', "header: unknown field 'nam' given, did you mean 'name'?"),
-        ('{"name": "a"}', "header: no field 'trailmark_log' given, allowed: 1 (the schema version)"),
+        ('{"name": "a"}', "header: no field 'trailmark_log' given"),
         (GOOD, "header: unknown field"),
         ("{", "not valid JSON"),
     ],
@@ -222,9 +223,3 @@ def test_what_could_not_be_read_is_not_written(tmp_path: Path, record: Record) -
 def test_nowhere_to_write(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
         save_log(Log("a", (Odometry(0.0, 0.0, 0.0),), np.empty((0, 3))), tmp_path / "no" / "a.jsonl")
-
-
-def test_the_schema_names_all_records() -> None:
-    schema = json.loads(json.dumps(log_json_schema()))
-    kinds = {part["properties"]["type"]["const"] for part in schema["$defs"].values() if "type" in part["properties"]}
-    assert kinds == {"odometry", "increment", "detection", "scan", "pose", "landmark"}

@@ -1,13 +1,15 @@
 """Sensor logs: readers that turn the files of others into records, and a format of trailmark's own to write too.
 
-A log's format is told by its content. Only what a file needs is imported for it.
+A log's format is found by its content. Only what a file needs is imported for it.
 """
 
 from __future__ import annotations
 
 import re
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path as FilePath
+from typing import Any
 
 from trailmark.checked import checked_arguments
 from trailmark.errors import FormatError, OutputError, did_you_mean
@@ -46,9 +48,9 @@ def load_log(
     Text logs may be gzipped. The readers' modules say what each makes of its files.
 
     Args:
-        path: the file, or the folder of an MRCLAM log or a ROS 2 bag. Which robot of an MRCLAM folder is told by
-            ``robot``, by ``FOLDER:N``, or by naming one of its files, such as ``FOLDER/Robot3_Odometry.dat``.
-        format: one of FORMATS; told by the content if left out.
+        path: the file, or the folder of an MRCLAM log or a ROS 2 bag. Which robot of an MRCLAM folder is given
+            by ``robot``, by ``FOLDER:N``, or by naming one of its files, such as ``FOLDER/Robot3_Odometry.dat``.
+        format: one of FORMATS; found by the content if left out.
         skip_bad: leave out bad records and count them in ``Log.dropped``, in place of raising for the first.
         robot: the number of an MRCLAM robot.
         corrected: whether a CARMEN log's scans have poses that a SLAM program corrected; told by the content if left
@@ -72,27 +74,14 @@ def load_log(
         raise FormatError(file, f"cannot be read: {error.strerror}") from None
     if format in (None, "mrclam"):
         file, robot = _robot(file, robot)
-    kind = _told_by_content(file) if format is None else format
-    if kind == "jsonl":
-        from trailmark.estimation.logs.jsonl import read_jsonl
-
-        log = read_jsonl(file, bad)
-    elif kind == "mrclam":
-        from trailmark.estimation.logs.mrclam import read_mrclam
-
-        log = read_mrclam(file, bad, robot)
-    elif kind == "carmen":
-        from trailmark.estimation.logs.carmen import read_carmen
-
-        log = read_carmen(file, bad, corrected)
-    elif kind == "victoria":
-        from trailmark.estimation.logs.victoria import read_victoria
-
-        log = read_victoria(file, bad)
-    else:
-        from trailmark.estimation.logs.rosbag import read_rosbag
-
-        log = read_rosbag(file, bad, scan_topic, odometry_topic)
+    kind = _format_of(file) if format is None else format
+    options: dict[str, tuple[Any, ...]] = {
+        "mrclam": (robot,),
+        "carmen": (corrected,),
+        "rosbag": (scan_topic, odometry_topic),
+    }
+    reader = import_module(f"trailmark.estimation.logs.{kind}")
+    log: Log = getattr(reader, f"read_{kind}")(file, bad, *options.get(kind, ()))
     if not log.records:
         left_out = f" ({bad.dropped} bad ones left out)" if bad.dropped else ""
         raise FormatError(file, f"no records given{left_out}, allowed: a log of one record or more")
@@ -114,7 +103,7 @@ def save_log(log: Log, path: str | FilePath) -> None:
     file = FilePath(path)
     if file.is_file():
         with suppress(FormatError):  # no log at all
-            kind = _told_by_content(file)
+            kind = _format_of(file)
             if kind != "jsonl":
                 raise OutputError(f"{file}: a log of the format {kind} is there, allowed: a new file, or JSON Lines")
     write_jsonl(file, log)
@@ -139,7 +128,7 @@ def _robot(path: FilePath, robot: int | None) -> tuple[FilePath, int | None]:
     return path, robot
 
 
-def _told_by_content(path: FilePath) -> str:
+def _format_of(path: FilePath) -> str:
     """Return the format of a file or folder.
 
     Raises:

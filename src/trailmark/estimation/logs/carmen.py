@@ -120,7 +120,7 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
         if base is None:
             records.append(Pose(t, *pose))
         elif not (gmapping and beams):
-            records.append(_increment(t, base, pose))
+            records.append(Increment.between(t, base, pose))
         base = pose
         if beams:
             # Where laser and odometry keep their distance, their poses are corrected together.
@@ -247,9 +247,3 @@ def _mount(pairs: list[tuple[_Triple, _Triple]]) -> _Triple | None:
     off = np.abs(mounts - middle)
     off[:, 2] = np.minimum(off[:, 2], 2.0 * np.pi - off[:, 2])
     return _triple([float(v) for v in middle.round(6) + 0.0]) if off.max() < _MOUNTED else None
-
-
-def _increment(t: float, a: _Triple, b: _Triple) -> Increment:
-    """Return the motion from pose a to pose b, in a's frame."""
-    cos, sin, dx, dy = math.cos(a[2]), math.sin(a[2]), b[0] - a[0], b[1] - a[1]
-    return Increment(t, cos * dx + sin * dy, cos * dy - sin * dx, math.remainder(b[2] - a[2], 2.0 * math.pi))

@@ -16,8 +16,7 @@ The first line is the header, records follow in the order of time, landmarks sta
 
 Metres, radians, seconds; the meaning of the fields is that of :mod:`trailmark.estimation.logs.records`. What is
 optional may be left out or null. Times may repeat but not go back. Numbers are written with all their digits, so that
-reading gives back what was written. :func:`trailmark.estimation.logs.schema.log_json_schema` gives the JSON Schema of
-a line.
+reading gives back what was written.
 """
 
 from __future__ import annotations
@@ -31,7 +30,9 @@ from typing import Any
 import numpy as np
 
 from trailmark.errors import FormatError, OutputError
+from trailmark.estimation.errors import RecordError
 from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
+from trailmark.estimation.logs.schema import Landmark, parse, parse_header
 from trailmark.estimation.logs.source import BadRecords, name_of, read_lines
 from trailmark.formats.files import write_atomically
 from trailmark.se2 import FloatArray
@@ -50,12 +51,10 @@ def read_jsonl(path: Path, bad: BadRecords) -> Log:
     Raises:
         FormatError: the file cannot be read, its first line is not the header, or a bad line.
     """
-    from trailmark.estimation.logs.schema import Landmark, header, parse
-
     lines = read_lines(path, bad)
     try:
-        name = header(lines[0] if lines else "").name
-    except ValueError as error:
+        name = parse_header(lines[0] if lines else "").name
+    except RecordError as error:
         raise FormatError(path, str(error), 1) from None
     records: list[Record] = []
     landmarks: list[tuple[float, float, float]] = []
@@ -65,14 +64,13 @@ def read_jsonl(path: Path, bad: BadRecords) -> Log:
             continue
         try:
             found = parse(line)
-        except ValueError as error:
+        except RecordError as error:
             bad.report(path, str(error), number)
             continue
         if isinstance(found, Landmark):
             landmarks.append((found.identity, found.x, found.y))
         elif found.t < latest:
-            back = f"time {found.t!r} given after {latest!r}, allowed: times that do not go back"
-            bad.report(path, back, number)
+            bad.report_late(path, found.t, latest, number)
         else:
             latest = found.t
             records.append(found)
@@ -89,8 +87,6 @@ def write_jsonl(path: Path, log: Log) -> None:
         OutputError: the path cannot be written, or a record is none that could be read back: values that are not
             finite, times that go back.
     """
-    from trailmark.estimation.logs.schema import parse
-
     lines = [json.dumps({"trailmark_log": 1, "name": log.name}, ensure_ascii=False)]
     lines += (
         json.dumps({"type": "landmark", "identity": int(identity), "x": x, "y": y})
@@ -102,7 +98,7 @@ def write_jsonl(path: Path, log: Log) -> None:
         line = encode(_data(record))
         try:
             parse(line)  # what cannot be read back is not written
-        except ValueError as error:
+        except RecordError as error:
             raise OutputError(f"{path}: cannot be written: records[{i}]: {error}") from None
         if record.t < latest:
             raise OutputError(f"{path}: cannot be written: records[{i}]: time {record.t!r} given after {latest!r}")

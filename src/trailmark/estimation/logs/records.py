@@ -6,6 +6,7 @@ sensor's noise, where the log states them; None leaves them to the model's setti
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -47,6 +48,12 @@ class Increment(NamedTuple):
     dy: float
     dtheta: float
     covariance: FloatArray | None = None
+
+    @classmethod
+    def between(cls, t: float, a: tuple[float, float, float], b: tuple[float, float, float]) -> Increment:
+        """Return the motion that leads from pose a to pose b by the time t."""
+        cos, sin, dx, dy = math.cos(a[2]), math.sin(a[2]), b[0] - a[0], b[1] - a[1]
+        return cls(t, cos * dx + sin * dy, cos * dy - sin * dx, math.remainder(b[2] - a[2], 2.0 * math.pi))
 
 
 class Detection(NamedTuple):

@@ -92,7 +92,7 @@ def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None,
             bad.report(path, f"{name}: pose given that is not finite or has no heading, allowed: finite numbers")
             continue
         frame = message.child_frame_id or frame
-        records.append(Pose(t, *pose) if before is None else _increment(t, before, pose))
+        records.append(Pose(t, *pose) if before is None else Increment.between(t, before, pose))
         before = pose
     mounts: dict[str, tuple[tuple[float, float, float], bool]] = {}
     notes: list[str] = []
@@ -139,7 +139,7 @@ def _messages(path: Path, reader: AnyReader, connections: list[Connection], bad:
         stamp = data.header.stamp
         t = stamp.sec + 1e-9 * stamp.nanosec if stamp.sec or stamp.nanosec else 1e-9 * received
         if t < latest:
-            bad.report(path, f"{name}: time {t!r} given after {latest!r}, allowed: times that do not go back")
+            bad.report_late(path, t, latest, name=f"{name}: ")
             continue
         latest = t
         yield _Message(name, t, data)
@@ -153,12 +153,6 @@ def _pose(pose: Any) -> tuple[float, float, float] | None:
     if not all(map(math.isfinite, values)) or sin == cos == 0.0:
         return None
     return pose.position.x, pose.position.y, math.atan2(sin, cos)
-
-
-def _increment(t: float, a: tuple[float, float, float], b: tuple[float, float, float]) -> Increment:
-    """Return the motion from pose a to pose b, in a's frame."""
-    cos, sin, dx, dy = math.cos(a[2]), math.sin(a[2]), b[0] - a[0], b[1] - a[1]
-    return Increment(t, cos * dx + sin * dy, cos * dy - sin * dx, math.remainder(b[2] - a[2], 2.0 * math.pi))
 
 
 def _bad_geometry(message: Any) -> str:

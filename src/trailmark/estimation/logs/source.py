@@ -57,6 +57,10 @@ class BadRecords:
             raise FormatError(path, f"{problem} (skip-bad leaves it out)", line)
         self.dropped += count
 
+    def report_late(self, path: Path, t: float, latest: float, line: int | None = None, name: str = "") -> None:
+        """Count a record whose time goes back, or raise for the first of them; ``name`` begins the message."""
+        self.report(path, f"{name}time {t!r} given after {latest!r}, allowed: times that do not go back", line)
+
 
 class Table(NamedTuple):
     """Rows of numbers and where they stood."""

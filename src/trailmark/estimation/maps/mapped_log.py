@@ -92,14 +92,8 @@ class MappedLog(NamedTuple):
         nis = None if self.slam is None else self.slam.nis()
         if nis is None or nis.size == 0:
             return None
-        return {
-            "mean": nis.mean,
-            "expected": nis.expected,
-            "low": nis.low,
-            "high": nis.high,
-            "inside": nis.inside,
-            "updates": nis.size,
-        }
+        names = ("mean", "expected", "low", "high", "inside")
+        return {**{name: getattr(nis, name) for name in names}, "updates": nis.size}
 
     def _obstacles(self) -> dict[str, int]:
         """Return how many obstacles there are of each kind, by what they are the estimates of."""
