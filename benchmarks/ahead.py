@@ -169,6 +169,8 @@ def main() -> int:
         _require_same_source(options.output)
         _run_stages(given, options)
     if "report" in options.stage:
+        if not options.no_write:
+            _require_same_source(options.output)
         publish(Results(options.output, given), write=not options.no_write)
     return 0
 

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from benchmarks.ahead_problems import Case
 from benchmarks.ahead_results import COST_LIMIT, FIRST_LIMIT, LANDMARK, Results
 from benchmarks.ahead_targets import CERTIFIED, NATIVE, PYTHON, SOON
+from benchmarks.machine import describe_machine
 
 __all__ = ["draw"]
 
@@ -59,7 +60,7 @@ def draw(results: Results) -> bytes:
     else:
         _draw_costs(right, results, compared)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=120)
+    figure.savefig(buffer, format="png", dpi=120, metadata={"Description": describe_machine()})
     return buffer.getvalue()
 
 

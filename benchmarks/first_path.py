@@ -146,9 +146,10 @@ def _write(rows: list[dict[str, Any]], options: argparse.Namespace) -> None:
     ]
     table_text = markdown_table(["figure", "value", "wanted"], table)
     what = f"{len(problems)} problems, {options.seeds} seeds, soonest of {options.repeats}, limit {options.limit:g} s."
-    text = f"# First paths, before and now\n\n{what}\n\n{table_text}\n\n{describe_machine()}\n"
+    machine = describe_machine()
+    text = f"# First paths, before and now\n\n{what}\n\n{table_text}\n\n{machine}\n"
     (RESULTS / "first_path.md").write_text(text)
-    (RESULTS / "first_path.json").write_text(json.dumps(rows, indent=1) + "\n")
+    (RESULTS / "first_path.json").write_text(json.dumps({"machine": machine, "rows": rows}, indent=1) + "\n")
     print("\n" + text)
 
 

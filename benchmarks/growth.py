@@ -229,7 +229,7 @@ def draw(record: dict[str, Any]) -> bytes:
         axes.legend(handles=handles, fontsize=8, loc="upper left", title="fitted exponent of n log n", title_fontsize=8)
         axes.grid(alpha=0.3)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=130)
+    figure.savefig(buffer, format="png", dpi=130, metadata={"Description": describe_machine()})
     return buffer.getvalue()
 
 

@@ -1,13 +1,14 @@
-"""What the benchmarks write beside their figures: the machine, the versions, and tables."""
+"""What the benchmarks write beside their figures: the machine, the versions, the code, and tables."""
 
 from __future__ import annotations
 
-import os
 import platform
 from collections.abc import Sequence
 from datetime import date
 from importlib.metadata import version
-from pathlib import Path
+
+from benchmarks.age import describe_code
+from trailmark.benchmark.environment import cpu_name
 
 __all__ = ["describe_machine", "markdown_table"]
 
@@ -15,16 +16,9 @@ PACKAGES = ("trailmark", "numpy", "scipy", "scikit-learn", "numba", "python-fcl"
 
 
 def describe_machine() -> str:
-    """Return one line: date, processor, cores, Python, and the versions of what does the work."""
-    cpu = platform.processor() or platform.machine()
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        names = [
-            line.split(":", 1)[1].strip() for line in info.read_text().splitlines() if line.startswith("model name")
-        ]
-        cpu = names[0] if names else cpu
+    """Return one line: date, processor, cores, Python, the versions of what does the work, and of which code."""
     packages = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
-    return f"{date.today()}, {cpu}, {os.cpu_count()} cores, Python {platform.python_version()}, {packages}"
+    return f"{date.today()}, {cpu_name()}, Python {platform.python_version()}, {packages}; {describe_code()}"
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

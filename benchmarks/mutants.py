@@ -34,6 +34,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.age import describe_code
 from benchmarks.mutant_cases import Case, cases
 
 __all__ = ["Mutant", "main", "mutants_of", "table"]
@@ -319,7 +320,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--table", type=Path, nargs="+", help="print the table of these results instead")
     options = parser.parse_args(arguments)
     if options.table:
-        print(table(_rows(options.table)))
+        rows = _rows(options.table)
+        print(table(rows), *sorted({str(row[-1]) for row in rows}), sep="\n\n")
         return 0
     if os.environ.get("NUMBA_DISABLE_JIT") != "1":
         parser.error("NUMBA_DISABLE_JIT is not 1: mutants run as plain Python")
@@ -338,7 +340,7 @@ def main(arguments: list[str] | None = None) -> int:
                     continue
                 answer = _run(mutant, made, before)
                 tally[module, answer[0]] += 1
-                record.write(json.dumps([*key, *answer]) + "\n")
+                record.write(json.dumps([*key, *answer, describe_code()]) + "\n")
                 record.flush()
             print(module, {what: n for (name, what), n in tally.items() if name == module}, flush=True)
     print(f"{sum(tally.values())} mutants in {time.perf_counter() - begin:.0f} s")

@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchmarks.machine import markdown_table
+from benchmarks.machine import describe_machine, markdown_table
 from benchmarks.placements import CENTRES, HALTON, INFORMED, LATTICE, OURS, PLACEMENTS, UNIFORM
 
 __all__ = ["Measure", "Record", "Table", "differences", "draw", "markdown", "means", "verdict"]
@@ -221,7 +221,7 @@ def draw(table: Table) -> bytes:
     figure.legend(list(handles.values()), list(handles), loc="outside lower center", ncols=3, frameon=False)
     figure.suptitle("Nodes placed in several ways: means over worlds, 95 % intervals")
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=120)
+    figure.savefig(buffer, format="png", dpi=120, metadata={"Description": describe_machine()})
     return buffer.getvalue()
 
 

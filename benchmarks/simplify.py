@@ -14,6 +14,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from benchmarks.machine import describe_machine
+
 RESULTS = Path(__file__).resolve().parent / "results" / "simplify.md"
 WORLDS = ("office", "maze", "clutter", "narrow")
 
@@ -93,7 +95,7 @@ def main() -> int:
             f"{max(row[1] for row in rows):.0f} | {times[len(times) // 2]:.1f} | {times[-1]:.1f} | {collide} |"
         )
         print(lines[-1], flush=True)
-    RESULTS.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    RESULTS.write_text("\n".join([*lines, "", describe_machine()]) + "\n", encoding="utf-8")
     return 1 if failed else 0
 
 

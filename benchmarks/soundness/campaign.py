@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import warnings
 from collections import Counter
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.age import code_digest
 from benchmarks.machine import describe_machine
 from benchmarks.soundness import cases
 from benchmarks.soundness.parts import PARTS
@@ -21,23 +21,13 @@ from benchmarks.soundness.report import Report
 from benchmarks.soundness.workers import Outcome
 from trailmark.errors import InternalErrorWarning
 
-__all__ = ["SECONDS_A_CHUNK", "Campaign", "ask_case", "code_version", "run_chunk"]
+__all__ = ["SECONDS_A_CHUNK", "Campaign", "ask_case", "run_chunk"]
 
 SECONDS_A_CHUNK = 240.0
 """A chunk that takes longer hangs."""
 
 MOST_LOST = 5
 """Processes that may die without having asked anything: more, and it is the campaign that is broken."""
-
-
-def code_version() -> str:
-    """Return a short name of the code that is judged: a hash of the package's files."""
-    import trailmark
-
-    digest = hashlib.sha256()
-    for file in sorted(Path(trailmark.__file__).parent.rglob("*.py")):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()[:10]
 
 
 def run_chunk(task: dict[str, Any], asking: Path) -> dict[str, Any]:
@@ -76,7 +66,7 @@ class Campaign:
     """
 
     def __init__(self, folder: Path, seed: int, parts: list[str], share: float) -> None:
-        self.seed, self.version, self.share = seed, code_version(), share
+        self.seed, self.version, self.share = seed, code_digest("benchmarks.soundness"), share
         self.folder = folder / f"{self.version}-{seed}"
         self.folder.mkdir(parents=True, exist_ok=True)
         self.parts = {name: PARTS[name] for name in parts}

@@ -1,0 +1,138 @@
+"""What results were measured with (``benchmarks/age.py``), and which of them the code has left behind."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from benchmarks.age import AGE, ROOT, code_digest, dependencies, describe_code
+from benchmarks.stale import stale
+
+SOURCES = {
+    "benchmarks/__init__.py": "",
+    "benchmarks/speed.py": "from trailmark import Wheel\nfrom benchmarks.cases import CASES",
+    "benchmarks/cases.py": "def cases():\n    from trailmark.ground import Floor\n",
+    "benchmarks/shell.py": "import subprocess",
+    "benchmarks/workers.py": "PROGRAM = 'from trailmark.ground import Floor'\nCOMMAND = ['-m', 'trailmark.shell']",
+    "src/trailmark/__init__.py": "from trailmark.car import Wheel\nfrom trailmark.sky import Cloud",
+    "src/trailmark/car/__init__.py": "from trailmark.car.wheel import Wheel",
+    "src/trailmark/car/wheel.py": "from trailmark.units import METRE\n\n\nclass Wheel:\n    '''Turns.'''\n",
+    "src/trailmark/car/brake.py": "",
+    "src/trailmark/ground.py": "class Floor: ...",
+    "src/trailmark/shell.py": "",
+    "src/trailmark/sky.py": "class Cloud: ...",
+    "src/trailmark/units.py": "METRE = 1",
+}
+
+
+@pytest.fixture
+def checkout(tmp_path: Path) -> Path:
+    """A small project of the same layout, committed."""
+    for name, text in SOURCES.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+        # As if they were there before this process began.
+        os.utime(tmp_path / name, (0, 0))
+    (tmp_path / "benchmarks" / "results").mkdir()
+    for words in (["init", "-q"], ["add", "."], ["commit", "-q", "-m", "first"]):
+        subprocess.run(["git", "-c", "user.name=a", "-c", "user.email=a@b", *words], cwd=tmp_path, check=True)
+    return tmp_path
+
+
+@pytest.fixture(autouse=True)
+def _fresh() -> None:
+    code_digest.cache_clear()
+    describe_code.cache_clear()
+
+
+def test_dependencies_are_followed(checkout: Path) -> None:
+    parts = {"benchmarks.speed", "benchmarks.cases", "trailmark.car", "trailmark.ground", "trailmark.units"}
+    assert set(dependencies("benchmarks.speed", checkout)) == parts
+    assert len(dependencies("benchmarks.speed", checkout)["trailmark.car"]) == 3
+
+
+def test_programs_within_texts_count(checkout: Path) -> None:
+    found = dependencies("benchmarks.workers", checkout)
+    assert set(found) == {"benchmarks.workers", "trailmark.ground", "trailmark.shell"}
+
+
+def test_who_imports_nothing_runs_all(checkout: Path) -> None:
+    assert len(dependencies("benchmarks.shell", checkout)["trailmark"]) == 8
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "changes"),
+    [
+        (
+            "src/trailmark/car/wheel.py",
+            "from trailmark.units import METRE\nclass Wheel:\n    'Rolls.' # not the same\n",
+            False,
+        ),
+        ("src/trailmark/car/wheel.py", "from trailmark.units import METRE\nclass Wheel: size = 1\n", True),
+        ("src/trailmark/car/brake.py", "x = 1", True),
+        ("src/trailmark/units.py", "METRE = 2", True),
+        ("benchmarks/cases.py", "CASES = 1", True),
+        ("src/trailmark/sky.py", "x = 1", False),
+        ("benchmarks/shell.py", "x = 1", False),
+    ],
+)
+def test_the_digest_changes_with_the_code(checkout: Path, file: str, text: str, changes: bool) -> None:
+    before = code_digest("benchmarks.speed", checkout)
+    (checkout / file).write_text(text)
+    code_digest.cache_clear()
+    assert (code_digest("benchmarks.speed", checkout) != before) == changes
+
+
+def test_results_are_listed_when_the_code_has_changed(checkout: Path) -> None:
+    results = checkout / "benchmarks" / "results"
+    age = describe_code("benchmarks.speed", checkout)
+    (results / "speed.json").write_text(f'{{"machine": "here; {age}"}}')
+    (results / "old").mkdir()
+    (results / "old" / "a.md").write_text("| 1 |")
+    assert stale(checkout) == {"old/a.md": "names no code"}
+    (checkout / "src/trailmark/units.py").write_text("METRE = 2")
+    code_digest.cache_clear()
+    commit = re.search(r"commit (\w{12}),", age)
+    assert commit is not None
+    assert stale(checkout)["speed.json"] == f"benchmarks.speed has changed since commit {commit[1]}"
+
+
+def test_changes_since_the_commit_are_told(checkout: Path) -> None:
+    (checkout / "src/trailmark/units.py").write_text("METRE = 1.0")
+    os.utime(checkout / "src/trailmark/units.py", (0, 0))
+    age = AGE.search(describe_code("benchmarks.speed", checkout).encode())
+    assert age is not None
+    assert age["commit"].endswith(b" with changes")
+    assert age["code"].decode() == code_digest("benchmarks.speed", checkout)
+
+
+def test_code_that_changed_while_the_program_ran_is_not_vouched_for(checkout: Path) -> None:
+    os.utime(checkout / "src/trailmark/units.py", (2**33, 2**33))
+    assert AGE.search(describe_code("benchmarks.speed", checkout).encode()) is None
+
+
+def test_a_program_knows_its_name() -> None:
+    # As with python -m: __main__ is the benchmark's file.
+    code = f"import sys; sys.modules['__main__'].__file__ = {str(ROOT / 'benchmarks/stale.py')!r}\n"
+    code += "from benchmarks.age import describe_code; print(describe_code())"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True, timeout=60
+    )
+    assert AGE.search(done.stdout.encode())
+    assert "measured by benchmarks.stale at commit" in done.stdout
+
+
+def test_every_program_that_writes_results_describes_the_machine() -> None:
+    programs = [*(ROOT / "benchmarks").glob("*.py"), ROOT / "benchmarks" / "soundness" / "__main__.py"]
+    writing = {file for file in programs if re.search(r"RESULTS\b.*(write|savefig)|write.*RESULTS\b", file.read_text())}
+    assert len(writing) > 20
+    for file in writing:
+        text = file.read_text()
+        if "describe_machine" not in text:
+            imported = re.findall(r"from (benchmarks[\w.]*) import", text)
+            others = [ROOT.joinpath(*module.split(".")).with_suffix(".py") for module in imported]
+            assert any("describe_machine" in other.read_text() for other in others if other.is_file()), file
