@@ -30,9 +30,9 @@ def test_a_format_error_says_where() -> None:
 
 
 def test_a_close_name_is_suggested_and_all_are_listed() -> None:
-    assert errors.did_you_mean("dor", ["door", "desk"]) == "did you mean 'door'? allowed: desk, door"
-    assert errors.did_you_mean("xyz", ["door", "desk"]) == "allowed: desk, door"
-    assert errors.did_you_mean("xyz", []) == "allowed: none"
+    assert errors.expected_name("dor", ["door", "desk"]) == "expected desk, door, got 'dor' (did you mean 'door'?)"
+    assert errors.expected_name("xyz", ["door", "desk"]) == "expected desk, door, got 'xyz'"
+    assert errors.expected_name("xyz", []) == "expected nothing, got 'xyz'"
 
 
 @pytest.mark.parametrize("line", [None, 7])
@@ -64,8 +64,8 @@ def test_what_came_up_in_compiled_code_arrives_as_it_was_raised() -> None:
 
 
 def test_a_message_is_one_line_however_long_what_was_given() -> None:
-    error = FormatError("map.yaml", f"height '{'a' * 70_000}\n' given, allowed: a whole number above 0", 3)
+    error = FormatError("map.yaml", f"expected a whole number above 0, got height '{'a' * 70_000}'\n", 3)
     assert "\n" not in str(error)
     assert len(str(error)) < 1100
-    assert str(error).startswith("map.yaml:3: height 'aaa")
-    assert str(error).endswith("allowed: a whole number above 0")
+    assert str(error).startswith("map.yaml:3: expected a whole number above 0, got height 'aaa")
+    assert str(error).endswith("aaa'")

@@ -260,7 +260,7 @@ def test_names_are_not_taken_for_formulas(tmp_path: FilePath) -> None:
 
 @pytest.mark.parametrize("name", ["plan.bmp", "plan", "plan.png.gz"])
 def test_other_suffixes_are_refused(tmp_path: FilePath, name: str) -> None:
-    with pytest.raises(OutputError, match=r"allowed: \.png, \.svg, \.pdf"):
+    with pytest.raises(OutputError, match=r"expected \.png, \.svg, \.pdf"):
         plotting.save_world_figure(tmp_path / name, ROOM)
     assert not list(tmp_path.iterdir())
 

@@ -101,5 +101,5 @@ def test_files(tmp_path: Path, suffix: str, magic: bytes) -> None:
 
 
 def test_another_suffix(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"suffix '\.gif' given"):
+    with pytest.raises(OutputError, match=r"suffix0/map\.gif: suffix: expected \.png, \.svg, \.pdf, got '\.gif'"):
         save_map_figure(tmp_path / "map.gif", mapped())

@@ -106,7 +106,7 @@ def test_other_robots_are_refused_in_one_line(text: str) -> None:
     with pytest.raises(ShapeError) as caught:
         Robot.parse(text)
     assert "\n" not in str(caught.value)
-    assert "allowed" in str(caught.value) or "not simple" in str(caught.value)
+    assert "expected" in str(caught.value) or "not simple" in str(caught.value)
 
 
 def test_a_footprint_stands_on_its_reference_point() -> None:
@@ -114,7 +114,7 @@ def test_a_footprint_stands_on_its_reference_point() -> None:
         Robot(Disc((1, 0), 1))
     with pytest.raises(ShapeError, match="unrotated"):
         Robot(Rectangle((0, 0), 2, 1, 0.1))
-    with pytest.raises(ShapeError, match="1 holes given, allowed: without"):
+    with pytest.raises(ShapeError, match="expected a polygon without holes, got one with 1"):
         Robot(Polygon(SQUARE * 4, (SQUARE + 1,)))
 
 
@@ -150,7 +150,7 @@ def test_descriptions() -> None:
     "radius", [0.0, -1.0, math.nan, math.inf, -math.inf, 2 * TURNING_LIMIT, True, "5", [5.0]], ids=repr
 )
 def test_a_radius_that_is_none(radius: Any) -> None:
-    with pytest.raises(ShapeError, match=r"turning_radius .* given, allowed: a number above 0") as raised:
+    with pytest.raises(ShapeError, match="expected a number above 0 and at most 10000 m, got turning_radius") as raised:
         Robot.rectangle(2, 1).steered(radius)
     assert "\n" not in str(raised.value)
 
@@ -161,7 +161,7 @@ def test_numbers_of_numpy_are_numbers() -> None:
 
 
 def test_only_a_car_can_drive_forwards_only() -> None:
-    with pytest.raises(ShapeError, match="reverse False given without a turning radius"):
+    with pytest.raises(ShapeError, match="reverse False, got none"):
         Robot.disc(1).steered(None, reverse=False)
-    with pytest.raises(ShapeError, match="reverse 0 given, allowed: True, False"):
+    with pytest.raises(ShapeError, match="expected True or False, got 0"):
         Robot.disc(1).steered(3.0, reverse=0)  # type: ignore[arg-type]  # that is what is tested

@@ -53,13 +53,13 @@ def test_a_query_with_a_bad_end_is_refused(end: Any, error: type[Exception]) -> 
     ],
 )
 def test_bad_bounds_are_refused_in_one_line(bounds: Any) -> None:
-    with pytest.raises(WorldError, match=r"bounds: .* given, allowed: ") as caught:
+    with pytest.raises(WorldError, match="bounds: expected") as caught:
         World("w", bounds)
     assert "\n" not in str(caught.value)
 
 
 def test_a_boundary_has_no_holes() -> None:
-    with pytest.raises(WorldError, match=r"boundary: .*make the holes obstacles"):
+    with pytest.raises(WorldError, match=r"boundary: expected a polygon without holes, got one with holes \(make"):
         World("w", (0, 0, 9, 9), boundary=Polygon(SQUARE * 9, (SQUARE + 1,)))
 
 
@@ -68,11 +68,11 @@ def test_queries_are_found_by_name() -> None:
     world = World("office", (0, 0, 9, 9), queries=queries)
     assert world.query().name == "door"
     assert world.query("desk") is queries[1]
-    with pytest.raises(WorldError, match=r"query 'dor' is not in world 'office'; did you mean 'door'\?"):
+    with pytest.raises(WorldError, match=r"query: expected desk, door, got 'dor' \(did you mean 'door'\?\)"):
         world.query("dor")
     with pytest.raises(WorldError, match="holds no query"):
         World("empty", (0, 0, 1, 1)).query()
-    with pytest.raises(WorldError, match="'door' is given more than once"):
+    with pytest.raises(WorldError, match="expected each name once, got 'door' more than once"):
         World("twice", (0, 0, 9, 9), queries=(*queries, queries[0]))
 
 

@@ -56,7 +56,7 @@ def number(
     allowed = f"a finite number {' and '.join(bounds)}".strip()
     if infinite:
         allowed = f"more than {above:g}" if above > -math.inf else f"{least:g} or more"
-    raise error(f"{name} {brief(value)}{unit and ' '}{unit} given, allowed: {allowed}")
+    raise error(f"{_label(name)} expected {allowed}, got {brief(value)}{unit and ' '}{unit}")
 
 
 def whole(value: object, name: str, least: int, most: int | None = None, *, error: Error = ConfigurationError) -> int:
@@ -67,21 +67,21 @@ def whole(value: object, name: str, least: int, most: int | None = None, *, erro
         if least <= count and (most is None or count <= most):
             return int(count)
     allowed = f"{least} or more" if most is None else f"{least} to {most}"
-    raise error(f"{name} {brief(value)} given, allowed: {allowed} (whole numbers)")
+    raise error(f"{_label(name)} expected a whole number, {allowed}, got {brief(value)}")
 
 
 def truth(value: object, name: str, *, error: Error = ConfigurationError) -> bool:
     """Return True or False; numpy's count as well, other values do not."""
     if isinstance(value, bool | np.bool_):
         return bool(value)
-    raise error(f"{name} {brief(value)} given, allowed: True, False")
+    raise error(f"{_label(name)} expected True or False, got {brief(value)}")
 
 
 def callback(value: T, name: str, *, error: Error = ConfigurationError) -> T:
     """Return something that can be called, or None."""
     if value is None or callable(value):
         return value
-    raise error(f"{name} {brief(value)} given, allowed: a function, or None")
+    raise error(f"{_label(name)} expected a function or None, got {brief(value)}")
 
 
 def one_of(
@@ -92,7 +92,7 @@ def one_of(
         return value
     kinds = kinds if isinstance(kinds, tuple) else (kinds,)
     names = ["None" if kind is type(None) else kind.__name__ for kind in kinds]
-    raise error(f"{name} {brief(value)} given, allowed: {', '.join(names)}{_conversion(value) or hint}")
+    raise error(f"{_label(name)} expected {' or '.join(names)}, got {brief(value)}{_conversion(value) or hint}")
 
 
 def each_of(
@@ -104,7 +104,7 @@ def each_of(
     except TypeError:
         found = None
     if found is None or (isinstance(values, str) and values):
-        raise error(f"{name}: {brief(values)} given, allowed: a sequence{_conversion(values)}")
+        raise error(f"{name}: expected a sequence, got {brief(values)}{_conversion(values)}")
     for i, value in enumerate(found):
         if not isinstance(value, kinds):
             one_of(value, kinds, f"{name}[{i}]:", error=error)
@@ -121,7 +121,7 @@ def number_array(
     if type(value) is np.ndarray and value.dtype == np.float64:
         return np.array(value, order="C")
     if np.ma.is_masked(value):
-        raise error(f"{name}: an array with masked values given, allowed: numbers")
+        raise error(f"{name}: expected numbers, got an array with masked values")
     try:
         raw = np.asarray(value)
         if raw.dtype.kind in "iufO" and not (raw.dtype.kind == "O" and any(map(_is_text, raw.flat))):
@@ -149,6 +149,11 @@ def real(value: object) -> float:
         except (ValueError, OverflowError):
             pass
     return math.nan
+
+
+def _label(name: str) -> str:
+    """Return the name of an argument as the beginning of a message."""
+    return name if name.endswith(":") else f"{name}:"
 
 
 def _is_text(value: object) -> bool:

@@ -22,6 +22,7 @@ __all__ = [
     "WorldError",
     "as_raised",
     "did_you_mean",
+    "expected_name",
 ]
 
 P = ParamSpec("P")
@@ -37,7 +38,7 @@ class TrailmarkError(Exception):
 
     def __str__(self) -> str:
         text = " ".join(super().__str__().splitlines())
-        # What is allowed stands at the end.
+        # What was expected stands at the beginning, what was given at the end.
         return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
 
 
@@ -81,6 +82,14 @@ class InternalErrorWarning(UserWarning):
 
 class OutputError(TrailmarkError, OSError):
     """An output path that cannot be written."""
+
+
+def expected_name(given: str, allowed: Iterable[str]) -> str:
+    """Return ``expected a, b, got 'c'``, followed by the allowed name that is closest, if any is close."""
+    names = sorted(allowed)
+    close = get_close_matches(given, names, n=1)
+    hint = f" (did you mean {close[0]!r}?)" if close else ""
+    return f"expected {', '.join(names) if names else 'nothing'}, got {given[:60]!r}{hint}"
 
 
 def did_you_mean(given: str, allowed: Iterable[str]) -> str:

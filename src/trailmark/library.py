@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from trailmark.errors import FormatError, did_you_mean
+from trailmark.errors import FormatError, expected_name
 
 __all__ = ["find_world", "shipped_worlds"]
 
@@ -44,4 +44,4 @@ def find_world(name_or_path: str | Path) -> Path:
     if str(name_or_path) in shipped:
         return shipped[str(name_or_path)]
     what = "a folder, not a file" if folder else "no such file or shipped world"
-    raise FormatError(name_or_path, f"{what}; {did_you_mean(path.stem, shipped)}")
+    raise FormatError(name_or_path, f"{what}; {expected_name(path.stem, shipped)}")

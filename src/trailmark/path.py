@@ -32,7 +32,7 @@ class Path:
     def __post_init__(self) -> None:
         states = se2.configurations(self.states, name="path")
         if states.ndim != 2 or len(states) == 0:
-            raise ConfigurationError(f"path: shape {states.shape} given, allowed: (n, 3) with n >= 1")
+            raise ConfigurationError(f"path: expected shape (n, 3) with n >= 1, got {states.shape}")
         states.flags.writeable = False
         object.__setattr__(self, "states", states)
 
@@ -108,5 +108,5 @@ def fractions(value: ArrayLike) -> se2.FloatArray:
     """
     found = number_array(value, "path: fraction")
     if np.isnan(found).any():
-        raise ConfigurationError("path: fraction: NaN given, allowed: numbers from 0 to 1")
+        raise ConfigurationError("path: fraction: expected numbers from 0 to 1, got NaN")
     return found

@@ -45,7 +45,7 @@ class Robot:
         shape = self.footprint
         if isinstance(shape, Polygon):
             if shape.holes:
-                raise ShapeError(f"robot: polygon with {len(shape.holes)} holes given, allowed: without holes")
+                raise ShapeError(f"robot: expected a polygon without holes, got one with {len(shape.holes)}")
         elif shape.center != (0.0, 0.0) or (isinstance(shape, Rectangle) and shape.heading != 0.0):
             raise ShapeError("robot: disc and rectangle lie centred on the reference point, unrotated")
 
@@ -89,7 +89,7 @@ class Robot:
         except ValueError:
             pass
         raise ShapeError(
-            f"robot {text!r} given, allowed: disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)"
+            f"expected disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres), got robot {text!r}"
         )
 
     @cached_property
@@ -154,15 +154,14 @@ class Robot:
     def _check_steering(self) -> None:
         radius = self.turning_radius
         if not isinstance(self.reverse, bool | np.bool_):
-            raise ShapeError(f"robot: reverse {brief(self.reverse)} given, allowed: True, False")
+            raise ShapeError(f"robot: reverse: expected True or False, got {brief(self.reverse)}")
         object.__setattr__(self, "reverse", bool(self.reverse))
         if radius is None:
             if not self.reverse:
-                raise ShapeError("robot: reverse False given without a turning radius, allowed: with one")
+                raise ShapeError("robot: expected a turning radius with reverse False, got none")
             return
         if not 0.0 < real(radius) <= TURNING_LIMIT:
             raise ShapeError(
-                f"robot: turning_radius {brief(radius)} given, "
-                f"allowed: a number above 0 and at most {TURNING_LIMIT:g} m"
+                f"robot: expected a number above 0 and at most {TURNING_LIMIT:g} m, got turning_radius {brief(radius)}"
             )
         object.__setattr__(self, "turning_radius", float(radius))

@@ -47,7 +47,7 @@ def configurations(q: ArrayLike, *, name: str = "configuration") -> FloatArray:
     """
     array = number_array(q, name, "{} is not an array of numbers x, y, theta")
     if array.ndim not in (1, 2) or array.shape[-1] != 3:
-        raise ConfigurationError(f"{name}: shape {array.shape} given, allowed: (3,) or (n, 3) for x, y, theta")
+        raise ConfigurationError(f"{name}: expected shape (3,) or (n, 3) for x, y, theta, got {array.shape}")
     if not np.isfinite(array).all():
         first = array if array.ndim == 1 else array[~np.isfinite(array).all(axis=1)][0]
         raise ConfigurationError(f"{name}: {first.tolist()} holds a value that is not a finite number")

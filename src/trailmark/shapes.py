@@ -120,7 +120,7 @@ class Polygon:
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", _ring(self.vertices, "polygon: vertices"))
         if not isinstance(self.holes, Iterable) or isinstance(self.holes, str):
-            raise ShapeError(f"polygon: holes {brief(self.holes)} given, allowed: a list of rings of points [x, y]")
+            raise ShapeError(f"polygon: holes: expected a list of rings of points [x, y], got {brief(self.holes)}")
         holes = tuple(_ring(hole, f"polygon: holes[{i}]") for i, hole in enumerate(self.holes))
         object.__setattr__(self, "holes", holes)
         import shapely
@@ -129,7 +129,7 @@ class Polygon:
         if not region.is_valid:
             raise ShapeError(f"polygon: not simple: {shapely.is_valid_reason(region)}")
         if not region.area > 0.0:
-            raise ShapeError(f"polygon: area {region.area} given, allowed: more than 0")
+            raise ShapeError(f"polygon: expected an area above 0, got {region.area}")
 
     @property
     def area(self) -> float:
@@ -199,15 +199,15 @@ def triangulate(polygon: Polygon) -> FloatArray:
 def _ring(points: ArrayLike, name: str) -> FloatArray:
     ring = number_array(points, name, "{} is not a list of points [x, y]", error=ShapeError)
     if ring.ndim != 2 or ring.shape[1] != 2:
-        raise ShapeError(f"{name}: shape {ring.shape} given, allowed: (n, 2)")
+        raise ShapeError(f"{name}: expected shape (n, 2), got {ring.shape}")
     if not np.isfinite(ring).all():
         raise ShapeError(f"{name}: holds a value that is not a finite number")
     if np.abs(ring).max(initial=0.0) > LIMIT:
-        raise ShapeError(f"{name}: {np.abs(ring).max():g} given, allowed: coordinates of at most {LIMIT:g} m")
+        raise ShapeError(f"{name}: expected coordinates of at most {LIMIT:g} m, got {np.abs(ring).max():g}")
     if len(ring) > 1 and np.array_equal(ring[0], ring[-1]):
         ring = ring[:-1]
     if len(ring) < 3:
-        raise ShapeError(f"{name}: {len(ring)} different points given, allowed: 3 or more")
+        raise ShapeError(f"{name}: expected 3 or more different points, got {len(ring)}")
     ring.flags.writeable = False
     return ring
 
@@ -216,22 +216,22 @@ def _point(value: object, name: str) -> tuple[float, float]:
     try:
         x, y = list(value)  # type: ignore[call-overload]  # the except below is the check
     except (TypeError, ValueError):
-        raise ShapeError(f"{name} {brief(value)} given, allowed: two numbers x, y") from None
+        raise ShapeError(f"{name}: expected two numbers x, y, got {brief(value)}") from None
     point = _number(x, name), _number(y, name)
     if max(map(abs, point)) > LIMIT:
-        raise ShapeError(f"{name} {brief(value)} given, allowed: coordinates of at most {LIMIT:g} m")
+        raise ShapeError(f"{name}: expected coordinates of at most {LIMIT:g} m, got {brief(value)}")
     return point
 
 
 def _positive(value: object, name: str) -> float:
     number = _number(value, name)
     if not 0.0 < number <= LIMIT:
-        raise ShapeError(f"{name} {number!r} given, allowed: a number above 0 and at most {LIMIT:g} m")
+        raise ShapeError(f"{name}: expected a number above 0 and at most {LIMIT:g} m, got {number!r}")
     return number
 
 
 def _number(value: object, name: str) -> float:
     number = real(value)
     if not math.isfinite(number):
-        raise ShapeError(f"{name} {brief(value)} given, allowed: a finite number")
+        raise ShapeError(f"{name}: expected a finite number, got {brief(value)}")
     return number

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.arguments import brief, each_of, number_array, one_of, real
-from trailmark.errors import WorldError, did_you_mean
+from trailmark.errors import WorldError, expected_name
 from trailmark.robot import Robot
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
@@ -40,7 +40,7 @@ class Query:
         for end in ("start", "goal"):
             q = se2.configurations(getattr(self, end), name=f"query {self.name!r}: {end}")
             if q.ndim != 1:
-                raise WorldError(f"query {self.name!r}: {end} of shape {q.shape} given, allowed: (3,)")
+                raise WorldError(f"query {self.name!r}: {end}: expected shape (3,), got {q.shape}")
             object.__setattr__(self, end, tuple(float(v) for v in q))
 
 
@@ -107,11 +107,11 @@ class RiskBound:
     def __post_init__(self) -> None:
         confidence = _between(self.confidence, "risk: confidence", 0.0, 1.0)
         if confidence == 1.0:
-            raise WorldError("risk: confidence 1 given, allowed: a number above 0 and below 1")
+            raise WorldError("risk: confidence: expected a number above 0 and below 1, got 1")
         object.__setattr__(self, "confidence", confidence)
         reach = real(self.reach)
         if not 0.0 <= reach < math.inf:
-            raise WorldError(f"risk: reach {brief(self.reach)} given, allowed: metres, 0 or more")
+            raise WorldError(f"risk: reach: expected metres, 0 or more, got {brief(self.reach)}")
         object.__setattr__(self, "reach", reach)
         if self.pose_covariance is not None:
             covariance = _covariance(self.pose_covariance, "risk: pose_covariance", (3,))
@@ -172,11 +172,11 @@ class World:
             bounds = ()
         if len(bounds) != 4 or not all(abs(v) <= BOUNDS_LIMIT for v in bounds):
             raise WorldError(
-                f"bounds: {brief(self.bounds)} given, allowed: four numbers xmin, ymin, xmax, ymax of at most "
-                f"{BOUNDS_LIMIT:g} m"
+                f"bounds: expected four numbers xmin, ymin, xmax, ymax of at most {BOUNDS_LIMIT:g} m, got "
+                f"{brief(self.bounds)}"
             )
         if not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
-            raise WorldError(f"bounds: {list(bounds)} given, allowed: xmin < xmax and ymin < ymax")
+            raise WorldError(f"bounds: expected xmin < xmax and ymin < ymax, got {list(bounds)}")
         object.__setattr__(self, "bounds", bounds)
         kinds: dict[str, Any] = {"obstacles": (Disc, Rectangle, Polygon), "queries": Query}
         kinds["estimates"] = (ObstacleEstimate, type(None))
@@ -186,11 +186,11 @@ class World:
         one_of(self.boundary, (Polygon, type(None)), "world: boundary:", error=WorldError)
         one_of(self.risk, (RiskBound, type(None)), "world: risk:", error=WorldError)
         if self.boundary is not None and self.boundary.holes:
-            raise WorldError("boundary: a polygon with holes given, allowed: without (make the holes obstacles)")
+            raise WorldError("boundary: expected a polygon without holes, got one with holes (make them obstacles)")
         names = [query.name for query in self.queries]
         twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
         if twice:
-            raise WorldError(f"queries: the name {twice[0]!r} is given more than once, allowed: once")
+            raise WorldError(f"queries: expected each name once, got {twice[0]!r} more than once")
         self._check_estimates()
 
     @classmethod
@@ -233,7 +233,7 @@ class World:
             if query.name == name:
                 return query
         names = (query.name for query in self.queries[:50])
-        raise WorldError(f"query {name!r} is not in world {self.name!r}; {did_you_mean(name, names)}")
+        raise WorldError(f"world {self.name!r}: query: {expected_name(name, names)}")
 
     def with_robot(self, robot: Robot) -> World:
         """Return the same world with another robot."""
@@ -249,12 +249,12 @@ class World:
         known = [estimate for estimate in estimates if estimate is not None]
         if estimates and len(estimates) != len(self.obstacles):
             raise WorldError(
-                f"estimates: {len(estimates)} given for {len(self.obstacles)} obstacles, allowed: one each, or none"
+                f"estimates: expected one for each of {len(self.obstacles)} obstacles, or none, got {len(estimates)}"
             )
         # Rounding of many shares may carry their sum a little over 1.
         total = math.fsum(estimate.share or 0.0 for estimate in known)
         if total > 1.0 + 1e-9:
-            raise WorldError(f"estimates: shares that add up to {total:g} given, allowed: at most 1")
+            raise WorldError(f"estimates: expected shares that add up to at most 1, got {total:g}")
         object.__setattr__(self, "estimates", estimates if known else ())
 
 
@@ -262,16 +262,16 @@ def _covariance(value: ArrayLike, name: str, sizes: Sequence[int]) -> se2.FloatA
     """Return a symmetric matrix without negative eigenvalues, read-only, or say what is wrong."""
     matrix = number_array(value, name, "no matrix of numbers given", error=WorldError)
     if matrix.shape not in {(k, k) for k in sizes}:
-        allowed = ", ".join(f"({k}, {k})" for k in sizes)
-        raise WorldError(f"{name}: shape {matrix.shape} given, allowed: {allowed}")
+        allowed = " or ".join(f"({k}, {k})" for k in sizes)
+        raise WorldError(f"{name}: expected shape {allowed}, got {matrix.shape}")
     if not np.isfinite(matrix).all():
         raise WorldError(f"{name}: holds a value that is not a finite number")
     slack = 1e-9 * float(np.abs(matrix).max())
     if np.abs(matrix - matrix.T).max() > slack:
-        raise WorldError(f"{name}: {matrix.tolist()} given, allowed: a symmetric matrix")
+        raise WorldError(f"{name}: expected a symmetric matrix, got {matrix.tolist()}")
     matrix = 0.5 * (matrix + matrix.T)
     if float(np.linalg.eigvalsh(matrix)[0]) < -slack:
-        raise WorldError(f"{name}: {matrix.tolist()} given, allowed: a matrix without negative eigenvalues")
+        raise WorldError(f"{name}: expected a matrix without negative eigenvalues, got {matrix.tolist()}")
     matrix.flags.writeable = False
     return matrix
 
@@ -280,5 +280,5 @@ def _between(value: object, name: str, low: float, high: float) -> float:
     """Return a number above ``low`` and at most ``high``, or say what is wrong."""
     number = real(value)
     if not low < number <= high:
-        raise WorldError(f"{name} {brief(value)} given, allowed: a number above {low:g} and at most {high:g}")
+        raise WorldError(f"{name}: expected a number above {low:g} and at most {high:g}, got {brief(value)}")
     return number

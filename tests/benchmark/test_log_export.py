@@ -58,6 +58,6 @@ def test_more_experiments_are_more_logs(database: Path, tmp_path: Path) -> None:
 def test_no_database(tmp_path: Path) -> None:
     (tmp_path / "text.db").write_text("no database at all\n" * 10)
     for name in ("text.db", "nowhere.db"):
-        with pytest.raises(StoreError, match="allowed: a database of trailmark benchmark"):
+        with pytest.raises(StoreError, match="expected a database of trailmark benchmark"):
             export_log(tmp_path / name, tmp_path / "out.log")
     assert not (tmp_path / "out.log").exists()

@@ -24,7 +24,7 @@ def test_what_is_missing_is_told() -> None:
     world = small_world()
     with pytest.raises(WorldError, match="names no robot"):
         next(problems_of(replace(world, robot=None)))
-    with pytest.raises(WorldError, match="drives in curves, allowed here: robots that move straight"):
+    with pytest.raises(WorldError, match="expected a robot that moves straight in any direction, such as --robot"):
         next(problems_of(world, Robot.disc(0.2).steered(1.0)))
     with pytest.raises(WorldError, match="holds no query"):
         next(problems_of(replace(world, queries=())))

@@ -143,7 +143,7 @@ def test_files_that_are_no_results(small: Path, tmp_path: Path) -> None:
     ("change", "problem"),
     [
         ("PRAGMA application_id = 7", "another program"),
-        ("PRAGMA user_version = 9", "schema version 9 given, allowed: 1"),
+        ("PRAGMA user_version = 9", "expected schema version 1, got 9"),
         ("DROP TABLE progress", "'progress' is missing"),
         ("ALTER TABLE runs DROP COLUMN memory", "no column 'memory'"),
         ("DELETE FROM runs", "no finished run"),

@@ -81,7 +81,7 @@ def test_another_problem_or_limit_is_another_experiment(database: Path) -> None:
 def test_runs_under_other_conditions_are_not_mixed(database: Path) -> None:
     with Store(database) as store, pytest.raises(StoreError, match=r"made with ompl 2\.0\.1, now it is 3\.0") as told:
         store.experiment(experiment(conditions={"ompl": "3.0"}))
-    assert "allowed: the same, or another --output" in str(told.value)
+    assert "expected the same, or another --output" in str(told.value)
 
 
 def test_one_writer_at_a_time_and_readers_at_any(database: Path) -> None:
@@ -126,7 +126,7 @@ def text_file(file: Path) -> None:
     ("make", "problem"),
     [
         (foreign_database, "that trailmark benchmark did not write"),
-        (future_database, "schema version 99 given, allowed: 1"),
+        (future_database, "expected schema version 1 or a new file, got version 99"),
         (damaged_database, "malformed"),
         (text_file, "no SQLite database"),
     ],

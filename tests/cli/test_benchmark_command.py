@@ -94,20 +94,38 @@ def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path:
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (["YARD", "-p", "PMR"], "planner 'PMR' given, did you mean 'PRM'"),
-        (["YARD"], "no planner given, allowed: landmark"),
-        (["-p", "PRM"], "no world given, allowed: files, or "),
+        (["YARD", "-p", "PMR"], "planner: expected AORRTC, AORRTC+certified, BFMT, BFMT+certified, BITstar,"),
+        (["YARD"], "no planner given; expected landmark, AORRTC, "),
+        (["-p", "PRM"], "no world given; expected files, or bugtrap, "),
         (["nowhere", "-p", "PRM"], "nowhere: no such file or shipped world"),
-        (["YARD", "-p", "PRM", "--query", "acros"], "query 'acros' is not in world 'yard'; did you mean 'across'"),
-        (["YARD", "-p", "PRM", "--runs", "0"], "--runs '0' given, allowed: an integer from 1"),
-        (["YARD", "-p", "PRM", "--time-limit", "-1"], "--time-limit '-1' given"),
-        (["YARD", "-p", "PRM", "--memory-limit", "x"], "--memory-limit 'x' given"),
-        (["YARD", "-p", "PRM", "--resolution", "0"], "--resolution '0' given"),
-        (["YARD", "-p", "PRM", "--workers", "0"], "--workers '0' given"),
-        (["YARD", "-p", "PRM", "--workers", "2", "--scheduler", "a"], "--workers '2' given with --scheduler"),
-        (["YARD", "-p", "PRM", "--robot", "ball"], "robot 'ball' given"),
+        (
+            ["YARD", "-p", "PRM", "--query", "acros"],
+            "world 'yard': query: expected across, back, got 'acros' (did you mean 'across'?)",
+        ),
+        (["YARD", "-p", "PRM", "--runs", "0"], "expected an integer from 1 to 1000000, got --runs '0'"),
+        (
+            ["YARD", "-p", "PRM", "--time-limit", "-1"],
+            "expected a finite number of seconds above 0, got --time-limit '-1'",
+        ),
+        (
+            ["YARD", "-p", "PRM", "--memory-limit", "x"],
+            "expected an integer from 1 to 1073741824, got --memory-limit 'x'",
+        ),
+        (
+            ["YARD", "-p", "PRM", "--resolution", "0"],
+            "expected a finite number of metres above 0, got --resolution '0'",
+        ),
+        (["YARD", "-p", "PRM", "--workers", "0"], "expected an integer from 1 to 1024, got --workers '0'"),
+        (
+            ["YARD", "-p", "PRM", "--workers", "2", "--scheduler", "a"],
+            "expected --workers or --scheduler, got both (--workers '2')",
+        ),
+        (
+            ["YARD", "-p", "PRM", "--robot", "ball"],
+            "expected disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres), got robot 'ball'",
+        ),
         (["YARD", "-p", "PRM", "--suite", "nowhere.yaml"], "nowhere.yaml: cannot be read"),
-        (["YARD", "-p", "PRM", "--log", "out.txt"], "out.txt: suffix '.txt' given"),
+        (["YARD", "-p", "PRM", "--log", "out.txt"], "out.txt: suffix: expected .log, got '.txt'"),
         (["YARD", "-p", "PRM", "--scheduler", "nowhere"], "scheduler 'nowhere' does not answer"),
     ],
 )

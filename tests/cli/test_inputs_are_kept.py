@@ -96,7 +96,7 @@ def test_a_picture_never_destroys_the_map(
 
 def test_a_picture_of_others_is_kept_too(shell: Shell, nav2: Path, tmp_path: Path, yard: Path, planner: Any) -> None:
     said = kept(shell, tmp_path, "plan", yard, "--plot", tmp_path / "testmap.png")
-    assert said.endswith("a file that trailmark did not write is there, allowed: a new file, or one to write again")
+    assert said.endswith("a file that trailmark did not write is there; expected a new file, or one to write again")
     assert planner.calls == []
     for _ in range(2):  # the second one replaces its own
         assert shell("worlds", "show", yard, "--plot", tmp_path / "new.png").status == 0

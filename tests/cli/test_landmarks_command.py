@@ -107,18 +107,18 @@ def test_another_robot(shell: Shell, yard: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        (["-k", "0"], "-k '0' given, allowed: an integer from 1 to 20000"),
-        (["-k", "many"], "-k 'many' given, allowed: an integer"),
+        (["-k", "0"], "expected an integer from 1 to 20000, got -k '0'"),
+        (["-k", "many"], "expected an integer from 1 to 20000, got -k 'many'"),
         (["-k", "300", "-n", "200"], "k: 300 given, allowed: 1 to "),
-        (["-k", "3", "-n", "0"], "-n '0' given, allowed: an integer from 1 to 10000000"),
-        (["-k", "3", "-n", "-5"], "-n '-5' given, allowed: an integer from 1"),
-        (["--runs", "0"], "--runs '0' given, allowed: an integer from 1"),
-        (["--method", "papper"], "--method 'papper' given, allowed: paper, se2"),
-        (["--init", "random"], "--init 'random' given, allowed: forgy, random-partition, k-means++"),
-        (["--init", "k-means++", "--method", "se2"], "--init 'k-means++' given with --method se2, allowed: forgy"),
-        (["--sensor-range", "0"], "--sensor-range '0' given, allowed: a finite number of metres above 0"),
-        (["--sensor-range", "inf"], "--sensor-range 'inf' given"),
-        (["--plot", "yard.gif"], "yard.gif: suffix '.gif' given"),
+        (["-k", "3", "-n", "0"], "expected an integer from 1 to 10000000, got -n '0'"),
+        (["-k", "3", "-n", "-5"], "expected an integer from 1 to 10000000, got -n '-5'"),
+        (["--runs", "0"], "expected an integer from 1 to 10000, got --runs '0'"),
+        (["--method", "papper"], "expected paper, se2, got --method 'papper'"),
+        (["--init", "random"], "expected forgy, random-partition, k-means++, got --init 'random'"),
+        (["--init", "k-means++", "--method", "se2"], "--init 'k-means++' given with --method se2; expected forgy"),
+        (["--sensor-range", "0"], "expected a finite number of metres above 0, got --sensor-range '0'"),
+        (["--sensor-range", "inf"], "expected a finite number of metres above 0, got --sensor-range 'inf'"),
+        (["--plot", "yard.gif"], "yard.gif: suffix: expected .pdf, .png, .svg, got '.gif'"),
         (["-k", "3", "--robot", "disc:9"], "world 'yard': empty free space: no place for the robot was found"),
         (["-k", "3", "--robot", "disc:9", "--method", "se2"], "k: 3 given, empty free space: 0 of 1000 samples"),
     ],
@@ -132,7 +132,7 @@ def test_bad_input_is_one_line(shell: Shell, yard: Path, words: list[str], probl
 @pytest.mark.parametrize(
     ("bounds", "problem"),
     [
-        ("[0.0, 0.0, 0.0, 6.0]", "allowed: xmin < xmax and ymin < ymax"),
+        ("[0.0, 0.0, 0.0, 6.0]", "expected xmin < xmax and ymin < ymax"),
         ("[0.0, 0.0, 10.0, .nan]", "bounds"),
     ],
 )

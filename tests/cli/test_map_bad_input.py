@@ -167,7 +167,7 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
         (["--confidence", "1"], "--confidence '1' given, allowed: a probability above 0 and below 1"),
         (["--confidence", "nan"], "--confidence 'nan' given"),
         (["--confidence", "high"], "--confidence 'high' given"),
-        (["--robot", "disc"], "robot 'disc' given, allowed: disc:RADIUS"),
+        (["--robot", "disc"], "expected disc:RADIUS, "),
         (["--format", "carmn"], "yard.jsonl: format 'carmn' given, did you mean 'carmen'"),
         (["--format", "victoria"], "yard.jsonl:1: line "),
         (["--radius", "0"], "--radius '0' given, allowed: R or R,SIGMA"),
@@ -175,19 +175,19 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
         (["--association", "nearst"], "SlamSettings: association 'nearst' given, did you mean 'nearest'"),
         (["--poses", "odometry"], "yard.jsonl: poses 'odometry' given for detections"),
         (["--obstacles", "scans"], "yard.jsonl: no scans given"),
-        (["--start", "1,2"], "--start '1,2' given, allowed: X,Y,T"),
+        (["--start", "1,2"], "expected X,Y,T, finite numbers"),
         (["--sensor-noise", "0,0.1"], "--sensor-noise '0,0.1' given, allowed: A,B, two numbers above 0"),
         (["--odometry-noise", "0.1"], "--odometry-noise '0.1' given, allowed: A,B, two numbers of 0 or more"),
         (["--robot-noise", "0.1,0.1"], "--robot-noise '0.1,0.1' given without --confidence"),
-        (["--confirm", "0"], "--confirm '0' given, allowed: an integer from 1"),
+        (["--confirm", "0"], "expected an integer from 1 to 1000000, got --confirm '0'"),
         (
             ["--outlier-gate", "2"],
             "--outlier-gate '2' given, allowed: a probability above 0 and below 1 (or none, auto)",
         ),
         (["--unknown", "maybe"], "MappingSettings: unknown 'maybe' given, allowed: blocked, free"),
         (["--cell", "0"], "--cell '0' given, allowed: a finite number of metres above 0"),
-        (["--mrclam-robot", "x"], "--mrclam-robot 'x' given"),
-        (["--plot", "map.gif"], "map.gif: suffix '.gif' given"),
+        (["--mrclam-robot", "x"], "expected an integer from 0 to 4294967295, got --mrclam-robot 'x'"),
+        (["--plot", "map.gif"], "map.gif: suffix: expected .pdf, .png, .svg, got '.gif'"),
     ],
 )
 def test_bad_options(shell: Shell, log: Path, tmp_path: Path, words: list[str], problem: str) -> None:
@@ -201,7 +201,7 @@ def test_the_output_is_checked_before_the_work(shell: Shell, tmp_path: Path) -> 
     log = tmp_path / "missing.jsonl"
     assert "--output" in shell("map", log).problem
     assert "does not exist" in shell("map", log, "--output", tmp_path / "no" / "world.yaml").problem
-    assert "suffix '.json' given" in shell("map", log, "--output", tmp_path / "world.json").problem
+    assert "suffix: expected .yaml, .yml, got '.json'" in shell("map", log, "--output", tmp_path / "world.json").problem
     assert shell("map", log, "--output", tmp_path / "world.yaml").problem.startswith(f"{log}: cannot be read")
     assert shell("map", tmp_path, "--output", tmp_path / "w.yaml").problem.startswith(
         f"{tmp_path}: a folder that holds"

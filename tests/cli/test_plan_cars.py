@@ -53,7 +53,7 @@ def test_options_override_the_files_car(shell: Shell, cars: Path, planner: Any) 
 def test_a_radius_that_is_none(shell: Shell, yard: Path, planner: Any, radius: str) -> None:
     run = shell("plan", yard, f"--turning-radius={radius}")
     assert run.status == 2
-    assert f"--turning-radius '{radius}' given, allowed: a number above 0" in run.problem
+    assert f"expected a number above 0 and at most 10000 (metres), got --turning-radius '{radius}'" in run.problem
     assert planner.calls == []
 
 

@@ -132,7 +132,11 @@ def test_summary_without_a_path(shell: Shell, yard: Path, planner: Any, status: 
         (["--start", "1,2", "--goal", "1,2,3"], "--start '1,2'", "X,Y,T"),
         (["--start", "1,2,3", "--goal", "1,2,nan"], "--goal '1,2,nan'", "finite"),
         (["--start", "1,2,3", "--goal", "a,b,c"], "--goal 'a,b,c'", "X,Y,T"),
-        (["--start", "1,2,3", "--goal", "1,2,3", "--query", "back"], "--query 'back'", "one or the other"),
+        (
+            ["--start", "1,2,3", "--goal", "1,2,3", "--query", "back"],
+            "--query 'back'",
+            "expected --query or --start and --goal,",
+        ),
         (["--query", "bakc"], "'bakc'", "back"),
         (["--robot", "square:1"], "'square:1'", "disc:RADIUS"),
         (["--robot", "disc:-1"], "-1", "above 0"),

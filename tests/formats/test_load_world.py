@@ -14,8 +14,8 @@ from trailmark.formats import load_world, save_world
 from trailmark.world import Robot, World
 
 KNOWN = (
-    "allowed: trailmark YAML (key 'trailmark'), nav2 map YAML (key 'image'), MovingAI map (first line 'type octile'), "
-    "OMPL.app cfg (section [problem])"
+    "expected trailmark YAML (key 'trailmark'), nav2 map YAML (key 'image'), MovingAI map "
+    "(first line 'type octile'), OMPL.app cfg (section [problem])"
 )
 YAML = "trailmark: 1\nname: a\nbounds: [0, 0, 1, 1]\nrobot: {shape: disc, radius: 0.1}\n"
 GRID = "type octile\nheight 1\nwidth 2\nmap\n.@\n"
@@ -68,8 +68,8 @@ def test_any_format_saves_as_trailmark_yaml(tmp_path: Path) -> None:
         (b"\x7fELF\x00\x01\x02", "not a text file; " + KNOWN),
         (b"P5\n2 2\n255\n\xfe\xfe\x00\xcd", "not a text file; " + KNOWN),
         ("trailmark: 1".encode("utf-16"), "not a text file; " + KNOWN),
-        (b"[benchmark]\n", "no section [problem] given"),
-        (b"type wall\n", "type 'wall' given, allowed: octile"),
+        (b"[benchmark]\n", "expected an OMPL.app cfg with a section [problem], got none"),
+        (b"type wall\n", "expected octile, got 'wall'"),
     ],
 )
 def test_unknown_content(tmp_path: Path, content: bytes, problem: str) -> None:
@@ -100,7 +100,7 @@ def test_unreadable_files(tmp_path: Path) -> None:
 def test_a_file_beyond_the_limit(tmp_path: Path) -> None:
     with (tmp_path / "a.yaml").open("wb") as file:
         file.truncate(2**27 + 1)  # sparse: takes no room
-    with pytest.raises(FormatError, match=r"134,217,729 bytes given, allowed: at most 134,217,728$"):
+    with pytest.raises(FormatError, match="expected at most 134,217,728 bytes, got 134,217,729"):
         load_world(tmp_path / "a.yaml")
 
 

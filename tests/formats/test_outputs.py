@@ -31,7 +31,7 @@ def test_an_input_is_known_by_whatever_name(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     names = ["real.png", "./real.png", "sub/../real.png", "soft.png", "hard.png", "dir/real.png", str(real)]
     for name in names:
-        with pytest.raises(OutputError, match=r"allowed: another file") as caught:
+        with pytest.raises(OutputError, match=r"expected another file") as caught:
             require_apart(Path(name), [Path("nowhere"), real])
         assert str(caught.value).startswith(str(Path(name)))
     picture(tmp_path / "other.png")

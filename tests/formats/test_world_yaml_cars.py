@@ -62,15 +62,15 @@ def test_a_robot_without_turning_radius_is_written_as_before() -> None:
 @pytest.mark.parametrize(
     ("fields", "problem"),
     [
-        ("turning_radius: 0", "robot.turning_radius: 0 given, allowed: a finite number above 0 (metres)"),
-        ("turning_radius: -2.0", "robot.turning_radius: -2.0 given, allowed: a finite number above 0 (metres)"),
-        ("turning_radius: .inf", "robot.turning_radius: inf given, allowed: a finite number above 0 (metres)"),
-        ("turning_radius: .nan", "robot.turning_radius: nan given, allowed: a finite number above 0 (metres)"),
-        ("turning_radius: '5'", "robot.turning_radius: '5' given, allowed: a finite number above 0 (metres)"),
-        ("turning_radius: 1.0e+9", "robot: robot: turning_radius 1000000000.0 given, allowed: a number above 0 and at"),
-        ("reverse: 1", "robot.reverse: 1 given, allowed: true or false"),
-        ("reverse: false", "robot: robot: reverse False given without a turning radius, allowed: with one"),
-        ("turning_radus: 5", "robot.turning_radus: unknown key, did you mean 'turning_radius'?"),
+        ("turning_radius: 0", "robot.turning_radius: expected a finite number above 0 (metres), got 0"),
+        ("turning_radius: -2.0", "robot.turning_radius: expected a finite number above 0 (metres), got -2.0"),
+        ("turning_radius: .inf", "robot.turning_radius: expected a finite number above 0 (metres), got inf"),
+        ("turning_radius: .nan", "robot.turning_radius: expected a finite number above 0 (metres), got nan"),
+        ("turning_radius: '5'", "robot.turning_radius: expected a finite number above 0 (metres), got '5'"),
+        ("turning_radius: 1.0e+9", "robot: robot: expected a number above 0 and at most 10000 m, got"),
+        ("reverse: 1", "robot.reverse: expected true or false (whether a robot with a turning radius reverses),"),
+        ("reverse: false", "robot: robot: expected a turning radius with reverse False, got none"),
+        ("turning_radus: 5", "robot.turning_radus: unknown key; expected radius, reverse, shape, turning_radius,"),
     ],
 )
 def test_messages_name_field_value_and_what_is_allowed(tmp_path: Path, fields: str, problem: str) -> None:

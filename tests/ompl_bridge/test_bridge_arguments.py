@@ -62,5 +62,5 @@ def test_wrong_arguments_are_errors_of_our_own(run_ompl: Any) -> None:
     assert raw == {}
     assert [text for text in found["said"].values() if "\n" in text] == []
     assert "for another robot" in found["said"]["other checker"]
-    assert found["said"]["limit"] == "limit: '1' s given, allowed: a finite number of 0 or more"
+    assert found["said"]["limit"] == "limit: expected a finite number of 0 or more, got '1' s"
     assert "solution" in found["solved"].lower()

@@ -54,7 +54,7 @@ def test_no_landmarks_may_be_given(narrow: StateChecker) -> None:
     ("landmarks", "message"),
     [
         ([1.0, 2.0, 0.0], r"shape \(3,\) given, allowed: \(k, 3\)"),
-        ([[1.0, 2.0]], r"shape \(1, 2\) given"),
+        ([[1.0, 2.0]], r"shape \(3,\) or \(n, 3\) for x, y, theta, got \(1, 2\)"),
         ([[1.6, 2.0, math.nan]], "not a finite number"),
         ("here", "not an array of numbers"),
         ([[1.6, 2.0, 0.0], [5.5, 4.0, 0.0]], r"landmark 1 \(5.5, 4, 0\) is not valid"),
@@ -70,7 +70,7 @@ def test_landmarks_that_are_refused(narrow: StateChecker, landmarks: Any, messag
 
 
 def test_a_negative_seed_is_refused(narrow: StateChecker) -> None:
-    with pytest.raises(ConfigurationError, match="seed: -1 given, allowed: 0 or more"):
+    with pytest.raises(ConfigurationError, match="seed: expected a whole number, 0 or more, got -1"):
         LandmarkSource(narrow, seed=-1)
 
 

@@ -166,10 +166,10 @@ def test_without_bounds_the_straight_distance_is_reported() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"time_limit": 0.0}, "time limit: 0.0 s given, allowed: more than 0"),
-        ({"workers": 0}, "workers: 0 given, allowed: 1 or more"),
-        ({"max_iterations": 0}, "max iterations: 0 given, allowed: 1 or more"),
-        ({"starts": [(1, 1)]}, "starts: shape"),
+        ({"time_limit": 0.0}, r"time limit: expected more than 0, got 0\.0 s"),
+        ({"workers": 0}, "workers: expected a whole number, 1 or more, got 0"),
+        ({"max_iterations": 0}, "max iterations: expected a whole number, 1 or more, got 0"),
+        ({"starts": [(1, 1)]}, r"starts: expected shape \(3,\) or \(n, 3\) for x, y, theta, got \(1, 2\)"),
         ({"starts": [(5, 5, 0)] * 3}, "3 starts and 2 goals given, allowed: as many"),
         ({"goals": [(9, 9, 0), (-1, 5, 0)]}, r"goal 1 \(-1, 5, 0\) is not valid"),
     ],

@@ -263,7 +263,7 @@ def test_half_a_turn_is_left_out(tmp_path: Path) -> None:
 def test_suffixes(roadmap: Roadmap, name: str, tmp_path: Path) -> None:
     file = tmp_path / name
     if name != "r.geojson":
-        with pytest.raises(OutputError, match=r"allowed: \.geojson, \.graphml, \.npz$"):
+        with pytest.raises(OutputError, match=r"expected \.geojson, \.graphml, \.npz, got '"):
             roadmap.save(file)
         assert not file.exists()
     said = problem(file, roadmap.checker)

@@ -58,8 +58,8 @@ def cluster(address: str) -> Iterator[Pool]:
     except (OSError, ValueError, TimeoutError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise WorkerError(
-            f"scheduler {address!r} does not answer: {reason}; allowed: the address of a running Dask scheduler, "
-            "such as tcp://host:8786"
+            f"scheduler {address!r} does not answer: {reason}; expected the address of a running Dask "
+            "scheduler, such as tcp://host:8786"
         ) from None
     try:
         yield Pool(client.get_executor(retries=3), lambda: max(1, sum(client.nthreads().values())))

@@ -45,7 +45,7 @@ def export_log(database: Path, log: Path, inputs: Sequence[Path] = ()) -> list[P
                 write_atomically(file, _log(db, experiment))
                 written.append(file)
     except sqlite3.Error as error:
-        raise StoreError(f"{database}: {error}, allowed: a database of trailmark benchmark") from None
+        raise StoreError(f"{database}: {error}; expected a database of trailmark benchmark") from None
     return written
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from trailmark.benchmark.errors import BenchmarkError
 from trailmark.benchmark.status import Status
-from trailmark.errors import did_you_mean
+from trailmark.errors import expected_name
 
 if TYPE_CHECKING:
     from trailmark.benchmark.problems import Problem
@@ -89,7 +89,7 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
     name, limit = str(job["planner"]), float(job["time_limit"])
     names = native_planners()
     if name not in names:
-        raise NativeError(f"planner {name!r} given, {did_you_mean(name, names)}")
+        raise NativeError(f"planner: {expected_name(name, names)}")
     command = [str(file), "plan", name.removeprefix(PREFIX)]
     # OMPL takes no seed 0.
     command += ["--seed", str(int(job["seed"]) + 1), "--resolution", repr(float(job["resolution"]))]

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterable
 
 from trailmark.benchmark.errors import SuiteError
-from trailmark.errors import did_you_mean
+from trailmark.errors import expected_name
 
 __all__ = ["CERTIFIED", "known_planners", "read_planners", "settings_of"]
 
@@ -50,9 +50,9 @@ def read_planners(given: Iterable[str]) -> list[str]:
             _require_module(name)
             chosen[name] = None
         else:
-            raise SuiteError(f"planner {name!r} given, {did_you_mean(name, [*known, 'all'])}")
+            raise SuiteError(f"planner: {expected_name(name, [*known, 'all'])}")
     if not chosen:
-        raise SuiteError(f"no planner given, allowed: {', '.join([*known, 'all'])}")
+        raise SuiteError(f"no planner given; expected {', '.join([*known, 'all'])}")
     return list(chosen)
 
 
@@ -95,4 +95,4 @@ def _require_module(name: str) -> None:
     except (ImportError, ValueError):
         found = None
     if found is None:
-        raise SuiteError(f"planner {name!r} given, but there is no module {module!r}, allowed: module:function")
+        raise SuiteError(f"planner {name!r} given, but there is no module {module!r}; expected module:function")

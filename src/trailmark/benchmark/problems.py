@@ -100,10 +100,10 @@ def problems_of(world: World, robot: Robot | None = None, queries: Iterable[str]
     """
     chosen = robot or world.robot
     if chosen is None:
-        raise WorldError(f"world {world.name!r} names no robot, allowed: --robot with disc:RADIUS or another shape")
+        raise WorldError(f"world {world.name!r} names no robot; expected --robot with disc:RADIUS or another shape")
     if chosen.turning_radius is not None:
         raise WorldError(
-            f"world {world.name!r}: robot ({chosen.describe()}) drives in curves, allowed here: robots that move "
+            f"world {world.name!r}: robot ({chosen.describe()}) drives in curves; expected a robot that moves "
             "straight in any direction, such as --robot rectangle:LENGTHxWIDTH"
         )
     for query in [world.query(name) for name in queries] or world.queries or [world.query()]:
@@ -122,5 +122,5 @@ def read_problem(text: str) -> Problem:
     source = Path("problem")
     data = parse_yaml(text, source)
     if not isinstance(data, dict):
-        raise FormatError(source, "no mapping, allowed: the text of a world file")
+        raise FormatError(source, "no mapping; expected the text of a world file")
     return Problem(replace(world_from_data(data, source), sources=()))

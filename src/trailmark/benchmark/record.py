@@ -86,7 +86,7 @@ class RunRecord:
         for f in fields(cls):
             value = getattr(record, f.name)
             if isinstance(value, float) and not math.isfinite(value):
-                raise ValueError(f"{f.name}: {value} given, allowed: a finite number")
+                raise ValueError(f"{f.name}: expected a finite number, got {value}")
         return record
 
     def to_json(self) -> dict[str, Any]:

@@ -66,7 +66,7 @@ class Referee:
         """
         states = np.asarray(path, dtype=np.float64)
         if states.ndim != 2 or states.shape[1] != 3 or len(states) == 0:
-            return f"path of shape {states.shape}, allowed: (n, 3)"
+            return f"path: expected shape (n, 3), got {states.shape}"
         if not np.isfinite(states).all():
             return "path holds a value that is not a finite number"
         for name, end, wanted in (("start", states[0], start), ("goal", states[-1], goal)):
@@ -75,7 +75,7 @@ class Referee:
                 return f"path's end ({_row(end)}) is not the {name} ({_row(wanted)})"
         steps = self._steps(states)
         if steps > MOST_STATES:
-            return f"path of {steps:,} steps of {self.step:g} m, allowed: at most {MOST_STATES:,}"
+            return f"path: expected at most {MOST_STATES:,} steps of {self.step:g} m, got {steps:,}"
         for block in self._blocks(states):
             for judge in (self._outside, self._hit):
                 wrong = judge(block)

@@ -193,19 +193,19 @@ class Store:
                 self._db.execute(f"PRAGMA user_version = {VERSION}")
         elif application != APPLICATION:
             raise StoreError(
-                f"{self.path}: an SQLite database that trailmark benchmark did not write, allowed: one that it wrote, "
-                "or a new file"
+                f"{self.path}: an SQLite database that trailmark benchmark did not write; expected one "
+                "that it wrote, or a new file"
             )
         elif version != VERSION:
-            raise StoreError(f"{self.path}: schema version {version} given, allowed: {VERSION}, or a new file")
+            raise StoreError(f"{self.path}: expected schema version {VERSION} or a new file, got version {version}")
 
     def _require_same(self, there: Mapping[str, Any], now: Mapping[str, Any]) -> None:
         other = [name for name in sorted({*there, *now}) if there.get(name) != now.get(name)]
         if other:
             name = other[0]
             raise StoreError(
-                f"{self.path}: its runs were made with {name} {there.get(name)}, now it is {now.get(name)}, "
-                "allowed: the same, or another --output"
+                f"{self.path}: its runs were made with {name} {there.get(name)}, now it is "
+                f"{now.get(name)}; expected the same, or another --output"
             )
 
     @contextmanager
@@ -229,7 +229,7 @@ class Store:
             hints = {"database is locked": "locked by another program", "file is not a database": "no SQLite database"}
             problem = hints.get(str(error), str(error))
             raise StoreError(
-                f"{self.path}: {problem}, allowed: a database of trailmark benchmark, or a new file"
+                f"{self.path}: {problem}; expected a database of trailmark benchmark, or a new file"
             ) from None
 
 
@@ -249,6 +249,6 @@ def _locked(path: Path) -> int:
     except OSError:
         os.close(handle)
         raise StoreError(
-            f"{path}: another benchmark is writing to it, allowed: one at a time, or another --output"
+            f"{path}: another benchmark is writing to it; expected one at a time, or another --output"
         ) from None
     return handle

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from trailmark.benchmark.errors import SuiteError
-from trailmark.errors import TrailmarkError, did_you_mean
+from trailmark.errors import TrailmarkError, expected_name
 from trailmark.formats.files import read_text
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.world import Query
@@ -80,12 +80,12 @@ def read_suite(path: Path) -> Suite:
     content = parse_yaml(read_text(path), path)
     data: dict[str, Any] = _mapping(content, FIELDS, str(path))
     if not isinstance(data.get("worlds"), list) or not data["worlds"]:
-        raise SuiteError(f"{path}: worlds: {data.get('worlds')!r} given, allowed: a list of worlds")
+        raise SuiteError(f"{path}: worlds: expected a list of worlds, got {data.get('worlds')!r}")
     folder = Path(os.environ.get("TRAILMARK_DATA", path.parent / str(data.get("data", "."))))
     for name in ("runs", "time_limit", "memory_limit"):
         value = data.get(name)
         if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
-            raise SuiteError(f"{path}: {name}: {value!r} given, allowed: a number")
+            raise SuiteError(f"{path}: {name}: expected a number, got {value!r}")
     return Suite(
         entries=tuple(
             _entry(item, f"{path}: worlds[{i}]", path.parent, folder) for i, item in enumerate(data["worlds"])
@@ -101,11 +101,11 @@ def _entry(item: Any, where: str, here: Path, folder: Path) -> Entry:
     given: dict[str, Any] = {"world": item} if isinstance(item, str) else _mapping(item, ENTRY_FIELDS, where)
     world, robot, wanted = given.get("world"), given.get("robot"), given.get("queries", [])
     if not isinstance(world, str):
-        raise SuiteError(f"{where}: world: {world!r} given, allowed: a file or a shipped world's name")
+        raise SuiteError(f"{where}: world: expected a file or a shipped world's name, got {world!r}")
     if robot is not None and not isinstance(robot, str):
-        raise SuiteError(f"{where}: robot: {robot!r} given, allowed: text such as disc:0.2")
+        raise SuiteError(f"{where}: robot: expected text such as disc:0.2, got {robot!r}")
     if not isinstance(wanted, list):
-        raise SuiteError(f"{where}: queries: {wanted!r} given, allowed: a list of names or of name, start, goal")
+        raise SuiteError(f"{where}: queries: expected a list of names or of name, start, goal, got {wanted!r}")
     optional = world.startswith(DATA)
     if optional:
         world = str(folder / world.removeprefix(DATA))
@@ -126,21 +126,21 @@ def _query(item: dict[str, Any], where: str) -> Query:
     try:
         return Query(str(given["name"]), given["start"], given["goal"])
     except KeyError as error:
-        raise SuiteError(f"{where}: {error.args[0]} is missing, allowed: name, start, goal") from None
+        raise SuiteError(f"{where}: {error.args[0]} is missing; expected name, start, goal") from None
     except TrailmarkError as error:
         raise SuiteError(f"{where}: {error}") from None
 
 
 def _mapping(item: Any, allowed: tuple[str, ...], where: str) -> dict[str, Any]:
     if not isinstance(item, dict):
-        raise SuiteError(f"{where}: {item!r} given, allowed: a mapping with {', '.join(allowed)}")
+        raise SuiteError(f"{where}: expected a mapping with {', '.join(allowed)}, got {item!r}")
     for name in item:
         if name not in allowed:
-            raise SuiteError(f"{where}: {name!r} given, {did_you_mean(str(name), allowed)}")
+            raise SuiteError(f"{where}: {expected_name(str(name), allowed)}")
     return item
 
 
 def _texts(items: Any, where: str) -> tuple[str, ...]:
     if not isinstance(items, list) or not all(isinstance(item, str) for item in items):
-        raise SuiteError(f"{where}: {items!r} given, allowed: a list of names")
+        raise SuiteError(f"{where}: expected a list of names, got {items!r}")
     return tuple(items)

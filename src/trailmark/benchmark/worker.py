@@ -118,7 +118,7 @@ class Worker:
                 complaints.seek(0)
                 said = complaints.read().decode(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
                 raise WorkerError(
-                    f"a worker process does not start: {said[0][:300]}; allowed: an environment in which "
+                    f"a worker process does not start: {said[0][:300]}; expected an environment in which "
                     f"'{sys.executable} -m trailmark.benchmark.zygote' runs"
                 )
 

@@ -188,7 +188,7 @@ def _wrong_time(answer: Answer) -> str | None:
     most = float(answer.get("answered", 0.0))
     for t in times:
         if t is not None and not 0.0 <= t <= most + CLOCKS:
-            return f"a time of {t:g} s stated, allowed: 0 to the {most:.3f} s that went by until the answer"
+            return f"expected a time from 0 to the {most:.3f} s that passed until the answer, got {t:g} s"
     return None
 
 

@@ -175,5 +175,5 @@ def _usage(error: Any) -> str:
     if context is None:
         return f"{problem} (see 'trailmark --help')"
     if "command" in problem and hasattr(context.command, "list_commands"):
-        return f"{problem}, allowed: {', '.join(context.command.list_commands(context))}"
+        return f"{problem}; expected {', '.join(context.command.list_commands(context))}"
     return f"{problem} (see '{context.command_path} --help')"

@@ -126,9 +126,9 @@ def benchmark(
     from trailmark.benchmark.suites import read_suite
 
     if workers is not None and scheduler is not None:
-        raise UsageError(f"--workers {workers!r} given with --scheduler, allowed: one or the other")
+        raise UsageError(f"expected --workers or --scheduler, got both (--workers {workers!r})")
     if output is None:
-        raise UsageError("--output is missing, allowed: --output RESULTS.db")
+        raise UsageError("--output is missing; expected --output RESULTS.db")
     given = None if suite is None else read_suite(Path(suite))
     file = output_file(output, ())
     log_file = output_file(log, (".log",))
@@ -168,7 +168,7 @@ def _length(text: str, option: str) -> float:
     except ValueError:
         length = 0.0
     if not 0.0 < length < 1e7:
-        raise UsageError(f"{option} {text!r} given, allowed: a finite number of metres above 0")
+        raise UsageError(f"expected a finite number of metres above 0, got {option} {text!r}")
     return length
 
 
@@ -195,7 +195,7 @@ def _problems(worlds: list[str], suite: Suite | None, robot: str | None, queries
         body = given or read_robot(entry.robot)
         found += problems_of(_grown(world, body), body, queries or names)
     if not found:
-        raise UsageError(f"no world given, allowed: files, or {', '.join(shipped_worlds())}, or --suite FILE")
+        raise UsageError(f"no world given; expected files, or {', '.join(shipped_worlds())}, or --suite FILE")
     return list({problem.key: problem for problem in found}.values())
 
 

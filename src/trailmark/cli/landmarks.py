@@ -80,11 +80,11 @@ def landmarks(
     --plot draws the workspace, the C-space, the executions, and paths for the world's first queries.
     """
     if method not in METHODS:
-        raise UsageError(f"--method {method!r} given, allowed: {', '.join(METHODS)}")
+        raise UsageError(f"expected {', '.join(METHODS)}, got --method {method!r}")
     if init not in INITIALISATIONS:
-        raise UsageError(f"--init {init!r} given, allowed: {', '.join(INITIALISATIONS)}")
+        raise UsageError(f"expected {', '.join(INITIALISATIONS)}, got --init {init!r}")
     if method == "se2" and init != "forgy":
-        raise UsageError(f"--init {init!r} given with --method se2, allowed: forgy")
+        raise UsageError(f"--init {init!r} given with --method se2; expected forgy")
     n = read_count(samples, "-n", 1, MAX_SAMPLES)
     k = None if count is None else read_count(count, "-k", 1, MAX_LANDMARKS)
     number, repeats = read_count(seed, "--seed", 0), read_count(runs, "--runs", 1, MAX_RUNS)
@@ -149,7 +149,7 @@ def _read_range(text: str) -> float:
     except ValueError:
         metres = math.nan
     if not (math.isfinite(metres) and metres > 0.0):
-        raise UsageError(f"--sensor-range {text!r} given, allowed: a finite number of metres above 0")
+        raise UsageError(f"expected a finite number of metres above 0, got --sensor-range {text!r}")
     return metres
 
 

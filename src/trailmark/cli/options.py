@@ -96,7 +96,7 @@ def read_configuration(text: str, option: str) -> Configuration:
     except ValueError:
         x = y = theta = math.nan
     if not all(map(math.isfinite, (x, y, theta))):
-        raise UsageError(f"{option} {text!r} given, allowed: X,Y,T, finite numbers (metres, metres, radians)")
+        raise UsageError(f"expected X,Y,T, finite numbers (metres, metres, radians), got {option} {text!r}")
     if abs(theta) > 2.0 * math.pi:
         console.warn(
             f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, "
@@ -116,7 +116,7 @@ def read_duration(text: str, option: str) -> float:
     except ValueError:
         seconds = math.nan
     if not (math.isfinite(seconds) and seconds > 0.0):
-        raise UsageError(f"{option} {text!r} given, allowed: a finite number of seconds above 0")
+        raise UsageError(f"expected a finite number of seconds above 0, got {option} {text!r}")
     return seconds
 
 
@@ -131,7 +131,7 @@ def read_share(text: str, option: str) -> float:
     except ValueError:
         share = math.nan
     if not 0.0 <= share < math.inf:
-        raise UsageError(f"{option} {text!r} given, allowed: a finite number of 0 or more")
+        raise UsageError(f"expected a finite number of 0 or more, got {option} {text!r}")
     return share
 
 
@@ -146,7 +146,7 @@ def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
     except ValueError:
         count = low - 1
     if not low <= count <= high:
-        raise UsageError(f"{option} {text!r} given, allowed: an integer from {low} to {high}")
+        raise UsageError(f"expected an integer from {low} to {high}, got {option} {text!r}")
     return count
 
 
@@ -177,7 +177,7 @@ def read_turning_radius(text: str | None) -> float | None:
         radius = math.nan
     if not 0.0 < radius <= MAX_TURNING_RADIUS:
         raise UsageError(
-            f"--turning-radius {text!r} given, allowed: a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
+            f"expected a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres), got --turning-radius {text!r}"
         )
     return radius
 
@@ -190,7 +190,7 @@ def steered(robot: Robot, turning_radius: float | None, forward_only: bool) -> R
     """
     radius = robot.turning_radius if turning_radius is None else turning_radius
     if forward_only and radius is None:
-        raise UsageError("--forward-only given for a robot without turning radius, allowed: with --turning-radius")
+        raise UsageError("--forward-only given for a robot without turning radius; expected --turning-radius too")
     return robot if radius is None else robot.steered(radius, robot.reverse and not forward_only)
 
 
@@ -226,7 +226,7 @@ def keep_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
     for file in filter(None, outputs):
         require_apart(file, read)
         if file.resolve() in written:
-            raise UsageError(f"two outputs name the file {str(file)!r}, allowed: a file for each")
+            raise UsageError(f"two outputs name the file {str(file)!r}; expected a file for each")
         written.add(file.resolve())
 
 
@@ -264,5 +264,5 @@ def robot_of(world: World, given: Robot | None) -> Robot:
     robot = given or world.robot
     if robot is None:
         shapes = "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres)"
-        raise UsageError(f"world {world.name!r} names no robot and --robot is not given, allowed: {shapes}")
+        raise UsageError(f"world {world.name!r} names no robot and --robot is not given; expected {shapes}")
     return robot

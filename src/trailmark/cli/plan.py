@@ -165,10 +165,10 @@ def _given_ends(
     if start is None and goal is None:
         return None
     if query is not None:
-        raise UsageError(f"--query {query!r} given with --start or --goal, allowed: one or the other")
+        raise UsageError(f"expected --query or --start and --goal, got both (--query {query!r})")
     if start is None or goal is None:
         given, missing = (f"--start {start!r}", "--goal") if goal is None else (f"--goal {goal!r}", "--start")
-        raise UsageError(f"{given} given without {missing}, allowed: both or neither")
+        raise UsageError(f"{given} given without {missing}; expected both or neither")
     return None, read_configuration(start, "--start"), read_configuration(goal, "--goal")
 
 

@@ -34,9 +34,7 @@ def report(
     """
     page, text = output_file(html, (".html", ".htm")), output_file(markdown, (".md",))
     if page is None and text is None:
-        raise UsageError(
-            "neither --html nor --markdown given, allowed: one of them or both (see 'trailmark report --help')"
-        )
+        raise UsageError("expected --html, --markdown or both, got neither")
     keep_inputs([Path(results)], page, text)
     from trailmark.benchmark.report import html_report, load_results, markdown_report
     from trailmark.formats.files import write_atomically

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 __all__ = ["load_world", "save_world", "world_json_schema"]
 
 FORMATS = (
-    "allowed: trailmark YAML (key 'trailmark'), nav2 map YAML (key 'image'), MovingAI map (first line "
-    "'type octile'), OMPL.app cfg (section [problem])"
+    "expected trailmark YAML (key 'trailmark'), nav2 map YAML (key 'image'), MovingAI map "
+    "(first line 'type octile'), OMPL.app cfg (section [problem])"
 )
 
 

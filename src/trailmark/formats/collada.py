@@ -57,7 +57,7 @@ def read_collada(path: Path) -> Mesh:
     """
     root = _parse(path)
     if _tag(root) != "COLLADA":
-        raise FormatError(path, f"root element <{_tag(root)}> given, allowed: <COLLADA>")
+        raise FormatError(path, f"root element: expected <COLLADA>, got <{_tag(root)}>")
     try:
         return _Reader(root).scene()
     except _ColladaError as error:
@@ -79,7 +79,7 @@ class _Group(NamedTuple):
 class _NoDoctype(ElementTree.TreeBuilder):
     # The parser calls this before it meets any entity, so that none is ever expanded.
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
-        raise _ColladaError(f"document type {name!r} given, allowed: no document type and no entities")
+        raise _ColladaError(f"expected no document type and no entities, got document type {name!r}")
 
 
 def _parse(path: Path) -> ElementTree.Element:
@@ -107,7 +107,7 @@ class _Reader:
         """Return all groups that the scene places, each where its nodes put it."""
         link = next((e for e in self.root.iter() if _tag(e) == "instance_visual_scene"), None)
         if link is None:
-            raise _ColladaError("no <instance_visual_scene> given, allowed: one")
+            raise _ColladaError("expected an <instance_visual_scene>, got none")
         triangles, polygons, vertices = [], [], []
         for matrix, group in self._placed(self._target(link), self._upright(), 0):
             self._count(len(group.triangles) + len(group.polygons))
@@ -115,19 +115,19 @@ class _Reader:
             polygons += [_moved(matrix, polygon) for polygon in group.polygons]
             vertices.append(_moved(matrix, group.vertices))
         if not any(map(len, triangles)) and not polygons:
-            raise _ColladaError("no face given, allowed: a scene that places one or more")
+            raise _ColladaError("expected a scene that places one face or more, got none")
         mesh = Mesh(np.concatenate(triangles), tuple(polygons), np.concatenate(vertices))
         if not all(np.isfinite(array).all() for array in (mesh.triangles, mesh.vertices, *polygons)):
             raise _ColladaError("a coordinate that is not a finite number given")
         # Beyond what shapes may hold, growing a wall to a sheet takes memory without end.
-        if (most := float(np.abs(mesh.vertices).max())) > LIMIT:
-            raise _ColladaError(f"a coordinate of {most:g} m given, allowed: at most {LIMIT:g} m")
+        if (largest := float(np.abs(mesh.vertices).max())) > LIMIT:
+            raise _ColladaError(f"expected coordinates of at most {LIMIT:g} m, got {largest:g} m")
         return mesh
 
     def _placed(self, node: ElementTree.Element, matrix: FloatArray, depth: int) -> Iterator[tuple[FloatArray, _Group]]:
         """Yield the groups below a node with the transform that places each."""
         if depth > _MAX_DEPTH:
-            raise _ColladaError(f"nodes nested deeper than {_MAX_DEPTH} levels, allowed: at most that")
+            raise _ColladaError(f"expected nodes nested at most {_MAX_DEPTH} levels deep, got more")
         self._count(1)
         for child in node:
             # A node's transforms stand before its content and apply from the last to the first.
@@ -144,13 +144,13 @@ class _Reader:
     def _count(self, places: int) -> None:
         self.places += places
         if self.places > MAX_FACES:
-            raise _ColladaError(f"more than {MAX_FACES:,} nodes and faces placed, allowed: at most that")
+            raise _ColladaError(f"expected at most {MAX_FACES:,} nodes and faces placed, got more")
 
     def _upright(self) -> FloatArray:
         axis = next((e.text for e in self.root.iter() if _tag(e) == "up_axis"), None)
         name = (axis or "Y_UP").strip()
         if name not in _UPRIGHT:
-            raise _ColladaError(f"up_axis {name!r} given, allowed: {', '.join(_UPRIGHT)}")
+            raise _ColladaError(f"up_axis: expected {', '.join(_UPRIGHT)}, got {name!r}")
         return np.array(_UPRIGHT[name], dtype=np.float64)
 
     def _target(self, element: ElementTree.Element, attribute: str = "url") -> ElementTree.Element:
@@ -241,7 +241,7 @@ def _loops(element: ElementTree.Element, runs: list[int]) -> list[NDArray[np.int
         return [loop for loop in np.split(np.arange(total), np.cumsum(counts)[:-1]) if len(loop) > 2]
     if kind == "polygons":
         if any(_tag(e) == "ph" for e in element):
-            raise _ColladaError("<ph> given, allowed: polygons without holes")
+            raise _ColladaError("expected polygons without holes, got <ph>")
         return [np.arange(a, b) for a, b in spans if b - a > 2]
     fan = kind == "trifans"
     return [np.array([a if fan else i - 2, i - 1, i]) for a, b in spans for i in range(a + 2, b)]
@@ -250,13 +250,13 @@ def _loops(element: ElementTree.Element, runs: list[int]) -> list[NDArray[np.int
 def _transform(element: ElementTree.Element) -> FloatArray:
     kind, matrix = _tag(element), np.eye(4)
     if kind in ("lookat", "skew"):
-        raise _ColladaError(f"<{kind}> given, allowed: <matrix>, <translate>, <rotate>, <scale>")
+        raise _ColladaError(f"expected <matrix>, <translate>, <rotate>, <scale>, got <{kind}>")
     length = {"matrix": 16, "translate": 3, "rotate": 4, "scale": 3}.get(kind)
     if length is None:
         return matrix
     values = _numbers(element, np.float64)
     if len(values) != length:
-        raise _ColladaError(f"<{kind}> of {len(values)} numbers given, allowed: {length}")
+        raise _ColladaError(f"<{kind}>: expected {length} numbers, got {len(values)}")
     if kind == "matrix":
         return values.reshape(4, 4)
     if kind == "translate":
@@ -286,7 +286,7 @@ def _numbers(element: ElementTree.Element, kind: type[np.int64 | np.float64]) ->
 def _integer(element: ElementTree.Element, name: str, default: int) -> int:
     value = element.get(name, str(default)).strip()
     if not (value.isascii() and value.isdigit() and len(value) < 10):
-        raise _ColladaError(f"<{_tag(element)}> {name} {value!r} given, allowed: a whole number, 0 or more")
+        raise _ColladaError(f"<{_tag(element)}> {name}: expected a whole number, 0 or more, got {value!r}")
     return int(value)
 
 

@@ -8,7 +8,7 @@ import secrets
 from collections.abc import Sequence
 from pathlib import Path
 
-from trailmark.errors import FormatError, OutputError, did_you_mean
+from trailmark.errors import FormatError, OutputError, expected_name
 
 __all__ = ["MAX_FILE_BYTES", "check_writable", "read_bytes", "read_text", "write_atomically"]
 
@@ -32,11 +32,11 @@ def read_bytes(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
         raise FormatError(path, f"cannot be read: {_reason(error)}") from None
     size = max(size, len(data))
     if size > limit:
-        raise FormatError(path, f"{size:,} bytes given, allowed: at most {limit:,}")
+        raise FormatError(path, f"expected at most {limit:,} bytes, got {size:,}")
     return data
 
 
-def read_text(path: Path, allowed: str = "allowed: UTF-8 text") -> str:
+def read_text(path: Path, allowed: str = "expected UTF-8 text") -> str:
     """Return the content of a UTF-8 text file, without a byte order mark.
 
     Args:
@@ -87,10 +87,10 @@ def check_writable(path: Path, suffixes: Sequence[str] = ()) -> None:
         OutputError: another suffix, a missing directory, a path that is a directory, no permission.
     """
     if suffixes and path.suffix.lower() not in suffixes:
-        raise OutputError(f"{path}: suffix {path.suffix!r} given, {did_you_mean(path.suffix.lower(), suffixes)}")
+        raise OutputError(f"{path}: suffix: {expected_name(path.suffix.lower(), suffixes)}")
     try:
         if path.is_dir():
-            problem = "is a directory, allowed: a file"
+            problem = "is a directory; expected a file"
         elif not path.parent.is_dir():
             problem = f"the directory {str(path.parent)!r} does not exist"
         elif path.exists() and not os.access(path, os.W_OK):

@@ -25,7 +25,7 @@ Vertices = NDArray[np.float64]
 def check_size(columns: int, rows: int) -> None:
     """Raise WorldError unless there is at least one cell and at most :data:`MAX_CELLS`."""
     if columns < 1 or rows < 1 or columns * rows > MAX_CELLS:
-        raise WorldError(f"map of {columns} x {rows} cells given, allowed: 1 to {MAX_CELLS:,} cells")
+        raise WorldError(f"expected 1 to {MAX_CELLS:,} cells, got {columns} x {rows}")
 
 
 def grid_polygons(
@@ -58,7 +58,7 @@ def grid_polygons(
     upright = _sides(padded.view(np.int8).T, labels.T, turned=True)
     if len(across.label) + len(upright.label) > MAX_CORNERS:
         corners = len(across.label) + len(upright.label)
-        raise WorldError(f"map: outlines with {corners:,} corners given, allowed: at most {MAX_CORNERS:,}")
+        raise WorldError(f"map: expected outlines with at most {MAX_CORNERS:,} corners, got {corners:,}")
     sides = _Sides(*(np.concatenate(pair) for pair in zip(across.fields(), upright.fields(), strict=True)))
     corners_xy = _place(sides.start, cell, origin)
     outlines: dict[int, tuple[Vertices, list[Vertices]]] = {}

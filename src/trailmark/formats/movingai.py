@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.errors import FormatError, WorldError, did_you_mean
+from trailmark.errors import FormatError, WorldError, expected_name
 from trailmark.formats.files import read_text
 from trailmark.formats.grid import check_size, grid_polygons
 from trailmark.world import Query, World
@@ -104,16 +104,16 @@ def parse_grid(text: str, path: Path) -> NDArray[np.bool_]:
     rows = lines[first:]
     for number, row in enumerate(rows[:height], start=first + 1):
         if len(row) != width:
-            raise FormatError(path, f"row of {len(row)} cells given, allowed: {width}", number)
+            raise FormatError(path, f"expected a row of {width} cells, got {len(row)}", number)
     if len(rows) != height:
-        raise FormatError(path, f"{len(rows)} rows given, allowed: {height}", min(len(lines), first + height + 1))
+        raise FormatError(path, f"expected {height} rows, got {len(rows)}", min(len(lines), first + height + 1))
     cells = np.frombuffer("".join(rows).encode("latin-1", "replace"), dtype=np.uint8).reshape(height, width)
     free = np.isin(cells, np.frombuffer(FREE.encode(), dtype=np.uint8))
     known = free | np.isin(cells, np.frombuffer(BLOCKED.encode(), dtype=np.uint8))
     if not known.all():
         y, x = np.argwhere(~known)[0]
-        allowed = f"allowed: {' '.join(FREE + BLOCKED)}"
-        raise FormatError(path, f"character {rows[y][x]!r} in column {x + 1} given, {allowed}", first + int(y) + 1)
+        allowed = f"expected {' '.join(FREE + BLOCKED)}"
+        raise FormatError(path, f"column {x + 1}: {allowed}, got {rows[y][x]!r}", first + int(y) + 1)
     return free
 
 
@@ -139,14 +139,14 @@ def _header(lines: list[str], path: Path) -> tuple[dict[str, int], int]:
             return size, number
         if key == "type":
             if value != "octile":
-                raise FormatError(path, f"type {value!r} given, allowed: octile", number)
+                raise FormatError(path, f"type: expected octile, got {value!r}", number)
         elif key in ("width", "height"):
             if not (value.isascii() and value.isdigit() and len(value) < 10):
-                raise FormatError(path, f"{key} {value!r} given, allowed: a whole number above 0", number)
+                raise FormatError(path, f"expected a whole number above 0, got {key} {value!r}", number)
             size[key] = int(value)
         elif key:
-            raise FormatError(path, f"{key!r} given, {did_you_mean(key, ('type', 'height', 'width', 'map'))}", number)
-    raise FormatError(path, "no line 'map' ends the header, allowed: type octile, height, width, map")
+            raise FormatError(path, expected_name(key, ("type", "height", "width", "map")), number)
+    raise FormatError(path, "no line 'map' ends the header; expected type octile, height, width, map")
 
 
 def _scenario_rows(path: Path, size: tuple[int, int] | None) -> list[tuple[int, Scenario]]:
@@ -158,11 +158,11 @@ def _scenario_rows(path: Path, size: tuple[int, int] | None) -> list[tuple[int, 
         row = _scenario(line, path, number)
         if size is not None and (row.width, row.height) != size:
             given = f"map of {row.width} x {row.height} cells"
-            raise FormatError(path, f"{given} given, allowed: the map's {size[0]} x {size[1]}", number)
+            raise FormatError(path, f"expected the map's {size[0]} x {size[1]}, got {given}", number)
         for end, (x, y) in (("start", row.start), ("goal", row.goal)):
             if not (0 <= x < row.width and 0 <= y < row.height):
                 inside = f"x in 0..{row.width - 1}, y in 0..{row.height - 1}"
-                raise FormatError(path, f"{end} cell ({x}, {y}) given, allowed: {inside}", number)
+                raise FormatError(path, f"expected {inside}, got {end} cell ({x}, {y})", number)
         rows.append((number, row))
     return rows
 
@@ -171,20 +171,20 @@ def _scenario(line: str, path: Path, number: int) -> Scenario:
     # Columns are set off by tabs in most files, and a map's name may hold spaces.
     fields = [field.strip() for field in line.strip().split("\t")] if "\t" in line else line.split()
     if len(fields) != len(_COLUMNS):
-        raise FormatError(path, f"{len(fields)} columns given, allowed: {len(_COLUMNS)}: {', '.join(_COLUMNS)}", number)
+        raise FormatError(path, f"expected {len(_COLUMNS)} columns ({', '.join(_COLUMNS)}), got {len(fields)}", number)
     whole: dict[str, int] = {}
     for name, field in zip(_COLUMNS, fields, strict=True):
         if name in ("map", "optimal length"):
             continue
         if not (field.isascii() and field.removeprefix("-").isdigit() and len(field) < 10):
-            raise FormatError(path, f"{name} {field!r} given, allowed: a whole number", number)
+            raise FormatError(path, f"expected a whole number, got {name} {field!r}", number)
         whole[name] = int(field)
     try:
         length = float(fields[-1])
     except ValueError:
         length = math.nan
     if not (math.isfinite(length) and length >= 0.0):
-        raise FormatError(path, f"optimal length {fields[-1]!r} given, allowed: a finite number, 0 or more", number)
+        raise FormatError(path, f"expected a finite number, 0 or more, got optimal length {fields[-1]!r}", number)
     start, goal = (whole["start x"], whole["start y"]), (whole["goal x"], whole["goal y"])
     return Scenario(whole["bucket"], fields[1], whole["width"], whole["height"], start, goal, length)
 

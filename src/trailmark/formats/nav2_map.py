@@ -121,19 +121,19 @@ def _channels(image: Image) -> tuple[NDArray[Any], int, bool]:
         return np.asarray(image.convert("L"))[..., None], 255, False
     if image.mode in ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX", "CMYK", "YCbCr"):
         return np.asarray(image.convert("RGBA" if transparent else "RGB")), 255, transparent
-    raise WorldError(f"pixels of mode {image.mode} given, allowed: grey or colours of 8 or 16 bits")
+    raise WorldError(f"expected grey or colours of 8 or 16 bits, got pixels of mode {image.mode}")
 
 
 def _free_image(path: Path, file: MapFile) -> NDArray[np.bool_]:
     from PIL import Image, UnidentifiedImageError
 
-    allowed = f"allowed: an image of the kinds {', '.join(IMAGE_KINDS.values())}"
+    allowed = f"expected an image of the kinds {', '.join(IMAGE_KINDS.values())}"
     try:
         folder = path.is_dir()
     except OSError as error:  # no file can have that name
         raise FormatError(path, f"image cannot be read: {error.strerror}") from None
     if folder:
-        raise FormatError(path, f"a directory given, {allowed}")
+        raise FormatError(path, f"{allowed}, got a directory")
     try:
         with warnings.catch_warnings():
             # Pillow's guard against decompression bombs is looser than the limit below, and warns first.
@@ -144,7 +144,7 @@ def _free_image(path: Path, file: MapFile) -> NDArray[np.bool_]:
     except UnidentifiedImageError:
         raise FormatError(path, f"not an image that can be read; {allowed}") from None
     except Image.DecompressionBombError:
-        raise FormatError(path, f"too many pixels given, allowed: at most {MAX_CELLS:,}") from None
+        raise FormatError(path, f"too many pixels; expected at most {MAX_CELLS:,}") from None
     except WorldError as error:
         raise FormatError(path, str(error)) from None
     except OSError as error:

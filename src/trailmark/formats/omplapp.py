@@ -64,10 +64,10 @@ def read_cfg(text: str, path: Path) -> World:
     problem = _section(text, path)
     missing = [key for key in ("robot", "world", *_POSES, *_VOLUME) if key not in problem]
     if any(key in problem for key in ("start.z", "goal.z", "volume.min.z")):
-        raise FormatError(path, "[problem]: a problem in space given (it has z), allowed: problems in the plane")
+        raise FormatError(path, "[problem]: a problem in space given (it has z); expected problems in the plane")
     if missing:
         raise FormatError(
-            path, f"[problem]: missing {', '.join(missing)}; allowed: all of robot, world, start, goal, volume"
+            path, f"[problem]: missing {', '.join(missing)}; expected all of robot, world, start, goal, volume"
         )
     numbers = {key: _number(problem[key], key, path) for key in (*_POSES, *_VOLUME)}
     sx, sy, st, gx, gy, gt = (numbers[key] for key in _POSES)
@@ -98,10 +98,10 @@ def _section(text: str, path: Path) -> dict[str, _Entry]:
         elif section == "problem":
             key, equals, value = content.partition("=")
             if not equals:
-                raise FormatError(path, f"{content[:60]!r} given, allowed: key = value", number)
+                raise FormatError(path, f"expected key = value, got {content[:60]!r}", number)
             entries[key.strip().lower()] = _Entry(value.strip(), number)
     if not found:
-        raise FormatError(path, "no section [problem] given, allowed: an OMPL.app cfg with one")
+        raise FormatError(path, "expected an OMPL.app cfg with a section [problem], got none")
     return entries
 
 
@@ -111,7 +111,7 @@ def _number(entry: _Entry, key: str, path: Path) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        raise FormatError(path, f"{key}: {entry.value!r} given, allowed: a finite number", entry.line)
+        raise FormatError(path, f"{key}: expected a finite number, got {entry.value!r}", entry.line)
     return number
 
 
@@ -158,7 +158,7 @@ def _outline(region: shapely.Geometry, path: Path) -> shapely.LinearRing:
     parts = list(shapely.get_parts(region))
     count = len(parts)
     if count == 0:
-        raise FormatError(path, "a mesh without extent in the plane given, allowed: one that covers an area or a line")
+        raise FormatError(path, "expected a mesh that covers an area or a line, got one without extent in the plane")
     if count == 1:
         return parts[0].exterior
     extent, links, joined = _extent(shapely.get_coordinates(region)), [], parts.pop()
@@ -178,8 +178,8 @@ def _outline(region: shapely.Geometry, path: Path) -> shapely.LinearRing:
         if joined.geom_type == "Polygon":
             # Growing and shrinking leaves vertices side by side that differ by rounding alone.
             return shapely.remove_repeated_points(shapely.simplify(joined.exterior, 0.0), 1e-9 * extent)
-    allowed = f"allowed: one, or up to {MAX_PARTS} with gaps below {MAX_GAP:.0%} of its extent"
-    raise FormatError(path, f"a robot of {count} parts given, {allowed}")
+    allowed = f"expected one, or up to {MAX_PARTS} with gaps below {MAX_GAP:.0%} of its extent"
+    raise FormatError(path, f"{allowed}, got a robot of {count} parts")
 
 
 def _face(loop: NDArray[np.float64]) -> shapely.Geometry:

@@ -43,7 +43,7 @@ def require_apart(path: Path, inputs: Iterable[Path]) -> None:
     for other in inputs:
         if _same(path, other):
             name = "" if path.absolute() == other.absolute() else f" {str(other)!r}"
-            raise OutputError(f"{path}: is the same file as the input{name}, allowed: another file")
+            raise OutputError(f"{path}: is the same file as the input{name}; expected another file")
 
 
 def require_own(path: Path) -> None:
@@ -66,7 +66,7 @@ def require_own(path: Path) -> None:
     kind = path.suffix.lower()
     if head.strip() and not _own(kind, head, tail):
         raise OutputError(
-            f"{path}: a file that trailmark did not write is there, allowed: a new file, or one to write again"
+            f"{path}: a file that trailmark did not write is there; expected a new file, or one to write again"
         )
 
 

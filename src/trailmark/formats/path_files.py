@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.errors import ConfigurationError, FormatError, OutputError, did_you_mean
+from trailmark.errors import ConfigurationError, FormatError, OutputError, expected_name
 from trailmark.formats import files
 from trailmark.path import Path
 
@@ -52,7 +52,7 @@ def write_path(path: FilePath, states: ArrayLike | Path, record: Mapping[str, An
     files_suffix = path.suffix.lower()
     checked = states if isinstance(states, Path) else Path(np.asarray(states, dtype=np.float64))
     if files_suffix not in SUFFIXES:
-        raise OutputError(f"{path}: suffix {path.suffix!r} given, {did_you_mean(files_suffix, SUFFIXES)}")
+        raise OutputError(f"{path}: suffix: {expected_name(files_suffix, SUFFIXES)}")
     rows = [[repr(value) for value in row] for row in checked.states.tolist()]
     if files_suffix == ".json":
         text = _json_text(path, checked, rows, record)
@@ -73,12 +73,12 @@ def read_path(path: FilePath) -> Path:
     """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise FormatError(path, f"suffix {path.suffix!r} given, {did_you_mean(suffix, SUFFIXES)}")
+        raise FormatError(path, f"suffix: {expected_name(suffix, SUFFIXES)}")
     text = files.read_text(path)
     separator = "," if suffix == ".csv" else None
     states = _json_states(text, path) if suffix == ".json" else _rows(text, path, separator)
     if not states:
-        raise FormatError(path, "no states given, allowed: one or more rows x, y, theta")
+        raise FormatError(path, "expected one or more rows x, y, theta, got no states")
     try:
         return Path(np.array(states, dtype=np.float64))
     except (ConfigurationError, ValueError, OverflowError) as error:
@@ -114,10 +114,10 @@ def _json_states(text: str, path: FilePath) -> list[list[float]]:
         raise FormatError(path, "not valid JSON: nested too deeply or a number too long") from None
     states = record.get("states") if isinstance(record, dict) else None
     if not isinstance(states, list):
-        raise FormatError(path, "no list 'states' given, allowed: an object with states [[x, y, theta], ...]")
+        raise FormatError(path, "expected an object with states [[x, y, theta], ...], got no list 'states'")
     for i, row in enumerate(states):
         if not (isinstance(row, list) and len(row) == 3 and all(type(v) in (int, float) for v in row)):
-            raise FormatError(path, f"states[{i}]: {str(row)[:60]} given, allowed: three numbers [x, y, theta]")
+            raise FormatError(path, f"states[{i}]: expected three numbers [x, y, theta], got {str(row)[:60]}")
     return states
 
 
@@ -127,7 +127,7 @@ def _rows(text: str, path: FilePath, separator: str | None) -> list[list[float]]
     if separator is not None:
         header = [name.strip() for name in lines[0].split(separator)] if lines else []
         if header != _CSV_HEADER.split(","):
-            raise FormatError(path, f"header {','.join(header)[:60]!r} given, allowed: {_CSV_HEADER}", 1)
+            raise FormatError(path, f"expected {_CSV_HEADER}, got header {','.join(header)[:60]!r}", 1)
         skip = 1
     states = []
     for number, line in enumerate(lines[skip:], start=skip + 1):
@@ -139,6 +139,6 @@ def _rows(text: str, path: FilePath, separator: str | None) -> list[list[float]]
             row = []
         if len(row) != 3 or not all(map(math.isfinite, row)):
             given = line.strip()[:60]
-            raise FormatError(path, f"row {given!r} given, allowed: three finite numbers x, y, theta", number)
+            raise FormatError(path, f"expected three finite numbers x, y, theta, got row {given!r}", number)
         states.append(row)
     return states

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from trailmark.errors import FormatError, did_you_mean
+from trailmark.errors import FormatError, expected_name
 
 __all__ = ["MapFile", "WorldFile", "validate"]
 
@@ -222,14 +222,15 @@ def _describe(model: type[BaseModel], problem: Any) -> str:
     kind, location = problem["type"], [part for part in problem["loc"] if part not in _SHAPES]
     where, value = _where(location), _short.repr(problem["input"])
     if kind == "extra_forbidden":
-        allowed = did_you_mean(str(location[-1]), _model_at(model, problem["loc"]).model_fields)
-        return f"{where}: unknown key, {allowed}"
+        allowed = expected_name(str(location[-1]), _model_at(model, problem["loc"]).model_fields)
+        return f"{where}: unknown key; {allowed}"
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         given = problem["input"].get("shape") if isinstance(problem["input"], dict) else problem["input"]
-        state = "missing" if kind == "union_tag_not_found" else f"{_short.repr(given)} given"
-        return f"{where}.shape: {state}, {did_you_mean(str(given), _SHAPES)}"
+        if kind == "union_tag_not_found":
+            return f"{where}.shape: expected {', '.join(_SHAPES)}, got nothing"
+        return f"{where}.shape: {expected_name(str(given), _SHAPES)}"
     allowed = _allowed(model, location, kind)
-    return f"{where}: {'missing' if kind == 'missing' else value + ' given'}, allowed: {allowed}"
+    return f"{where}: expected {allowed}, got {'nothing' if kind == 'missing' else value}"
 
 
 def _allowed(model: type[BaseModel], location: Sequence[str | int], kind: str) -> str:

@@ -37,7 +37,7 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
 
     version = data["trailmark"]
     if isinstance(version, bool | float) or version != 1:
-        raise FormatError(path, f"trailmark: {version!r} given, allowed: 1 (the schema version)")
+        raise FormatError(path, f"trailmark: expected 1 (the schema version), got {version!r}")
     file = validate(WorldFile, data, path)
     robot = None if file.robot is None else _build(path, "robot", _robot, file.robot)
     boundary = None if file.boundary is None else _build(path, "boundary", Polygon, file.boundary)
@@ -191,6 +191,6 @@ def _text(text: str) -> str:
     try:
         text.encode()
     except UnicodeEncodeError:
-        raise OutputError(f"name {text!r} given, allowed: a text that UTF-8 can hold") from None
+        raise OutputError(f"name: expected a text that UTF-8 can hold, got {text!r}") from None
     quoted: str = yaml.safe_dump(text, default_style='"', width=1 << 30, allow_unicode=True)
     return quoted.rstrip("\n")

@@ -65,10 +65,10 @@ def parse_yaml(text: str, path: Path) -> Data:
                 stack.pop()
             elif isinstance(event, events.AliasEvent):
                 raise FormatError(
-                    path, f"alias *{str(event.anchor)[:60]} given, allowed: no anchors and aliases", _line(event)
+                    path, f"expected no anchors and aliases, got alias *{str(event.anchor)[:60]}", _line(event)
                 )
             elif isinstance(event, events.DocumentStartEvent) and root:
-                raise FormatError(path, "a second YAML document begins, allowed: one", _line(event))
+                raise FormatError(path, "expected one YAML document, got a second", _line(event))
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         problem = " ".join(str(getattr(error, "problem", None) or getattr(error, "reason", None) or error).split())
@@ -97,23 +97,23 @@ class _Container:
 def _take_key(top: _Container, event: object, path: Path) -> None:
     key: str = event.value  # type: ignore[attr-defined]  # a ScalarEvent; yaml is imported late
     if key in top.content:
-        raise FormatError(path, f"key {key[:60]!r} is given twice in one mapping, allowed: once", _line(event))
+        raise FormatError(path, f"expected each key once, got {key[:60]!r} twice in one mapping", _line(event))
     top.key, top.wants_key = key, False
 
 
 def _check_plain(event: object, path: Path) -> None:
     tag, anchor = event.tag, event.anchor  # type: ignore[attr-defined]  # a NodeEvent; yaml is imported late
     if tag is not None and tag != "!":
-        raise FormatError(path, f"tag {tag[:60]!r} given, allowed: no tags", _line(event))
+        raise FormatError(path, f"expected no tags, got tag {tag[:60]!r}", _line(event))
     if anchor is not None:
-        raise FormatError(path, f"anchor &{anchor[:60]} given, allowed: no anchors and aliases", _line(event))
+        raise FormatError(path, f"expected no anchors and aliases, got anchor &{anchor[:60]}", _line(event))
 
 
 def _check_room(stack: list[_Container], event: object, path: Path) -> None:
     if stack[-1].wants_key:
-        raise FormatError(path, "a list or mapping is given as a key, allowed: a text", _line(event))
+        raise FormatError(path, "expected a text as a key, got a list or mapping", _line(event))
     if len(stack) > MAX_DEPTH:
-        raise FormatError(path, f"nested deeper than {MAX_DEPTH} levels, allowed: at most that", _line(event))
+        raise FormatError(path, f"expected at most {MAX_DEPTH} levels of nesting, got more", _line(event))
 
 
 def _line(event: object) -> int:

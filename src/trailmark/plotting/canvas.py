@@ -155,7 +155,7 @@ def write(figure: Figure, file: FilePath) -> None:
 
     kind = file.suffix.lower()
     if kind not in PICTURE_SUFFIXES:
-        raise OutputError(f"{file}: suffix {file.suffix!r} given, allowed: {', '.join(PICTURE_SUFFIXES)}")
+        raise OutputError(f"{file}: suffix: expected {', '.join(PICTURE_SUFFIXES)}, got {file.suffix!r}")
     buffer = io.BytesIO()
     # No date, and a mark by which a later run knows that it may replace the picture (trailmark.formats.outputs).
     marks: dict[str, dict[str, Any]] = {

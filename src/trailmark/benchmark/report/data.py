@@ -26,7 +26,7 @@ FloatArray = NDArray[np.float64]
 Curve = tuple[FloatArray, FloatArray]
 """Seconds, ascending, and the cost of the best path so far; both of shape (n,)."""
 
-ALLOWED = "allowed: a results database that 'trailmark benchmark' wrote"
+ALLOWED = "expected a results database that 'trailmark benchmark' wrote"
 NUMBERS = tuple(name for name, kind in MEASURED.items() if kind != "TEXT")
 BUSY = 5.0
 
@@ -186,7 +186,7 @@ def load_results(file: Path) -> Results:
         problems = [_problem(db, row, names, apart[row[0]]) for row in rows]
     done = [problem for problem in problems if problem.runs]
     if not done:
-        raise StoreError(f"{file}: holds no finished run, allowed: a database with at least one")
+        raise StoreError(f"{file}: holds no finished run; expected a database with at least one")
     present = {planner for problem in done for planner in problem.runs}
     planners = [name for name in names.values() if name in present]
     empty = [problem.name for problem in problems if not problem.runs]
@@ -295,7 +295,7 @@ def _check_schema(db: sqlite3.Connection, file: Path) -> None:
     if application != APPLICATION:
         raise StoreError(f"{file}: an SQLite database of another program; {ALLOWED}")
     if version != VERSION:
-        raise StoreError(f"{file}: schema version {version} given, allowed: {VERSION}")
+        raise StoreError(f"{file}: expected schema version {VERSION}, got {version}")
     missing = sorted({"experiments", "plannerConfigs", "runs", "progress"} - tables)
     if missing:
         raise StoreError(f"{file}: the table {missing[0]!r} is missing; {ALLOWED}")
