@@ -33,7 +33,7 @@ from benchmarks.ahead_problems import Case, cases
 from benchmarks.ahead_report import publish
 from benchmarks.ahead_results import COST_LIMIT, FIRST_LIMIT, Results
 from trailmark.benchmark.environment import source_digest
-from trailmark.benchmark.executors import Pool, local
+from trailmark.benchmark.isolation.executors import Pool, local
 from trailmark.benchmark.planners import known_planners
 from trailmark.benchmark.runner import Benchmark, Tally
 from trailmark.benchmark.store import Store

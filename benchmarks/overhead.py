@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.machine import describe_machine, markdown_table
-from trailmark.benchmark.prepared import Prepared
+from trailmark.benchmark.isolation.prepared import Prepared
+from trailmark.benchmark.isolation.worker import Worker
 from trailmark.benchmark.problems import Job, Problem, problems_of
-from trailmark.benchmark.worker import Worker
 from trailmark.library import find_world
 from trailmark.world import World
 

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from trailmark.benchmark.isolation.worker import Worker
 from trailmark.benchmark.problems import Job, Problem, problems_of
 from trailmark.benchmark.record import RunRecord
 from trailmark.benchmark.status import Status
 from trailmark.benchmark.store import Experiment, Store
-from trailmark.benchmark.worker import Worker
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Query, Robot, World
 
+ROOT = Path(__file__).resolve().parents[2]
 START, GOAL = (1.0, 1.0, 0.0), (9.0, 1.0, 0.0)
 
 
@@ -45,7 +47,7 @@ def worker() -> Iterator[Worker]:
     """One worker for all tests of this process: starting one takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
         # So that it finds tests.benchmark.rogues wherever the tests are started.
-        patch.setenv("PYTHONPATH", str(Path(__file__).resolve().parents[2]))
+        patch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), str(ROOT / "src")]))
         made = Worker()
         yield made
         made.stop()

@@ -8,7 +8,7 @@ from importlib.metadata import version
 import numpy as np
 
 from trailmark.benchmark.environment import cpu_name, source_digest, system, versions
-from trailmark.benchmark.memory import MemoryPeak, address_space, heap_in_use
+from trailmark.benchmark.isolation.memory import MemoryPeak, address_space, heap_in_use
 
 
 def test_versions_and_machine() -> None:

@@ -18,7 +18,7 @@ import pytest
 from tests.benchmark.conftest import small_world
 
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.executors import cluster
+from trailmark.benchmark.isolation.executors import cluster
 
 pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 
@@ -28,7 +28,7 @@ RUNS = 24
 
 @contextmanager
 def process(*words: object) -> Iterator[subprocess.Popen[bytes]]:
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "DASK_DISTRIBUTED__DIAGNOSTICS__NVML": "False"}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")]), "DASK_DISTRIBUTED__DIAGNOSTICS__NVML": "False"}
     started = subprocess.Popen(
         [sys.executable, "-W", "ignore", "-m", *map(str, words)],
         stdout=subprocess.DEVNULL,
@@ -73,7 +73,7 @@ def test_a_killed_worker_only_repeats_its_runs(tmp_path: Path) -> None:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
-            env=os.environ | {"PYTHONPATH": str(ROOT)},
+            env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")])},
         ) as benchmark:
             while (not results.exists() or len(runs_in(results)) < 4) and benchmark.poll() is None:
                 time.sleep(0.02)
@@ -88,7 +88,7 @@ def test_a_killed_worker_only_repeats_its_runs(tmp_path: Path) -> None:
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trailmark.benchmark.executors.ANSWERING", 0.5)
+    monkeypatch.setattr("trailmark.benchmark.isolation.executors.ANSWERING", 0.5)
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))  # and nobody listens
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"

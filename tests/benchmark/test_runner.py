@@ -14,7 +14,7 @@ from tests.benchmark.conftest import solved
 
 from trailmark.benchmark.environment import versions
 from trailmark.benchmark.errors import StoreError, WorkerError
-from trailmark.benchmark.executors import Pool
+from trailmark.benchmark.isolation.executors import Pool
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.runner import Benchmark, Tally
 from trailmark.benchmark.store import Store

@@ -15,10 +15,10 @@ import pytest
 from tests.benchmark.conftest import job
 
 from trailmark.benchmark.errors import WorkerError
+from trailmark.benchmark.isolation.worker import Worker
 from trailmark.benchmark.native import native_program
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.status import Status
-from trailmark.benchmark.worker import Worker
 from trailmark.path import Path
 from trailmark.shapes import Polygon
 from trailmark.world import Query, Robot, World

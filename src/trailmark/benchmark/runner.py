@@ -13,13 +13,13 @@ from typing import Any
 
 from trailmark.benchmark.environment import cpu_name, source_digest, system, versions
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.executors import Pool
+from trailmark.benchmark.isolation.executors import Pool
+from trailmark.benchmark.isolation.worker import run_job
 from trailmark.benchmark.native import native_versions
 from trailmark.benchmark.planners import settings_of
 from trailmark.benchmark.problems import Job, Problem
 from trailmark.benchmark.record import RunRecord
 from trailmark.benchmark.store import Experiment, Store
-from trailmark.benchmark.worker import run_job
 
 __all__ = ["Benchmark", "Tally"]
 

@@ -207,7 +207,7 @@ def _grown(world: World, robot: Robot | None) -> World:
 
 @contextmanager
 def _pool(workers: int, scheduler: str | None) -> Iterator[Any]:
-    from trailmark.benchmark.executors import cluster, local
+    from trailmark.benchmark.isolation.executors import cluster, local
 
     with ExitStack() as stack:
         yield stack.enter_context(local(workers) if scheduler is None else cluster(scheduler))

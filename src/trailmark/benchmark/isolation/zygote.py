@@ -1,8 +1,8 @@
 """The zygote: a process with everything imported and warm, which forks a fresh child for each run.
 
-``python -m trailmark.benchmark.zygote`` reads one job a line from stdin and writes one answer a line to stdout, both
-JSON. A child inherits imports, compiled kernels and the problem, and nothing of any run before it; the start of a
-process is part of no planner's time. The zygote kills a child that does not end, and itself ends with its parent.
+``python -m trailmark.benchmark.isolation.zygote`` reads one job a line from stdin and writes one answer a line to
+stdout, both JSON. A child inherits imports, compiled kernels and the problem, and nothing of any run before it; the
+start of a process is part of no planner's time. The zygote kills a child that does not end, and ends with its parent.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from collections import OrderedDict
 from time import perf_counter
 from typing import IO, Any, NoReturn
 
-from trailmark.benchmark.child import answers
-from trailmark.benchmark.memory import address_space
-from trailmark.benchmark.prepared import Prepared
+from trailmark.benchmark.isolation.child import answers
+from trailmark.benchmark.isolation.memory import address_space
+from trailmark.benchmark.isolation.prepared import Prepared
 from trailmark.benchmark.status import Status
 from trailmark.errors import TrailmarkError
 

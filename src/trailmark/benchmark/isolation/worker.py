@@ -101,7 +101,7 @@ class Worker:
         complaints = tempfile.TemporaryFile()  # noqa: SIM115  # closed below, with the process started
         self._process = subprocess.Popen(  # this interpreter and a module of our own
             # -P: a file of the user's in the working directory must not take a library's place.
-            [sys.executable, "-P", "-m", "trailmark.benchmark.zygote"],
+            [sys.executable, "-P", "-m", "trailmark.benchmark.isolation.zygote"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=complaints,
@@ -119,7 +119,7 @@ class Worker:
                 said = complaints.read().decode(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
                 raise WorkerError(
                     f"a worker process does not start: {said[0][:300]}; expected an environment in which "
-                    f"'{sys.executable} -m trailmark.benchmark.zygote' runs"
+                    f"'{sys.executable} -m trailmark.benchmark.isolation.zygote' runs"
                 )
 
     def _send(self, message: Answer) -> None:

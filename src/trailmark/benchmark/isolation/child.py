@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trailmark import se2
-from trailmark.benchmark.memory import MemoryPeak
-from trailmark.benchmark.prepared import CountingChecker, Prepared
+from trailmark.benchmark.isolation.memory import MemoryPeak
+from trailmark.benchmark.isolation.prepared import CountingChecker, Prepared
 from trailmark.benchmark.status import Status
 from trailmark.path import Path
 

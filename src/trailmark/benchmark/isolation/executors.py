@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 from trailmark.benchmark.errors import WorkerError
-from trailmark.benchmark.worker import stop_workers
+from trailmark.benchmark.isolation.worker import stop_workers
 
 __all__ = ["Pool", "cluster", "local"]
 
