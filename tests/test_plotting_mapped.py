@@ -75,11 +75,11 @@ def test_ellipses_too_small_to_see_are_drawn_larger_and_the_legend_says_so() -> 
 @pytest.mark.parametrize(
     ("scans", "confidence", "expected"),
     [
-        (False, None, "way, by EKF-SLAM"),
+        (False, None, "trajectory, by EKF-SLAM"),
         (False, 0.99, "grown for 0.99"),
         (True, None, "where it lies, 95% each"),
         (True, 0.9, "grown for 0.9"),
-        (True, 0.9, "way, by odometry alone"),
+        (True, 0.9, "trajectory, by odometry alone"),
         (True, None, "unknown"),
     ],
 )

@@ -28,7 +28,10 @@ RUNS = 24
 
 @contextmanager
 def process(*words: object) -> Iterator[subprocess.Popen[bytes]]:
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")]), "DASK_DISTRIBUTED__DIAGNOSTICS__NVML": "False"}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")]),
+        "DASK_DISTRIBUTED__DIAGNOSTICS__NVML": "False",
+    }
     started = subprocess.Popen(
         [sys.executable, "-W", "ignore", "-m", *map(str, words)],
         stdout=subprocess.DEVNULL,

@@ -17,9 +17,11 @@ from trailmark.cli.options import (
     grown_for,
     keep_inputs,
     load_world,
+    option,
     output_file,
     read_count,
     read_duration,
+    read_length,
     read_robot,
 )
 
@@ -41,76 +43,38 @@ def benchmark(
     ] = None,
     planners: Annotated[
         list[str] | None,
-        typer.Option(
-            "-p",
+        option(
             "--planner",
-            metavar="NAME",
-            show_default=False,
-            help="landmark, one of OMPL's (PRM, RRTstar …), the same with certified motions (PRM+certified), "
+            "NAME",
+            "landmark, one of OMPL's (PRM, RRTstar …), the same with certified motions (PRM+certified), "
             "native:NAME, module:function of your own, or all; repeat it for more.",
+            "-p",
         ),
     ] = None,
-    output: Annotated[
-        str | None,
-        typer.Option(
-            "--output", metavar="RESULTS.db", show_default=False, help="The results database; it is added to."
-        ),
-    ] = None,
-    suite: Annotated[
-        str | None,
-        typer.Option("--suite", metavar="FILE", show_default=False, help="Worlds, planners and limits from a file."),
-    ] = None,
-    runs: Annotated[
-        str | None,
-        typer.Option(
-            "--runs", metavar="N", help="Runs of each planner on each problem; default: 10.", show_default=False
-        ),
-    ] = None,
+    output: Annotated[str | None, option("--output", "RESULTS.db", "The results database; it is added to.")] = None,
+    suite: Annotated[str | None, option("--suite", "FILE", "Worlds, planners and limits from a file.")] = None,
+    runs: Annotated[str | None, option("--runs", "N", "Runs of each planner on each problem; default: 10.")] = None,
     time_limit: Annotated[
-        str | None,
-        typer.Option(
-            "--time-limit", metavar="SECONDS", help="Planning time of a run; default: 1.0.", show_default=False
-        ),
+        str | None, option("--time-limit", "SECONDS", "Planning time of a run; default: 1.0.")
     ] = None,
     memory_limit: Annotated[
-        str | None,
-        typer.Option(
-            "--memory-limit", metavar="MB", help="Memory that a run may take; default: 4096.", show_default=False
-        ),
+        str | None, option("--memory-limit", "MB", "Memory that a run may take; default: 4096.")
     ] = None,
-    seed: Annotated[
-        str | None,
-        typer.Option(
-            "--seed", metavar="N", help="Seed of the first run; they count up; default: 0.", show_default=False
-        ),
-    ] = None,
-    query: Annotated[
-        list[str] | None,
-        typer.Option("--query", metavar="NAME", help="A query of the worlds; default: all.", show_default=False),
-    ] = None,
+    seed: Annotated[str | None, option("--seed", "N", "Seed of the first run; they count up; default: 0.")] = None,
+    query: Annotated[list[str] | None, option("--query", "NAME", "A query of the worlds; default: all.")] = None,
     robot: RobotOption = None,
     resolution: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--resolution",
-            metavar="METRES",
-            show_default=False,
-            help="Distance between the states that OMPL's discrete motion validation looks at; default: half the "
+            "METRES",
+            "Distance between the states that OMPL's discrete motion validation looks at; default: half the "
             "robot's inscribed radius.",
         ),
     ] = None,
-    workers: Annotated[
-        str | None,
-        typer.Option("--workers", metavar="N", help="Runs at once on this machine; default: 1.", show_default=False),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="ADDRESS", show_default=False, help="Run on this Dask cluster instead."),
-    ] = None,
-    log: Annotated[
-        str | None,
-        typer.Option("--log", metavar="FILE.log", show_default=False, help="Write all results as OMPL's log too."),
-    ] = None,
+    workers: Annotated[str | None, option("--workers", "N", "Runs at once on this machine; default: 1.")] = None,
+    scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", "Run on this Dask cluster instead.")] = None,
+    log: Annotated[str | None, option("--log", "FILE.log", "Write all results as OMPL's log too.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Run planners on problems, each run in a process of its own, and keep every result.
@@ -141,7 +105,7 @@ def benchmark(
             time_limit=read_duration(time_limit or _setting(given, "time_limit"), "--time-limit"),
             memory_limit=read_count(memory_limit or _setting(given, "memory_limit"), "--memory-limit", 1, 2**30),
             seed=read_count(seed or "0", "--seed", 0, 2**31 - 1),
-            resolution=None if resolution is None else _length(resolution, "--resolution"),
+            resolution=None if resolution is None else read_length(resolution, "--resolution"),
         )
         slots = read_count(workers or "1", "--workers", 1, 1024)
     assert file is not None  # noqa: S101  # --output was given
@@ -160,16 +124,6 @@ def benchmark(
 def _setting(suite: Suite | None, name: str) -> str:
     given = None if suite is None else getattr(suite, name)
     return DEFAULTS[name.replace("_", " ")] if given is None else str(given)
-
-
-def _length(text: str, option: str) -> float:
-    try:
-        length = float(text)
-    except ValueError:
-        length = 0.0
-    if not 0.0 < length < 1e7:
-        raise UsageError(f"expected a finite number of metres above 0, got {option} {text!r}")
-    return length
 
 
 def _problems(worlds: list[str], suite: Suite | None, robot: str | None, queries: list[str]) -> list[Problem]:

@@ -7,8 +7,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from trailmark.cli import console
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
@@ -21,8 +19,10 @@ from trailmark.cli.options import (
     grown_for,
     keep_inputs,
     load_world,
+    option,
     output_file,
     read_count,
+    read_length,
     read_robot,
     robot_of,
 )
@@ -54,22 +54,17 @@ TIME_LIMIT = 1.0  # seconds for each of them
 def landmarks(
     world: WorldArgument,
     method: Annotated[
-        str, typer.Option("--method", metavar="NAME", help="paper: Algorithm 2 as published; se2: trailmark's own.")
+        str, option("--method", "NAME", "paper: Algorithm 2 as published; se2: trailmark's own.", default=True)
     ] = "paper",
-    count: Annotated[
-        str | None,
-        typer.Option(
-            "-k", metavar="K", show_default=False, help="Number of landmarks; default: by the sensor's range."
-        ),
-    ] = None,
-    samples: Annotated[str, typer.Option("-n", metavar="N", help="Number of points drawn.")] = "1000",
+    count: Annotated[str | None, option("-k", "K", "Number of landmarks; default: by the sensor's range.")] = None,
+    samples: Annotated[str, option("-n", "N", "Number of points drawn.", default=True)] = "1000",
     init: Annotated[
-        str, typer.Option("--init", metavar="NAME", help="First centres: forgy, random-partition or k-means++.")
+        str, option("--init", "NAME", "First centres: forgy, random-partition or k-means++.", default=True)
     ] = "forgy",
-    runs: Annotated[str, typer.Option("--runs", metavar="N", help="Executions, each with its own readings.")] = "3",
+    runs: Annotated[str, option("--runs", "N", "Executions, each with its own readings.", default=True)] = "3",
     seed: SeedOption = "0",
     sensor_range: Annotated[
-        str, typer.Option("--sensor-range", metavar="METRES", help="How far the robot senses.")
+        str, option("--sensor-range", "METRES", "How far the robot senses.", default=True)
     ] = f"{SENSOR_RANGE:g}",
     robot: RobotOption = None,
     plot: PlotOption = None,
@@ -88,7 +83,7 @@ def landmarks(
     n = read_count(samples, "-n", 1, MAX_SAMPLES)
     k = None if count is None else read_count(count, "-k", 1, MAX_LANDMARKS)
     number, repeats = read_count(seed, "--seed", 0), read_count(runs, "--runs", 1, MAX_RUNS)
-    reach = _read_range(sensor_range)
+    reach = read_length(sensor_range, "--sensor-range")
     given = read_robot(robot)
     picture = output_file(plot, PICTURE_SUFFIXES)
 
@@ -141,16 +136,6 @@ def landmarks(
         console.say(console.json_text(record))
     else:
         _print_table(record, picture)
-
-
-def _read_range(text: str) -> float:
-    try:
-        metres = float(text)
-    except ValueError:
-        metres = math.nan
-    if not (math.isfinite(metres) and metres > 0.0):
-        raise UsageError(f"expected a finite number of metres above 0, got --sensor-range {text!r}")
-    return metres
 
 
 def _count_for(

@@ -29,12 +29,14 @@ __all__ = [
     "grown_for",
     "keep_inputs",
     "load_world",
+    "option",
     "output_file",
     "read_configuration",
     "read_count",
     "read_duration",
+    "read_length",
+    "read_number",
     "read_robot",
-    "read_share",
     "read_turning_radius",
     "robot_of",
     "steered",
@@ -48,6 +50,12 @@ MAX_TURNING_RADIUS = 1e4  # trailmark.robot.TURNING_LIMIT, whose module takes nu
 # Newer typer carries click inside, older depends on it; a public exception leads to its base class in both.
 UsageError: Any = typer.BadParameter.__mro__[1]
 
+
+def option(name: str, metavar: str, help: str, *aliases: str, default: bool = False) -> Any:  # noqa: A002  # typer's name
+    """Return an option that takes a text, for ``Annotated``; ``default`` says whether the help shows its default."""
+    return typer.Option(*aliases, name, metavar=metavar, help=help, show_default=default)
+
+
 # Numbers come as words and are read below, for typer's own messages do not say what was given.
 WorldArgument = Annotated[
     str,
@@ -59,29 +67,24 @@ WorldArgument = Annotated[
 ]
 RobotOption = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--robot",
-        metavar="SHAPE",
-        show_default=False,
-        help="disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;x,y;x,y in metres, instead of the file's.",
+        "SHAPE",
+        "disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;x,y;x,y in metres, instead of the file's.",
     ),
 ]
-TimeLimitOption = Annotated[str, typer.Option("--time-limit", metavar="SECONDS", help="Time for one query.")]
-SeedOption = Annotated[str, typer.Option("--seed", metavar="N", help="Seed of all random choices.")]
+TimeLimitOption = Annotated[str, option("--time-limit", "SECONDS", "Time for one query.", default=True)]
+SeedOption = Annotated[str, option("--seed", "N", "Seed of all random choices.", default=True)]
 TurningRadiusOption = Annotated[
     str | None,
-    typer.Option(
+    option(
         "--turning-radius",
-        metavar="METRES",
-        show_default=False,
-        help="The robot is a car that turns on circles of this radius, instead of moving in every direction.",
+        "METRES",
+        "The robot is a car that turns on circles of this radius, instead of moving in every direction.",
     ),
 ]
 ForwardOnlyOption = Annotated[bool, typer.Option("--forward-only", help="The car does not drive backwards.")]
-PlotOption = Annotated[
-    str | None,
-    typer.Option("--plot", metavar="FILE", show_default=False, help="Write a picture: .png, .svg or .pdf."),
-]
+PlotOption = Annotated[str | None, option("--plot", "FILE", "Write a picture: .png, .svg or .pdf.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")]
 
 
@@ -105,34 +108,31 @@ def read_configuration(text: str, option: str) -> Configuration:
     return x, y, theta
 
 
+def read_number(
+    text: str, option: str, expected: str, *, above: float = -math.inf, low: float = -math.inf, high: float = math.inf
+) -> float:
+    """Return the finite number above ``above`` and from ``low`` to ``high`` that an option gives.
+
+    Raises:
+        UsageError: anything else; ``expected`` says what is.
+    """
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not (math.isfinite(number) and number > above and low <= number <= high):
+        raise UsageError(f"expected {expected}, got {option} {text!r}")
+    return number
+
+
 def read_duration(text: str, option: str) -> float:
-    """Return the seconds that an option gives.
-
-    Raises:
-        UsageError: anything but a finite number above 0.
-    """
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not (math.isfinite(seconds) and seconds > 0.0):
-        raise UsageError(f"expected a finite number of seconds above 0, got {option} {text!r}")
-    return seconds
+    """Return the seconds that an option gives; :func:`read_number` says what it raises."""
+    return read_number(text, option, "a finite number of seconds above 0", above=0.0)
 
 
-def read_share(text: str, option: str) -> float:
-    """Return the share, 0 or more, that an option gives.
-
-    Raises:
-        UsageError: anything but a finite number of 0 or more.
-    """
-    try:
-        share = float(text)
-    except ValueError:
-        share = math.nan
-    if not 0.0 <= share < math.inf:
-        raise UsageError(f"expected a finite number of 0 or more, got {option} {text!r}")
-    return share
+def read_length(text: str, option: str) -> float:
+    """Return the metres that an option gives; :func:`read_number` says what it raises."""
+    return read_number(text, option, "a finite number of metres above 0", above=0.0)
 
 
 def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
@@ -164,22 +164,11 @@ def read_robot(text: str | None) -> Robot | None:
 
 
 def read_turning_radius(text: str | None) -> float | None:
-    """Return the turning radius (metres) that ``--turning-radius`` gives; None for None.
-
-    Raises:
-        UsageError: anything but a number above 0 and at most 10 km.
-    """
+    """Return the turning radius (metres) that ``--turning-radius`` gives; None for None."""
     if text is None:
         return None
-    try:
-        radius = float(text)
-    except ValueError:
-        radius = math.nan
-    if not 0.0 < radius <= MAX_TURNING_RADIUS:
-        raise UsageError(
-            f"expected a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres), got --turning-radius {text!r}"
-        )
-    return radius
+    expected = f"a number above 0 and at most {MAX_TURNING_RADIUS:g} (metres)"
+    return read_number(text, "--turning-radius", expected, above=0.0, high=MAX_TURNING_RADIUS)
 
 
 def steered(robot: Robot, turning_radius: float | None, forward_only: bool) -> Robot:

@@ -26,12 +26,13 @@ from trailmark.cli.options import (
     grown_for,
     keep_inputs,
     load_world,
+    option,
     output_file,
     read_configuration,
     read_count,
     read_duration,
+    read_number,
     read_robot,
-    read_share,
     read_turning_radius,
     robot_of,
     steered,
@@ -52,46 +53,28 @@ def plan(
     robot: RobotOption = None,
     turning_radius: TurningRadiusOption = None,
     forward_only: ForwardOnlyOption = False,
-    query: Annotated[
-        str | None,
-        typer.Option("--query", metavar="NAME", help="A query of the world; default: its first.", show_default=False),
-    ] = None,
-    start: Annotated[
-        str | None, typer.Option("--start", metavar="X,Y,T", help="Metres, metres, radians.", show_default=False)
-    ] = None,
-    goal: Annotated[
-        str | None, typer.Option("--goal", metavar="X,Y,T", help="Metres, metres, radians.", show_default=False)
-    ] = None,
+    query: Annotated[str | None, option("--query", "NAME", "A query of the world; default: its first.")] = None,
+    start: Annotated[str | None, option("--start", "X,Y,T", "Metres, metres, radians.")] = None,
+    goal: Annotated[str | None, option("--goal", "X,Y,T", "Metres, metres, radians.")] = None,
     time_limit: TimeLimitOption = "1.0",
     seed: SeedOption = "0",
-    landmarks: Annotated[
-        str | None,
-        typer.Option(
-            "--landmarks", metavar="K", help="Number of landmarks; default: by the world.", show_default=False
-        ),
-    ] = None,
+    landmarks: Annotated[str | None, option("--landmarks", "K", "Number of landmarks; default: by the world.")] = None,
     gap: Annotated[
         str,
-        typer.Option(
-            "--gap", metavar="SHARE", help="End once the path is proven to be this near the optimum: 0.01 is 1 %."
-        ),
+        option("--gap", "SHARE", "End once the path is proven to be this near the optimum: 0.01 is 1 %.", default=True),
     ] = "0.0001",
     max_iterations: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--max-iterations",
-            metavar="N",
-            show_default=False,
-            help="Rounds of landmarks at most; with a generous time limit the seed alone then decides the path.",
+            "N",
+            "Rounds of landmarks at most; with a generous time limit the seed alone then decides the path.",
         ),
     ] = None,
     output: Annotated[
         str | None,
-        typer.Option(
-            "--output",
-            metavar="FILE",
-            show_default=False,
-            help="Write the path: .json (the whole record), .csv, or rows 'x y theta' (.path, .txt).",
+        option(
+            "--output", "FILE", "Write the path: .json (the whole record), .csv, or rows 'x y theta' (.path, .txt)."
         ),
     ] = None,
     plot: PlotOption = None,
@@ -110,7 +93,7 @@ def plan(
     number = read_count(seed, "--seed", 0)
     count = None if landmarks is None else read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
     rounds = None if max_iterations is None else read_count(max_iterations, "--max-iterations", 1)
-    share = read_share(gap, "--gap")
+    share = read_number(gap, "--gap", "a finite number of 0 or more", low=0.0)
     given = read_robot(robot)
     radius = read_turning_radius(turning_radius)
     ends = _given_ends(query, start, goal)

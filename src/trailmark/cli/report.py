@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from trailmark.cli import console
-from trailmark.cli.options import UsageError, keep_inputs, output_file
+from trailmark.cli.options import UsageError, keep_inputs, option, output_file
 
 __all__ = ["report"]
 
@@ -17,16 +17,8 @@ def report(
     results: Annotated[
         str, typer.Argument(metavar="RESULTS.db", help="A results database of trailmark benchmark.", show_default=False)
     ],
-    html: Annotated[
-        str | None,
-        typer.Option(
-            "--html", metavar="FILE", show_default=False, help="Write one page that works offline: .html or .htm."
-        ),
-    ] = None,
-    markdown: Annotated[
-        str | None,
-        typer.Option("--markdown", metavar="FILE", show_default=False, help="Write the tables as text: .md."),
-    ] = None,
+    html: Annotated[str | None, option("--html", "FILE", "Write one page that works offline: .html or .htm.")] = None,
+    markdown: Annotated[str | None, option("--markdown", "FILE", "Write the tables as text: .md.")] = None,
 ) -> None:
     """Report on a benchmark: who is ahead of whom, by how much, and with what certainty.
 

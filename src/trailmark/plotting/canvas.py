@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,8 @@ __all__ = [
     *("DPI", "LONG_SIDE", "PICTURE_SUFFIXES"),
     *("BODY", "CANDIDATE", "EDGE", "GOAL", "HATCH", "LANDMARK"),
     *("MARGIN", "OBSTACLE", "OUTSIDE", "PATH", "START", "TEXT"),
-    *("annotate", "draw_lines", "figure_of", "fill", "picture_of", "points_per_metre", "view", "write"),
+    *("annotate", "draw_legend", "draw_lines", "figure_of", "fill", "picture_of", "points_per_metre", "set_limits"),
+    *("tidy", "view", "write"),
 ]
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
@@ -48,6 +50,22 @@ def view(world: World) -> tuple[float, float, float, float]:
     return xmin - pad, ymin - pad, xmax + pad, ymax + pad
 
 
+def set_limits(axes: Axes, world: World, *, labels: bool = True) -> None:
+    """Let axes show the world, with an equal aspect and, if ``labels``, the names of x and y."""
+    xmin, ymin, xmax, ymax = view(world)
+    axes.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal")
+    if labels:
+        axes.set(xlabel="x [m]", ylabel="y [m]")
+
+
+def tidy(axes: Axes, font_size: float, ticks: int) -> None:
+    """Draw axes without a frame, with small grey tick labels at round values, ``ticks`` intervals at most."""
+    axes.tick_params(labelsize=font_size, color=TEXT, labelcolor=TEXT)
+    axes.spines[:].set_visible(False)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
+
+
 def figure_of(world: World) -> tuple[Figure, Axes]:
     """Return a figure with one pair of axes that fit the world's shape."""
     xmin, ymin, xmax, ymax = view(world)
@@ -57,10 +75,7 @@ def figure_of(world: World) -> tuple[Figure, Axes]:
     whole = left + width + right, bottom + height + top
     figure = Figure(figsize=whole, dpi=DPI, facecolor="white")
     axes = figure.add_axes((left / whole[0], bottom / whole[1], width / whole[0], height / whole[1]))
-    axes.tick_params(labelsize=8, color=TEXT, labelcolor=TEXT)
-    axes.spines[:].set_visible(False)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(nbins=8, steps=[1, 2, 5, 10]))
+    tidy(axes, 8, 8)
     return figure, axes
 
 
@@ -76,6 +91,11 @@ def annotate(figure: Figure, axes: Axes, title: str, facts: str) -> None:
         note.set(va="bottom", ha="left", parse_math=False, **style)
     artists, labels = axes.get_legend_handles_labels()
     entries = {label: artists[labels.index(label)] for label in sorted(set(labels), key=_LEGEND.index)}
+    draw_legend(figure, axes, entries)
+
+
+def draw_legend(figure: Figure, axes: Axes, entries: Mapping[str, Any]) -> None:
+    """Draw the legend (handles by their labels) beside the axes or, where they are wide, below."""
     wide = axes.bbox.width > 1.15 * axes.bbox.height
     axes.legend(
         entries.values(),

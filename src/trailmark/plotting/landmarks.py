@@ -13,9 +13,22 @@ import shapely
 from matplotlib.collections import LineCollection
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
-from trailmark.plotting.canvas import DPI, GOAL, HATCH, LANDMARK, OUTSIDE, START, TEXT, fill, picture_of, view, write
+from trailmark.plotting.canvas import (
+    DPI,
+    GOAL,
+    HATCH,
+    LANDMARK,
+    OUTSIDE,
+    START,
+    TEXT,
+    fill,
+    picture_of,
+    set_limits,
+    tidy,
+    view,
+    write,
+)
 from trailmark.plotting.plan import draw_plan
 from trailmark.plotting.world import draw_end, regions_of
 
@@ -165,9 +178,7 @@ def _draw_ground(axes: Axes, world: World, regions: tuple[Any, Any, Any], margin
         fill(axes, shapely.intersection(grown, bounds) if len(grown) else grown, GREY, 1.0, label=margin)
     fill(axes, shapely.intersection(solid, bounds) if len(solid) else solid, BLACK, 1.5, label="obstacle")
     fill(axes, [inside], "none", 2.5, edgecolor=BLACK, linewidth=1.0)
-    axes.set_xlim(window[0], window[2])
-    axes.set_ylim(window[1], window[3])
-    axes.set_aspect("equal")
+    set_limits(axes, world, labels=False)
 
 
 def _draw_ends(axes: Axes, robot: Robot, query: Query) -> None:
@@ -195,10 +206,7 @@ def _grid(world: World, panels: int) -> tuple[Figure, list[Axes]]:
         if i >= panels:
             axes.remove()
             continue
-        axes.tick_params(labelsize=7, color=TEXT, labelcolor=TEXT)
-        axes.spines[:].set_visible(False)
-        for axis in (axes.xaxis, axes.yaxis):
-            axis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
+        tidy(axes, 7, 5)
     return figure, list(grid.flat[:panels])
 
 

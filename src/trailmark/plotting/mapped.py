@@ -1,4 +1,4 @@
-"""Pictures of maps made from logs: obstacles as measured and as grown, how well they are known, the robot's way."""
+"""Pictures of maps made from logs: obstacles as measured and as grown, their uncertainty, the robot's trajectory."""
 
 from __future__ import annotations
 
@@ -23,10 +23,12 @@ from trailmark.plotting.canvas import (
     PATH,
     START,
     annotate,
+    draw_legend,
     figure_of,
     fill,
     picture_of,
     points_per_metre,
+    set_limits,
     view,
     write,
 )
@@ -35,7 +37,6 @@ from trailmark.shapes import Disc
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     from trailmark.estimation.maps.mapped_log import MappedLog
     from trailmark.world import ObstacleEstimate, World
@@ -73,7 +74,7 @@ def save_map_figure(file: str | FilePath, mapped: MappedLog) -> None:
     if found["nis"] is not None:
         facts.append(f"NIS {found['nis']['mean']:.2f} of {found['nis']['expected']:.2f}")
     annotate(figure, axes, world.name, " · ".join(facts))
-    _legend(figure, axes, entries)
+    draw_legend(figure, axes, {label: handle for handle, label in entries})
     write(figure, picture_of(world, file))
 
 
@@ -86,11 +87,7 @@ def draw_map(axes: Axes, mapped: MappedLog) -> list[Entry]:
     """
     world = mapped.world
     window = view(world)
-    axes.set_xlim(window[0], window[2])
-    axes.set_ylim(window[1], window[3])
-    axes.set_aspect("equal")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    set_limits(axes, world)
     estimates = world.estimates or (None,) * len(world.obstacles)
     pairs = list(zip(world.obstacles, estimates, strict=True))
     inside = shapely.box(*world.bounds)
@@ -113,7 +110,7 @@ def draw_map(axes: Axes, mapped: MappedLog) -> list[Entry]:
     if mapped.scans is None:
         entries += _draw_ellipses(axes, [estimate for _, estimate in known])
     fill(axes, [inside], "none", 2.5, edgecolor=OBSTACLE, linewidth=1.0)
-    return entries + _draw_way(axes, mapped, world)
+    return entries + _draw_trajectory(axes, mapped, world)
 
 
 def _regions(estimates: list[ObstacleEstimate], pixel: float) -> list[Any]:
@@ -146,31 +143,14 @@ def _draw_ellipses(axes: Axes, estimates: list[ObstacleEstimate]) -> list[Entry]
     return [(Line2D([], [], color=LANDMARK, marker="o", mfc="none", ls="none"), f"{PROBABILITY:.0%} ellipse{drawn}")]
 
 
-def _draw_way(axes: Axes, mapped: MappedLog, world: World) -> list[Entry]:
-    way = mapped.trajectory[:, 1:]
-    if len(way) == 0:
+def _draw_trajectory(axes: Axes, mapped: MappedLog, world: World) -> list[Entry]:
+    poses = mapped.trajectory[:, 1:]
+    if len(poses) == 0:
         return []
-    axes.plot(*way[:, :2].T, color=PATH, lw=0.9, alpha=0.9, zorder=3.5, solid_joinstyle="round")
+    axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, alpha=0.9, zorder=3.5, solid_joinstyle="round")
     names = {"slam": "EKF-SLAM", "log": "the log's poses", "odometry": "odometry alone"}
-    entries: list[Entry] = [(Line2D([], [], color=PATH, lw=1.5), f"way, by {names[mapped.poses]}")]
-    for q, colour, marker, label in ((way[0], START, "o", "its start"), (way[-1], GOAL, "s", "its end")):
+    entries: list[Entry] = [(Line2D([], [], color=PATH, lw=1.5), f"trajectory, by {names[mapped.poses]}")]
+    for q, colour, marker, label in ((poses[0], START, "o", "its start"), (poses[-1], GOAL, "s", "its end")):
         draw_end(axes, world.robot, q, colour, marker, "_")
         entries.append((Line2D([], [], color=colour, marker=marker, ls="none", mec="white"), label))
     return entries
-
-
-def _legend(figure: Figure, axes: Axes, entries: list[Entry]) -> None:
-    """Put the legend where :func:`trailmark.plotting.canvas.annotate` puts its own."""
-    wide = axes.bbox.width > 1.15 * axes.bbox.height
-    handles, labels = zip(*entries, strict=True)
-    axes.legend(
-        handles,
-        labels,
-        loc="upper left",
-        bbox_to_anchor=(0.0, -0.55 * figure.dpi / axes.bbox.height) if wide else (1.02, 1.0),
-        ncols=4 if wide else 1,
-        fontsize=8,
-        frameon=False,
-        borderaxespad=0.0,
-        handlelength=1.6,
-    )

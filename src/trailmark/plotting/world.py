@@ -29,6 +29,7 @@ from trailmark.plotting.canvas import (
     fill,
     picture_of,
     points_per_metre,
+    set_limits,
     view,
     write,
 )
@@ -64,11 +65,7 @@ def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
     fill(axes, solid, OBSTACLE, 1.5, label="obstacle")
     fill(axes, [shapely.box(*window).difference(inside)], OUTSIDE, 2.0, edgecolor=HATCH, hatch="////", label="outside")
     fill(axes, [inside], "none", 2.5, edgecolor=OBSTACLE, linewidth=1.0)
-    axes.set_xlim(window[0], window[2])
-    axes.set_ylim(window[1], window[3])
-    axes.set_aspect("equal")
-    axes.set_xlabel("x [m]")
-    axes.set_ylabel("y [m]")
+    set_limits(axes, world)
 
 
 def regions_of(world: World, robot: Robot | None) -> tuple[Regions, Regions, shapely.Geometry]:
@@ -129,13 +126,8 @@ def draw_end(axes: Axes, robot: Robot | None, q: se2.FloatArray, colour: str, ma
         if robot.sweep_radius > 0.0 and reach > 4.0:
             ahead = shapely.LineString([(0.0, 0.0), (robot.circumradius, 0.0)]).intersection(robot.outline.shapely())
             front = robot.circumradius if ahead.is_empty else ahead.bounds[2]
-            axes.plot(
-                *se2.transform(q, [(0.0, 0.0), (front, 0.0)]).T,
-                color=colour,
-                lw=1.8,
-                zorder=7.5,
-                solid_capstyle="round",
-            )
+            heading = se2.transform(q, [(0.0, 0.0), (front, 0.0)])
+            axes.plot(*heading.T, color=colour, lw=1.8, zorder=7.5, solid_capstyle="round")
     # A robot of a few pixels would be lost on a large map: then the mark is the larger.
     size = 5.0 if reach > 8.0 else 8.0
     axes.plot(*q[:2], marker, color=colour, ms=size, mec="white", mew=1.0, zorder=8.0, label=label)
