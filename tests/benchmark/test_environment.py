@@ -22,8 +22,8 @@ def test_versions_and_machine() -> None:
 def test_the_heap_in_use_is_counted_at_its_most() -> None:
     peak = MemoryPeak()
     held = np.ones(2**21)  # 16 MB
-    peak.look()
+    peak.measure()
     del held
-    peak.look()
-    assert 15.0 < peak.most < 40.0
+    peak.measure()
+    assert 15.0 < peak.highest < 40.0
     assert heap_in_use() * 2.0**20 < address_space()

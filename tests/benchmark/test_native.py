@@ -244,7 +244,7 @@ def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
 def test_a_program_that_dies_or_hangs_is_a_result(
     body: str, status: Status, failure: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(native, "PATIENCE", (0.2, 0.0))
+    monkeypatch.setattr(native, "GRACE", (0.2, 0.0))
     stand_in(tmp_path, monkeypatch, body)
     record = RunRecord.from_json(run_native(Problem(ROOM), JOB | {"planner": "native:PRM"}))
     assert record.status == status

@@ -184,7 +184,7 @@ def test_a_stopped_worker_ends_its_process_and_run(ahead: Problem) -> None:
     thread = threading.Thread(target=run)
     thread.start()
     deadline = time.perf_counter() + 20.0
-    while (made._process is None or not made._known) and time.perf_counter() < deadline and not children(made):
+    while (made._process is None or not made._sent) and time.perf_counter() < deadline and not children(made):
         time.sleep(0.05)
     process = made._process
     assert process is not None

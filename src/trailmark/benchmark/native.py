@@ -35,7 +35,7 @@ SIMPLIFYING = 0.5
 ANY_COST = 1e11
 """Metres; no path costs as much."""
 
-PATIENCE = (5.0, 2.0)
+GRACE = (5.0, 2.0)
 """Seconds, and share of the time limit, that the program gets beyond planning and simplifying before it is ended."""
 
 Answer = dict[str, Any]
@@ -98,11 +98,11 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
     if job.get("first"):
         command += ["--cost-threshold", repr(ANY_COST)]
     text = problem_text(problem.world, problem.robot, problem.query)
-    patience = limit + SIMPLIFYING + PATIENCE[0] + PATIENCE[1] * limit
+    allowed = limit + SIMPLIFYING + GRACE[0] + GRACE[1] * limit
     try:
-        done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=patience, check=False)  # noqa: S603  # our own program, no shell
+        done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=allowed, check=False)  # noqa: S603  # our own program, no shell
     except subprocess.TimeoutExpired:
-        failure = f"did not end by itself: killed after {patience:.1f} s"
+        failure = f"did not end by itself: killed after {allowed:.1f} s"
         return {"status": int(Status.TIMEOUT), "seed": int(job["seed"]), "solved": False, "failure": failure}
     except OSError as error:
         raise NativeError(f"{file.name}: cannot be run: {error.strerror}") from None
@@ -110,17 +110,17 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
 
 
 def _answer(done: subprocess.CompletedProcess[str], file: Path) -> Answer:
-    """Return what the program said; or what became of it."""
-    said = done.stderr.strip().splitlines()[-1:] or [""]
+    """Return the answer that the program printed, or how it ended."""
+    message = (done.stderr.strip().splitlines() or [""])[-1]
     if done.returncode < 0:
         ended = signal.Signals(-done.returncode)
         status = Status.ABORT if ended == signal.SIGABRT else Status.CRASH
         why = "out of memory: " if "bad_alloc" in done.stderr else ""
-        return {"status": int(status), "solved": False, "failure": f"{why}{ended.name} {said[0]}".strip()[:500]}
+        return {"status": int(status), "solved": False, "failure": f"{why}{ended.name} {message}".strip()[:500]}
     try:
         answer: Answer = json.loads(done.stdout)
     except ValueError:
-        raise NativeError(f"{file.name}: {said[0] or f'status {done.returncode} and no answer'}"[:500]) from None
+        raise NativeError(f"{file.name}: {message or f'status {done.returncode} and no answer'}"[:500]) from None
     return answer
 
 

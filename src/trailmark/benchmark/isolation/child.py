@@ -113,7 +113,7 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
     )
     peak = MemoryPeak()
     run = measured.measure(problem, name, float(job["time_limit"]), first=bool(job.get("first")))
-    peak.look()
+    peak.measure()
     answer = {
         "status": run.status,
         "solved": run.exact,
@@ -124,7 +124,7 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
         "path": None if run.path is None else run.path.tolist(),
         "states_checked": run.states_checked,
         "motions_checked": run.motions_checked,
-        "memory": peak.most,
+        "memory": peak.highest,
     }
     return answer, lambda: measured.graph_size(problem)
 
@@ -135,8 +135,8 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
     limit, peak = float(job["time_limit"]), MemoryPeak()
     best: list[PlanProgress] = []
 
-    def follow(progress: PlanProgress) -> None:
-        peak.look()
+    def on_progress(progress: PlanProgress) -> None:
+        peak.measure()
         if progress.elapsed <= latest(limit):
             best[:] = [progress]
 
@@ -147,28 +147,15 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
     begin = perf_counter()
     planner = LandmarkPlanner(prepared.problem.world, seed=int(job["seed"]), checker=checker, warm=False)
     before = perf_counter() - begin
-    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=follow, stop=stop)
+    result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress, stop=stop)
     time = perf_counter() - begin
-    peak.look()
-    path, difference, status = result.path, None, _LANDMARK[result.status]
+    path, status = result.path, _LANDMARK[result.status]
     if result.status == "timeout" and result.nearest is not None and len(result.nearest) > 1:
         path, status = result.nearest, Status.APPROXIMATE_SOLUTION
     elif path is not None and time > latest(limit) and best and best[0].path is not None:
         path = best[0].path  # the one it had in time
-    if path is not None:
-        difference = float(se2.distance(path.states[-1], prepared.ends[1]))
-    answer = {
-        "status": int(status),
-        "solved": status == Status.EXACT_SOLUTION,
-        "approximate_solution": status == Status.APPROXIMATE_SOLUTION,
-        "solution_difference": difference,
-        "time": time,
-        "curve": [(t + before, cost) for t, cost in result.history],
-        "path": None if path is None else path.states.tolist(),
-        "states_checked": checker.states,
-        "motions_checked": checker.motions,
-        "memory": peak.most,
-    }
+    curve = [(t + before, cost) for t, cost in result.history]
+    answer = _answer(prepared, status, time, curve, path, checker, peak)
     return answer, lambda: (result.landmarks, result.edges)
 
 
@@ -185,21 +172,35 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
     begin = perf_counter()
     found = plan(checker, *prepared.ends, float(job["time_limit"]), int(job["seed"]))
     time = perf_counter() - begin
-    peak.look()
-    states = None if found is None else np.asarray(found, dtype=np.float64)
-    status = Status.TIMEOUT if states is None else Status.EXACT_SOLUTION
-    answer = {
+    path = None if found is None else Path(found)
+    status = Status.TIMEOUT if path is None else Status.EXACT_SOLUTION
+    curve = [] if path is None else [(time, path.cost)]
+    return _answer(prepared, status, time, curve, path, checker, peak), None
+
+
+def _answer(
+    prepared: Prepared,
+    status: Status,
+    time: float,
+    curve: list[tuple[float, float]],
+    path: Path | None,
+    checker: CountingChecker,
+    peak: MemoryPeak,
+) -> Answer:
+    """Return what a planner in Python found, as fields of a RunRecord."""
+    peak.measure()
+    return {
         "status": int(status),
-        "solved": states is not None,
-        "solution_difference": None if states is None else 0.0,
+        "solved": status == Status.EXACT_SOLUTION,
+        "approximate_solution": status == Status.APPROXIMATE_SOLUTION,
+        "solution_difference": None if path is None else float(se2.distance(path.states[-1], prepared.ends[1])),
         "time": time,
-        "curve": [] if states is None else [(time, Path(states).cost)],
-        "path": None if states is None else states.tolist(),
+        "curve": curve,
+        "path": None if path is None else path.states.tolist(),
         "states_checked": checker.states,
         "motions_checked": checker.motions,
-        "memory": peak.most,
+        "memory": peak.highest,
     }
-    return answer, None
 
 
 def _native(prepared: Prepared, job: Mapping[str, Any]) -> Answer:

@@ -14,19 +14,19 @@ MB = 2.0**20
 
 
 class MemoryPeak:
-    """The most heap in use at any look, above that at the beginning.
+    """The largest heap in use at any measurement, above that at the beginning.
 
     Attributes:
-        most: MB.
+        highest: MB.
     """
 
     def __init__(self) -> None:
         self._begin = heap_in_use()
-        self.most = 0.0
+        self.highest = 0.0
 
-    def look(self) -> None:
+    def measure(self) -> None:
         """Take note of the heap in use now."""
-        self.most = max(self.most, heap_in_use() - self._begin)
+        self.highest = max(self.highest, heap_in_use() - self._begin)
 
 
 def heap_in_use() -> float:
@@ -46,18 +46,7 @@ class _Information(ctypes.Structure):
 
     _fields_ = tuple(
         (name, ctypes.c_size_t)
-        for name in (
-            "arena",
-            "ordblks",
-            "smblks",
-            "hblks",
-            "hblkhd",
-            "usmblks",
-            "fsmblks",
-            "uordblks",
-            "fordblks",
-            "keepcost",
-        )
+        for name in "arena ordblks smblks hblks hblkhd usmblks fsmblks uordblks fordblks keepcost".split()  # noqa: SIM905  # as there
     )
 
 

@@ -19,7 +19,7 @@ from trailmark.benchmark.record import RunRecord
 
 __all__ = ["Worker", "run_job", "stop_workers"]
 
-STARTING = 180.0
+START_LIMIT = 180.0
 """Seconds that a zygote may take until it is ready; on a machine's first use the kernels are compiled."""
 
 SINGLE_THREADED = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
@@ -33,7 +33,7 @@ class Worker:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._known: list[str] = []
+        self._sent: list[str] = []
         self._pending = b""
         self._stopped = False
         self._running = threading.RLock()
@@ -72,7 +72,7 @@ class Worker:
             begin = perf_counter()
             # The zygote keeps the problems; the text is sent once.
             message = dict(job)
-            if job["problem"] in self._known:
+            if job["problem"] in self._sent:
                 del message["text"]
             try:
                 self._send(message)
@@ -81,9 +81,9 @@ class Worker:
                 self.stop(for_good=False)
                 continue
             if "without its text" in str(answer.get("failure")):
-                self._known.clear()
+                self._sent.clear()
                 continue
-            self._known.append(str(job["problem"]))
+            self._sent.append(str(job["problem"]))
             record = RunRecord.from_json(answer)
             spent = (record.time or 0.0) + (record.simplification_time or 0.0) + float(answer.get("preparing", 0.0))
             record.overhead = max(0.0, perf_counter() - begin - spent)
@@ -96,29 +96,29 @@ class Worker:
         if self._process is not None and self._process.poll() is None:
             return
         self.stop(for_good=False)
-        self._known, self._pending = [], b""
+        self._sent, self._pending = [], b""
         environment = os.environ | dict.fromkeys(SINGLE_THREADED, "1")
-        complaints = tempfile.TemporaryFile()  # noqa: SIM115  # closed below, with the process started
+        stderr_file = tempfile.TemporaryFile()  # noqa: SIM115  # closed below, with the process started
         self._process = subprocess.Popen(  # this interpreter and a module of our own
             # -P: a file of the user's in the working directory must not take a library's place.
             [sys.executable, "-P", "-m", "trailmark.benchmark.isolation.zygote"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=complaints,
+            stderr=stderr_file,
             env=environment,
             start_new_session=True,  # Ctrl-C is for us, not for it
         )
-        with complaints:
+        with stderr_file:
             try:
-                ready = "ready" in self._receive(STARTING)
+                ready = "ready" in self._receive(START_LIMIT)
             except (OSError, EOFError):
                 ready = False
             if not ready:
                 self.stop(for_good=False)
-                complaints.seek(0)
-                said = complaints.read().decode(errors="replace").strip().splitlines()[-1:] or ["it says nothing"]
+                stderr_file.seek(0)
+                lines = stderr_file.read().decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
                 raise WorkerError(
-                    f"a worker process does not start: {said[0][:300]}; expected an environment in which "
+                    f"a worker process does not start: {lines[0][:300]}; expected an environment in which "
                     f"'{sys.executable} -m trailmark.benchmark.isolation.zygote' runs"
                 )
 

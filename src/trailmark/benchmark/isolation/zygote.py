@@ -31,14 +31,14 @@ __all__ = ["Zygote", "main"]
 CLOCKS = 1e-3
 """Seconds by which a child's clock may be ahead of the one here."""
 
-KEPT = 4
-"""Problems kept ready."""
+MAX_PROBLEMS = 4
+"""Problems that are kept prepared; the one used longest ago goes first."""
 
-PATIENCE = (3.0, 0.5)
+GRACE = (3.0, 0.5)
 """Seconds, and share of the time limit, that a child gets beyond it before it is killed; then as much again for what
 comes after planning."""
 
-NATIVE_PATIENCE = (30.0, 2.0)
+NATIVE_GRACE = (30.0, 2.0)
 """The same for a native program, which has to prepare first and is itself watched by its child."""
 
 READ = 1 << 16
@@ -78,7 +78,7 @@ class Zygote:
         if key not in self._problems:
             if "text" not in job:
                 raise TrailmarkError("a problem that is not known, without its text")
-            while len(self._problems) >= KEPT:
+            while len(self._problems) >= MAX_PROBLEMS:
                 self._problems.popitem(last=False)
             self._problems[key] = Prepared(job["text"])
             gc.collect()
@@ -87,16 +87,16 @@ class Zygote:
         return self._problems[key]
 
     def _fork(self, prepared: Prepared, job: dict[str, Any]) -> Answer:
-        with tempfile.TemporaryFile() as complaints:
+        with tempfile.TemporaryFile() as stderr_file:
             reader, writer = os.pipe()
             begin = perf_counter()
             child = os.fork()
             if child == 0:
                 os.close(reader)
-                _be_child(prepared, job, writer, complaints)
+                _be_child(prepared, job, writer, stderr_file)
             os.close(writer)
             try:
-                answer, hung = self._collect(reader, child, begin, _patience(job))
+                answer, hung = self._collect(reader, child, begin, _limits_of(job))
                 answer["wrong time"] = _wrong_time(answer)
             finally:
                 os.close(reader)
@@ -106,13 +106,13 @@ class Zygote:
             if hung:
                 status = 0
             elapsed = perf_counter() - begin
-            complaints.seek(0)
-            said = complaints.read()[-4000:].decode(errors="replace")
-        return _verdict(answer, status, said, hung=hung, elapsed=elapsed, memory_limit=float(job["memory_limit"]))
+            stderr_file.seek(0)
+            stderr = stderr_file.read()[-4000:].decode(errors="replace")
+        return _completed(answer, status, stderr, hung=hung, elapsed=elapsed, memory_limit=float(job["memory_limit"]))
 
     def _collect(self, reader: int, child: int, begin: float, limits: tuple[float, float]) -> tuple[Answer, bool]:
         """Return the parts that a child wrote, as one, and whether it had to be stopped."""
-        first, patience = limits
+        first, following = limits
         deadline = begin + first
         answer: Answer = {}
         pending = b""
@@ -134,7 +134,7 @@ class Zygote:
                 # What a child says of its times is held against this clock.
                 answer.setdefault("answered", perf_counter() - begin)
                 answer |= json.loads(line)
-                deadline = perf_counter() + patience
+                deadline = perf_counter() + following
 
     def _referee(self, prepared: Prepared, answer: Answer) -> None:
         """Have the paths judged; what a planner calls a solution and is none is a failure."""
@@ -171,7 +171,7 @@ def main() -> None:
     warm_up()
     _import_all()
     zygote = Zygote(alive=jobs.fileno())
-    _say(replies, {"ready": os.getpid()})
+    _reply(replies, {"ready": os.getpid()})
     pending = b""
     while True:
         chunk = os.read(jobs.fileno(), READ)
@@ -179,27 +179,27 @@ def main() -> None:
             return
         *lines, pending = (pending + chunk).split(b"\n")
         for line in lines:
-            _say(replies, zygote.run(json.loads(line)))
+            _reply(replies, zygote.run(json.loads(line)))
 
 
 def _wrong_time(answer: Answer) -> str | None:
     """Return what is wrong with the times that a child states, or None."""
     times = [answer.get("time"), answer.get("time_to_first_solution"), *(t for t, _ in answer.get("curve", ()))]
-    most = float(answer.get("answered", 0.0))
+    elapsed = float(answer.get("answered", 0.0))
     for t in times:
-        if t is not None and not 0.0 <= t <= most + CLOCKS:
-            return f"expected a time from 0 to the {most:.3f} s that passed until the answer, got {t:g} s"
+        if t is not None and not 0.0 <= t <= elapsed + CLOCKS:
+            return f"expected a time from 0 to the {elapsed:.3f} s that passed until the answer, got {t:g} s"
     return None
 
 
-def _patience(job: dict[str, Any]) -> tuple[float, float]:
+def _limits_of(job: dict[str, Any]) -> tuple[float, float]:
     """Return the seconds that a child gets until its first answer, and from one part of the answer to the next."""
-    fixed, share = NATIVE_PATIENCE if str(job["planner"]).startswith("native:") else PATIENCE
+    fixed, share = NATIVE_GRACE if str(job["planner"]).startswith("native:") else GRACE
     limit = float(job["time_limit"])
     return limit + fixed + share * limit, fixed + share * limit
 
 
-def _say(replies: IO[str], answer: Answer) -> None:
+def _reply(replies: IO[str], answer: Answer) -> None:
     replies.write(json.dumps(answer) + "\n")
     replies.flush()
 
@@ -222,13 +222,13 @@ def _import_all() -> None:
     checker.motions_by_field(np.ones((1, 3)), np.full((1, 3), 2.0))
 
 
-def _be_child(prepared: Prepared, job: dict[str, Any], writer: int, complaints: IO[bytes]) -> NoReturn:
+def _be_child(prepared: Prepared, job: dict[str, Any], writer: int, stderr_file: IO[bytes]) -> NoReturn:
     """Do the run and end, without any of the cleaning up that belongs to the parent."""
     status = 1
     try:
         os.setpgid(0, 0)  # so that it can be killed with all that it starts
-        os.dup2(complaints.fileno(), 1)
-        os.dup2(complaints.fileno(), 2)
+        os.dup2(stderr_file.fileno(), 1)
+        os.dup2(stderr_file.fileno(), 2)
         signal.signal(signal.SIGINT, signal.SIG_DFL)
         _limit(float(job["time_limit"]), float(job["memory_limit"]))
         for part in answers(prepared, job):
@@ -257,7 +257,7 @@ def _write_all(writer: int, data: bytes) -> None:
         data = data[os.write(writer, data) :]
 
 
-def _verdict(answer: Answer, status: int, said: str, *, hung: bool, elapsed: float, memory_limit: float) -> Answer:
+def _completed(answer: Answer, status: int, stderr: str, *, hung: bool, elapsed: float, memory_limit: float) -> Answer:
     """Return an answer completed by how the child ended."""
     error = answer.pop("error", None)
     planned = "status" in answer
@@ -267,14 +267,14 @@ def _verdict(answer: Answer, status: int, said: str, *, hung: bool, elapsed: flo
         ended, why = Status.ABORT, error
     elif os.WIFSIGNALED(status):
         name = signal.Signals(os.WTERMSIG(status)).name
-        last = said.strip().splitlines()[-1:] or [""]
+        last = stderr.strip().splitlines()[-1:] or [""]
         ended = Status.ABORT if name == "SIGABRT" else Status.CRASH
         why = f"{name} {last[0].strip()}".strip()[:500]
     elif os.WEXITSTATUS(status) != 0 or not planned:
         ended, why = Status.CRASH, f"ended with status {os.WEXITSTATUS(status)} and no answer"
     else:
         return answer
-    if "out of memory" in why or "bad_alloc" in said:
+    if "out of memory" in why or "bad_alloc" in stderr:
         why = f"out of memory (limit {memory_limit:g} MB): {why}"
     if planned:
         return answer | {"failure": f"after planning: {why}"}

@@ -108,7 +108,8 @@ class Problem:
 
     Attributes:
         key: the experiment's id.
-        name: for people.
+        name: for people; it ends in ``difference``.
+        difference: what sets it apart from other experiments of its name; empty where the name does.
         time_limit: seconds a run.
         memory_limit: MB a run; None if there is none.
         wanted: runs asked for, of each planner.
@@ -118,6 +119,7 @@ class Problem:
 
     key: int
     name: str
+    difference: str
     time_limit: float
     memory_limit: float | None
     wanted: int
@@ -209,7 +211,7 @@ def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, s
     for run_row in db.execute(query, (key,)):
         by_planner.setdefault(names.get(run_row[0], f"planner {run_row[0]}"), []).append(run_row[1:])
     runs = {planner: _runs(found, curves) for planner, found in by_planner.items()}
-    return Problem(key, name, float(time_limit), memory_limit, int(wanted or 0), facts, runs)
+    return Problem(key, name, apart, float(time_limit), memory_limit, int(wanted or 0), facts, runs)
 
 
 def _runs(rows: Sequence[tuple[Any, ...]], curves: Mapping[int, list[tuple[float, float]]]) -> Runs:
