@@ -111,7 +111,7 @@ class LandmarkPlanner:
             one_of(checker, StateChecker, "checker:").require_for(world, robot)
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
         self._warm = truth(warm, "warm:")
-        moving = robot or (checker.robot if checker is not None else world.robot)
+        moving = robot if robot is not None else checker.robot if checker is not None else world.robot
         if self._warm and moving is not None:
             warm_up(kind_of(one_of(moving, Robot, "robot:", error=WorldError)))
         begin = perf_counter()

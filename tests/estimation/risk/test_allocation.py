@@ -148,18 +148,18 @@ def test_a_pose_covariance_needs_a_robot() -> None:
 @pytest.mark.parametrize(
     ("make", "problem"),
     [
-        (lambda: World("w", BOUNDS, (), estimates=(ESTIMATES[0],)), "1 given for 0 obstacles"),
+        (lambda: World("w", BOUNDS, (), estimates=(ESTIMATES[0],)), "expected one for each of 0 obstacles, or"),
         (
             lambda: World(
                 "w", BOUNDS, 2 * (Disc((1, 1), 1),), estimates=2 * (ObstacleEstimate(Disc((1, 1), 1), np.eye(2), 0.6),)
             ),
-            "shares that add up to 1.2",
+            r"expected shares that add up to at most 1, got 1\.2",
         ),
-        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), 0.0), "share 0.0 given"),
-        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), math.nan), "share nan given"),
-        (lambda: RiskBound(1.0), "confidence 1 given"),
-        (lambda: RiskBound(0.5, np.eye(2)), r"shape \(2, 2\) given, allowed: \(3, 3\)"),
-        (lambda: RiskBound(0.5, None, -1.0), "reach -1.0 given"),
+        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), 0.0), "expected a number above 0 and at most 1,"),
+        (lambda: ObstacleEstimate(Disc((1, 1), 1), np.eye(2), math.nan), "expected a number above 0 and at most"),
+        (lambda: RiskBound(1.0), "expected a number above 0 and below 1, got 1"),
+        (lambda: RiskBound(0.5, np.eye(2)), r"shape \(3, 3\), got \(2, 2\)"),
+        (lambda: RiskBound(0.5, None, -1.0), r"expected metres, 0 or more, got -1\.0"),
     ],
 )
 def test_contradictions_are_one_line(make: object, problem: str) -> None:
@@ -179,26 +179,29 @@ def entry(estimate: str) -> str:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        (entry("5"), "obstacles[0].estimate: 5 given, allowed: a mapping {mean, covariance, share}"),
-        (entry("{}"), "obstacles[0].estimate.mean: missing, allowed: a mapping with the key shape"),
-        (entry("{mean: 5, covariance: [[1, 0], [0, 1]]}"), "obstacles[0].estimate.mean: 5 given, allowed: a mapping"),
-        (entry(f"{{mean: {DISC}}}, covarance: 1}}"), "obstacles[0].estimate.covarance: unknown key, did you mean"),
+        (entry("5"), "obstacles[0].estimate: expected a mapping {mean, covariance, share}, got 5"),
+        (entry("{}"), "obstacles[0].estimate.mean: expected a mapping with the key shape: disc, rectangle or"),
+        (entry("{mean: 5, covariance: [[1, 0], [0, 1]]}"), "obstacles[0].estimate.mean: expected a mapping with"),
+        (entry(f"{{mean: {DISC}}}, covarance: 1}}"), "obstacles[0].estimate.covarance: unknown key; expected"),
         (
             entry(f"{{mean: {DISC}, radus: 1}}, covariance: [[1, 0], [0, 1]]}}"),
-            "obstacles[0].estimate.mean.radus: unknown key, did you mean 'radius'? allowed: center, radius, shape",
+            "obstacles[0].estimate.mean.radus: unknown key; expected center, radius, shape, got 'radus' (did you",
         ),
         (
             entry("{mean: {shape: disk}, covariance: [[1, 0], [0, 1]]}"),
-            "obstacles[0].estimate.mean.shape: 'disk' given, did you mean 'disc'?",
+            "obstacles[0].estimate.mean.shape: expected disc, polygon, rectangle, got 'disk' (did you mean",
         ),
         (
             entry(f"{{mean: {DISC}}}, covariance: 1}}"),
-            "obstacles[0].estimate.covariance: 1 given, allowed: 2 to 5 rows",
+            "obstacles[0].estimate.covariance: expected 2 to 5 rows of a symmetric matrix",
         ),
-        (entry(f"{{mean: {DISC}}}, covariance: [1, 2]}}"), "obstacles[0].estimate.covariance[0]: 1 given, allowed: "),
+        (
+            entry(f"{{mean: {DISC}}}, covariance: [1, 2]}}"),
+            "obstacles[0].estimate.covariance[0]: expected 2 to 5 rows of a symmetric matrix",
+        ),
         (
             entry(f"{{mean: {DISC}}}, covariance: [[1, x], [0, 1]]}}"),
-            "obstacles[0].estimate.covariance[0][1]: 'x' given, allowed: a finite number",
+            "obstacles[0].estimate.covariance[0][1]: expected a finite number, got 'x'",
         ),
         (
             entry(f"{{mean: {DISC}}}, covariance: [[1, 0], [0, 1, 2]]}}"),
@@ -206,18 +209,18 @@ def entry(estimate: str) -> str:
         ),
         (
             entry(f"{{mean: {DISC}}}, covariance: [[1, 2], [2, 1]]}}"),
-            "obstacles[0].estimate: estimate of a disc: covariance: [[1.0, 2.0], [2.0, 1.0]] given, allowed: a matrix",
+            "obstacles[0].estimate: estimate of a disc: covariance: expected a matrix without negative",
         ),
         (
             entry(f"{{mean: {DISC}}}, covariance: [[1, 0], [0, 1]], share: 0}}"),
-            "obstacles[0].estimate.share: 0 given, allowed: a number above 0 and at most 1",
+            "obstacles[0].estimate.share: expected a number above 0 and at most 1 (of the risk), got 0",
         ),
-        (HEAD + "risk: 0.9", "risk: 0.9 given, allowed: a mapping {confidence, pose_covariance, reach}"),
-        (HEAD + "risk: {}", "risk.confidence: missing, allowed: a number above 0 and below 1"),
-        (HEAD + "risk: {confidence: 1.0}", "risk.confidence: 1.0 given, allowed: a number above 0 and below 1"),
-        (HEAD + "risk: {confidence: 0.9, reach: -1}", "risk.reach: -1 given, allowed: a finite number, 0 or more"),
-        (HEAD + "risk: {confidance: 0.9}", "risk.confidance: unknown key, did you mean 'confidence'?"),
-        (HEAD + "risk: {confidence: 0.9, pose_covariance: [[1, 0], [0, 1]]}", "risk: risk: pose_covariance: shape"),
+        (HEAD + "risk: 0.9", "risk: expected a mapping {confidence, pose_covariance, reach}, got 0.9"),
+        (HEAD + "risk: {}", "risk.confidence: expected a number above 0 and below 1, got nothing"),
+        (HEAD + "risk: {confidence: 1.0}", "risk.confidence: expected a number above 0 and below 1, got 1.0"),
+        (HEAD + "risk: {confidence: 0.9, reach: -1}", "risk.reach: expected a finite number, 0 or more (metres"),
+        (HEAD + "risk: {confidance: 0.9}", "risk.confidance: unknown key; expected confidence, pose_covariance,"),
+        (HEAD + "risk: {confidence: 0.9, pose_covariance: [[1, 0], [0, 1]]}", "risk: risk: pose_covariance: expected"),
     ],
 )
 def test_messages_about_world_files(tmp_path: Path, text: str, problem: str) -> None:

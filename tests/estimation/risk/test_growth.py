@@ -231,7 +231,7 @@ def test_bad_arguments_are_one_line(arguments: dict[str, float], problem: str) -
 @pytest.mark.parametrize(
     ("covariance", "problem"),
     [
-        (np.eye(4), r"disc: covariance: shape \(4, 4\) given, allowed: \(2, 2\), \(3, 3\)"),
+        (np.eye(4), r"disc: covariance: expected shape \(2, 2\) or \(3, 3\), got \(4, 4\)"),
         ([[1.0]], "shape"),
         ([[1.0, 0.5], [0.0, 1.0]], "symmetric"),
         ([[1.0, 2.0], [2.0, 1.0]], "without negative eigenvalues"),

@@ -185,7 +185,7 @@ def test_an_empty_world_has_no_readings() -> None:
     ("change", "message"),
     [
         ({"poses": 0}, r"poses: expected a whole number of 1 or more, got array\(0\.\)"),
-        ({"poses": [[0.0, 0.0]]}, "poses: shape"),
+        ({"poses": [[0.0, 0.0]]}, "poses: expected shape"),
         (
             {"points_per_obstacle": 0},
             "points_per_obstacle: expected a whole number of 1 or more, got 0",
