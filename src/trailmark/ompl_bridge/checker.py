@@ -11,12 +11,13 @@ from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
 from trailmark.heading import turn, wrapped
 from trailmark.motion.pointwise import PointwiseChecker
+from trailmark.ompl_bridge.errors import BridgeError
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.states import write_state
 
-__all__ = ["MotionValidator", "StateValidityChecker"]
+__all__ = ["MotionValidator", "StateValidityChecker", "checker_in"]
 
 Configuration = tuple[float, float, float]
 
@@ -161,3 +162,18 @@ def _last_on_curve(curves: OmplCurves, first: Any, second: Any) -> tuple[Configu
         else:
             high = middle
     return last, low
+
+
+def checker_in(owner: Any) -> StateChecker:
+    """Return trailmark's checker of the ``StateValidityChecker`` in a ``SimpleSetup`` or ``SpaceInformation``.
+
+    Raises:
+        BridgeError: there is none of trailmark's.
+    """
+    try:
+        found = owner.getStateValidityChecker()
+    except TypeError:
+        found = None  # OMPL 1.7 does not hand out every checker.
+    if not isinstance(found, StateValidityChecker):
+        raise BridgeError("expected a checker, or a trailmark StateValidityChecker that is set; got neither")
+    return found.checker

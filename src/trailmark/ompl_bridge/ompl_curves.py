@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import hypot, pi
 from typing import Any
 
+import numpy as np
+
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import TOUCHING_TOLERANCE
-from trailmark.curves import Steering
+from trailmark.curves import CurvePath, Steering
 from trailmark.motion.pointwise_curves import TIE, PointwiseCurveChecker
 from trailmark.ompl_bridge.states import opened, state
+from trailmark.se2 import FloatArray
 
 __all__ = ["OmplCurves"]
+
+PARTS = (1, 2, 3, 4, 5, 7, 9, 12, 16, 23, 32)
+"""Into how many parts a curve is divided, one number after the other, until OMPL follows it."""
+
+LONGER = 1e-6
+"""Metres that OMPL's curves may be longer than the path's by rounding."""
 
 
 class OmplCurves:
@@ -52,6 +62,38 @@ class OmplCurves:
         if abs(length - own[0]) <= TIE and self._passes(first, second, own[1]):
             return True
         return any(self._passes(first, second, marks) for marks in self._single.others(a, b, length))
+
+    def certified_states(self, information: Any, path: CurvePath) -> FloatArray | None:
+        """Return states on a path whose curves are certified, such that OMPL's curves from state to state are too.
+
+        These are the path's knots. Where OMPL drives another curve than the path's, which is longer or not certified,
+        they are so many states on the path's curve, evenly spread, that OMPL follows it.
+
+        Args:
+            information: the ``SpaceInformation`` of the space, which makes states.
+            path: of the steering given.
+
+        Returns:
+            Shape (n, 3), or None if no number of states makes OMPL's curves certified.
+        """
+        rows = [path.knots[:1]]
+        for a, b, length in zip(path.knots[:-1], path.knots[1:], path.curves.lengths, strict=True):
+            chosen: FloatArray | None = None
+            for parts in PARTS:
+                part = path.steering.states(a, b, np.linspace(0.0, length, parts + 1))
+                part[0], part[-1] = a, b
+                made = [state(information, q) for q in part]
+                pairs = [(opened(first), opened(second)) for first, second in pairwise(made)]
+                if all(self.certified(*pair) for pair in pairs):
+                    as_short = sum(self._space.distance(*pair) for pair in pairs) <= length + LONGER
+                    if as_short or chosen is None:
+                        chosen = part
+                    if as_short:
+                        break
+            if chosen is None:
+                return None
+            rows.append(chosen[1:])
+        return np.concatenate(rows)
 
     def bound(self, first: Any, second: Any) -> float:
         """Return how far (metres) OMPL's curve between two states moves any point of the robot at most."""

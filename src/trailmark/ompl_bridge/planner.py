@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from copy import copy
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -11,12 +13,15 @@ from ompl import base as ob
 from trailmark import se2
 from trailmark.arguments import one_of, truth, whole
 from trailmark.collision import StateChecker
+from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError
+from trailmark.motion import kind_of
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.ompl_bridge.checker import StateValidityChecker
-from trailmark.ompl_bridge.errors import BridgeError, ObjectiveError, SpaceError
+from trailmark.ompl_bridge.checker import checker_in
+from trailmark.ompl_bridge.errors import ObjectiveError
 from trailmark.ompl_bridge.guard import caught
-from trailmark.ompl_bridge.spaces import require_within, space_of
+from trailmark.ompl_bridge.ompl_curves import OmplCurves
+from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.sparse_path import sparse_path
 from trailmark.ompl_bridge.states import configuration, path_to_ompl
 from trailmark.path import Path
@@ -27,24 +32,28 @@ from trailmark.planning.warmup import warm_up
 __all__ = ["LandmarkPlanner"]
 
 POLL = 0.002
-"""Seconds between two looks at the termination condition."""
+"""Seconds between two calls of the termination condition."""
 
 GRACE = 0.05
-"""Seconds that the work under way gets to come to its end by itself once planning is to stop."""
+"""Seconds that the query gets to end by itself once the termination condition holds."""
 
 
 class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carry no types
     """Landmarks, roadmap and shortest path, as an ``ob.Planner``.
 
-    It plans in trailmark's own world, not by asking OMPL's checker state by state; what it returns is certified, with
-    fewer vertices than ``result.path`` and up to 0.01 % longer, so that OMPL's path simplifier comes back.
+    It plans in trailmark's own world and does not ask OMPL's checker state by state. The space decides how the robot
+    moves, whatever the turning radius of the checker's robot: straight in an ``SE2StateSpace``, on shortest curves in a
+    ``DubinsStateSpace`` or ``ReedsSheppStateSpace``. What OMPL interpolates along the returned path is certified.
+    A straight path has fewer vertices than ``result.path`` and is up to 0.01 % longer, so that OMPL's path simplifier
+    returns; a car's path has further states on a curve that OMPL would replace by another one.
+
     ``solve`` returns once the termination condition holds (within 20 ms) or the path has settled. Repeated ``solve``,
-    and ``clear`` with ``keep_roadmap``, go on with the roadmap of the queries before.
+    and ``clear`` with ``keep_roadmap``, continue with the roadmap of the queries before.
 
     Args:
-        information: the ``SpaceInformation`` of an ``SE2StateSpace`` within the world's bounds.
+        information: the ``SpaceInformation`` of one of these spaces, within the world's bounds.
         checker: trailmark's checker; by default that of the ``StateValidityChecker`` in ``information``.
-        seed: the same seed gives the same paths, as long as the termination condition does not cut in.
+        seed: the same seed gives the same paths, as long as the termination condition does not end the query.
         keep_roadmap: whether ``clear`` keeps the roadmap. Give False in a benchmark, where each run is to start
             from nothing.
 
@@ -52,7 +61,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         result: the last query's :class:`~trailmark.planning.PlanResult`; None if it was cut short.
 
     Raises:
-        SpaceError: a space not made of x, y and heading, or one of curves.
+        SpaceError: a space not made of x, y and heading, or a symmetric Dubins space.
         BoundsError: a space that reaches beyond the world.
         BridgeError: no checker given, and none of trailmark's in ``information``.
     """
@@ -66,14 +75,15 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         keep_roadmap: bool = True,
     ) -> None:
         space = space_of(information)
-        if type(space) is not ob.SE2StateSpace:
-            raise SpaceError(f"state space {space.getName()!r} ({type(space).__name__}) given, allowed: SE2StateSpace")
         super().__init__(information, "landmark")
-        # Now, so that no query pays for it.
-        warm_up()
-        self.checker = _checker_in(information) if checker is None else one_of(checker, StateChecker, "checker:")
-        require_within(space, self.checker.world)
+        given = checker_in(information) if checker is None else one_of(checker, StateChecker, "checker:")
+        require_within(space, given.world)
+        steering = steering_of(information)
+        self.checker = _steered(given, steering)
+        # Compiled now, so that no query pays for it.
+        warm_up(kind_of(self.checker.robot))
         self._single = PointwiseChecker(self.checker)
+        self._curves = None if steering is None else OmplCurves(information, self.checker, steering)
         self._seed = None if seed is None else whole(seed, "seed:", 0)
         self._keep = truth(keep_roadmap, "keep_roadmap:")
         self._planner: Planner | None = None
@@ -130,13 +140,12 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
             raise work.error
         self.result = work.result
         last = work.last
-        if last is not None and last.path is not None:
-            self._offer(problem, last.path, goal, exact=True)
+        if last is not None and last.path is not None and self._offer(problem, last.path, goal, exact=True):
             return ob.PlannerStatus(status.EXACT_SOLUTION)
         if work.result is not None and work.result.status == "infeasible":
             return ob.PlannerStatus(status.INFEASIBLE)
-        if last is not None and last.nearest is not None and len(last.nearest.states) > 1:
-            self._offer(problem, last.nearest, goal, exact=False)
+        nearest = None if last is None else last.nearest
+        if nearest is not None and len(nearest.states) > 1 and self._offer(problem, nearest, goal, exact=False):
             return ob.PlannerStatus(status.APPROXIMATE_SOLUTION)
         return ob.PlannerStatus(status.TIMEOUT)
 
@@ -158,10 +167,19 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         start, last = (None if end is None else configuration(end) for end in ends)
         return start, last
 
-    def _offer(self, problem: Any, path: Path, goal: se2.FloatArray, *, exact: bool) -> None:
-        difference = 0.0 if exact else float(se2.distance(path.states[-1], goal))
-        made = path_to_ompl(self.getSpaceInformation(), sparse_path(self._single, path.states))
-        problem.addSolutionPath(made, not exact, difference, self.getName())
+    def _offer(self, problem: Any, path: Path, goal: se2.FloatArray, *, exact: bool) -> bool:
+        """Hand a path to OMPL; return False if OMPL would follow other curves, not certified, between its states."""
+        information = self.getSpaceInformation()
+        states: se2.FloatArray | None
+        if isinstance(path, CurvePath) and self._curves is not None:
+            states, distance = self._curves.certified_states(information, path), path.steering.lengths
+        else:
+            states, distance = sparse_path(self._single, path.states), se2.distance
+        if states is None:
+            return False
+        difference = 0.0 if exact else float(distance(states[-1], goal))
+        problem.addSolutionPath(path_to_ompl(information, states), not exact, difference, self.getName())
+        return True
 
     def _wait(self) -> None:
         """Let work that was cut short come to its end, so that the roadmap is at rest."""
@@ -198,15 +216,21 @@ class _Work(threading.Thread):
         self.last = progress
 
 
-def _checker_in(information: Any) -> StateChecker:
-    """Return the checker of trailmark's validity checker in a ``SpaceInformation``."""
-    try:
-        part = information.getStateValidityChecker()
-    except TypeError:
-        part = None  # OMPL 1.7 does not hand out every checker
-    if not isinstance(part, StateValidityChecker):
-        raise BridgeError("no checker given, and no trailmark StateValidityChecker is set, allowed: either of them")
-    return part.checker
+def _steered(checker: StateChecker, steering: Steering | None) -> StateChecker:
+    """Return a checker whose robot moves as a state space has it: on curves, or straight."""
+    robot = checker.robot
+    radius, reverse = (None, True) if steering is None else (steering.radius, steering.reverse)
+    if radius == robot.turning_radius or (
+        radius is not None
+        and robot.turning_radius is not None
+        # The space's radius is measured, and differs from the one that it was made with by rounding.
+        and isclose(radius, robot.turning_radius, rel_tol=1e-9)
+        and reverse == robot.reverse
+    ):
+        return checker
+    steered = copy(checker)
+    steered.robot = robot.steered(radius, reverse)
+    return steered
 
 
 def _require_path_length(problem: Any) -> None:

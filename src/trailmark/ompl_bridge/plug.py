@@ -13,8 +13,7 @@ from ompl import base as ob
 from trailmark import se2
 from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
-from trailmark.ompl_bridge.checker import StateValidityChecker
-from trailmark.ompl_bridge.errors import BridgeError
+from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.mixture import KINDS, ROADMAP_MIXTURE, TREE_MIXTURE, Mixture
@@ -109,7 +108,7 @@ def plug_landmark_sampler(
     """
     information = setup.getSpaceInformation()
     space = space_of(information)
-    checker = _checker_in(setup) if checker is None else one_of(checker, StateChecker, "checker:")
+    checker = checker_in(setup) if checker is None else one_of(checker, StateChecker, "checker:")
     require_within(space, checker.world)
     for shares in (mixture, ROADMAP_MIXTURE):
         if shares is not None:
@@ -178,13 +177,6 @@ def _wrapped(name: str, allocator: _Allocator) -> Any:
     """Return what the bindings take for an allocator: a callable, or in OMPL 1.7 an object made of it."""
     wrap = getattr(ob, name, None)
     return allocator if wrap is None else wrap(allocator)
-
-
-def _checker_in(setup: Any) -> StateChecker:
-    part = setup.getStateValidityChecker()
-    if not isinstance(part, StateValidityChecker):
-        raise BridgeError("no checker given, and no trailmark StateValidityChecker is set, allowed: either of them")
-    return part.checker
 
 
 def _query(setup: Any, checker: StateChecker) -> se2.FloatArray | None:
