@@ -149,7 +149,7 @@ tell(**messages)
     assert "RealVectorStateSpace" in found["space"][1]
     assert found["bounds"][0] == "BoundsError"
     assert found["checker"][0] == "BridgeError"
-    assert "no checker given" in found["checker"][1]
+    assert "expected a checker, or a trailmark StateValidityChecker" in found["checker"][1]
     assert all("\n" not in message for _, message in found.values())
 
 
