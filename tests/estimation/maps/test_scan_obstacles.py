@@ -11,7 +11,7 @@ import shapely
 from trailmark.estimation.maps.evidence import EvidenceGrid
 from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.scan_obstacles import find_obstacles
-from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Seen
+from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Observation
 from trailmark.shapes import Polygon, Rectangle
 
 CELL = 0.1
@@ -87,7 +87,7 @@ def test_stretches_are_joined_over_gaps_that_nothing_went_through(gap: int, pass
     if not passed:
         grid.passes[19:22, middle : middle + gap] = 0
     # The line y = 2.05, seen from below.
-    lines.update([Seen(np.array([2.05, 0.5 * math.pi]), 1e-4 * np.eye(2), np.zeros((2, 2)), points)])
+    lines.update([Observation(np.array([2.05, 0.5 * math.pi]), 1e-4 * np.eye(2), np.zeros((2, 2)), points)])
     found = find_obstacles(lines, discs, grid, HERE, SETTINGS)
     assert len(found.walls) == walls
     assert found.heaps == []
@@ -103,10 +103,10 @@ def test_a_wall_that_is_gone_is_no_wall() -> None:
     grid = open_grid()
     lines, discs = nothing()
     points = np.column_stack([np.linspace(1.0, 3.0, 60), np.full(60, 2.05)])
-    lines.update([Seen(np.array([2.05, 0.5 * math.pi]), 1e-4 * np.eye(2), np.zeros((2, 2)), points)])
+    lines.update([Observation(np.array([2.05, 0.5 * math.pi]), 1e-4 * np.eye(2), np.zeros((2, 2)), points)])
     assert find_obstacles(lines, discs, grid, HERE, SETTINGS).walls == []
     post = np.array([3.0, 1.0, 0.2])
-    discs.update([Seen(post, 1e-4 * np.eye(3), np.zeros((3, 3)), post[:2] - [[0.2, 0.0], [0.1, 0.17]])])
+    discs.update([Observation(post, 1e-4 * np.eye(3), np.zeros((3, 3)), post[:2] - [[0.2, 0.0], [0.1, 0.17]])])
     assert find_obstacles(lines, discs, grid, HERE, SETTINGS).discs == []
     hit(grid, np.s_[8:13], np.s_[27:31])
     ((disc, _),) = find_obstacles(lines, discs, grid, HERE, SETTINGS).discs

@@ -13,7 +13,7 @@ from trailmark.estimation.filter.consistency import average, nees
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.scan_features import find_features
 from trailmark.estimation.scans.scan_settings import ScanSettings
-from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Seen
+from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Observation
 
 SETTINGS = ScanSettings(sigma_range=0.02, sigma_bearing=0.003)
 POSE_SIGMA = np.diag([0.01, 0.01, 0.002]) ** 2
@@ -30,7 +30,7 @@ def follow_lines(tracks: LineTracks, seen_by: list[Scan], offset: np.ndarray | N
     for scan in seen_by:
         pose = np.asarray(scan.pose) + (0.0 if offset is None else offset)
         seen, features = find_features(scan, SETTINGS)
-        tracks.update([tracks.seen(fit, seen.points, pose) for fit in features.lines])
+        tracks.update([tracks.observation(fit, seen.points, pose) for fit in features.lines])
     return tracks
 
 
@@ -87,7 +87,7 @@ def test_errors_of_different_episodes_average_out_and_no_more() -> None:
             for scan in scans(WALL, length, rng):
                 seen, features = find_features(scan, SETTINGS)
                 pose = np.asarray(scan.pose) + offset
-                tracks.update([tracks.seen(fit, seen.points, pose) for fit in features.lines], episode)
+                tracks.update([tracks.observation(fit, seen.points, pose) for fit in features.lines], episode)
         assert all(tracks.episodes[0][i] >= length for i, length in enumerate(lengths))
         errors.append(tracks.difference(tracks.states[0], np.array([3.0, 0.0])))
         stated.append(tracks.covariance(0))
@@ -102,7 +102,7 @@ def test_more_episodes_are_known_better() -> None:
         tracks = LineTracks(0.999, POSE_SIGMA, 0.3)
         for i, scan in enumerate(scans(WALL, 9, np.random.default_rng(1))):
             seen, features = find_features(scan, SETTINGS)
-            lines = [tracks.seen(fit, seen.points, np.asarray(scan.pose)) for fit in features.lines]
+            lines = [tracks.observation(fit, seen.points, np.asarray(scan.pose)) for fit in features.lines]
             tracks.update(lines, i * episodes // 9)
         by_episodes.append(tracks.covariance(0) - tracks.P[0])
     for n, part in zip((3, 9), by_episodes[1:], strict=True):
@@ -177,7 +177,7 @@ def test_discs_are_found_again_and_refined() -> None:
         tracks = DiscTracks(0.999999, np.zeros((3, 3)))
         for scan in scans(POST, 5, rng):
             seen, features = find_features(scan, SETTINGS)
-            tracks.update([tracks.seen(fit, seen.points, np.asarray(scan.pose)) for fit in features.discs])
+            tracks.update([tracks.observation(fit, seen.points, np.asarray(scan.pose)) for fit in features.discs])
         tracks.merge()
         assert len(tracks) == 1
         errors.append(tracks.states[0] - [3.0, 0.4, 0.3])
@@ -194,14 +194,14 @@ def test_the_pose_turns_what_a_disc_is_known_by() -> None:
     seen, features = find_features(scan, SETTINGS)
     (fit,) = features.discs
     tracks = DiscTracks(0.99, POSE_SIGMA)
-    one = tracks.seen(fit, seen.points, pose)
+    one = tracks.observation(fit, seen.points, pose)
     draws = rng.multivariate_normal(pose, POSE_SIGMA, 4000)
-    spread = np.cov(np.array([tracks.seen(fit, seen.points, draw).state for draw in draws]).T)
+    spread = np.cov(np.array([tracks.observation(fit, seen.points, draw).state for draw in draws]).T)
     assert one.R_pose == pytest.approx(spread, abs=0.08 * spread.max())
     lines = LineTracks(0.99, POSE_SIGMA, 0.3)
     seen, features = find_features(cast([WALL], (0.0, 0.0, 0.0), beams=180), SETTINGS)
-    wall = lines.seen(features.lines[0], seen.points, pose)
-    states = [lines.seen(features.lines[0], seen.points, draw).state for draw in draws]
+    wall = lines.observation(features.lines[0], seen.points, pose)
+    states = [lines.observation(features.lines[0], seen.points, draw).state for draw in draws]
     spread = np.cov(np.array(states).T)
     assert wall.R_pose == pytest.approx(spread, abs=0.08 * spread.max())
 
@@ -212,7 +212,7 @@ def test_no_features_no_tracks() -> None:
     tracks.merge()
     assert tracks.drop_unconfirmed(3) == 0
     assert len(tracks) == 0
-    once = Seen(np.array([1.0, 0.0]), np.eye(2), np.zeros((2, 2)), np.array([[1.0, 0.0], [1.0, 1.0]]))
+    once = Observation(np.array([1.0, 0.0]), np.eye(2), np.zeros((2, 2)), np.array([[1.0, 0.0], [1.0, 1.0]]))
     tracks.update([once, once])
     # Two stretches of one scan count once.
     assert tracks.scans.tolist() == [1]

@@ -50,7 +50,7 @@ def test_near_features_are_merged_and_keep_their_readings() -> None:
 
 def test_features_that_were_read_together_are_two() -> None:
     ekf, known, ids = histories([[0.0, 1.0], [0.2, 1.0]])
-    known.part(ids)
+    known.separate(ids)
     assert known.merge(ids) == {}
     assert len(ekf.features) == 2
 
@@ -62,11 +62,11 @@ def test_features_farther_apart_than_their_covariance_are_two() -> None:
 
 def test_a_merged_feature_is_not_one_that_its_duplicate_was_read_beside() -> None:
     _, known, ids = histories([[0.0, 1.0], [0.1, 1.0], [0.2, 1.0]])
-    known.part([ids[0], ids[2]])
+    known.separate([ids[0], ids[2]])
     gone = known.merge([ids[0]])
     assert gone == {ids[0]: ids[1]}
     assert known.merge([ids[1]]) == {}
-    assert known.histories[ids[2]].beside == {ids[1]}
+    assert known.histories[ids[2]].seen_with == {ids[1]}
 
 
 def test_a_run_without_identities_finds_posts_that_stand_close_together() -> None:

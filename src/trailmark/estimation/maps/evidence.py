@@ -16,7 +16,7 @@ __all__ = ["EvidenceGrid"]
 BoolArray = NDArray[np.bool_]
 
 MAX_CELLS = 64_000_000
-"""Most cells of a grid; four numbers are kept for each."""
+"""Cells of a grid; each takes 12 bytes."""
 
 
 class EvidenceGrid:
@@ -42,7 +42,7 @@ class EvidenceGrid:
         columns, rows = (xmax - xmin) / cell, (ymax - ymin) / cell
         if not (min(columns, rows) > 0.0 and columns * rows <= MAX_CELLS):
             raise WorldError(
-                f"grid over {list(bounds)} with cells of {cell:g} m given, allowed: 1 to {MAX_CELLS:,} cells"
+                f"expected a grid of 1 to {MAX_CELLS:,} cells, got {list(bounds)} with cells of {cell:g} m"
             )
         shape = int(np.ceil(rows)), int(np.ceil(columns))
         self.origin = (float(xmin), float(ymin))

@@ -49,8 +49,8 @@ class MappingSettings:
     """Metres: how far a beam that met nothing shows space to be free, at most."""
     min_hits: Count = 2
     """Beams that must have ended in a cell for it to count as occupied."""
-    least_share: Share = 0.2
-    """The share of the beams that came to a cell that must have ended there: less, and what was there is gone."""
+    min_share: Share = 0.2
+    """The share of the beams that came to a cell that must have ended there. Less, and what was there is gone."""
     gate: Probability = 0.99
     """Probability with which a scan's feature passes the gate of its own track."""
     confirm: Count = 3
@@ -63,13 +63,13 @@ class MappingSettings:
     """Shortest stretch that becomes a wall, metres."""
     explained: Positive = 0.1
     """Metres from a wall or disc within which occupied cells are taken to be part of it."""
-    crumbs: int = 4
+    max_unknown_cells: int = 4
     """Cells of an unknown patch, met by no beam, up to which it counts as free like what is around it."""
     shapes: Literal["fitted", "hulls", "boxes"] = "fitted"
     """What obstacles are drawn as. "fitted": walls as rectangles with thickness, discs, and cells for the rest;
     "hulls": the convex hull of each one's end points; "boxes": their plain box, as in the source's Algorithm 2."""
     unknown: Literal["blocked", "free"] = "blocked"
-    """What nobody looked into, or what is cut off from where the robot was: an obstacle, or free."""
+    """What no beam looked into, or what is cut off from where the robot was: an obstacle, or free."""
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)

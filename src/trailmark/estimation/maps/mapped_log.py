@@ -21,7 +21,7 @@ __all__ = ["MappedLog"]
 _KINDS = {Odometry: "odometry", Increment: "increments", Detection: "detections", Scan: "scans", Pose: "poses"}
 
 _OBSTACLES = ("discs", "walls", "heaps", "unknown")
-"""Kinds of obstacles: heaps are groups of cells that beams met, unknown is what nobody looked into."""
+"""Kinds of obstacles: heaps are groups of cells that beams met, unknown is what no beam looked into."""
 
 
 class MappedLog(NamedTuple):

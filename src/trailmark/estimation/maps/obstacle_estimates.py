@@ -84,7 +84,7 @@ def wall_estimate(
         line: ρ (metres, of either sign) and α (radians), shape (2,).
         covariance: of ρ and α, shape (2, 2).
         span: where the front begins and ends along t, metres.
-        thickness: of the wall, metres. The readings do not tell it.
+        thickness: of the wall, metres. The readings do not show it.
         along_sigma: standard deviation of the wall's place along the line, metres.
         end_sigma: further standard deviation of each of the two ends by itself, metres.
 

@@ -2,7 +2,7 @@
 
 Lines and discs of single scans are found again from scan to scan and refined by the EKF
 (:mod:`trailmark.estimation.scans.tracks`). Beside them a grid counts where beams ended and what they went through. It
-says along which stretches a line is a wall, what neither walls nor discs explain, and what nobody has looked into
+says along which stretches a line is a wall, what neither walls nor discs explain, and what no beam has looked into
 (:mod:`trailmark.estimation.maps.scan_obstacles`).
 """
 
@@ -128,9 +128,9 @@ def _read(
     episodes = np.floor(driven / s.pose_memory).astype(np.intp)
     for i, (scan, pose, (start, ends, met)) in enumerate(zip(scans, x, beams, strict=True)):
         grid.add(start, ends, met)
-        seen, features = find_features(scan, s.scan)
-        lines.update([lines.seen(fit, seen.points, pose) for fit in features.lines], int(episodes[i]))
-        discs.update([discs.seen(fit, seen.points, pose) for fit in features.discs], int(episodes[i]))
+        hits, features = find_features(scan, s.scan)
+        lines.update([lines.observation(fit, hits.points, pose) for fit in features.lines], int(episodes[i]))
+        discs.update([discs.observation(fit, hits.points, pose) for fit in features.discs], int(episodes[i]))
         if on_progress is not None:
             on_progress(i + 1, len(scans))
     return grid, lines, discs

@@ -33,7 +33,7 @@ class MapObstacles(NamedTuple):
     heaps: list[ObstacleEstimate]
     """Groups of occupied cells that no wall and no disc explains."""
     unknown: list[Shape]
-    """What nobody looked into, if that is blocked."""
+    """What no beam around_wall into, if that is blocked."""
 
 
 def find_obstacles(
@@ -48,10 +48,12 @@ def find_obstacles(
         x: where the robot was, shape (m, 3).
         s: how to go about it.
     """
-    occupied = grid.occupied(s.min_hits, s.least_share)
+    occupied = grid.occupied(s.min_hits, s.min_share)
     seen_free = (grid.passes > 0) & ~occupied
     if s.unknown == "blocked":
-        seen_free = _reached(seen_free | _crumbs((grid.passes == 0) & (grid.hits == 0), s.crumbs), grid, x)
+        seen_free = _reached(
+            seen_free | _small_patches((grid.passes == 0) & (grid.hits == 0), s.max_unknown_cells), grid, x
+        )
     walls = _walls(lines, grid, occupied, s)
     posts = _posts(discs, grid, occupied)
     if s.unknown == "blocked":
@@ -80,9 +82,9 @@ def _walls(tracks: LineTracks, grid: EvidenceGrid, occupied: BoolArray, s: Mappi
         middle = places.min() + width * (np.arange(bins.max() + 1) + 0.5)
         # Half a bin along the line, and a cell to either side of it.
         shifts = [u * 0.25 * width * along + v * grid.cell * across for u in (-1, 1) for v in (-1, 0, 1)]
-        looked = [grid.cells(rho * across + middle[:, None] * along + shift) for shift in shifts]
-        solid = np.any([occupied[where] for where in looked], axis=0)
-        passed = ~solid & np.all([grid.passes[where] > 0 for where in looked], axis=0)
+        around_wall = [grid.cells(rho * across + middle[:, None] * along + shift) for shift in shifts]
+        solid = np.any([occupied[where] for where in around_wall], axis=0)
+        passed = ~solid & np.all([grid.passes[where] > 0 for where in around_wall], axis=0)
         standing = (np.bincount(bins) >= 2) & solid
         for first, last in _stretches(standing, passed, round(s.gap / width)):
             own = (bins >= first) & (bins <= last)
@@ -141,13 +143,13 @@ def _explained(occupied: BoolArray, shapes: Sequence[Shape], grid: EvidenceGrid,
     return explained
 
 
-def _crumbs(unseen: BoolArray, most: int) -> BoolArray:
+def _small_patches(unseen: BoolArray, max_cells: int) -> BoolArray:
     """Return the cells of patches of at most so many cells."""
     from scipy import ndimage
 
     labels, count = ndimage.label(unseen)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    return np.asarray(unseen & (sizes[labels] <= most))
+    return np.asarray(unseen & (sizes[labels] <= max_cells))
 
 
 def _reached(free: BoolArray, grid: EvidenceGrid, x: FloatArray) -> BoolArray:

@@ -8,6 +8,7 @@ the covariances given: an estimator that is too sure of itself makes the bound w
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,12 +20,11 @@ from numpy.typing import ArrayLike
 from trailmark.checked import Count, Numbers, Probability, Rule, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.growth import Spread
-from trailmark.estimation.risk.swept import swept_region
-from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape
+from trailmark.se2 import FloatArray, difference, interpolate, transform
+from trailmark.shapes import Disc, Polygon, Shape, triangulate
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
-__all__ = ["grown_world", "reallocate", "regrow", "required_risk", "spend_risk"]
+__all__ = ["grown_world", "reallocate", "regrow", "required_risk", "spend_risk", "swept_region"]
 
 Matrix3 = Annotated[ArrayLike, shaped(3, 3)]
 Rate = Annotated[float, Rule("a number above 0, at most 1", lambda v: 0.0 < v <= 1.0)]
@@ -210,6 +210,39 @@ def spend_risk(
         needed = [required_risk(estimate, region, world.risk) for estimate in known]
         world = regrow(world, world.risk.confidence, weights=reallocate(risks, needed, rate=rate))
     return best._replace(costs=tuple(costs))
+
+
+def swept_region(robot: Robot, states: ArrayLike, *, turn: float = 0.02) -> Any:
+    """Return a region that contains what the robot covers along a path, as a shapely geometry.
+
+    Args:
+        robot: its footprint.
+        states: the path's configurations, shape (n, 3), n >= 1.
+        turn: radians: motions are cut into pieces that turn by no more. The region reaches at most R·turn beyond
+            the truth, R the robot's circumradius, and for a disc its outline's 1 mm.
+    """
+    import shapely
+
+    q = np.atleast_2d(np.array(states, dtype=np.float64))
+    # Relative to where it begins: overlays round, and may snap, by shares of their coordinates.
+    origin = q[0, :2].copy()
+    q[:, :2] -= origin
+    placed = [q[:1]]
+    for a, b in itertools.pairwise(q):
+        n = 1 if robot.sweep_radius == 0.0 else max(1, math.ceil(abs(float(difference(a, b)[2])) / turn))
+        placed.append(interpolate(a, b, np.arange(1, n + 1) / n))
+    outline = robot.outline
+    solid = shapely.area(shapely.convex_hull(outline.shapely())) <= outline.area * (1.0 + 1e-12)
+    pieces = outline.vertices[None] if solid else triangulate(outline)
+    poses = np.concatenate(placed)
+    # Shape (pieces, poses, corners, 2); what lies between two poses is the hull of a piece at both.
+    corners = np.stack([transform(poses, piece) for piece in pieces])
+    pairs = np.concatenate([corners[:, :-1], corners[:, 1:]], axis=2) if len(poses) > 1 else corners
+    swept = shapely.convex_hull(shapely.multipoints(pairs.reshape(-1, pairs.shape[2], 2)))
+    # Within a piece a point keeps within R·turn²/8 of the line from its first to its last place. The arcs of a
+    # buffer are drawn inside of it, by 1.1 % at most; what else it does to outlines makes them larger.
+    region = shapely.buffer(shapely.union_all(swept), 1.02 * robot.sweep_radius * turn**2 / 8.0)
+    return shapely.transform(region, lambda points: points + origin)
 
 
 def _overlap(shape: Shape, region: Any) -> bool:

@@ -252,12 +252,6 @@ def _roots(matrices: FloatArray) -> FloatArray:
 
 
 def _convex(shape: Shape) -> bool:
-    if not isinstance(shape, Polygon):
-        return True
-    if shape.holes:
-        return False
-    u = np.diff(shape.vertices, axis=0, append=shape.vertices[:1])
-    v = np.roll(u, -1, axis=0)
-    turns = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-    # The outline is simple, so turns of one sign go round once.
-    return bool((turns >= 0.0).all() or (turns <= 0.0).all())
+    import shapely
+
+    return not isinstance(shape, Polygon) or shapely.area(_hull(shape.vertices).shapely()) <= shape.area * (1.0 + 1e-12)

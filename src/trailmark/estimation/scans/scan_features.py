@@ -81,23 +81,23 @@ def scan_points(scan: Scan, settings: ScanSettings) -> ScanPoints:
     return ScanPoints(points, covariances, r, beams, mount[:2], step, len(ranges) * step > 2.0 * math.pi - 0.5 * step)
 
 
-def jump_groups(seen: ScanPoints, settings: ScanSettings) -> list[IntArray]:
+def jump_groups(hits: ScanPoints, settings: ScanSettings) -> list[IntArray]:
     """Return the end points' places by group: it ends where the next point is farther away than a surface explains.
 
     That is farther than r·sin Δφ / sin(λ − Δφ) + 3σ_r, λ the flattest incidence and Δφ the angle from beam to beam
     (the adaptive breakpoint detector of Borges & Aldon 2004, Journal of Intelligent and Robotic Systems 40), or than
     3σ_r where so many beams in between met nothing that Δφ comes near λ.
     """
-    n = len(seen.points)
+    n = len(hits.points)
     if n == 0:
         return []
     following = np.roll(np.arange(n), -1)
-    gap = np.hypot(*(seen.points[following] - seen.points).T)
-    angle = (seen.beams[following] - seen.beams) * seen.step
-    angle[-1] = math.inf if not seen.closed else wrap(float(angle[-1]))
+    gap = np.hypot(*(hits.points[following] - hits.points).T)
+    angle = (hits.beams[following] - hits.beams) * hits.step
+    angle[-1] = math.inf if not hits.closed else wrap(float(angle[-1]))
     grazing = np.minimum(np.abs(angle), settings.incidence)
     reach = np.divide(
-        np.minimum(seen.ranges, seen.ranges[following]) * np.sin(grazing),
+        np.minimum(hits.ranges, hits.ranges[following]) * np.sin(grazing),
         np.sin(settings.incidence - grazing),
         out=np.zeros(n),
         where=grazing < 0.9 * settings.incidence,
@@ -110,16 +110,16 @@ def jump_groups(seen: ScanPoints, settings: ScanSettings) -> list[IntArray]:
     return np.split(order, (ends[:-1] - int(ends[-1])) % n)
 
 
-def dbscan_groups(seen: ScanPoints, settings: ScanSettings) -> list[IntArray]:
+def dbscan_groups(hits: ScanPoints, settings: ScanSettings) -> list[IntArray]:
     """Return the end points' places by cluster of scikit-learn's DBSCAN (Ester et al. 1996), each in the sweep's order.
 
     Points of no cluster are groups of one.
     """
     from sklearn.cluster import DBSCAN
 
-    if len(seen.points) == 0:
+    if len(hits.points) == 0:
         return []
-    labels = DBSCAN(eps=settings.eps, min_samples=settings.min_samples).fit_predict(seen.points)
+    labels = DBSCAN(eps=settings.eps, min_samples=settings.min_samples).fit_predict(hits.points)
     groups = [np.flatnonzero(labels == label) for label in range(int(labels.max()) + 1)]
     return groups + [np.array([i]) for i in np.flatnonzero(labels < 0)]
 
@@ -164,25 +164,25 @@ def find_features(scan: Scan, settings: ScanSettings | None = None) -> tuple[Sca
     enough are lines. The rest is given as it is.
     """
     s = settings or ScanSettings()
-    seen = scan_points(scan, s)
-    groups = jump_groups(seen, s) if s.groups == "jump" else dbscan_groups(seen, s)
+    hits = scan_points(scan, s)
+    groups = jump_groups(hits, s) if s.groups == "jump" else dbscan_groups(hits, s)
     lines, discs, others = list[LineFit](), list[DiscFit](), list[IntArray]()
     for group in groups:
-        disc = _disc_in(seen, group, s)
+        disc = _disc_in(hits, group, s)
         if disc is not None:
             discs.append(disc)
             continue
         rest = []
-        for piece in split_and_merge(seen.points[group], s.split):
+        for piece in split_and_merge(hits.points[group], s.split):
             own = group[piece]
-            line = _line_in(seen, own, s)
+            line = _line_in(hits, own, s)
             if line is None:
                 rest.append(own)
             else:
                 lines.append(line)
         if rest:
             others.append(np.concatenate(rest))
-    return seen, ScanFeatures(tuple(lines), tuple(discs), tuple(others))
+    return hits, ScanFeatures(tuple(lines), tuple(discs), tuple(others))
 
 
 def line_finder(settings: ScanSettings | None = None) -> Callable[[Scan], Sequence[Detection]]:
@@ -212,34 +212,34 @@ def disc_finder(settings: ScanSettings | None = None) -> Callable[[Scan], Sequen
     return find
 
 
-def _line_in(seen: ScanPoints, own: IntArray, s: ScanSettings) -> LineFit | None:
+def _line_in(hits: ScanPoints, own: IntArray, s: ScanSettings) -> LineFit | None:
     if len(own) < s.min_points:
         return None
-    ends = seen.points[own[[0, -1]]]
+    ends = hits.points[own[[0, -1]]]
     if np.hypot(*(ends[1] - ends[0])) < s.min_length:
         return None
-    fit = fit_line(seen.points[own], seen.covariances[own], seen.origin)
+    fit = fit_line(hits.points[own], hits.covariances[own], hits.origin)
     if fit.misfit > s.line_misfit:
         return None
     # A surface rougher than the sensor's noise: its scatter is what the line is known by.
     return fit._replace(covariance=max(1.0, fit.misfit) * fit.covariance, indices=own)
 
 
-def _disc_in(seen: ScanPoints, group: IntArray, s: ScanSettings) -> DiscFit | None:
+def _disc_in(hits: ScanPoints, group: IntArray, s: ScanSettings) -> DiscFit | None:
     if len(group) < s.min_points:
         return None
-    points, covariances = seen.points[group], seen.covariances[group]
+    points, covariances = hits.points[group], hits.covariances[group]
     if np.ptp(points, axis=0).max() > 2.0 * s.disc_radii[1]:
         return None
     rough = fit_circle_roughly(points)
     if rough is None or rough[2] > 2.0 * s.disc_radii[1] or _arc(points, rough) < 0.5 * s.disc_arc:
         return None
-    if fit_line(points, covariances, seen.origin).misfit <= s.disc_misfit:
+    if fit_line(points, covariances, hits.origin).misfit <= s.disc_misfit:
         return None
     fit = fit_disc(points, covariances)
     if fit is None or not s.disc_radii[0] <= fit.disc[2] <= s.disc_radii[1] or fit.misfit > s.disc_misfit:
         return None
-    bulge = float((points.mean(axis=0) - fit.disc[:2]) @ (seen.origin - fit.disc[:2]))
+    bulge = float((points.mean(axis=0) - fit.disc[:2]) @ (hits.origin - fit.disc[:2]))
     if _arc(points, fit.disc) < s.disc_arc or bulge <= 0.0:
         return None
     return fit._replace(indices=group)

@@ -23,10 +23,10 @@ from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.scans.fits import DiscFit, LineFit
 from trailmark.se2 import FloatArray, transform, wrap
 
-__all__ = ["DiscTracks", "LineTracks", "Seen", "Tracks"]
+__all__ = ["DiscTracks", "LineTracks", "Observation", "Tracks"]
 
 
-class Seen(NamedTuple):
+class Observation(NamedTuple):
     """A feature of one scan, in the world."""
 
     state: FloatArray
@@ -73,10 +73,10 @@ class Tracks(ABC):
         """Return a − b, shape (..., d)."""
 
     @abstractmethod
-    def near(self, seen: Seen) -> FloatArray:
+    def near(self, observed: Observation) -> FloatArray:
         """Return which tracks lie where the feature is, shape (n,)."""
 
-    def update(self, found: list[Seen], episode: int = 0) -> None:
+    def update(self, found: list[Observation], episode: int = 0) -> None:
         """Take in the features of one scan, each into the nearest track that lets it through its gate, or a new one.
 
         Args:
@@ -84,12 +84,12 @@ class Tracks(ABC):
             episode: which one the scan's pose belongs to.
         """
         updated = set[int]()
-        for seen in found:
-            at = self._match(seen)
+        for observed in found:
+            at = self._match(observed)
             if at is None:
-                at = self._start(seen)
+                at = self._start(observed)
             else:
-                self._refine(at, seen)
+                self._refine(at, observed)
             self.episodes[at][episode] += 1
             if at not in updated:
                 self.scans[at] += 1
@@ -109,7 +109,7 @@ class Tracks(ABC):
         """Join tracks that turn out to be one: those that let each other through their gates."""
         for at in range(len(self) - 1, -1, -1):
             readings = np.concatenate(self.readings[at])
-            whole = Seen(self.states[at], self.P[at], self._pose_part[at] / len(self.readings[at]), readings)
+            whole = Observation(self.states[at], self.P[at], self._pose_part[at] / len(self.readings[at]), readings)
             other = self._match(whole, without=at)
             if other is not None:
                 self._refine(other, whole)
@@ -126,36 +126,36 @@ class Tracks(ABC):
             self._drop(int(at))
         return len(stale)
 
-    def _match(self, seen: Seen, without: int = -1) -> int | None:
+    def _match(self, observed: Observation, without: int = -1) -> int | None:
         if len(self) == 0:
             return None
-        candidates = np.flatnonzero(self.near(seen))
+        candidates = np.flatnonzero(self.near(observed))
         candidates = candidates[candidates != without]
         if len(candidates) == 0:
             return None
-        y = self.difference(seen.state, self.states[candidates])
-        S = self.P[candidates] + seen.R + seen.R_pose
+        y = self.difference(observed.state, self.states[candidates])
+        S = self.P[candidates] + observed.R + observed.R_pose
         d2 = np.einsum("ni,ni->n", y, np.linalg.solve(S, y[..., None])[..., 0])
         best = int(d2.argmin())
         return int(candidates[best]) if d2[best] <= self._gate else None
 
-    def _start(self, seen: Seen) -> int:
-        self.states = np.concatenate([self.states, seen.state[None]])
-        self.P = np.concatenate([self.P, (seen.R + seen.R_pose)[None]])
-        self._pose_part = np.concatenate([self._pose_part, seen.R_pose[None]])
+    def _start(self, observed: Observation) -> int:
+        self.states = np.concatenate([self.states, observed.state[None]])
+        self.P = np.concatenate([self.P, (observed.R + observed.R_pose)[None]])
+        self._pose_part = np.concatenate([self._pose_part, observed.R_pose[None]])
         self.scans = np.append(self.scans, 0)
-        self.readings.append([seen.readings])
+        self.readings.append([observed.readings])
         self.episodes.append(Counter())
         return len(self) - 1
 
-    def _refine(self, at: int, seen: Seen) -> None:
-        P, R = self.P[at], seen.R + seen.R_pose
+    def _refine(self, at: int, observed: Observation) -> None:
+        P, R = self.P[at], observed.R + observed.R_pose
         K = P @ np.linalg.inv(P + R)
-        self.states[at] += K @ self.difference(seen.state, self.states[at])
+        self.states[at] += K @ self.difference(observed.state, self.states[at])
         I_K = np.eye(len(P)) - K
         self.P[at] = I_K @ P @ I_K.T + K @ R @ K.T
-        self._pose_part[at] += seen.R_pose
-        self.readings[at].append(seen.readings)
+        self._pose_part[at] += observed.R_pose
+        self.readings[at].append(observed.readings)
 
     def _drop(self, at: int) -> None:
         self.states, self.P = np.delete(self.states, at, axis=0), np.delete(self.P, at, axis=0)
@@ -179,7 +179,7 @@ class LineTracks(Tracks):
         self._gap = gap
         self._ends = np.empty((0, 2, 2))  # first and last place of each track, in the world
 
-    def seen(self, fit: LineFit, points: FloatArray, pose: FloatArray) -> Seen:
+    def observation(self, fit: LineFit, points: FloatArray, pose: FloatArray) -> Observation:
         """Return a line of a scan's end points (robot frame, shape (n, 2)), seen from a pose."""
         x, y, theta = pose
         rho, alpha = fit.line[0], fit.line[1] + theta
@@ -188,7 +188,7 @@ class LineTracks(Tracks):
         state = np.array([rho + x * cos + y * sin, wrap(alpha)])
         G_z, G_pose = np.array([[1.0, lean], [0.0, 1.0]]), np.array([[cos, sin, lean], [0.0, 0.0, 1.0]])
         readings = transform(pose, points[fit.indices])
-        return Seen(state, G_z @ fit.covariance @ G_z.T, G_pose @ self._pose_covariance @ G_pose.T, readings)
+        return Observation(state, G_z @ fit.covariance @ G_z.T, G_pose @ self._pose_covariance @ G_pose.T, readings)
 
     def difference(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return a − b, shape (..., 2), the angle in (−π, π]."""
@@ -196,23 +196,23 @@ class LineTracks(Tracks):
         y[..., 1] = wrap(y[..., 1])
         return y
 
-    def near(self, seen: Seen) -> FloatArray:
+    def near(self, observed: Observation) -> FloatArray:
         """Return which lines go the same way and overlap the stretch, or nearly so, along themselves; shape (n,)."""
         along = np.column_stack([-np.sin(self.states[:, 1]), np.cos(self.states[:, 1])])
-        new = _ends(seen.readings) @ along.T
+        new = _ends(observed.readings) @ along.T
         old = np.einsum("nki,ni->nk", self._ends, along)
         apart = np.maximum(new.min(axis=0) - old.max(axis=1), old.min(axis=1) - new.max(axis=0))
-        turned = np.abs(wrap(seen.state[1] - self.states[:, 1]))
+        turned = np.abs(wrap(observed.state[1] - self.states[:, 1]))
         return np.asarray((apart <= self._gap) & (turned < 0.5))
 
-    def _start(self, seen: Seen) -> int:
-        self._ends = np.concatenate([self._ends, _ends(seen.readings)[None]])
-        return super()._start(seen)
+    def _start(self, observed: Observation) -> int:
+        self._ends = np.concatenate([self._ends, _ends(observed.readings)[None]])
+        return super()._start(observed)
 
-    def _refine(self, at: int, seen: Seen) -> None:
-        super()._refine(at, seen)
+    def _refine(self, at: int, observed: Observation) -> None:
+        super()._refine(at, observed)
         _, alpha = self.states[at]
-        both = np.concatenate([self._ends[at], seen.readings])
+        both = np.concatenate([self._ends[at], observed.readings])
         along = both @ np.array([-math.sin(alpha), math.cos(alpha)])
         self._ends[at] = both[[along.argmin(), along.argmax()]]
 
@@ -227,7 +227,7 @@ class DiscTracks(Tracks):
     def __init__(self, gate: float, pose_covariance: FloatArray) -> None:
         super().__init__(3, gate, pose_covariance)
 
-    def seen(self, fit: DiscFit, points: FloatArray, pose: FloatArray) -> Seen:
+    def observation(self, fit: DiscFit, points: FloatArray, pose: FloatArray) -> Observation:
         """Return a disc of a scan's end points (robot frame, shape (n, 2)), seen from a pose."""
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
         centre = transform(pose, fit.disc[:2][None])[0]
@@ -236,16 +236,16 @@ class DiscTracks(Tracks):
         G_pose[:2] = [[1.0, 0.0, pose[1] - centre[1]], [0.0, 1.0, centre[0] - pose[0]]]
         readings = transform(pose, points[fit.indices])
         R_pose = G_pose @ self._pose_covariance @ G_pose.T
-        return Seen(np.append(centre, fit.disc[2]), G_z @ fit.covariance @ G_z.T, R_pose, readings)
+        return Observation(np.append(centre, fit.disc[2]), G_z @ fit.covariance @ G_z.T, R_pose, readings)
 
     def difference(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return a − b, shape (..., 3)."""
         return np.asarray(a - b)
 
-    def near(self, seen: Seen) -> FloatArray:
+    def near(self, observed: Observation) -> FloatArray:
         """Return which discs overlap the new one, shape (n,)."""
-        apart = np.hypot(*(self.states[:, :2] - seen.state[:2]).T)
-        return np.asarray(apart <= self.states[:, 2] + seen.state[2])
+        apart = np.hypot(*(self.states[:, :2] - observed.state[:2]).T)
+        return np.asarray(apart <= self.states[:, 2] + observed.state[2])
 
 
 def _ends(readings: FloatArray) -> FloatArray:

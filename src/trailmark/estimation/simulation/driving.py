@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.checked import Numbers, Positive, checked_arguments
 from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.filter.motion import Unicycle
 from trailmark.se2 import FloatArray
 
 __all__ = ["Drive"]
@@ -20,6 +21,8 @@ _SAME = 1e-6
 
 _NOTHING = 1e-9
 """Seconds: a motion that takes no longer is none."""
+
+_ARC = Unicycle(0.0, 0.0)
 
 
 class _Piece(NamedTuple):
@@ -110,18 +113,19 @@ class Drive:
         self._arc(0.0, _seen(self._here, target)[1])
 
     def _arc(self, length: float, turn: float) -> None:
-        duration = max(abs(length) / self._speed, abs(turn) / self._turn_rate)
-        if duration > _NOTHING:
-            end = _arc_end(self._here, length, turn)
-            self._pieces.append(_Piece(self._here, end, length / duration, turn / duration, duration, holonomic=False))
-            self._here = end
+        self._add(_ARC.f(self._here, (length, turn, 1.0)), length, turn, holonomic=False)
 
     def _shift(self, target: FloatArray) -> None:
         ahead, turn = _seen(self._here, target)
-        duration = max(math.hypot(*ahead) / self._speed, abs(turn) / self._turn_rate)
+        self._add(target, math.hypot(*ahead), turn, holonomic=True)
+
+    def _add(self, end: FloatArray, length: float, turn: float, *, holonomic: bool) -> None:
+        """Add a motion that is as fast as speed and turning rate allow."""
+        duration = max(abs(length) / self._speed, abs(turn) / self._turn_rate)
         if duration > _NOTHING:
-            self._pieces.append(_Piece(self._here, target, 0.0, turn / duration, duration, holonomic=True))
-            self._here = target
+            v = 0.0 if holonomic else length / duration
+            self._pieces.append(_Piece(self._here, end, v, turn / duration, duration, holonomic))
+            self._here = end
 
 
 def _states(states: ArrayLike) -> tuple[FloatArray, bool]:
@@ -148,12 +152,4 @@ def _along(piece: _Piece, s: FloatArray) -> FloatArray:
     """Return the poses s seconds (m,) into a piece, shape (m, 3)."""
     if piece.holonomic:
         return se2.interpolate(piece.start, piece.end, s / piece.duration)
-    return _arc_end(piece.start, piece.v * s, piece.omega * s)
-
-
-def _arc_end(start: FloatArray, length: FloatArray | float, turn: FloatArray | float) -> FloatArray:
-    """Return the pose at the end of an arc of that length (negative: backward) and turn, shape (..., 3)."""
-    half = 0.5 * np.asarray(turn)
-    chord, direction = np.asarray(length) * np.sinc(half / np.pi), start[2] + half
-    x, y = start[0] + chord * np.cos(direction), start[1] + chord * np.sin(direction)
-    return np.stack([x, y, np.asarray(se2.wrap(direction + half))], axis=-1)
+    return _ARC.f(piece.start, np.column_stack([piece.v * s, piece.omega * s, np.ones(len(s))]))

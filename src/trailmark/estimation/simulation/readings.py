@@ -56,7 +56,7 @@ class RefinedPoints(NamedTuple):
 
 @checked_arguments(EstimationError)
 def refine_point(readings: Readings, poses: Numbers, sensor: RangeBearing) -> RefinedPoint:
-    """Return a static point feature from its readings, by filterpy's ``ExtendedKalmanFilter``.
+    """Return a static point feature from its readings: :func:`refine_points` for one.
 
     Args:
         readings: range (metres) and bearing (radians), shape (m, 2), m >= 1, in the order they were taken.
@@ -66,28 +66,13 @@ def refine_point(readings: Readings, poses: Numbers, sensor: RangeBearing) -> Re
     Raises:
         EstimationError: other shapes, or values that are not finite.
     """
-    from filterpy.kalman import ExtendedKalmanFilter
-
-    z = np.asarray(readings)
-    x = _poses_of(poses, (len(z),))
-    first = sensor.inverse(x[0], z[0])
-    ekf = ExtendedKalmanFilter(dim_x=2, dim_z=2)
-    ekf.x = first.feature
-    ekf.P = first.G_z @ sensor.noise(x[0], first.feature) @ first.G_z.T
-    for pose, reading in zip(x[1:], z[1:], strict=True):
-        ekf.update(
-            reading,
-            HJacobian=lambda point, pose=pose: sensor.H_feature(pose, point),
-            Hx=lambda point, pose=pose: sensor.h(pose, point),
-            R=sensor.noise(pose, ekf.x),
-            residual=sensor.residual,
-        )
-    return RefinedPoint(ekf.x, 0.5 * (ekf.P + ekf.P.T))
+    points, covariances = refine_points(np.asarray(readings)[None], poses, sensor)
+    return RefinedPoint(points[0], covariances[0])
 
 
 @checked_arguments(EstimationError)
 def refine_points(readings: ReadingsOfMany, poses: Numbers, sensor: RangeBearing) -> RefinedPoints:
-    """Return many static point features, each from its own readings: :func:`refine_point` for all at once.
+    """Return many static point features, each from its own readings, by the extended Kalman filter.
 
     Args:
         readings: range (metres) and bearing (radians), shape (b, m, 2), m >= 1, in the order they were taken.

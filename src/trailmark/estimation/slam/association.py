@@ -1,7 +1,7 @@
 # ruff: noqa: N806 # the names are the filter's own symbols: z, H, P, R, S, L
 """Data association: which reading is of which feature.
 
-Readings of one instant are told apart by the squared Mahalanobis distance d² = yᵀ S⁻¹ y to what each feature should
+Readings of one instant are distinguished by the squared Mahalanobis distance d² = yᵀ S⁻¹ y to what each feature should
 read, which has a chi-square distribution where reading and feature belong together. There are two thresholds: under
 the first a reading may be of the feature, above the second of all features it shows a new one. In between it may be
 either, and is ignored: a wrong feature, or one feature as two, harms a filter more than a reading less.

@@ -275,7 +275,7 @@ class EkfSlam:
             self._assignments.append(Assignment(detection.t, detection.identity, feature))
         self.counts.used += len(seen)
         if not known and self.settings.merge_gate is not None and self.filter.mode == "slam":
-            self._features.part(seen)
+            self._features.separate(seen)
             self._merge(seen)
 
     def _miss(self, kind: str, detections: Sequence[Detection]) -> None:

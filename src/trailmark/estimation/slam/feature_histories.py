@@ -24,7 +24,7 @@ class FeatureHistory:
     readings: int = 1
     absences: int = 0
     """Instants in a row at which it should have been read, and was not."""
-    beside: set[int] = field(default_factory=set)
+    seen_with: set[int] = field(default_factory=set)
     """Features that were read at one instant with it: they are not the same."""
 
 
@@ -54,10 +54,10 @@ class FeatureHistories:
             history.readings, history.last, history.absences = history.readings + 1, time, 0
             history.confirmed = history.confirmed or history.readings >= self._settings.confirm
 
-    def part(self, features: list[int]) -> None:
+    def separate(self, features: list[int]) -> None:
         """Note that these features were read at one instant: they are different ones."""
         for feature in features:
-            self.histories[feature].beside.update(other for other in features if other != feature)
+            self.histories[feature].seen_with.update(other for other in features if other != feature)
 
     def drop_stale(self, time: float) -> int:
         """Drop tentative features that were not read for a while; return how many."""
@@ -85,7 +85,7 @@ class FeatureHistories:
         """Merge these features with others that may be the same; return which became which.
 
         Two features are one if they were never read at one instant and their difference passes the gate
-        ``merge_gate`` by its covariance, which counts all they have in common. The filter is then told that they are
+        ``merge_gate`` by its covariance, which counts all they have in common. The filter then takes them for
         equal, which is exact, and one of them is taken out.
         """
         gone: dict[int, int] = {}
@@ -97,7 +97,7 @@ class FeatureHistories:
             others = [
                 j
                 for j in self.histories
-                if j != i and j not in history.beside and self._filter.kind(j) == self._filter.kind(i) == "point"
+                if j != i and j not in history.seen_with and self._filter.kind(j) == self._filter.kind(i) == "point"
             ]
             if not others:
                 continue
@@ -123,18 +123,18 @@ class FeatureHistories:
         return np.asarray((delta[:, None, :] @ np.linalg.solve(D, delta[..., None]))[:, 0, 0])
 
     def _join(self, keep: int, drop: int) -> None:
-        kept, other = self.histories[keep], self.histories.pop(drop)
-        kept.readings, kept.absences = kept.readings + other.readings, min(kept.absences, other.absences)
-        kept.confirmed, kept.last = kept.confirmed or other.confirmed, max(kept.last, other.last)
-        kept.beside |= other.beside
+        merged, other = self.histories[keep], self.histories.pop(drop)
+        merged.readings, merged.absences = merged.readings + other.readings, min(merged.absences, other.absences)
+        merged.confirmed, merged.last = merged.confirmed or other.confirmed, max(merged.last, other.last)
+        merged.seen_with |= other.seen_with
         for history in self.histories.values():
-            if drop in history.beside:
-                history.beside.discard(drop)
-                history.beside.add(keep)
+            if drop in history.seen_with:
+                history.seen_with.discard(drop)
+                history.seen_with.add(keep)
         self.ids = {name: keep if i == drop else i for name, i in self.ids.items()}
 
     def _remove(self, feature: int) -> None:
         self._filter.remove_feature(feature)
         del self.histories[feature]
         for history in self.histories.values():
-            history.beside.discard(feature)
+            history.seen_with.discard(feature)

@@ -14,7 +14,7 @@ class FieldOfView:
     """The box of readings that holds the middle of all readings so far, number by number.
 
     A feature that should be read inside of it, and is not, may not be there: outside, at the rim of what the sensor
-    sees, it says little. Features hidden by others are not told apart from absent ones.
+    sees, it says little. Features hidden by others are not distinguished from absent ones.
 
     Args:
         tail: share of the readings that each end of each number leaves out, 0..0.5.

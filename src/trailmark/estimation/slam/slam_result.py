@@ -15,7 +15,7 @@ __all__ = ["Assignment", "Counts", "MapFeature", "SlamResult", "Update"]
 
 @dataclass
 class Counts:
-    """How many records there were, and how many of them went which way."""
+    """How many records there were, and what became of them."""
 
     records: int = 0
     """All of them."""
