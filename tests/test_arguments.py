@@ -247,10 +247,10 @@ def test_arrays_are_new_and_in_c_order() -> None:
 
 
 def test_bounds_of_numbers() -> None:
-    assert number(2, "n:", least=0.0, most=2.0) == 2.0
+    assert number(2, "n:", minimum=0.0, maximum=2.0) == 2.0
     for wrong in (-1e-9, 2.1, "1", None, float("inf")):
         with pytest.raises(ConfigurationError, match="expected a finite number of 0 or more and at most 2, got"):
-            number(wrong, "n:", least=0.0, most=2.0)
+            number(wrong, "n:", minimum=0.0, maximum=2.0)
 
 
 def test_a_checker_for_something_else_is_refused() -> None:

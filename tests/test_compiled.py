@@ -168,11 +168,11 @@ def test_kernels_run_as_python_too(probe: Path) -> None:
     assert run(probe, plain, NUMBA_DISABLE_JIT="1") == ("[2, 2, 11, 2]", "")
 
 
-def test_compiling_is_told_once_in_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_compiling_is_reported_once_in_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     clock, said = [0.0], list[str]()
     monkeypatch.setattr(compiled, "perf_counter", lambda: clock[0])
     announcer = compiled._Announcer()
-    announcer.say = said.append
+    announcer.report = said.append
 
     def compile_at(begin: float, end: float, module: str = "trailmark.heap") -> None:
         what: Any = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__=module))})

@@ -29,44 +29,46 @@ def number(
     name: str,
     *,
     above: float = -math.inf,
-    least: float = -math.inf,
-    most: float = math.inf,
+    minimum: float = -math.inf,
+    maximum: float = math.inf,
     infinite: bool = False,
     unit: str = "",
     error: Error = ConfigurationError,
 ) -> float:
-    """Return a number above ``above``, from ``least`` to ``most``.
+    """Return a number above ``above``, from ``minimum`` to ``maximum``.
 
     Args:
         value: what was given.
         name: what the message calls it, such as ``time limit:``; the value comes next.
         above: the number must be larger.
-        least: the number must not be smaller.
-        most: the number must not be larger.
+        minimum: the number must not be smaller.
+        maximum: the number must not be larger.
         infinite: whether infinity is allowed too.
         unit: of the number given, for the message.
         error: what is raised.
     """
     found = real(value)
-    if found > above and least <= found <= most and (infinite or math.isfinite(found)):
+    if found > above and minimum <= found <= maximum and (infinite or math.isfinite(found)):
         return found
     bounds = [f"above {above:g}"] if above > -math.inf else []
-    bounds += [f"of {least:g} or more"] if least > -math.inf else []
-    bounds += [f"at most {most:g}"] if most < math.inf else []
+    bounds += [f"of {minimum:g} or more"] if minimum > -math.inf else []
+    bounds += [f"at most {maximum:g}"] if maximum < math.inf else []
     allowed = f"a finite number {' and '.join(bounds)}".strip()
     if infinite:
-        allowed = f"more than {above:g}" if above > -math.inf else f"{least:g} or more"
+        allowed = f"more than {above:g}" if above > -math.inf else f"{minimum:g} or more"
     raise error(f"{_label(name)} expected {allowed}, got {brief(value)}{unit and ' '}{unit}")
 
 
-def whole(value: object, name: str, least: int, most: int | None = None, *, error: Error = ConfigurationError) -> int:
-    """Return a whole number from ``least`` to ``most``; 3.0 is one, 3.5 is none."""
+def whole(
+    value: object, name: str, minimum: int, maximum: int | None = None, *, error: Error = ConfigurationError
+) -> int:
+    """Return a whole number from ``minimum`` to ``maximum``; 3.0 is one, 3.5 is none."""
     found = real(value)
     if math.isfinite(found) and found == int(found):
         count = int(value)  # type: ignore[call-overload]  # a number, as real found; large ones keep their digits
-        if least <= count and (most is None or count <= most):
+        if minimum <= count and (maximum is None or count <= maximum):
             return int(count)
-    allowed = f"{least} or more" if most is None else f"{least} to {most}"
+    allowed = f"{minimum} or more" if maximum is None else f"{minimum} to {maximum}"
     raise error(f"{_label(name)} expected a whole number, {allowed}, got {brief(value)}")
 
 

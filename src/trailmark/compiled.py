@@ -29,13 +29,13 @@ from numba.core.caching import FunctionCache, NullCache
 from numba.core.dispatcher import Dispatcher
 from numba.extending import overload
 
-__all__ = ["by_type", "njit", "tell_with", "variant_of"]
+__all__ = ["by_type", "njit", "report_with", "variant_of"]
 
-PATIENCE = 1.0
-"""Seconds of compiling before it is told."""
+REPORT_AFTER = 1.0
+"""Seconds of compiling before it is reported."""
 
 PAUSE = 1.0
-"""Seconds without compiling after which compiling is told again."""
+"""Seconds without compiling after which compiling is reported again."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -47,12 +47,12 @@ if TYPE_CHECKING:
 else:
 
     def njit(**options: Any) -> Callable[[Callable[..., Any]], Any]:
-        """Return numba's decorator ``njit`` with these options; ``cache=True`` keeps compiled code as told above."""
-        kept = options.pop("cache", False)
+        """Return numba's decorator ``njit`` with these options; ``cache=True`` caches as described above."""
+        cached = options.pop("cache", False)
 
         def compiled(function: Callable[..., Any]) -> Any:
             kernel = numba.njit(**options)(function)
-            if kept and isinstance(kernel, Dispatcher):  # a plain function where NUMBA_DISABLE_JIT is set
+            if cached and isinstance(kernel, Dispatcher):  # a plain function where NUMBA_DISABLE_JIT is set
                 kernel._cache = _cache_of(function)
                 _kernels.append(kernel)
             return kernel
@@ -97,9 +97,9 @@ def variant_of(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
     return register
 
 
-def tell_with(say: Callable[[str], None]) -> None:
-    """Have compiling told in another way than on stderr: ``say`` gets one line."""
-    _announcer.say = say
+def report_with(report: Callable[[str], None]) -> None:
+    """Have compilations reported by ``report``, which gets one line, instead of on stderr."""
+    _announcer.report = report
 
 
 class _KernelCache(FunctionCache):
@@ -123,7 +123,7 @@ class _KernelCache(FunctionCache):
                 self.flush()
                 save()
         except Exception as error:
-            _once(f"compiled kernels cannot be kept: {getattr(error, 'strerror', None) or error}")
+            _once(f"compiled kernels cannot be cached: {getattr(error, 'strerror', None) or error}")
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return (*super()._index_key(sig, codegen), _origin(self._py_func))
@@ -144,7 +144,7 @@ def _cache_of(function: Callable[..., Any]) -> Any:
         except RuntimeError:
             pass
         else:
-            _once(f"no cache folder for compiled kernels can be written to, they are kept in {folder}")
+            _once(f"no cache folder for compiled kernels can be written to, they are cached in {folder}")
             return kept
         finally:
             config.CACHE_DIR = before
@@ -212,7 +212,7 @@ def _text(value: Any) -> str:
         return f"{value.dtype.str} {value.shape} {value.tobytes()!r}"
     module = getattr(value, "__module__", None)
     if isinstance(module, str) and module.startswith("trailmark"):
-        # A tuple's fields, or code that numba looks into: all of its file counts.
+        # A tuple's fields, or code that numba reads: all of its file counts.
         return _file_digest(module)
     return type(value).__name__
 
@@ -223,40 +223,44 @@ def _file_digest(module: str) -> str:
     return hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else module
 
 
-# --- telling -------------------------------------------------------------------------------------------------------
+# --- reports -------------------------------------------------------------------------------------------------------
 
 _kernels: list[Any] = []
 
 
 def _on_stderr(line: str) -> None:
     if sys.stderr is not None:
-        print(f"trailmark: {line}", file=sys.stderr, flush=True)  # noqa: T201  # the one way to reach a user of a library
+        print(f"trailmark: {line}", file=sys.stderr, flush=True)  # noqa: T201  # the only way to reach a user of a library
 
 
 @cache
 def _once(line: str) -> None:
-    _announcer.say(line)
+    _announcer.report(line)
 
 
 class _Announcer(event.Listener):
     """Tells that kernels are being compiled, once it has gone on for a while; again after a pause."""
 
     def __init__(self) -> None:
-        self.say: Callable[[str], None] = _on_stderr
+        self.report: Callable[[str], None] = _on_stderr
         self._begun = self._last = -PAUSE
-        self._told = self._ever = False
+        self._reported = self._reported_before = False
 
     def on_start(self, event: Any) -> None:
         kernel, now = event.data["dispatcher"], perf_counter()
         if not kernel.py_func.__module__.startswith("trailmark"):
             return
         if now - self._last > PAUSE:
-            self._begun, self._told = now, False
+            self._begun, self._reported = now, False
         self._last = now
-        if not self._told and now - self._begun > PATIENCE:
-            which = f"further kernels for {kernel.py_func.__module__}" if self._ever else f"{len(_kernels)} kernels"
-            self._told = self._ever = True
-            self.say(
+        if not self._reported and now - self._begun > REPORT_AFTER:
+            which = (
+                f"further kernels for {kernel.py_func.__module__}"
+                if self._reported_before
+                else f"{len(_kernels)} kernels"
+            )
+            self._reported = self._reported_before = True
+            self.report(
                 f"compiling {which} for this machine, once: up to four minutes ('trailmark warmup' makes them all)"
             )
 

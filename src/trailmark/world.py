@@ -69,10 +69,10 @@ class ObstacleEstimate:
 
     def __post_init__(self) -> None:
         one_of(self.mean, (Disc, Rectangle, Polygon), "estimate: mean:", error=WorldError)
-        most = 5 if isinstance(self.mean, Rectangle) else 3
+        max_size = 5 if isinstance(self.mean, Rectangle) else 3
         kind = type(self.mean).__name__.lower()
         name = f"estimate of a {kind}: covariance"
-        object.__setattr__(self, "covariance", _covariance(self.covariance, name, range(2, most + 1)))
+        object.__setattr__(self, "covariance", _covariance(self.covariance, name, range(2, max_size + 1)))
         if self.share is not None:
             object.__setattr__(self, "share", _between(self.share, "estimate: share", 0.0, 1.0))
 
@@ -195,7 +195,7 @@ class World:
 
     @classmethod
     def load(cls, path: str | FilePath) -> World:
-        """Read a world from a file, whose format is told by its content.
+        """Read a world from a file, whose format is recognised by its content.
 
         Args:
             path: trailmark YAML, ROS/nav2 map YAML, MovingAI ``.map``, or OMPL.app ``.cfg``.

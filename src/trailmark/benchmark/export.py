@@ -40,7 +40,7 @@ def problem_text(world: World, robot: Robot, query: Query) -> str:
     radius); ``start`` and ``goal`` (x, y, theta).
     """
     ends = {"start": list(query.start), "goal": list(query.goal)}
-    # The obstacles' part is kept as text: queries of one world differ in their last two fields only.
+    # The obstacles' part is cached as text: queries of one world differ in their last two fields only.
     return _scene(world.bounds, world.boundary, world.obstacles, robot)[:-1] + ", " + json.dumps(ends)[1:]
 
 

@@ -1,4 +1,4 @@
-"""Labels: experiments of one name told apart by what they differ in."""
+"""Labels that distinguish experiments of one name by what they differ in."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def _native() -> list[str]:
 
 def _require_module(name: str) -> None:
     module = name.partition(":")[0]
-    # As the worker processes will look for it.
+    # As the worker processes will import it.
     if os.getcwd() not in sys.path:  # noqa: PTH109  # sys.path holds strings
         sys.path.append(os.getcwd())  # noqa: PTH109  # as above
     try:

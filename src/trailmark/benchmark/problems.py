@@ -54,7 +54,7 @@ class Problem:
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     def resolution(self) -> float:
-        """Metres between the states that the discrete baseline looks at: half the robot's inscribed radius."""
+        """Metres between the states that the discrete baseline checks: half the robot's inscribed radius."""
         return 0.5 * self.robot.inscribed_disc.radius
 
 

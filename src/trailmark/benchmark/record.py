@@ -23,7 +23,7 @@ class RunRecord:
     Attributes:
         status: OMPL's number for how it ended.
         seed: what the run was seeded with.
-        solved: the planner's word: an exact solution. The referee's word is ``correct_solution``.
+        solved: whether the planner calls its path an exact solution; the referee decides in ``correct_solution``.
         approximate_solution: whether a path was returned that does not reach the goal.
         solution_difference: distance from the returned path's end to the goal (metres of cost); 0 if exact.
         time: planning, from the call to its end; no set-up of world and checker, no start of a process.
@@ -36,14 +36,14 @@ class RunRecord:
         motions_checked: checks of motions.
         graph_states: nodes of the roadmap or tree at the end.
         graph_motions: its edges.
-        memory: MB (2^20 bytes) of heap in use above what was in use when planning began: the most at any look, after
-            each of the landmark planner's steps, at the end of OMPL's planners.
+        memory: MB (2^20 bytes) of heap in use above what was in use when planning began: the largest value measured,
+            after each of the landmark planner's steps, at the end of OMPL's planners.
         setup_time: loading the world and building the checker; shared by all runs on the problem.
         curve: (seconds, cost) of the best solution so far, in the order of time, a row for each better one.
         path: states [x, y, theta] of the returned path, also of an approximate one.
         simplified_path: states after the simplifier.
         failure: one line that says why there is no answer, or why it was refused.
-        correct_solution: the referee's word on ``path``; filled in by the worker.
+        correct_solution: whether the referee accepts ``path``; filled in by the worker.
         overhead: wall time of the job less ``time``, ``simplification_time`` and what preparing the problem took, if
             it was not ready: forking, counting the graph, judging the path, handing over; filled in by the worker.
     """

@@ -21,14 +21,14 @@ FloatArray = NDArray[np.float64]
 TOUCHING = 1e-6
 """Metres that the robot may overlap an obstacle or a bound: touching is allowed, and rounding is not a collision."""
 
-FINENESS = 20.0
-"""States looked at in the time in which a point of the robot moves by its inscribed radius."""
+STATES_PER_RADIUS = 20.0
+"""States that are checked while a point of the robot moves by its inscribed radius."""
 
 CHUNK = 2048
-"""States looked at at once."""
+"""States that are checked together."""
 
-MOST_STATES = 2_000_000
-"""Longer paths than so many steps are refused: none of any use is."""
+MAX_STATES = 2_000_000
+"""Longest path, in steps, that is judged: longer ones are refused."""
 
 
 class Referee:
@@ -45,7 +45,7 @@ class Referee:
         self._radius = footprint.radius - TOUCHING if isinstance(footprint, Disc) else 0.0
         self._outline = None if isinstance(footprint, Disc) else _shrunk(robot)
         self._reach = 0.0 if self._outline is None else float(np.hypot(*self._outline.T).max())
-        self.step = robot.inscribed_disc.radius / FINENESS
+        self.step = robot.inscribed_disc.radius / STATES_PER_RADIUS
         discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
         solid = [shape.polygon().shapely() for shape in world.obstacles if not isinstance(shape, Disc)]
         self._solid = shapely.STRtree(solid)
@@ -60,7 +60,7 @@ class Referee:
         """Return what is wrong with a path, in one line, or None.
 
         Args:
-            path: states (x, y, theta), shape (n, 3), joined by straight motions with the heading on the shorter way.
+            path: states (x, y, theta), shape (n, 3), joined by straight motions with the heading along the shorter arc.
             start: shape (3,).
             goal: shape (3,).
         """
@@ -71,11 +71,11 @@ class Referee:
             return "path holds a value that is not a finite number"
         for name, end, wanted in (("start", states[0], start), ("goal", states[-1], goal)):
             apart = np.asarray(wanted, dtype=np.float64) - end
-            if math.hypot(apart[0], apart[1]) > TOUCHING or abs(_turn(apart[2])) > TOUCHING:
+            if math.hypot(apart[0], apart[1]) > TOUCHING or abs(_wrapped(apart[2])) > TOUCHING:
                 return f"path's end ({_row(end)}) is not the {name} ({_row(wanted)})"
         steps = self._steps(states)
-        if steps > MOST_STATES:
-            return f"path: expected at most {MOST_STATES:,} steps of {self.step:g} m, got {steps:,}"
+        if steps > MAX_STATES:
+            return f"path: expected at most {MAX_STATES:,} steps of {self.step:g} m, got {steps:,}"
         for block in self._blocks(states):
             for judge in (self._outside, self._hit):
                 wrong = judge(block)
@@ -86,24 +86,24 @@ class Referee:
 
     def _bound(self, a: FloatArray, b: FloatArray) -> float:
         """Return how far a motion moves any point of the robot at most (metres)."""
-        return math.hypot(b[0] - a[0], b[1] - a[1]) + self._reach * abs(_turn(b[2] - a[2]))
+        return math.hypot(b[0] - a[0], b[1] - a[1]) + self._reach * abs(_wrapped(b[2] - a[2]))
 
     def _steps(self, states: FloatArray) -> int:
         return sum(math.ceil(self._bound(a, b) / self.step) for a, b in pairwise(states))
 
     def _blocks(self, states: FloatArray) -> Iterator[FloatArray]:
         """Yield the states along the path, no point of the robot moving more than a step from one to the next."""
-        held, count = [states[:1]], 1
+        pending, count = [states[:1]], 1
         for a, b in pairwise(states):
             n = max(1, math.ceil(self._bound(a, b) / self.step))
-            delta = np.array([b[0] - a[0], b[1] - a[1], _turn(b[2] - a[2])])
-            held.append(a + (np.arange(1, n + 1) / n)[:, None] * delta)
+            delta = np.array([b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2])])
+            pending.append(a + (np.arange(1, n + 1) / n)[:, None] * delta)
             count += n
             if count >= CHUNK:
-                yield from np.array_split(np.concatenate(held), math.ceil(count / CHUNK))
-                held, count = [], 0
-        if held:
-            yield np.concatenate(held)
+                yield from np.array_split(np.concatenate(pending), math.ceil(count / CHUNK))
+                pending, count = [], 0
+        if pending:
+            yield np.concatenate(pending)
 
     def _corners(self, states: FloatArray, outline: FloatArray) -> FloatArray:
         """Return the robot's outline at each state, shape (m, n, 2)."""
@@ -150,8 +150,8 @@ def _shrunk(robot: Robot) -> FloatArray:
     return np.asarray(shapely.get_coordinates(largest.exterior)[:-1])
 
 
-def _turn(angle: float) -> float:
-    """Return an angle (radians) brought into (-pi, pi]."""
+def _wrapped(angle: float) -> float:
+    """Return an angle (radians) wrapped to (-pi, pi]."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 

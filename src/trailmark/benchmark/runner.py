@@ -24,11 +24,11 @@ from trailmark.benchmark.store import Experiment, Store
 __all__ = ["Benchmark", "Tally"]
 
 OBJECTIVE = "path length in SE(2): sum of |dxy| + 0.5 |dtheta|, metres"
-TRIES = 3
+MAX_TRIES = 3
 """Times that a job is handed out, should its worker get lost."""
 
-GLANCE = 0.2
-"""Seconds between two reports of progress while nothing comes in."""
+REPORT_PERIOD = 0.2
+"""Seconds between two reports of progress while no run ends."""
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Tally:
         made: of them by this call.
         failed: of these, how many have no correct solution.
         latest: planner and problem of the run that came in last.
-        left: seconds until the end, as it looks now; None before it can be told.
+        left: seconds until the end, estimated from the runs so far; None before the first.
     """
 
     total: int
@@ -105,11 +105,11 @@ class Benchmark:
                     run = missing.popleft()
                     run.tries += 1
                     pending[pool.executor.submit(run_job, run.job.to_dict())] = run
-                done, _ = wait(pending, timeout=GLANCE, return_when=FIRST_COMPLETED)
+                done, _ = wait(pending, timeout=REPORT_PERIOD, return_when=FIRST_COMPLETED)
                 for future in done:
-                    if not self._keep(store, future, pending[future], tally):
+                    if not self._store_result(store, future, pending[future], tally):
                         missing.append(pending[future])
-                    # Only now: an interrupt before leaves it to be kept below.
+                    # Only now: an interrupt before leaves it to be stored below.
                     del pending[future]
                 waiting = Counter(run.job.planner for run in itertools.chain(missing, pending.values()))
                 tally.left = self._time_left(waiting, pool.slots())
@@ -117,7 +117,7 @@ class Benchmark:
         except BaseException:
             for future, run in pending.items():
                 if future.done() and not future.cancelled() and future.exception() is None:
-                    self._keep(store, future, run, tally)
+                    self._store_result(store, future, run, tally)
                 future.cancel()
             raise
         return tally
@@ -185,16 +185,16 @@ class Benchmark:
             runs=self.runs,
         )
 
-    def _keep(self, store: Store, future: Future[dict[str, Any]], run: _Run, tally: Tally) -> bool:
+    def _store_result(self, store: Store, future: Future[dict[str, Any]], run: _Run, tally: Tally) -> bool:
         """Write a run that came in and return True; return False if its worker was lost and it is to be repeated."""
         try:
             record = RunRecord.from_json(future.result())
         except WorkerError:
             raise
-        except (Exception, CancelledError) as error:  # of whatever kind a lost worker is told with
-            if run.tries >= TRIES:
+        except (Exception, CancelledError) as error:  # executors report a lost worker in different ways
+            if run.tries >= MAX_TRIES:
                 raise WorkerError(
-                    f"planner {run.job.planner}, seed {run.job.seed}: lost {TRIES} times with its worker: {error}"
+                    f"planner {run.job.planner}, seed {run.job.seed}: lost {MAX_TRIES} times with its worker: {error}"
                 ) from None
             return False
         if store.add(run.experiment, run.planner, record):

@@ -1,7 +1,7 @@
 """Store: the results database, a SQLite file in Planner Arena's schema; every run is in it as soon as it is done.
 
 The file is whole at every moment: each run is one transaction that is on the disk before the next one begins. Of two
-programs that want to write, the second is told so; reading is always possible.
+programs that want to write, the second gets an error; reading is always possible.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Experiment:
         name: world, query and robot, for people.
         identity: what makes it this experiment: problem, objective, resolution, limits. Runs of the same identity
             belong together.
-        conditions: what may not change on the way: versions of the libraries, the processor.
+        conditions: what may not change from run to run: versions of the libraries, the processor.
         facts: what is good to know besides, such as the world's text.
         time_limit: seconds a run.
         memory_limit: MB a run.
@@ -85,7 +85,7 @@ class Store:
         self._lock = _locked(path)
         try:
             self._db = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
-            with self._told():
+            with self._errors_in_one_line():
                 self._open()
         except BaseException:
             self.close()
@@ -111,7 +111,7 @@ class Store:
         Raises:
             StoreError: the one that is there was run under other conditions.
         """
-        with self._told(), self._transaction():
+        with self._errors_in_one_line(), self._transaction():
             # Of hundreds of experiments, each with a world's text, only the one that can be it is decoded.
             alike = self._db.execute(
                 "SELECT id, setup, runcount FROM experiments WHERE instr(setup, ?)",
@@ -143,7 +143,7 @@ class Store:
 
     def planner(self, name: str, settings: str) -> int:
         """Return the id of a planner with these settings, of a new row if need be."""
-        with self._told(), self._transaction():
+        with self._errors_in_one_line(), self._transaction():
             keys = (name, settings)
             self._db.execute("INSERT OR IGNORE INTO plannerConfigs (name, settings) VALUES (?, ?)", keys)
             found = self._db.execute("SELECT id FROM plannerConfigs WHERE name = ? AND settings = ?", keys).fetchone()
@@ -151,7 +151,7 @@ class Store:
 
     def finished(self, experiment: int) -> set[tuple[int, int]]:
         """Return planner id and seed of every run of an experiment that is in the database."""
-        with self._told():
+        with self._errors_in_one_line():
             rows = self._db.execute("SELECT plannerid, seed FROM runs WHERE experimentid = ?", (experiment,))
             return {(int(planner), int(seed)) for planner, seed in rows}
 
@@ -162,7 +162,7 @@ class Store:
         names = ", ".join(["experimentid", "plannerid", *MEASURED])
         marks = ", ".join("?" * (len(MEASURED) + 2))
         spent = sum(t or 0.0 for t in (record.time, record.simplification_time, record.overhead))
-        with self._told(), self._transaction():
+        with self._errors_in_one_line(), self._transaction():
             done = self._db.execute(
                 f"INSERT OR IGNORE INTO runs ({names}) VALUES ({marks})",  # noqa: S608  # names of our own columns
                 [experiment, planner, *row],
@@ -219,8 +219,8 @@ class Store:
         self._db.execute("COMMIT")
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Turn SQLite's errors into one line."""
+    def _errors_in_one_line(self) -> Iterator[None]:
+        """Report SQLite's errors in one line."""
         try:
             yield
         except (TypeError, ValueError) as error:

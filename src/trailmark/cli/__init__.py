@@ -27,7 +27,7 @@ from trailmark.errors import InternalErrorWarning, TrailmarkError
 __all__ = ["app", "main"]
 
 _ALLOCATIONS = 10_000
-"""Objects between two collections of garbage: what imports and kernels make stays, and is looked through in vain."""
+"""Objects between two garbage collections: frequent ones free nothing, for imports and kernels stay."""
 
 app = typer.Typer(
     name="trailmark",
@@ -87,7 +87,7 @@ def main(args: Sequence[str] | None = None) -> int:
         except KeyboardInterrupt:
             return _ended(received)
         except Exception:
-            # Compiled code may turn the KeyboardInterrupt of a signal into an error of its own.
+            # Compiled code may replace the KeyboardInterrupt of a signal by an error of its own.
             if not received:
                 raise
             return _ended(received)
@@ -104,7 +104,7 @@ def _run(words: Sequence[str]) -> int:
         # Other libraries' advice to programmers; -W and PYTHONWARNINGS still show it.
         if not sys.warnoptions:
             warnings.simplefilter("ignore")
-        # What trailmark found wrong with itself, though, everybody is told, in one line.
+        # But trailmark's own internal errors are shown to every user, in one line.
         warnings.filterwarnings("always", category=InternalErrorWarning)
         shown = warnings.showwarning
         warnings.showwarning = lambda message, category, *rest: (
@@ -115,7 +115,7 @@ def _run(words: Sequence[str]) -> int:
                 command.invoke(context)
         except typer.Exit as done:
             status = done.exit_code
-    # Here and not while the interpreter shuts down, where an error could no longer be told.
+    # Here and not while the interpreter shuts down, where an error could no longer be reported.
     sys.stdout.flush()
     return status
 
@@ -133,7 +133,7 @@ def _rare_collections() -> Iterator[None]:
 
 
 def _end_quickly() -> None:
-    """Let what is left go with the process: to look through it for garbage first takes a third of a second."""
+    """Skip the last garbage collection, which takes a third of a second and frees nothing that the process keeps."""
     # OMPL's bindings complain about each of their objects that is not collected.
     if "ompl" not in sys.modules:
         gc.freeze()

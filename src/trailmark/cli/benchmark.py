@@ -68,7 +68,7 @@ def benchmark(
         option(
             "--resolution",
             "METRES",
-            "Distance between the states that OMPL's discrete motion validation looks at; default: half the "
+            "Distance between the states that OMPL's discrete motion validation checks; default: half the "
             "robot's inscribed radius.",
         ),
     ] = None,

@@ -186,7 +186,7 @@ def steered(robot: Robot, turning_radius: float | None, forward_only: bool) -> R
 def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
     """Return the file to be written, once its suffix is known and it can be written; None for None.
 
-    Without suffixes, whoever writes judges what is there already.
+    Without suffixes, the function that writes the file checks what is there already.
 
     Raises:
         OutputError: another suffix, a file that cannot be written, or one that trailmark did not write.
@@ -232,7 +232,7 @@ def load_world(text: str) -> World:
 
 
 def grown_for(world: World, robot: Robot) -> World:
-    """Return the world; its obstacles are grown anew, and that is told, if they were grown for a lesser robot."""
+    """Return the world; if its obstacles were grown for a smaller robot, they are grown anew, with a warning."""
     if world.risk is None or world.risk.covers(robot):
         return world
     from trailmark.estimation.risk.allocation import regrow

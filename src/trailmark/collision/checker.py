@@ -119,7 +119,7 @@ class StateChecker:
             ConfigurationError: another shape, values that are not finite, or a negative cap.
         """
         states = se2.configurations(q)
-        cap = number(cap, "clearance: cap", least=0.0, infinite=True)
+        cap = number(cap, "clearance: cap", minimum=0.0, infinite=True)
         rows = np.atleast_2d(states)
         if self.exact == "fcl":
             found = np.minimum([self.scene.clearance(row) for row in rows], cap)

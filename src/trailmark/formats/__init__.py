@@ -1,6 +1,6 @@
 """File formats: worlds in trailmark YAML, nav2, MovingAI and OMPL.app form; paths as JSON, CSV and plain rows.
 
-A world file's format is told by its content, never by its name. Only what a file needs is imported for it.
+A world file's format is recognised by its content, never by its name. Only the modules that a file needs are imported.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from trailmark.shapes import LIMIT
 __all__ = ["MAX_FACES", "Mesh", "read_collada"]
 
 MAX_FACES = 500_000
-"""Most nodes and faces that a scene may hold once each stands wherever instances place it."""
+"""Largest number of nodes and faces of a scene, each counted as often as instances place it."""
 
 _MAX_DEPTH = 64
 

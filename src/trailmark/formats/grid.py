@@ -17,7 +17,7 @@ MAX_CELLS = 64_000_000
 """Largest map, in cells, that is read (8,000 x 8,000)."""
 
 MAX_CORNERS = 1_000_000
-"""Most corners that the outlines of a map's occupied cells may have; noise is stopped here, not real maps."""
+"""Largest number of corners in the outlines of a map's occupied cells: noise exceeds it, real maps do not."""
 
 Vertices = NDArray[np.float64]
 

@@ -33,7 +33,7 @@ MAX_GAP = 0.01
 """Widest gap between parts of a robot that is bridged, as a share of the robot's extent."""
 
 MAX_PARTS = 100
-"""Most parts of a robot that are joined into one."""
+"""Largest number of a robot's parts that are joined."""
 
 _POSES = ("start.x", "start.y", "start.theta", "goal.x", "goal.y", "goal.theta")
 _VOLUME = ("volume.min.x", "volume.min.y", "volume.max.x", "volume.max.y")

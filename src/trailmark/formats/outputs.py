@@ -23,7 +23,7 @@ MARKS = {
 """What stands near the beginning or the end of the files that trailmark writes and never reads."""
 
 _HEAD, _TAIL = 2**16, 2**12
-"""Bytes at a file's beginning and end that are looked at."""
+"""Bytes at a file's beginning and end that are read."""
 
 _MAPPING = re.compile(r"^[\"']?[A-Za-z_][\w. -]*[\"']?[ \t]*:(?:[ \t]|\r?$)", re.MULTILINE)
 _OWN_WORLD = re.compile(r"^trailmark[ \t]*:", re.MULTILINE)
@@ -62,7 +62,7 @@ def require_own(path: Path) -> None:
             file.seek(max(len(head), path.stat().st_size - _TAIL))
             tail = file.read(_TAIL)
     except (OSError, ValueError):
-        return  # what cannot be read cannot be judged, and whoever writes tells why that fails
+        return  # what cannot be read is not judged; writing to it raises an error of its own
     kind = path.suffix.lower()
     if head.strip() and not _own(kind, head, tail):
         raise OutputError(
@@ -105,7 +105,7 @@ def _own(kind: str, head: bytes, tail: bytes) -> bool:
 
 
 def _own_json(text: str, whole: bool) -> bool:
-    """Return whether JSON has a member ``states``, as all records of ours; what is no JSON at all is nobody's data."""
+    """Return whether JSON has a member ``states``, as all our records; True for what is not JSON."""
     if not text.lstrip().startswith(("{", "[")):
         return True
     if not whole:

@@ -115,6 +115,6 @@ def solve(setup: Any, limit: Any = 1.0) -> Any:
     """
     condition = limit
     if not isinstance(limit, ob.PlannerTerminationCondition):
-        condition = ob.timedPlannerTerminationCondition(number(limit, "limit:", least=0.0, unit="s"))
+        condition = ob.timedPlannerTerminationCondition(number(limit, "limit:", minimum=0.0, unit="s"))
     with planning(condition):
         return og.SimpleSetup.solve(setup, condition)

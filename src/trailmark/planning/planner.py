@@ -188,7 +188,7 @@ class LandmarkPlanner:
         Raises:
             ConfigurationError: start or goal is not valid, the time limit is not above 0, or the gap is negative.
         """
-        gap = number(gap, "gap:", least=0.0, infinite=True)
+        gap = number(gap, "gap:", minimum=0.0, infinite=True)
         time_limit, max_iterations = _limits(time_limit, max_iterations)
         callback(on_progress, "on_progress:")
         callback(stop, "stop:")

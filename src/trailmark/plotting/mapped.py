@@ -46,14 +46,14 @@ __all__ = ["draw_map", "save_map_figure"]
 PROBABILITY = 0.95
 """Of the ellipses and outlines that show how well an obstacle is known."""
 
-_LEAST = 3.5  # points: half the length of the typical ellipse, below which all are drawn larger
+_MIN_HALF_LENGTH = 3.5  # points: half the length of the typical ellipse, below which all are drawn larger
 _SCALES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 Entry = tuple[Any, str]
 
 
 def save_map_figure(file: str | FilePath, mapped: MappedLog) -> None:
-    """Write a picture of what a log was turned into.
+    """Write a picture of the map made from a log.
 
     Args:
         file: ends in ``.png``, ``.svg`` or ``.pdf``; the same input gives the same bytes (SVG, PDF: no date).
@@ -128,7 +128,7 @@ def _draw_ellipses(axes: Axes, estimates: list[ObstacleEstimate]) -> list[Entry]
     # Chi-square with two degrees of freedom stays under −2·ln(1 − p) with probability p.
     half = np.sqrt(-2.0 * math.log(1.0 - PROBABILITY) * np.maximum(values, 0.0))
     typical = float(np.median(half[:, 1])) * points_per_metre(axes)
-    scale = next((scale for scale in _SCALES if scale * typical >= _LEAST), 1)
+    scale = next((scale for scale in _SCALES if scale * typical >= _MIN_HALF_LENGTH), 1)
     long, short = 2.0 * scale * half[:, 1], 2.0 * scale * half[:, 0]
     angles = np.degrees(np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1]))
     at = np.array([estimate.mean.center for estimate in discs if isinstance(estimate.mean, Disc)])

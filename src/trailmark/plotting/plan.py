@@ -118,7 +118,7 @@ def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:
     from trailmark.collision.kernels import BLOCKED
 
     at, status = roadmap.configurations, roadmap.status
-    # Edges that nobody has checked yet may run through obstacles, which therefore lie over them.
+    # Edges that are not checked yet may run through obstacles, which therefore lie over them.
     for chosen, style in (
         (~roadmap.certified & (status != BLOCKED), (CANDIDATE, 0.5, 1.2)),
         (roadmap.certified, (EDGE, 0.8, 3.0)),

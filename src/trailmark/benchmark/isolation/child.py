@@ -1,4 +1,4 @@
-"""One run, in the process forked for it: plan, say what came of it, then look at what was built.
+"""One run, in the process forked for it: plan, report the result, then measure what was built.
 
 The answer goes out in parts, each a JSON object with fields of :class:`~trailmark.benchmark.record.RunRecord`, so that
 a crash in a later part (counting the graph, simplifying the path) does not take the planning's result with it.

@@ -82,7 +82,7 @@ class Zygote:
                 self._problems.popitem(last=False)
             self._problems[key] = Prepared(job["text"])
             gc.collect()
-            gc.freeze()  # what is here already need not be copied when a child's collector looks at it
+            gc.freeze()  # what is here already need not be copied when a child's garbage collector visits it
         self._problems.move_to_end(key)
         return self._problems[key]
 
@@ -120,7 +120,7 @@ class Zygote:
             waiting = [reader] if self._alive is None else [reader, self._alive]
             ready, _, _ = select.select(waiting, [], [], max(0.0, deadline - perf_counter()))
             if self._alive in ready:
-                # Nobody is there any more who would want the answer.
+                # The parent is gone: the answer has no reader.
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(child, signal.SIGKILL)
                 os._exit(0)
@@ -131,7 +131,7 @@ class Zygote:
                 return answer, False
             *lines, pending = (pending + chunk).split(b"\n")
             for line in lines:
-                # What a child says of its times is held against this clock.
+                # The times that a child reports are compared with this clock.
                 answer.setdefault("answered", perf_counter() - begin)
                 answer |= json.loads(line)
                 deadline = perf_counter() + following
@@ -141,7 +141,7 @@ class Zygote:
         answer["correct_solution"] = False
         wrong = answer.pop("wrong time", None)
         if wrong is not None:
-            # Nothing of what it says of its times is believed.
+            # None of the times that it reports is used.
             answer |= {"time": answer["answered"], "curve": [], "time_to_first_solution": None}
             answer |= {"first_solution_length": None, "failure": f"refused: {wrong}"}
         if not answer.get("solved") or wrong is not None:

@@ -131,9 +131,9 @@ def _frame(
 def _box(row: BoxRow, scale: Scale, y: float, high: float) -> str:
     if not math.isfinite(row.five[0]):
         return text(scale.begin + 4.0, y + 4.0, "no path", class_="tick")
-    least, lower, median, upper, most = scale.at(row.five).tolist()
+    first, lower, median, upper, last = scale.at(row.five).tolist()
     box = {"x": lower, "y": y - 6.0, "width": max(0.8, upper - lower), "height": 12.0}
-    drawn = element("path", d=points([least, most], [y, y]), class_="mark")
+    drawn = element("path", d=points([first, last], [y, y]), class_="mark")
     drawn += element("rect", **box, fill=row.style.tint, class_="mark")
     if row.five[2] <= high:
         drawn += element("path", d=points([median, median], [y - 6.0, y + 6.0]), class_="median")

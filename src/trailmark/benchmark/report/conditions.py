@@ -15,7 +15,7 @@ _WORDS = {"cpuinfo": "processor", "hostname": "machine", "date": "first begun"}
 _OWN = frozenset(
     {"world", "query", "start", "goal", "robot", "text", "problem", "processor", "time_limit", "memory_limit"}
 )
-MOST = 6  # values of one condition that are listed
+MAX_VALUES = 6  # values of one condition that are listed
 
 
 def conditions_table(results: Results) -> Table:
@@ -89,8 +89,8 @@ def _words(value: object) -> str:
 
 
 def _joined(values: list[str]) -> str:
-    more = f"; and {len(values) - MOST} more" if len(values) > MOST else ""
-    return "; ".join(values[:MOST]) + more
+    more = f"; and {len(values) - MAX_VALUES} more" if len(values) > MAX_VALUES else ""
+    return "; ".join(values[:MAX_VALUES]) + more
 
 
 def _configuration(value: object) -> str:

@@ -254,7 +254,7 @@ def _states(text: object) -> FloatArray | None:
 
 @contextmanager
 def _opened(file: Path) -> Iterator[sqlite3.Connection]:
-    """Open the database for reading, check its schema, and turn SQLite's errors into one line."""
+    """Open the database for reading, check its schema, and report SQLite's errors in one line."""
     if not file.is_file():
         raise FormatError(file, f"{'is no file' if file.exists() else 'does not exist'}; {ALLOWED}")
     try:

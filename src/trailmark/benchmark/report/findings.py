@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from trailmark.benchmark.report.data import Results
 from trailmark.benchmark.report.digits import count, factor, percent, probability, seconds
-from trailmark.benchmark.report.summary import LEAST_RUNS, Comparison, PlannerSummary, Summary
+from trailmark.benchmark.report.summary import MIN_RUNS, Comparison, PlannerSummary, Summary
 
 __all__ = ["Finding", "findings", "warnings_of"]
 
@@ -28,8 +28,8 @@ class Finding:
 def findings(results: Results, summary: Summary) -> list[Finding]:
     """Return what the benchmark shows: who is soonest, cheapest, most reliable, and the referee's word."""
     if not any(s.success for s in summary.planners):
-        nobody = Finding("Solved", "no run of any planner", "0 %", "No path was returned that the referee accepts.")
-        return [nobody, _referee(summary)]
+        unsolved = Finding("Solved", "no run of any planner", "0 %", "No path was returned that the referee accepts.")
+        return [unsolved, _referee(summary)]
     return [_soonest(summary), _cheapest(summary), _reliable(summary), _referee(summary)]
 
 
@@ -47,11 +47,11 @@ def warnings_of(results: Results, summary: Summary) -> list[str]:
         text = f"The benchmark is not finished: {count(missing)} of the runs asked for are not in the database"
         text += f", and nothing is of {_some(results.empty)}" if results.empty else ""
         found.append(text + ". Means over problems compare planners only as far as these ran on the same ones.")
-    least = min(len(runs) for problem in results.problems for runs in problem.runs.values())
-    if least < LEAST_RUNS:
+    fewest = min(len(runs) for problem in results.problems for runs in problem.runs.values())
+    if fewest < MIN_RUNS:
         found.append(
-            f"As few as {least} run{'s' if least > 1 else ''} of a planner on a problem: intervals are wide, and few "
-            "differences can be told from chance."
+            f"As few as {fewest} run{'s' if fewest > 1 else ''} of a planner on a problem: intervals are wide, and few "
+            "differences can be distinguished from chance."
         )
     late = {
         name: n
@@ -87,7 +87,7 @@ def _cheapest(summary: Summary) -> Finding:
     ranked = summary.by_cost()
     best = ranked[0]
     if math.isinf(best.ratio[2]):
-        return Finding("Cheapest path", "none", "–", "No planner solved half of its runs: no median can be told.")
+        return Finding("Cheapest path", "none", "–", "No planner solved half of its runs: there is no median.")
     value = f"{best.ratio[2]:.3f}×"
 
     def words(pair: Comparison) -> str:
@@ -142,19 +142,21 @@ def _lead(
     pairs: Mapping[frozenset[str], Comparison],
     words: Callable[[Comparison], str],
 ) -> str:
-    """Return how far the best is ahead of the next, and which planners it cannot be told from."""
+    """Return how far the best is ahead of the next, and from which planners these runs cannot distinguish it."""
     if len(ranked) == 1:
         return "It is the only planner."
-    against = [pairs[frozenset((best.planner, s.planner))].seen_from(best.planner) for s in ranked if s is not best]
-    behind = [pair for pair in against if pair.winner == best.planner]
-    unsure = [pair for pair in against if pair.winner is None]
-    text = f"Ahead of {len(behind)} of {len(against)} other{'s' if len(against) > 1 else ''}"
+    comparisons = [pairs[frozenset((best.planner, s.planner))].seen_from(best.planner) for s in ranked if s is not best]
+    behind = [pair for pair in comparisons if pair.winner == best.planner]
+    unsure = [pair for pair in comparisons if pair.winner is None]
+    text = f"Ahead of {len(behind)} of {len(comparisons)} other{'s' if len(comparisons) > 1 else ''}"
     if behind and math.isfinite(behind[0].factor) and behind[0].factor > 1.0:
         text += f"; {words(behind[0])} than {behind[0].b}{_interval(behind[0])}"
     text += "."
     if unsure:
-        text += f" Not told apart by these runs: {_some([f'{pair.b} (p {probability(pair.p)})' for pair in unsure])}."
-    ahead = [pair for pair in against if pair.winner == pair.b]
+        text += (
+            f" No difference shown by these runs: {_some([f'{pair.b} (p {probability(pair.p)})' for pair in unsure])}."
+        )
+    ahead = [pair for pair in comparisons if pair.winner == pair.b]
     if ahead:
         text += f" By ranks, run against run, {_some([pair.b for pair in ahead])} is ahead of it."
     return text
@@ -165,11 +167,11 @@ def _interval(pair: Comparison) -> str:
     return f" ({spread}p {probability(pair.p)})"
 
 
-def _some(names: Sequence[str], most: int = 4) -> str:
-    if len(names) > most:
-        return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} others"
+def _some(names: Sequence[str], max_names: int = 4) -> str:
+    if len(names) > max_names:
+        return f"{', '.join(names[: max_names - 1])} and {len(names) - max_names + 1} others"
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
 def _counts(counts: Mapping[str, int]) -> str:
-    return _some([f"{name} {n:,}" for name, n in counts.items()], most=6)
+    return _some([f"{name} {n:,}" for name, n in counts.items()], max_names=6)

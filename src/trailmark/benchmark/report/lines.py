@@ -21,8 +21,8 @@ FloatArray = NDArray[np.float64]
 LEFT, TOP, PLOT, FOOT = 46.0, 12.0, 220.0, 42.0
 STRIP, BETWEEN = 48.0, 26.0
 LABEL = 14.0  # height of a line of labels
-MOST_STEPS = 120
-MOST_BANDS = 6
+MAX_STEPS = 120
+MAX_BANDS = 6
 LABELS = 0.36 * WIDTH  # no wider than this
 
 
@@ -61,9 +61,9 @@ def ecdf_chart(lines: Sequence[EcdfLine], low: float, high: float, label: str) -
     for line in lines:
         found = np.sort(line.times[np.isfinite(line.times)])
         shares = np.arange(1, len(found) + 1) / len(line.times)
-        if len(found) > MOST_STEPS:
-            kept = np.unique(np.linspace(0, len(found) - 1, MOST_STEPS).round().astype(int))
-            found, shares = found[kept], shares[kept]
+        if len(found) > MAX_STEPS:
+            chosen = np.unique(np.linspace(0, len(found) - 1, MAX_STEPS).round().astype(int))
+            found, shares = found[chosen], shares[chosen]
         ends.append(float(y.at(shares[-1] if len(shares) else 0.0)))
         parts.append(_stroke(_stairs(x.at(found), y.at(shares), x, float(y.at(0.0))), line.style, line.name))
     parts += _labels(lines, ends, right, TOP, TOP + PLOT)
@@ -98,7 +98,7 @@ def cost_chart(lines: Sequence[CostLine], low: float, high: float, axis: str, la
     for line in lines:
         lower, median, upper = (_height(values, y) for values in line.curve.quartiles)
         known = np.isfinite(line.curve.quartiles[2])
-        if len(lines) <= MOST_BANDS and known.sum() > 1:
+        if len(lines) <= MAX_BANDS and known.sum() > 1:
             at = x.at(times[known])
             outline = points(np.append(at, at[::-1]), np.append(lower[known], upper[known][::-1]), closed=True)
             bands.append(element("path", d=outline, fill=line.style.colour, fill_opacity="0.13"))
@@ -148,7 +148,7 @@ def _per_cent(share: float) -> str:
 
 
 def _height(values: FloatArray, y: Scale) -> FloatArray:
-    """Return coordinates that may lie above the top, where the clip path cuts them: kept level they would mislead."""
+    """Return coordinates; those above the top are left to the clip path, since a level line would mislead."""
     finite = np.minimum(values, y.high + 5.0 * (y.high - y.low))
     return np.asarray(y.begin + (finite - y.low) / (y.high - y.low) * (y.end - y.begin))
 

@@ -11,8 +11,8 @@ from trailmark.benchmark.report.tables import overall_table, pair_table, problem
 
 __all__ = ["markdown_report"]
 
-MOST_PAIRS = 12
-"""Planners up to which the tables of pairs are written: wider ones nobody reads as text."""
+MAX_PAIRS = 12
+"""Most planners for which the tables of pairs are written: wider tables are not readable as text."""
 
 
 def markdown_report(results: Results) -> str:
@@ -27,8 +27,8 @@ def markdown_report(results: Results) -> str:
         )
     )
     parts += ["## All problems", overall_table(summary, "").markdown()]
-    if 1 < len(summary.planners) <= MOST_PAIRS:
-        parts.append("Time to the first path, row against column (▲ ahead, ▼ behind, ≈ not told apart):")
+    if 1 < len(summary.planners) <= MAX_PAIRS:
+        parts.append("Time to the first path, row against column (▲ ahead, ▼ behind, ≈ no difference shown):")
         parts.append(pair_table(summary, "times", "").markdown())
         parts.append("Final cost, row against column (factors where both succeed):")
         parts.append(pair_table(summary, "costs", "").markdown())

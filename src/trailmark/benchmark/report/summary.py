@@ -22,8 +22,8 @@ from trailmark.benchmark.statistics import (
 )
 
 __all__ = [
-    "LEAST_RUNS",
     "LEVEL",
+    "MIN_RUNS",
     "REPLICATES",
     "SHIFT",
     "Comparison",
@@ -43,7 +43,7 @@ LEVEL = 0.05
 
 FIVE = (0.05, 0.25, 0.5, 0.75, 0.95)
 REPLICATES = 1000
-LEAST_RUNS = 5  # of each planner on each problem, for a bootstrap interval
+MIN_RUNS = 5  # of each planner on each problem, for a bootstrap interval
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ def _compare(results: Results, names: Sequence[str], what: str) -> dict[frozense
                 averaged = ratios[np.isfinite(ratios)]
             if len(averaged):
                 mean = float(np.log(averaged).mean())
-                few = len(averaged) < LEAST_RUNS
+                few = len(averaged) < MIN_RUNS
                 spread = np.full(REPLICATES, np.nan) if few else bootstrap_log_means(averaged, REPLICATES, generator)
                 logs[name][problem.key] = np.concatenate([[mean], spread])
     pairs = list(combinations(names, 2))

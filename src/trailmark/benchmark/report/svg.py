@@ -19,7 +19,7 @@ FONT = 12.0
 
 @dataclass(frozen=True)
 class Scale:
-    """Turns values into coordinates.
+    """Maps values to coordinates.
 
     Attributes:
         low: value at ``begin``.
@@ -36,16 +36,16 @@ class Scale:
     log: bool = False
 
     def at(self, values: ArrayLike) -> NDArray[np.float64]:
-        """Return coordinates, kept within the scale's ends; infinity lies at its end."""
+        """Return coordinates, clipped to the scale's ends; infinity lies at its end."""
         array = np.clip(np.asarray(values, dtype=np.float64), self.low, self.high)
         low, high = self.low, self.high
         if self.log:
             array, low, high = np.log(array), math.log(low), math.log(high)
         return np.asarray(self.begin + (array - low) / (high - low) * (self.end - self.begin))
 
-    def ticks(self, most: int = 6) -> list[float]:
-        """Return round values within the scale, ascending, at most about ``most``."""
-        return _log_ticks(self.low, self.high, most) if self.log else _linear_ticks(self.low, self.high, most)
+    def ticks(self, max_count: int = 6) -> list[float]:
+        """Return round values within the scale, ascending, at max_count about ``max_count``."""
+        return _log_ticks(self.low, self.high, max_count) if self.log else _linear_ticks(self.low, self.high, max_count)
 
 
 def element(name: str, content: str = "", **attributes: Any) -> str:
@@ -104,7 +104,7 @@ def points(x: ArrayLike, y: ArrayLike, closed: bool = False) -> str:
 
 
 def coordinate(value: float) -> str:
-    """Return a number with at most one decimal."""
+    """Return a number with at max_count one decimal."""
     shown = f"{value:.1f}"
     return shown.removesuffix(".0") if shown != "-0.0" else "0"
 
@@ -113,23 +113,23 @@ def _value(value: object) -> str:
     return coordinate(value) if isinstance(value, float) else escape(str(value))
 
 
-def _linear_ticks(low: float, high: float, most: int) -> list[float]:
-    rough = (high - low) / most
+def _linear_ticks(low: float, high: float, max_count: int) -> list[float]:
+    rough = (high - low) / max_count
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * m for m in (1.0, 2.0, 2.5, 5.0, 10.0) if power * m >= rough * (1 - 1e-9))
     first = math.ceil(low / step - 1e-9)
     return [round(i * step, 12) for i in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
-def _log_ticks(low: float, high: float, most: int) -> list[float]:
+def _log_ticks(low: float, high: float, max_count: int) -> list[float]:
     first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
     choices: Sequence[tuple[float, ...]] = ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,))
     for steps in choices:
         found = [s * 10.0**e for e in range(first, last + 1) for s in steps]
         found = [value for value in found if low * (1 - 1e-9) <= value <= high * (1 + 1e-9)]
-        if len(found) <= most:
+        if len(found) <= max_count:
             return found
-    every = math.ceil(len(found) / most)
+    every = math.ceil(len(found) / max_count)
     return found[::every]
 
 

@@ -21,7 +21,7 @@ __all__ = ["Table", "effort_table", "failure_table", "overall_table", "pair_tabl
 
 FloatArray = NDArray[np.float64]
 
-MOST_REASONS, MOST_REASON = 12, 200  # rows, and letters of each, of a table of failures
+MAX_REASONS, MAX_REASON_LENGTH = 12, 200  # rows, and letters of each, of a table of failures
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ def problem_table(problem: Problem, caption: str) -> Table:
     found = sorted((summarise_runs(problem, name) for name in problem.runs), key=lambda s: s.first_mean)
     quickest = found[0].planner
     cheapest = min(found, key=lambda s: (s.ratio[2], s.missing, s.mean_ratio)).planner
-    time_p = _against(quickest, {name: runs.first_times for name, runs in problem.runs.items()})
-    cost_p = _against(cheapest, {name: runs.costs for name, runs in problem.runs.items()})
+    time_p = _probabilities(quickest, {name: runs.first_times for name, runs in problem.runs.items()})
+    cost_p = _probabilities(cheapest, {name: runs.costs for name, runs in problem.runs.items()})
     rows = []
     for s in found:
         runs = problem.runs[s.planner]
@@ -173,10 +173,15 @@ def failure_table(problem: Problem, caption: str) -> Table | None:
         return None
     ordered = sorted(found.items(), key=lambda item: -len(item[1]))
     rows = [
-        [name, str(len(seeds)), str(seeds[0]), reason if len(reason) <= MOST_REASON else f"{reason[:MOST_REASON]}…"]
-        for (name, reason), seeds in ordered[:MOST_REASONS]
+        [
+            name,
+            str(len(seeds)),
+            str(seeds[0]),
+            reason if len(reason) <= MAX_REASON_LENGTH else f"{reason[:MAX_REASON_LENGTH]}…",
+        ]
+        for (name, reason), seeds in ordered[:MAX_REASONS]
     ]
-    more = f"; the {MOST_REASONS} most frequent of {len(found)}" if len(found) > MOST_REASONS else ""
+    more = f"; the {MAX_REASONS} most frequent of {len(found)}" if len(found) > MAX_REASONS else ""
     return Table(caption + more, ["planner", "runs", "first seed", "reason"], rows, frozenset({3}))
 
 
@@ -199,7 +204,7 @@ def _ahead(planner: str, pairs: Mapping[frozenset[str], Comparison]) -> tuple[st
     return f"{won} of {len(mine)}", str(lost)
 
 
-def _against(best: str, values: Mapping[str, FloatArray]) -> dict[str, str]:
+def _probabilities(best: str, values: Mapping[str, FloatArray]) -> dict[str, str]:
     """Return Holm's probabilities of each planner being as good as the best, as words."""
     others = [name for name in values if name != best]
     adjusted = holm([rank_test([(values[best], values[name])]).p for name in others])

@@ -102,16 +102,16 @@ class Scene:
         parts = [element("use", href=f"#w{self.key}")]
         if best is not None:
             parts.append(self._bodies(best))
-        parts += [element("path", d=self._way(states), class_="refused mark") for states in refused]
+        parts += [element("path", d=self._path(states), class_="refused mark") for states in refused]
         for name, states in paths.items():
             style = styles[name]
             title = element("title", name.replace("&", "&amp;").replace("<", "&lt;"))
-            parts.append(element("path", d=self._way(states), class_="halo-line", stroke_width=style.width + 1.6))
+            parts.append(element("path", d=self._path(states), class_="halo-line", stroke_width=style.width + 1.6))
             parts.append(
                 element(
                     "path",
                     title,
-                    d=self._way(states),
+                    d=self._path(states),
                     stroke=style.colour,
                     stroke_width=style.width,
                     stroke_dasharray=style.dash or None,
@@ -129,7 +129,7 @@ class Scene:
         left, top, _, _, scale = self._view
         return np.column_stack([points[:, 0] - left, top - points[:, 1]]) * scale
 
-    def _way(self, states: FloatArray) -> str:
+    def _path(self, states: FloatArray) -> str:
         line = self._at(states[:, :2])
         if len(line) > 2:
             line = shapely.get_coordinates(shapely.simplify(shapely.LineString(line), 0.25))
