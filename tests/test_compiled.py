@@ -109,7 +109,7 @@ def test_without_a_place_the_temporary_folder_serves(probe: Path, tmp_path: Path
     for hits in ("[0, 0, 0, 0]", "[1, 1, 1, 1]"):
         out, err = run(probe, **environment)
         assert out == f"[2, 2, 11, 2] {hits}"
-        assert err == f"trailmark: no cache folder for compiled kernels can be written to, they are kept in {kept}\n"
+        assert err == f"trailmark: no cache folder for compiled kernels can be written to, they are cached in {kept}\n"
     assert kept.stat().st_mode & 0o777 == 0o700
 
 
@@ -159,7 +159,7 @@ caching.os = type("Full", (), {**{n: getattr(os, n) for n in dir(os)}, "replace"
 """
     out, err = run(probe, full + PROGRAM)
     assert out == "[2, 2, 11, 2] [0, 0, 0, 0]"
-    assert err == "trailmark: compiled kernels cannot be kept: No space left on device\n"
+    assert err == "trailmark: compiled kernels cannot be cached: No space left on device\n"
     assert not list(probe.rglob("*.nb[ic]*"))
 
 
