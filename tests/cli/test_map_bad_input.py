@@ -102,7 +102,7 @@ def test_bad_lines_of_other_formats(shell: Shell, log: Path, tmp_path: Path) -> 
         (b"hello\n", "no log of a known format"),
         (b'{"trailmark_log": 1}\n', "no records given"),
         (b'{"trailmark_log": 1}\n{"type": "odometry", "t": 0, "v": 1, "omega": 0}\n', "neither scans nor detections"),
-        (b'{"trailmark_log": 1}\n{"type": "detection", "t": 0, "z": [1, 0]}\n', "neither odometry nor poses given"),
+        (b'{"trailmark_log": 1}\n{"type": "detection", "t": 0, "z": [1, 0]}\n', "got neither odometry nor poses"),
     ],
 )
 def test_logs_that_show_nothing(shell: Shell, tmp_path: Path, content: bytes, problem: str) -> None:
@@ -124,7 +124,7 @@ def test_logs_that_show_nothing(shell: Shell, tmp_path: Path, content: bytes, pr
                 {"type": "odometry", "t": 0, "v": 1e300, "omega": 0},
                 {"type": "detection", "t": 1e9, "z": [2, 0.1], "identity": 3},
             ],
-            "Detection at 1e+09 s cannot be used (",
+            "expected values that a robot can have, got Detection at 1e+09 s, which cannot be used (",
         ),
         (
             [
@@ -138,7 +138,7 @@ def test_logs_that_show_nothing(shell: Shell, tmp_path: Path, content: bytes, pr
                 {"type": "pose", "t": 0, "x": 0, "y": 0, "theta": 0},
                 {"type": "scan", "t": 0, "ranges": [2, 2e6], "angle_min": 0, "angle_increment": 0.5, "range_max": 9e9},
             ],
-            "grid over [",
+            "expected a grid of 1 to 64,000,000 cells, got [",
         ),
     ],
 )
@@ -173,8 +173,11 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
         (["--radius", "0"], "--radius '0' given, allowed: R or R,SIGMA"),
         (["--radius", "0.1,0.2,0.3"], "--radius '0.1,0.2,0.3' given"),
         (["--association", "nearst"], "SlamSettings: association 'nearst' given, did you mean 'nearest'"),
-        (["--poses", "odometry"], "yard.jsonl: poses 'odometry' given for detections"),
-        (["--obstacles", "scans"], "yard.jsonl: no scans given"),
+        (
+            ["--poses", "odometry"],
+            "yard.jsonl: poses: expected what the log holds for detections (slam)",
+        ),
+        (["--obstacles", "scans"], "yard.jsonl: expected a log that shows obstacles, got no scans"),
         (["--start", "1,2"], "expected X,Y,T, finite numbers"),
         (["--sensor-noise", "0,0.1"], "--sensor-noise '0,0.1' given, allowed: A,B, two numbers above 0"),
         (["--odometry-noise", "0.1"], "--odometry-noise '0.1' given, allowed: A,B, two numbers of 0 or more"),

@@ -56,5 +56,5 @@ def test_nothing_to_average() -> None:
 
 @pytest.mark.parametrize("probability", [0.0, 1.0, -1.0, float("nan")])
 def test_bad_probability(probability: float) -> None:
-    with pytest.raises(EstimationError, match="allowed: between 0 and 1"):
+    with pytest.raises(EstimationError, match="average: probability: expected a number above 0 and below 1"):
         average([1.0], 2, probability)

@@ -97,7 +97,7 @@ def test_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(FormatError, match="more than 1,000 bytes when unpacked, allowed: at most that"):
         source.read_data(path, limit=1000)
     path.write_bytes(JSONL.encode() * 100)
-    with pytest.raises(FormatError, match="bytes given, allowed: at most 1,000"):
+    with pytest.raises(FormatError, match="expected at most 1,000 bytes"):
         source.read_data(path, limit=1000)
 
 

@@ -292,19 +292,23 @@ def test_progress_reaches_its_end() -> None:
 def test_nothing_to_go_by() -> None:
     log = recorded()
     for kept, settings, problem in (
-        (without(log, Detection), MapSettings(), "neither scans nor detections given"),
-        (log, MapSettings(obstacles="scans"), "no scans given"),
-        (without(log, Odometry), MapSettings(), "neither odometry nor poses given"),
+        (
+            without(log, Detection),
+            MapSettings(),
+            "got neither scans nor detections",
+        ),
+        (log, MapSettings(obstacles="scans"), "got no scans"),
+        (without(log, Odometry), MapSettings(), "got neither odometry nor poses"),
         (
             log,
             MapSettings(poses="odometry"),
-            "poses 'odometry' given for detections, allowed with what the log holds: slam",
+            r"poses: expected what the log holds for detections \(slam\), got 'odometry'",
         ),
-        (log, MapSettings(poses="log"), "poses 'log' given for detections"),
+        (log, MapSettings(poses="log"), "for detections .*, got 'log'"),
         (
             recorded(identities=False),
             MapSettings(slam=SlamSettings("known")),
-            "no feature confirmed by .* without the identity",
+            "got no feature confirmed by .* without the identity",
         ),
         (recorded(identities=False), MapSettings(slam=SlamSettings("joint", confirm=10_000)), "no feature confirmed"),
     ):

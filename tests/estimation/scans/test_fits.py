@@ -148,9 +148,12 @@ def test_points_that_are_no_arc() -> None:
 
 
 def test_shapes_that_do_not_fit() -> None:
-    with pytest.raises(EstimationError, match=r"shapes \(1, 2\)"):
+    with pytest.raises(
+        EstimationError,
+        match=r"expected shapes .*, got \(1, 2\), \(1, 2, 2\)",
+    ):
         fit_line([[0, 0]], np.ones((1, 2, 2)))
-    with pytest.raises(EstimationError, match=r"\(3, 2\), \(2, 2, 2\) given"):
+    with pytest.raises(EstimationError, match=r"got \(3, 2\), \(2, 2, 2\)"):
         fit_line(np.ones((3, 2)), np.ones((2, 2, 2)))
     with pytest.raises(EstimationError, match="3 equal ones"):
         fit_line(np.ones((3, 2)), np.broadcast_to(np.eye(2), (3, 2, 2)))

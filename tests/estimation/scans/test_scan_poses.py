@@ -44,7 +44,7 @@ def test_poses_of_the_scans_themselves() -> None:
     assert scan_poses(log(records), "odometry")[1][:, 0].tolist() == [1.0, 1.5]
     # Truth is never used.
     assert scan_poses(log([Pose(0.0, 9, 9, 9, truth=True), bare(1.0)]))[1].tolist() == [[0.0, 0.0, 0.0]]
-    with pytest.raises(EstimationError, match="1 of 2 scans carry none"):
+    with pytest.raises(EstimationError, match="poses: expected them in the log, got 1 of 2 scans without one"):
         scan_poses(log([stated[0], bare(2.0)]), "log")
 
 

@@ -135,7 +135,7 @@ def test_poses_broadcast() -> None:
         (
             [[1.0, 0.0]],
             [np.inf, 0.0, 0.0],
-            r"readings: expected finite numbers of shape \(n, 2\)",
+            "poses: expected an array of finite numbers",
         ),
     ],
 )

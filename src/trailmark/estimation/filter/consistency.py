@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
+from trailmark.checked import Probability, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray
 
@@ -58,7 +59,8 @@ def nees(error: ArrayLike, P: ArrayLike) -> FloatArray:
     return np.asarray((e[..., None, :] @ np.linalg.solve(covariance, e[..., None]))[..., 0, 0])
 
 
-def average(values: ArrayLike, dof: ArrayLike, probability: float = 0.95) -> Consistency:
+@checked_arguments(EstimationError)
+def average(values: ArrayLike, dof: ArrayLike, probability: Probability = 0.95) -> Consistency:
     """Return the average of independent chi-square values and the band that holds it with that probability.
 
     The values must be independent: the NEES at one time of many runs, or the NIS of one run's updates; not the NEES
@@ -72,8 +74,6 @@ def average(values: ArrayLike, dof: ArrayLike, probability: float = 0.95) -> Con
     Raises:
         EstimationError: a probability out of range.
     """
-    if not 0.0 < probability < 1.0:
-        raise EstimationError(f"probability {probability!r} given, allowed: between 0 and 1")
     chi = np.asarray(values, dtype=np.float64).reshape(-1)
     n = len(chi)
     if n == 0:

@@ -206,7 +206,7 @@ class SlamFilter(SlamState):
         Raises:
             EstimationError: always.
         """
-        raise EstimationError("predict_update: not for a state that grows, allowed: predict, then update")
+        raise EstimationError("predict_update: expected predict, then update, for a state that grows")
 
     def merge_features(self, keep: int, drop: int) -> None:
         """Take two points for one and the same: they become equal, and ``drop`` is taken out; O(n²).

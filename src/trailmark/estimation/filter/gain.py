@@ -125,7 +125,7 @@ def gain_of(P: FloatArray, H: SparseJacobian, y: FloatArray, noise: FloatArray) 
         # scipy's triangular solvers start threads even for two rows, which costs a hundred times the work.
         L_inverse = np.asarray(np.linalg.inv(np.linalg.cholesky(S)), dtype=np.float64)
     except np.linalg.LinAlgError:
-        raise EstimationError("update: S is singular, allowed: noise R that is positive definite") from None
+        raise EstimationError("update: expected noise R that is positive definite, got a singular S") from None
     W, scaled = HP.T @ L_inverse.T, L_inverse @ y
     return Gain(H, y, S, W, L_inverse, W @ scaled, float(scaled @ scaled))
 

@@ -91,7 +91,7 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
             EstimationError: in mode "localisation", whose map is known; a reading that is not finite.
         """
         if self.mode == "localisation":
-            raise EstimationError("add_feature: the map of mode 'localisation' is known, allowed: add_known_feature")
+            raise EstimationError("add_feature: expected add_known_feature, since mode 'localisation' knows the map")
         checked(sensor, SensorModel, "add_feature: sensor", EstimationError)
         reading = number_array(z, "reading", error=EstimationError)
         if reading.shape != (sensor.reading_dim,) or not np.isfinite(reading).all():
@@ -188,8 +188,8 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
 
     def _place(self, feature_id: int) -> slice:
         if not isinstance(feature_id, int | np.integer) or feature_id not in self._places:
-            allowed = f"the id of one of the {len(self._places)} features"
-            raise EstimationError(f"feature: expected {allowed}, got {brief(feature_id)}")
+            ids = f"the id of one of the {len(self._places)} features"
+            raise EstimationError(f"feature: expected {ids}, got {brief(feature_id)}")
         return self._places[feature_id]
 
 

@@ -59,7 +59,7 @@ def map_log(
     """
     s, begin = settings or MapSettings(), perf_counter()
     if s.robot_sigma is not None and (robot is None or confidence is None):
-        raise EstimationError("robot_sigma: given without robot and confidence, allowed: with both")
+        raise EstimationError("robot_sigma: expected a robot and a confidence with it, got one without them")
     sources = sources_of(log, s)
     detected = sources.obstacles == "detections"
     run = run_slam(log, s, sources.poses, on_progress) if detected or sources.poses == "slam" else None
@@ -104,9 +104,9 @@ def _world_of_discs(log: Log, s: MapSettings, run: SlamRun, robot: Robot | None)
     if not features:
         counts = run.result.counts
         raise EstimationError(
-            f"no feature confirmed by {counts.detections} detections ({counts.unidentified} without the identity asked "
-            f"for, {run.tentative} tentative features, {counts.dropped} dropped), allowed: {s.slam.confirm} readings "
-            "of a feature, or identities"
+            f"expected {s.slam.confirm} readings of a feature, or identities, got no feature confirmed by "
+            f"{counts.detections} detections ({counts.unidentified} without the identity asked for, {run.tentative} "
+            f"tentative features, {counts.dropped} dropped)"
         )
     means = np.array([feature.mean for feature in features])
     covariances = np.array([feature.covariance for feature in features])

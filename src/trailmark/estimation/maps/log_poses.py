@@ -27,7 +27,7 @@ OUTLIER_GATE = 0.9999
 MAX_OUTLIERS = 0.02
 """The share of a log's detections that may be misread."""
 
-_ALLOWED = "allowed: values that a robot can have"
+_ALLOWED = "expected values that a robot can have"
 
 _REPORT_EVERY = 64
 """Records from one report of progress to the next."""
@@ -79,8 +79,8 @@ def sources_of(log: Log, settings: MapSettings) -> Sources:
     if obstacles == "auto":
         obstacles = "scans" if Scan in there else "detections"
     if (Scan if obstacles == "scans" else Detection) not in there:
-        asked = "neither scans nor detections" if settings.obstacles == "auto" else f"no {obstacles}"
-        raise EstimationError(f"{asked} given, allowed: a log that shows obstacles")
+        found = "neither scans nor detections" if settings.obstacles == "auto" else f"no {obstacles}"
+        raise EstimationError(f"expected a log that shows obstacles, got {found}")
     moves = bool(there & {Odometry, Increment})
     carried = [record.pose is not None for record in log.records if isinstance(record, Scan)]
     # By more than the one pose at which odometry begins.
@@ -94,10 +94,10 @@ def sources_of(log: Log, settings: MapSettings) -> Sources:
     if poses == "auto":
         poses = next((source for source in order if possible[source]), "auto")
     if poses == "auto":
-        raise EstimationError("neither odometry nor poses given, allowed: a log that says how the robot moved")
+        raise EstimationError("expected a log that says how the robot moved, got neither odometry nor poses")
     if not possible[poses]:
         can = ", ".join(source for source in order if possible[source]) or "none"
-        raise EstimationError(f"poses {poses!r} given for {obstacles}, allowed with what the log holds: {can}")
+        raise EstimationError(f"poses: expected what the log holds for {obstacles} ({can}), got {poses!r}")
     return Sources(obstacles, poses)
 
 
@@ -146,7 +146,7 @@ def _run(
         try:
             slam.process(record)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
-            problem = f"{type(record).__name__} at {record.t:g} s cannot be used ({error}), {_ALLOWED}"
+            problem = f"{_ALLOWED}, got {type(record).__name__} at {record.t:g} s, which cannot be used ({error})"
             raise EstimationError(problem) from None
         if i % _REPORT_EVERY == 0 or i == total:
             if slam.counts.outliers > max_outliers:
@@ -157,7 +157,8 @@ def _run(
     result = slam.result()
     lost = ~np.isfinite(result.trajectory).all(axis=1)
     if lost.any():
-        raise EstimationError(f"the estimate is no number from {result.trajectory[lost, 0].min():g} s on, {_ALLOWED}")
+        first = result.trajectory[lost, 0].min()
+        raise EstimationError(f"{_ALLOWED}, got an estimate that is no number from {first:g} s on")
     return SlamRun(result, association, len(slam.filter.features) - len(result.features), start)
 
 

@@ -86,9 +86,9 @@ def map_scans(
         records = log.records if isinstance(log, Log) else log
         scans, x = [record for record in records if isinstance(record, Scan)], configurations(poses, name="poses")
         if x.shape != (len(scans), 3):
-            raise EstimationError(f"poses: shape {x.shape} given for {len(scans)} scans, allowed: ({len(scans)}, 3)")
+            raise EstimationError(f"poses: expected shape ({len(scans)}, 3), one for each scan, got {x.shape}")
     if not scans:
-        raise EstimationError("log: no scans given, allowed: one or more")
+        raise EstimationError("log: expected one scan or more, got none")
     grid, lines, discs = _read(scans, x, s, on_progress)
     dropped = 0
     for tracks in (lines, discs):

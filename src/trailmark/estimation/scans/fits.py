@@ -73,7 +73,7 @@ def fit_line(points: ArrayLike, covariances: ArrayLike, origin: ArrayLike = (0.0
     q = p - centre
     _, values, axes = np.linalg.svd(q, full_matrices=False)
     if not values[0] > 0.0:
-        raise EstimationError(f"points: {len(p)} equal ones given, allowed: two or more different ones")
+        raise EstimationError(f"points: expected two or more different ones, got {len(p)} equal ones")
     alpha, rho = math.atan2(float(axes[0, 0]), -float(axes[0, 1])), 0.0
     for _ in range(STEPS):
         residual, _, _, information, gradient = _line_system(q, C, rho, alpha)
@@ -183,10 +183,10 @@ def _axes(alpha: float) -> tuple[FloatArray, FloatArray]:
     return np.array([cos, sin]), np.array([-sin, cos])
 
 
-def _checked(points: ArrayLike, covariances: ArrayLike, least: int) -> tuple[FloatArray, FloatArray]:
+def _checked(points: ArrayLike, covariances: ArrayLike, minimum: int) -> tuple[FloatArray, FloatArray]:
     p, C = np.asarray(points, dtype=np.float64), np.asarray(covariances, dtype=np.float64)
-    if p.ndim != 2 or p.shape[1] != 2 or len(p) < least or C.shape != (len(p), 2, 2):
+    if p.ndim != 2 or p.shape[1] != 2 or len(p) < minimum or C.shape != (len(p), 2, 2):
         raise EstimationError(
-            f"points, covariances: shapes {p.shape}, {C.shape} given, allowed: (n, 2), (n, 2, 2), n >= {least}"
+            f"points, covariances: expected shapes (n, 2), (n, 2, 2), n >= {minimum}, got {p.shape}, {C.shape}"
         )
     return p, C

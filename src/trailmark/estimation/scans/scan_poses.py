@@ -50,7 +50,7 @@ def _between(records: Sequence[Record], scans: Sequence[Scan]) -> FloatArray:
     rows = np.array([record[:4] for record in records if isinstance(record, Pose) and not record.truth])
     if len(rows) == 0:
         lacking = sum(scan.pose is None for scan in scans)
-        raise EstimationError(f"poses: {lacking} of {len(scans)} scans carry none, allowed: odometry")
+        raise EstimationError(f"poses: expected them in the log, got {lacking} of {len(scans)} scans without one")
     t = [scan.t for scan in scans]
     x, y, theta = (np.interp(t, rows[:, 0], column) for column in (rows[:, 1], rows[:, 2], np.unwrap(rows[:, 3])))
     return np.column_stack([x, y, np.asarray(wrap(theta))])

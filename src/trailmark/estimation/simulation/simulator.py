@@ -180,7 +180,7 @@ def _check_free(world: World, xy: FloatArray, what: str, *, joined: bool) -> Non
         region = obstacle.polygon(0.5 * _TOUCH).shapely()
         met = path.intersection(shapely.buffer(region, -_TOUCH, join_style="mitre"))
         if not met.is_empty:
-            raise EstimationError(f"{what} leads through obstacles[{i}] near {_first_point(met)}, allowed: around it")
+            raise EstimationError(f"{what} leads through obstacles[{i}] near {_first_point(met)}")
 
 
 def _first_point(geometry: shapely.Geometry) -> str:

@@ -73,7 +73,7 @@ class EkfSlam:
     ) -> None:
         self.settings = SlamSettings() if settings is None else settings
         if "auto" in (self.settings.association, self.settings.outlier_gate):
-            raise EstimationError("EkfSlam: settings 'auto' given, allowed in map_log only, which sees the whole log")
+            raise EstimationError("EkfSlam: expected settings without 'auto', which map_log alone can resolve")
         self.filter = SlamFilter(start, P, mode, error=self.settings.error, iterations=self.settings.iterations)
         self.counts = Counts()
         self.time = -np.inf
@@ -127,8 +127,8 @@ class EkfSlam:
         if record.t < self.time:
             if self.settings.late == "raise":
                 raise RecordError(
-                    f"{type(record).__name__} at {record.t:.6f} s given after one at {self.time:.6f} s, "
-                    "allowed: records in the order of time"
+                    f"expected records in the order of time, got {type(record).__name__} at {record.t:.6f} s "
+                    f"after one at {self.time:.6f} s"
                 )
             self.counts.late += 1
             return
@@ -201,7 +201,7 @@ class EkfSlam:
 
     def _steer(self, record: Odometry) -> None:
         if self._velocity_model is None and self.filter.mode != "mapping":
-            raise RecordError(f"Odometry at {record.t:.6f} s given without a motion model for it, allowed: velocity=…")
+            raise RecordError(f"expected velocity=…, the motion model for odometry at {record.t:.6f} s, got none")
         if record == self._odometry:
             self.counts.repeated += 1
         self._odometry = record
@@ -210,9 +210,7 @@ class EkfSlam:
         if self.filter.mode == "mapping":
             return
         if self._increment_model is None:
-            raise RecordError(
-                f"Increment at {record.t:.6f} s given without a motion model for it, allowed: increment=…"
-            )
+            raise RecordError(f"expected increment=…, the motion model for increments at {record.t:.6f} s, got none")
         if self._increment is not None and record[:4] == self._increment[:4]:
             self.counts.repeated += 1
             return
