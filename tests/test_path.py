@@ -113,3 +113,8 @@ def test_paths_are_values() -> None:
     assert hash(Path(np.zeros((1, 3)))) == hash(Path(-np.zeros((1, 3))))
     with pytest.raises(ValueError, match="read-only"):
         path.states[0] = 1.0
+
+
+def test_a_path_is_described_by_its_ends_and_cost() -> None:
+    path = Path(np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 1.0]]))
+    assert repr(path) == "Path(2 states from (0, 0, 0) to (3, 4, 1), cost 5.5 m)"

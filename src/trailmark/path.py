@@ -39,6 +39,10 @@ class Path:
     def __len__(self) -> int:
         return len(self.states)
 
+    def __repr__(self) -> str:
+        start, goal = (", ".join(f"{value:.3g}" for value in state) for state in self.states[[0, -1]])
+        return f"{type(self).__name__}({len(self)} states from ({start}) to ({goal}), cost {self.cost:.4g} m)"
+
     def __eq__(self, other: object) -> bool:
         return np.array_equal(self.states, other.states) if isinstance(other, Path) else NotImplemented
 

@@ -156,6 +156,10 @@ class Polygon:
 
         return shapely.Polygon(self.vertices, self.holes)
 
+    def __repr__(self) -> str:
+        holes = f", {len(self.holes)} hole{'s' if len(self.holes) > 1 else ''}" if self.holes else ""
+        return f"Polygon({len(self.vertices)} vertices{holes}, area {self.area:.4g} m²)"
+
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Polygon):
             return NotImplemented

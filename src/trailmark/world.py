@@ -193,6 +193,14 @@ class World:
             raise WorldError(f"queries: expected each name once, got {twice[0]!r} more than once")
         self._check_estimates()
 
+    def __repr__(self) -> str:
+        xmin, ymin, xmax, ymax = self.bounds
+        facts = [repr(self.name), f"{xmax - xmin:g} x {ymax - ymin:g} m", f"{len(self.obstacles):,} obstacles"]
+        facts += ["a boundary"] if self.boundary is not None else []
+        facts.append("no robot" if self.robot is None else f"robot {self.robot.describe()}")
+        names = [query.name for query in self.queries[:5]] + (["…"] if len(self.queries) > 5 else [])
+        return f"World({', '.join(facts)}, queries: {', '.join(names) or 'none'})"
+
     @classmethod
     def load(cls, path: str | FilePath) -> World:
         """Read a world from a file, whose format is recognised by its content.

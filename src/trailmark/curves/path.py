@@ -22,7 +22,7 @@ SAGITTA, MOST_TURN = 1e-3, 0.1
 """Between two states of an arc: how far (metres) the chord may lie off it, and most radians."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CurvePath(Path):
     """A car's path: from each knot to the next it drives the shortest curve.
 
