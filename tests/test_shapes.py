@@ -202,6 +202,6 @@ def test_bad_shapes_are_refused_in_one_line(shape: type, arguments: tuple[Any, .
 
 
 def test_a_polygon_is_described_in_one_line() -> None:
-    assert repr(Polygon([(0, 0), (4, 0), (0, 2)])) == "Polygon(3 vertices, area 4 m²)"
-    hole = [(0.5, 0.5), (1, 0.5), (0.5, 1)]
-    assert repr(Polygon([(0, 0), (4, 0), (0, 2)], [hole])) == "Polygon(3 vertices, 1 hole, area 3.875 m²)"
+    outline = np.array([(0.0, 0.0), (4.0, 0.0), (0.0, 2.0)])
+    assert repr(Polygon(outline)) == "Polygon(3 vertices, area 4 m²)"
+    assert repr(Polygon(outline, (0.25 * outline + 0.5,))) == "Polygon(3 vertices, 1 hole, area 3.75 m²)"

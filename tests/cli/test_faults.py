@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 from tests.benchmark.conftest import experiment, solved
-from tests.benchmark.made_results import random_results
+from tests.benchmark.report.made_results import random_results
 from tests.cli.logs import recorded
 
 from trailmark.benchmark.errors import StoreError

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from tests.benchmark.made_results import random_results
+from tests.benchmark.report.made_results import random_results
 from tests.cli.logs import recorded, write_mrclam
 
 from trailmark.estimation import save_log

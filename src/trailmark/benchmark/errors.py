@@ -1,5 +1,6 @@
 """What can be wrong with a benchmark before it runs, or with the machinery that runs it."""
 
+# Tested by tests/benchmark/test_store.py and its neighbours.
 from __future__ import annotations
 
 from trailmark.errors import TrailmarkError

@@ -1,5 +1,6 @@
 """What the shell prints: results on stdout; errors on stderr; messages and progress on stderr if it is a terminal."""
 
+# Tested by tests/cli/test_shell.py.
 from __future__ import annotations
 
 import json

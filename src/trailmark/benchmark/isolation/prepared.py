@@ -1,5 +1,6 @@
 """Prepared: a problem as a worker holds it, with everything built that is not part of any planner's own time."""
 
+# Tested by tests/benchmark/isolation/test_worker.py.
 from __future__ import annotations
 
 from time import perf_counter

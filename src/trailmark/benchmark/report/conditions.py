@@ -1,5 +1,6 @@
 """Conditions: versions, processor, settings, limits, seeds and hashes under which the runs were made."""
 
+# Tested by tests/benchmark/report/test_report_page.py.
 from __future__ import annotations
 
 import json

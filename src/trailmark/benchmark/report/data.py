@@ -1,5 +1,6 @@
 """Results: what a results database holds, as arrays, a problem at a time."""
 
+# Tested by tests/benchmark/report/test_report_data.py.
 from __future__ import annotations
 
 import json

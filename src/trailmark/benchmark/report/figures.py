@@ -1,5 +1,6 @@
 """Figures: which planners share a chart, and what each chart of the page shows."""
 
+# Tested by tests/benchmark/report/test_report_page.py.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,5 +1,6 @@
 """Findings: what a benchmark shows, as a few sentences, each with its certainty."""
 
+# Tested by tests/benchmark/report/test_report_summary.py.
 from __future__ import annotations
 
 import math

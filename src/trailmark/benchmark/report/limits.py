@@ -1,5 +1,6 @@
 """Limits: how a report's numbers are made, and what they do not say, in plain words."""
 
+# Tested by tests/benchmark/report/test_report_page.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

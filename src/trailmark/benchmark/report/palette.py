@@ -5,6 +5,7 @@ colours are of the palettes by Okabe & Ito and by Paul Tol, chosen for readers w
 white paper; landmark is black.
 """
 
+# Tested by tests/benchmark/report/test_report_summary.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,5 +1,6 @@
 """Summary: what all runs of a planner come to, and which planner is ahead of which with what certainty."""
 
+# Tested by tests/benchmark/report/test_report_summary.py.
 from __future__ import annotations
 
 import math

@@ -22,7 +22,7 @@ from trailmark.benchmark.isolation.executors import cluster
 
 pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 RUNS = 24
 
 

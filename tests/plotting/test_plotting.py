@@ -18,7 +18,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from trailmark import plotting
+from trailmark.collision import StateChecker
 from trailmark.errors import OutputError
+from trailmark.motion import motion_of
 from trailmark.path import Path
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
@@ -80,7 +82,8 @@ def roadmap_of(configurations: list[tuple[float, float, float]], status: list[in
     kinds = np.array(status, dtype=np.uint8)
     edges = np.array([[i, i + 1] for i in range(len(kinds))], dtype=np.int32).reshape(-1, 2)
     at = np.array(configurations).reshape(-1, 3)
-    return SimpleNamespace(configurations=at, edges=edges, status=kinds, certified=kinds == FREE)
+    motion = motion_of(StateChecker(ROOM, CAR))
+    return SimpleNamespace(configurations=at, edges=edges, status=kinds, certified=kinds == FREE, motion=motion)
 
 
 PATH = Path(np.array([START, (8.0, 1.2, 0.0), (8.5, 3.0, 1.2), GOAL]))

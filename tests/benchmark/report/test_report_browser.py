@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from tests.benchmark.browser import browse, probe, require_chromium
-from tests.benchmark.made_results import random_results
+from tests.benchmark.report.browser import browse, probe, require_chromium
+from tests.benchmark.report.made_results import random_results
 
 from trailmark.benchmark.report import html_report, load_results
 

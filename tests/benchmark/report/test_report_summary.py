@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.benchmark.made_results import run, write_results
+from tests.benchmark.report.made_results import run, write_results
 
 from trailmark.benchmark.report.curves import MOMENTS, cost_curves, overall_curves
 from trailmark.benchmark.report.data import Results, load_results

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.benchmark.made_results import GOAL, START, random_results, run, write_results
+from tests.benchmark.report.made_results import GOAL, START, random_results, run, write_results
 
 from trailmark.benchmark.report import html_report, load_results, markdown_report
 from trailmark.benchmark.report.figures import panels
@@ -203,7 +203,7 @@ def test_lines_of_few_characters() -> None:
 
 
 def test_a_world_is_drawn_to_scale() -> None:
-    from tests.benchmark.made_results import WORLD
+    from tests.benchmark.report.made_results import WORLD
 
     scene = scene_of(WORLD, 1)
     assert scene is not None
