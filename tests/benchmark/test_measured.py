@@ -28,9 +28,9 @@ def test_a_run_is_measured(name: str, certified: bool) -> None:
     assert run.exact
     assert run.status == 6
     assert run.path is not None
-    np.testing.assert_allclose(run.path[[0, -1]], [posed.start, posed.goal], atol=1e-9)
+    np.testing.assert_allclose(run.path.states[[0, -1]], [posed.start, posed.goal], atol=1e-9)
     assert all(a[0] < b[0] and a[1] > b[1] for a, b in pairwise(run.curve))
-    assert run.curve[-1][1] == pytest.approx(Path(run.path).cost, rel=1e-5)
+    assert run.curve[-1][1] == pytest.approx(run.path.cost, rel=1e-5)
     assert 0.0 < run.curve[0][0] <= run.curve[-1][0] <= run.time + 1e-9
     assert run.motions_checked > 0
     assert run.states_checked > 0
@@ -94,8 +94,9 @@ def test_the_simplifier_shortens_and_stays_right() -> None:
     posed = problem(True)
     detour = np.array([posed.start, [3.0, 1.0, 0.5], [5.0, 1.0, 2.0], [7.0, 1.0, -1.0], posed.goal])
     assert posed.checker.motions_valid(detour[:-1], detour[1:]).all()
-    states, seconds = simplify(posed, detour, 0.5)
+    path, seconds = simplify(posed, Path(detour), 0.5)
+    states = path.states
     assert posed.checker.motions_valid(states[:-1], states[1:]).all()
     np.testing.assert_allclose(states[[0, -1]], detour[[0, -1]], atol=1e-9)
-    assert Path(states).cost < 0.8 * Path(detour).cost
+    assert path.cost < 0.8 * Path(detour).cost
     assert 0.0 < seconds < 10.0

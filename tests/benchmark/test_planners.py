@@ -69,3 +69,12 @@ def test_a_function_of_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_settings_tell_the_baselines_apart() -> None:
     texts = {settings_of(name) for name in ("landmark", "PRM", "PRM+certified", "native:PRM", "my:plan")}
     assert len(texts) == 5
+
+
+def test_the_native_program_does_not_plan_for_cars(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = SimpleNamespace(native_planners=lambda: ["native:PRM"], __spec__=SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "trailmark.benchmark.native", module)
+    assert "native:PRM" in read_planners(["all"])
+    assert "native:PRM" not in read_planners(["all"], cars=True)
+    with pytest.raises(SuiteError, match="expected one that plans for cars, got 'native:PRM'"):
+        read_planners(["native:PRM"], cars=True)

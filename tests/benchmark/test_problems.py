@@ -8,7 +8,9 @@ import pytest
 from tests.benchmark.conftest import small_world
 
 from trailmark.benchmark.problems import Problem, problems_of, read_problem
+from trailmark.curves import CurvePath, Steering
 from trailmark.errors import FormatError, WorldError
+from trailmark.path import Path
 from trailmark.world import Robot
 
 
@@ -24,8 +26,6 @@ def test_what_is_missing_is_told() -> None:
     world = small_world()
     with pytest.raises(WorldError, match="names no robot"):
         next(problems_of(replace(world, robot=None)))
-    with pytest.raises(WorldError, match="expected a robot that moves straight in any direction, such as --robot"):
-        next(problems_of(world, Robot.disc(0.2).steered(1.0)))
     with pytest.raises(WorldError, match="holds no query"):
         next(problems_of(replace(world, queries=())))
     with pytest.raises(WorldError, match="did you mean 'ahead'"):
@@ -48,3 +48,15 @@ def test_only_the_same_problem_has_the_same_key(ahead: Problem, around: Problem)
 
 def test_the_resolution_goes_by_the_robot(ahead: Problem) -> None:
     assert ahead.resolution() == pytest.approx(0.1, rel=1e-5)
+
+
+def test_a_car_poses_a_problem_of_curves(ahead: Problem) -> None:
+    car = next(problems_of(small_world(), Robot.rectangle(0.8, 0.4).steered(1.5, reverse=False)))
+    assert car.steering == Steering(1.5, reverse=False)
+    assert car.objective == "length of the dubins curves, metres"
+    path = car.path([car.query.start, car.query.goal])
+    assert isinstance(path, CurvePath)
+    assert read_problem(car.text).steering == car.steering
+    assert car.key != ahead.key
+    assert ahead.steering is None
+    assert type(ahead.path([ahead.query.start, ahead.query.goal])) is Path

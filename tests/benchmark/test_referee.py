@@ -13,6 +13,8 @@ from tests.benchmark.conftest import GOAL, START, small_world
 from trailmark import se2
 from trailmark.benchmark.referee import Referee
 from trailmark.collision import StateChecker
+from trailmark.curves import Steering
+from trailmark.motion import CurveMotion
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import Robot, World
 
@@ -105,3 +107,55 @@ def test_it_agrees_with_the_certified_checker() -> None:
     for x, y in zip(a[grazes], b[grazes], strict=True):
         along = se2.interpolate(x, y, np.linspace(0.0, 1.0, 20_000))
         assert checker.clearance(along).min() < 1e-3
+
+
+CAR = Robot.rectangle(0.8, 0.4).steered(1.0)
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_of_a_car_the_curves_are_judged(reverse: bool) -> None:
+    # Two posts: one on the straight line from start to goal, one on the curve that leads round it.
+    start, goal = (2.0, 3.0, 0.0), (8.0, 3.0, math.pi)
+    car = CAR.steered(1.0, reverse)
+    curve = Steering(1.0, reverse).states(start, goal, np.linspace(0.0, 20.0, 400))
+    aside = curve[np.argmax(np.abs(curve[:, 1] - 3.0)), :2]
+    for post, right in (((5.0, 0.2), True), (tuple(aside), False)):
+        world = World("post", (0.0, 0.0, 12.0, 6.0), (Disc(post, 0.1),))
+        found = Referee(world, car).fault([start, goal], start, goal)
+        assert (found is None) is right
+        assert right or (found is not None and "meets an obstacle" in found)
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_of_a_car_it_agrees_with_the_certified_checker(reverse: bool) -> None:
+    rng = np.random.default_rng(7)
+    car = CAR.steered(1.0, reverse)
+    motion, judge = CurveMotion(StateChecker(ROOM, car)), Referee(ROOM, car)
+    q = rng.uniform((0.0, 0.0, -np.pi), (10.0, 6.0, np.pi), (600, 3))
+    q = q[motion.checker.valid(q)]
+    a, b = q[:150], q[150:300]
+    certified = motion.motions_valid(a, b)
+    judged = np.array([judge.fault([x, y], x, y) is None for x, y in zip(a, b, strict=True)])
+    assert 10 < certified.sum() < len(a) - 10
+    assert judged[certified].all()
+    for x, y in zip(a[judged & ~certified], b[judged & ~certified], strict=True):
+        along = motion.steering.states(x, y, np.linspace(0.0, motion.steering.lengths(x, y), 20_000))
+        assert motion.checker.clearance(along).min() < 1e-3
+
+
+def test_what_no_car_drives_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    start, goal = (2.0, 2.0, 0.0), (1.0, 2.1, 0.0)
+    judge = Referee(World("wide", (-10.0, -10.0, 10.0, 10.0)), CAR.steered(1.0, reverse=False))
+    states = Steering.states
+    assert judge.fault([start, goal], start, goal) is None
+    # Curves that turn twice as sharply or go backwards would be a mistake of trailmark's own.
+    for wrong in (Steering(0.5, reverse=False), Steering(1.0)):
+        with monkeypatch.context() as patch:
+            patch.setattr(
+                Steering,
+                "states",
+                lambda _, a, b, along, wrong=wrong: states(wrong, a, b, along * wrong.lengths(a, b) / np.max(along)),
+            )
+            found = judge.fault([start, goal], start, goal)
+        assert found is not None
+        assert "no curve of the car" in found

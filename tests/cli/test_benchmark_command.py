@@ -77,6 +77,32 @@ def test_planners_on_problems_and_again(shell: Shell, yard: Path, tmp_path: Path
     assert len(before) == len(results.read_bytes())
 
 
+def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    results, page = tmp_path / "results.db", tmp_path / "report.html"
+    words = [
+        "benchmark",
+        yard,
+        "--turning-radius",
+        0.5,
+        "--forward-only",
+        "-p",
+        "landmark",
+        "-p",
+        "RRTConnect+certified",
+    ]
+    run = shell(*words, "--query", "across", "--runs", 1, "--time-limit", 2, "--output", results)
+    assert (run.status, run.err) == (0, "")
+    assert run.out.startswith("2 runs made, 0 of them without a correct solution\n")
+    setup = json.loads(rows(results, "SELECT setup FROM experiments")[0][0])
+    assert setup["facts"]["robot"] == "rectangle 0.8 x 0.4 m, turning radius 0.5 m, forward only"
+    assert setup["identity"]["objective"] == "length of the dubins curves, metres"
+    assert shell("report", results, "--html", page).status == 0
+    assert "turning radius 0.5 m" in page.read_text()
+    refused = shell("benchmark", yard, "--forward-only", "-p", "landmark", "--output", tmp_path / "other.db")
+    assert refused.status == 2
+    assert "--turning-radius" in refused.err
+
+
 def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path: Path) -> None:
     suite = tmp_path / "suite.yaml"
     suite.write_text(

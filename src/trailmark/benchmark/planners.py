@@ -26,17 +26,18 @@ def known_planners() -> list[str]:
     return names + _native()
 
 
-def read_planners(given: Iterable[str]) -> list[str]:
+def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
     """Return the planners that a list names, each once, spelt as they are known.
 
     Args:
         given: names, in upper or lower case; ``all`` for all that are known; ``module:function`` for one of the user's
             own.
+        cars: whether some of the robots are cars, whose curves the native program does not know.
 
     Raises:
         SuiteError: a name that is none of them, or no name at all.
     """
-    known = known_planners()
+    known = [name for name in known_planners() if not (cars and name.startswith("native:"))]
     spelt = {name.lower(): name for name in known}
     chosen: dict[str, None] = {}
     for name in given:
@@ -44,6 +45,8 @@ def read_planners(given: Iterable[str]) -> list[str]:
             chosen |= dict.fromkeys(known)
         elif name.lower() in spelt:
             chosen[spelt[name.lower()]] = None
+        elif name.startswith("native:") and cars:
+            raise SuiteError(f"planner: expected one that plans for cars, got {name!r}, which moves straight")
         elif name.startswith("native:") and not any(other.startswith("native:") for other in known):
             raise SuiteError(f"planner {name!r} given, but the native program is not built (see benchmarks/native)")
         elif ":" in name and not name.startswith("native:"):

@@ -6,10 +6,15 @@ import hashlib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
+from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.curves import CurvePath, Steering
 from trailmark.errors import FormatError, WorldError
+from trailmark.path import Path
 from trailmark.world import Query, Robot, World
 
 __all__ = ["Job", "Problem", "problems_of", "read_problem"]
@@ -52,6 +57,23 @@ class Problem:
     def key(self) -> str:
         """SHA-256 of the text: the same for the same problem, wherever it came from."""
         return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @cached_property
+    def steering(self) -> Steering | None:
+        """Of a robot that is a car; None for one that moves straight in every direction."""
+        return Steering.of(self.robot)
+
+    @property
+    def objective(self) -> str:
+        """What a path costs, in words."""
+        if self.steering is None:
+            return "path length in SE(2): sum of |dxy| + 0.5 |dtheta|, metres"
+        return f"length of the {self.steering.kind} curves, metres"
+
+    def path(self, states: ArrayLike) -> Path:
+        """Return the path of the robot's motions through these states, shape (n, 3)."""
+        rows = np.asarray(states, dtype=np.float64)
+        return Path(rows) if self.steering is None else CurvePath(rows, self.steering)
 
     def resolution(self) -> float:
         """Metres between the states that the discrete baseline checks: half the robot's inscribed radius."""
@@ -96,16 +118,11 @@ def problems_of(world: World, robot: Robot | None = None, queries: Iterable[str]
         queries: their names; all of the world's if empty.
 
     Raises:
-        WorldError: no robot, or a car; no query, or none of a given name.
+        WorldError: no robot; no query, or none of a given name.
     """
     chosen = robot or world.robot
     if chosen is None:
         raise WorldError(f"world {world.name!r} names no robot; expected --robot with disc:RADIUS or another shape")
-    if chosen.turning_radius is not None:
-        raise WorldError(
-            f"world {world.name!r}: robot ({chosen.describe()}) drives in curves; expected a robot that moves "
-            "straight in any direction, such as --robot rectangle:LENGTHxWIDTH"
-        )
     for query in [world.query(name) for name in queries] or world.queries or [world.query()]:
         yield Problem(replace(world, robot=chosen, queries=(query,)))
 
@@ -119,7 +136,7 @@ def read_problem(text: str) -> Problem:
     from trailmark.formats.world_yaml import world_from_data
     from trailmark.formats.yaml_data import parse_yaml
 
-    source = Path("problem")
+    source = FilePath("problem")
     data = parse_yaml(text, source)
     if not isinstance(data, dict):
         raise FormatError(source, "no mapping; expected the text of a world file")

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
+from trailmark.curves import Steering
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -45,6 +46,7 @@ class Referee:
         self._radius = footprint.radius - TOUCHING if isinstance(footprint, Disc) else 0.0
         self._outline = None if isinstance(footprint, Disc) else _shrunk(robot)
         self._reach = 0.0 if self._outline is None else float(np.hypot(*self._outline.T).max())
+        self._steering = Steering.of(robot)
         self.step = robot.inscribed_disc.radius / STATES_PER_RADIUS
         discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
         solid = [shape.polygon().shapely() for shape in world.obstacles if not isinstance(shape, Disc)]
@@ -60,7 +62,8 @@ class Referee:
         """Return what is wrong with a path, in one line, or None.
 
         Args:
-            path: states (x, y, theta), shape (n, 3), joined by straight motions with the heading along the shorter arc.
+            path: states (x, y, theta), shape (n, 3), joined by straight motions with the heading along the shorter arc,
+                or by the shortest curves of a robot that is a car.
             start: shape (3,).
             goal: shape (3,).
         """
@@ -76,6 +79,10 @@ class Referee:
         steps = self._steps(states)
         if steps > MAX_STATES:
             return f"path: expected at most {MAX_STATES:,} steps of {self.step:g} m, got {steps:,}"
+        if self._steering is not None:
+            for a, b in pairwise(states):
+                if not self._can_be_driven(np.vstack([a, self._between(a, b)]), b, self._steering):
+                    return f"no curve of the car ({self._steering}) leads from ({_row(a)}) to ({_row(b)})"
         for block in self._blocks(states):
             for judge in (self._outside, self._hit):
                 wrong = judge(block)
@@ -86,19 +93,45 @@ class Referee:
 
     def _bound(self, a: FloatArray, b: FloatArray) -> float:
         """Return how far a motion moves any point of the robot at most (metres)."""
-        return math.hypot(b[0] - a[0], b[1] - a[1]) + self._reach * abs(_wrapped(b[2] - a[2]))
+        if self._steering is not None:
+            return float(self._steering.lengths(a, b)) * (1.0 + self._reach / self._steering.radius)
+        return float(math.hypot(b[0] - a[0], b[1] - a[1]) + self._reach * abs(_wrapped(b[2] - a[2])))
 
     def _steps(self, states: FloatArray) -> int:
         return sum(math.ceil(self._bound(a, b) / self.step) for a, b in pairwise(states))
+
+    def _between(self, a: FloatArray, b: FloatArray) -> FloatArray:
+        """Return the states along the motion from a to b, without a, no point moving more than a step to the next."""
+        n = max(1, math.ceil(self._bound(a, b) / self.step))
+        along = np.arange(1, n + 1) / n
+        if self._steering is not None:
+            return self._steering.states(a, b, along * self._steering.lengths(a, b))
+        return np.asarray(a + along[:, None] * np.array([b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2])]))
+
+    def _can_be_driven(self, states: FloatArray, goal: FloatArray, steering: Steering) -> bool:
+        """Return whether a car can drive along dense states to the goal.
+
+        The code that computes the curves is the planners' too, so it is not trusted: from state to state the car must
+        move along its mean heading, turn by no more than its turning radius allows, and reverse only if it can.
+        """
+        step = self.step / (1.0 + self._reach / steering.radius)
+        dx, dy, turned = np.diff(states[:, 0]), np.diff(states[:, 1]), _wrapped(np.diff(states[:, 2]))
+        heading = states[:-1, 2] + 0.5 * turned
+        ahead, beside = np.cos(heading) * dx + np.sin(heading) * dy, np.cos(heading) * dy - np.sin(heading) * dx
+        missed = math.hypot(*(goal - states[-1])[:2]) + abs(_wrapped(goal[2] - states[-1, 2]))
+        return bool(
+            missed <= TOUCHING
+            and (np.abs(turned) <= step / steering.radius + TOUCHING).all()
+            and (np.abs(beside) <= step**2 / steering.radius + TOUCHING).all()
+            and (steering.reverse or (ahead >= -TOUCHING).all())
+        )
 
     def _blocks(self, states: FloatArray) -> Iterator[FloatArray]:
         """Yield the states along the path, no point of the robot moving more than a step from one to the next."""
         pending, count = [states[:1]], 1
         for a, b in pairwise(states):
-            n = max(1, math.ceil(self._bound(a, b) / self.step))
-            delta = np.array([b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2])])
-            pending.append(a + (np.arange(1, n + 1) / n)[:, None] * delta)
-            count += n
+            pending.append(self._between(a, b))
+            count += len(pending[-1])
             if count >= CHUNK:
                 yield from np.array_split(np.concatenate(pending), math.ceil(count / CHUNK))
                 pending, count = [], 0
@@ -150,8 +183,8 @@ def _shrunk(robot: Robot) -> FloatArray:
     return np.asarray(shapely.get_coordinates(largest.exterior)[:-1])
 
 
-def _wrapped(angle: float) -> float:
-    """Return an angle (radians) wrapped to (-pi, pi]."""
+def _wrapped(angle: Any) -> Any:
+    """Return an angle, or an array of angles (radians), wrapped to (-pi, pi]."""
     return math.pi - (math.pi - angle) % (2.0 * math.pi)
 
 

@@ -23,7 +23,6 @@ from trailmark.benchmark.store import Experiment, Store
 
 __all__ = ["Benchmark", "Tally"]
 
-OBJECTIVE = "path length in SE(2): sum of |dxy| + 0.5 |dtheta|, metres"
 MAX_TRIES = 3
 """Times that a job is handed out, should its worker get lost."""
 
@@ -158,7 +157,7 @@ class Benchmark:
             name=problem.name,
             identity={
                 "problem": problem.key,
-                "objective": OBJECTIVE,
+                "objective": problem.objective,
                 "resolution": self._resolution(problem),
                 "time_limit": self.time_limit,
                 "memory_limit": self.memory_limit,

@@ -11,8 +11,10 @@ import typer
 
 from trailmark.cli import console
 from trailmark.cli.options import (
+    ForwardOnlyOption,
     JsonOption,
     RobotOption,
+    TurningRadiusOption,
     UsageError,
     grown_for,
     keep_inputs,
@@ -23,6 +25,8 @@ from trailmark.cli.options import (
     read_duration,
     read_length,
     read_robot,
+    read_turning_radius,
+    steered,
 )
 
 if TYPE_CHECKING:
@@ -63,6 +67,8 @@ def benchmark(
     seed: Annotated[str | None, option("--seed", "N", "Seed of the first run; they count up; default: 0.")] = None,
     query: Annotated[list[str] | None, option("--query", "NAME", "A query of the worlds; default: all.")] = None,
     robot: RobotOption = None,
+    turning_radius: TurningRadiusOption = None,
+    forward_only: ForwardOnlyOption = False,
     resolution: Annotated[
         str | None,
         option(
@@ -97,10 +103,14 @@ def benchmark(
     file = output_file(output, ())
     log_file = output_file(log, (".log",))
     with console.progress("loading worlds"):
-        problems = _problems(worlds or [], given, robot, query or [])
+        car = read_turning_radius(turning_radius), forward_only
+        problems = _problems(worlds or [], given, robot, car, query or [])
         plan = Benchmark(
             problems=problems,
-            planners=read_planners(planners or (list(given.planners) if given else [])),
+            planners=read_planners(
+                planners or (list(given.planners) if given else []),
+                cars=any(problem.steering is not None for problem in problems),
+            ),
             runs=read_count(runs or _setting(given, "runs"), "--runs", 1, 1_000_000),
             time_limit=read_duration(time_limit or _setting(given, "time_limit"), "--time-limit"),
             memory_limit=read_count(memory_limit or _setting(given, "memory_limit"), "--memory-limit", 1, 2**30),
@@ -126,19 +136,34 @@ def _setting(suite: Suite | None, name: str) -> str:
     return DEFAULTS[name.replace("_", " ")] if given is None else str(given)
 
 
-def _problems(worlds: list[str], suite: Suite | None, robot: str | None, queries: list[str]) -> list[Problem]:
+def _problems(
+    worlds: list[str], suite: Suite | None, robot: str | None, car: tuple[float | None, bool], queries: list[str]
+) -> list[Problem]:
     """Return the problems that the words and the suite name, each once.
 
+    Args:
+        worlds: files or names.
+        suite: further worlds.
+        robot: instead of the worlds' own.
+        car: turning radius (metres) instead of the robot's own, if not None, and whether it only drives forwards.
+        queries: their names; all if empty.
+
     Raises:
-        UsageError: none.
+        UsageError: no world is named.
     """
     from dataclasses import replace
 
     from trailmark.benchmark.problems import problems_of
     from trailmark.library import shipped_worlds
 
+    def posed(world: World, body: Robot | None, names: list[str]) -> Iterator[Problem]:
+        if body := body or world.robot:
+            body = steered(body, *car)
+            world = grown_for(world, body)
+        return problems_of(world, body, names)
+
     given = read_robot(robot)
-    found = [problem for text in worlds for problem in problems_of(_grown(load_world(text), given), given, queries)]
+    found = [problem for text in worlds for problem in posed(load_world(text), given, queries)]
     for entry in suite.entries if suite is not None else ():
         if entry.missing:
             console.note(f"left out, for it is not there: {entry.world}")
@@ -146,17 +171,10 @@ def _problems(worlds: list[str], suite: Suite | None, robot: str | None, queries
         world = load_world(entry.world)
         names = [*entry.names, *(query.name for query in entry.queries)]
         world = replace(world, queries=(*entry.queries, *world.queries))
-        body = given or read_robot(entry.robot)
-        found += problems_of(_grown(world, body), body, queries or names)
+        found += posed(world, given or read_robot(entry.robot), queries or names)
     if not found:
         raise UsageError(f"no world given; expected files, or {', '.join(shipped_worlds())}, or --suite FILE")
     return list({problem.key: problem for problem in found}.values())
-
-
-def _grown(world: World, robot: Robot | None) -> World:
-    """Return the world, grown for the robot that planners get, where there is one."""
-    body = robot or world.robot
-    return world if body is None else grown_for(world, body)
 
 
 @contextmanager

@@ -13,16 +13,16 @@ from math import inf, isfinite
 from time import perf_counter
 from typing import Any
 
-import numpy as np
 from ompl import base as ob
 from ompl import geometric as og
 from ompl import util as ou
 
-from trailmark import se2
+from trailmark.curves import CurvePath
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import planning
+from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.problem import SE2Problem
-from trailmark.ompl_bridge.states import path_to_ompl, states_of
+from trailmark.ompl_bridge.states import path_to_ompl
 from trailmark.path import Path
 
 __all__ = ["Measurement", "graph_size", "measure", "seed_ompl", "silence_ompl", "simplify"]
@@ -53,7 +53,7 @@ class Measurement:
     Attributes:
         status: OMPL's number.
         time: until the planner was done.
-        path: states (n, 3) of the path returned, exact or not; None without one.
+        path: the path returned, exact or not; None without one.
         exact: whether it reaches the goal, by the planner's word.
         difference: distance from its end to the goal, by the planner's word.
         curve: (time, cost) of each better exact solution.
@@ -63,7 +63,7 @@ class Measurement:
 
     status: int
     time: float
-    path: se2.FloatArray | None
+    path: Path | None
     exact: bool
     difference: float | None
     curve: list[tuple[float, float]]
@@ -130,20 +130,25 @@ def graph_size(problem: SE2Problem) -> tuple[int, int]:
     return int(data.numVertices()), int(data.numEdges())
 
 
-def simplify(problem: SE2Problem, states: se2.FloatArray, limit: float) -> tuple[se2.FloatArray, float]:
-    """Return what OMPL's ``PathSimplifier`` makes of a path, shape (n, 3), and the seconds that it took.
+def simplify(problem: SE2Problem, path: Path, limit: float) -> tuple[Path, float]:
+    """Return what OMPL's ``PathSimplifier`` makes of a path, and the seconds that it took.
 
     Args:
         problem: whose checker and motion validator decide.
-        states: shape (n, 3).
+        path: in the problem's space.
         limit: seconds.
     """
-    path = path_to_ompl(problem.information, states)
+    states = path.states
+    if isinstance(path, CurvePath):
+        certified = OmplCurves(problem.information, problem.checker, path.steering)
+        found = certified.certified_states(problem.information, path)
+        states = path.knots if found is None else found
+    made = path_to_ompl(problem.information, states)
     simplifier = og.PathSimplifier(problem.information)
     begin = perf_counter()
     with planning():
-        simplifier.simplify(path, limit)
-    return states_of(path), perf_counter() - begin
+        simplifier.simplify(made, limit)
+    return problem.path_of(made), perf_counter() - begin
 
 
 @dataclass
@@ -254,18 +259,18 @@ def _solve(planner: Any, limit: float) -> Any:
 def _measurement(problem: SE2Problem, watch: _Watch, status: Any, time: float) -> Measurement:
     definition = problem.setup.getProblemDefinition()
     exact = bool(definition.hasExactSolution())
-    path = states_of(definition.getSolutionPath()) if definition.hasSolution() else None
+    path = problem.path_of(definition.getSolutionPath()) if definition.hasSolution() else None
     if path is None or not exact:
         watch.curve.clear()
     else:
-        watch.note(time, Path(path).cost)
+        watch.note(time, path.cost)
     # The validator that looks at states one by one counts motions itself.
     motions = problem.motions.checked if problem.motions is not None else problem.information.getCheckedMotionCount()
     return Measurement(
         # A later slice may end without finding the path anew.
         status=EXACT if exact else int(status.getStatus().value),
         time=time,
-        path=None if path is None else np.asarray(path),
+        path=path,
         exact=exact,
         difference=None if path is None else max(0.0, float(definition.getSolutionDifference())),
         curve=watch.curve,

@@ -8,20 +8,27 @@ from typing import Any
 
 import numpy as np
 
+from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.curves import CurvePath, Steering
 from trailmark.motion.pointwise_curves import TIE, PointwiseCurveChecker
-from trailmark.ompl_bridge.states import opened, state
+from trailmark.ompl_bridge.states import configuration, opened, state, states_of
 from trailmark.se2 import FloatArray
 
-__all__ = ["OmplCurves"]
+__all__ = ["OmplCurves", "states_driven"]
 
 PARTS = (1, 2, 3, 4, 5, 7, 9, 12, 16, 23, 32)
 """Into how many parts a curve is divided, one number after the other, until OMPL follows it."""
 
 LONGER = 1e-6
 """Metres that OMPL's curves may be longer than the path's by rounding."""
+
+COMPARED = np.array([0.25, 0.5, 0.75])
+"""Parts of a curve at which OMPL's and trailmark's are compared."""
+
+ARC = 0.2
+"""Radians on an arc between two states of a curve that trailmark would not take."""
 
 
 class OmplCurves:
@@ -117,3 +124,35 @@ class OmplCurves:
             if not beside <= self._alike:
                 return False
         return True
+
+
+def states_driven(information: Any, path: Any, steering: Steering) -> FloatArray:
+    """Return states, shape (n, 3), whose shortest curves are the curves that OMPL drives along a path.
+
+    These are the path's states, and more of them on curves where OMPL takes another one than trailmark.
+
+    Args:
+        information: the ``SpaceInformation`` of a ``DubinsStateSpace`` or ``ReedsSheppStateSpace``.
+        path: a ``PathGeometric`` in that space.
+        steering: of the cars that the space is for.
+    """
+    space, held = information.getStateSpace(), state(information, (0.0, 0.0, 0.0))
+    place = opened(held)
+
+    def driven(i: int, fractions: FloatArray) -> FloatArray:
+        rows = []
+        for fraction in fractions.tolist():
+            space.interpolate(path.getState(i), path.getState(i + 1), fraction, place)
+            rows.append(configuration(place))
+        return np.array(rows).reshape(-1, 3)
+
+    states = states_of(path)
+    rows = [states[:1]]
+    for i, (a, b) in enumerate(pairwise(states)):
+        length = float(space.distance(path.getState(i), path.getState(i + 1)))
+        own = steering.states(a, b, COMPARED * steering.lengths(a, b))
+        if np.max(se2.distance(driven(i, COMPARED), own)) > LONGER * max(1.0, length):
+            parts = int(np.ceil(length / (ARC * steering.radius)))
+            rows.append(driven(i, np.arange(1, parts) / parts))
+        rows.append(b[None])
+    return np.concatenate(rows)

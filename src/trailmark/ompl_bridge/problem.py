@@ -16,6 +16,7 @@ from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import solve
+from trailmark.ompl_bridge.ompl_curves import states_driven
 from trailmark.ompl_bridge.planners import planner_named
 from trailmark.ompl_bridge.spaces import space_for
 from trailmark.ompl_bridge.states import planner_data_graph, state, states_of
@@ -107,8 +108,14 @@ class SE2Problem:
         """The exact solution's path, or None; a car's is a :class:`trailmark.curves.CurvePath`."""
         if not self.setup.haveExactSolutionPath():
             return None
-        states, steering = states_of(self.setup.getSolutionPath()), Steering.of(self.checker.robot)
-        return Path(states) if steering is None else CurvePath(states, steering)
+        return self.path_of(self.setup.getSolutionPath())
+
+    def path_of(self, path: Any) -> Path:
+        """Return one of OMPL's paths in this problem's space; a car's as OMPL drives it."""
+        steering = Steering.of(self.checker.robot)
+        if steering is None:
+            return Path(states_of(path))
+        return CurvePath(states_driven(self.information, path, steering), steering)
 
     def graph(self) -> Any:
         """Return the planner's roadmap or tree as a ``networkx.Graph``."""

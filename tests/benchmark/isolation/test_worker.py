@@ -62,6 +62,24 @@ def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: P
         assert answer["simplified_path"] is None
 
 
+@pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
+@pytest.mark.parametrize("planner", ["landmark", "RRTConnect", "BITstar+certified"])
+def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, around: Problem) -> None:
+    car = Problem(around.world.with_robot(Robot.rectangle(0.8, 0.4).steered(0.6, reverse)))
+    # The first job of a worker compiles what cars need, if no cache holds it.
+    answer = worker.run(job(car, planner, seed=2, limit=2.0))
+    assert answer["solved"], answer
+    assert answer["correct_solution"], answer["failure"]
+    check_curve(answer)
+    found = car.path(answer["path"])
+    assert found.cost == pytest.approx(answer["solution_length"], rel=1e-5)
+    shorter = car.path(answer["simplified_path"])
+    assert shorter.cost == pytest.approx(answer["simplified_solution_length"])
+    assert shorter.cost < found.cost + 1e-6
+    for name in ("states_checked", "graph_states", "memory", "setup_time"):
+        assert answer[name] > 0, name
+
+
 def test_what_is_proven_infeasible_is_no_approximate_solution(worker: Worker) -> None:
     # Landmarks are placed before headings prove that the rod cannot get round the bend: some path leads nearer.
     inner = np.array([[0, 1], [9, 1], [9, 10], [0, 10]], dtype=float)

@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterator, Mapping
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from trailmark import se2
 from trailmark.benchmark.isolation.memory import MemoryPeak
 from trailmark.benchmark.isolation.prepared import CountingChecker, Prepared
 from trailmark.benchmark.status import Status
+from trailmark.curves import CurvePath
+from trailmark.motion import kind_of
 from trailmark.path import Path
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
         return
     run = _landmark if name == "landmark" else _own if ":" in name else _ompl
     if run is not _own:
-        _settle_in(job)
+        _settle_in(prepared, job)
     answer, graph = run(prepared, job)
     answer = _in_time(answer, latest(float(job["time_limit"])))
     yield answer
@@ -70,7 +70,7 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
         yield _simplified(prepared, answer["path"])
 
 
-def _settle_in(job: Mapping[str, Any]) -> None:
+def _settle_in(prepared: Prepared, job: Mapping[str, Any]) -> None:
     """Have the planner solve a small problem that does not count.
 
     What a forked process touches for the first time is copied for it, which takes milliseconds: no planner's doing,
@@ -79,7 +79,7 @@ def _settle_in(job: Mapping[str, Any]) -> None:
     from trailmark.planning import LandmarkPlanner
     from trailmark.planning.warmup import ROBOTS, SMALL
 
-    (world, (start, goal)), robot = SMALL, ROBOTS["straight"]
+    (world, (start, goal)), robot = SMALL, ROBOTS[kind_of(prepared.problem.robot)]
     if job["planner"] == "landmark":
         LandmarkPlanner(world, robot, seed=0, warm=False).plan(start, goal, time_limit=1.0, max_iterations=1)
         return
@@ -122,7 +122,7 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
         "solution_difference": run.difference,
         "time": run.time,
         "curve": run.curve,
-        "path": None if run.path is None else run.path.tolist(),
+        "path": None if run.path is None else _states(run.path),
         "states_checked": run.states_checked,
         "motions_checked": run.motions_checked,
         "memory": peak.highest,
@@ -173,7 +173,7 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
     begin = perf_counter()
     found = plan(checker, *prepared.ends, float(job["time_limit"]), int(job["seed"]))
     time = perf_counter() - begin
-    path = None if found is None else Path(found)
+    path = None if found is None else prepared.problem.path(found)
     status = Status.TIMEOUT if path is None else Status.EXACT_SOLUTION
     curve = [] if path is None else [(time, path.cost)]
     return _answer(prepared, status, time, curve, path, checker, peak), None
@@ -194,14 +194,26 @@ def _answer(
         "status": int(status),
         "solved": status == Status.EXACT_SOLUTION,
         "approximate_solution": status == Status.APPROXIMATE_SOLUTION,
-        "solution_difference": None if path is None else float(se2.distance(path.states[-1], prepared.ends[1])),
+        "solution_difference": None if path is None else _distance(prepared, path.states[-1], prepared.ends[1]),
         "time": time,
         "curve": curve,
-        "path": None if path is None else path.states.tolist(),
+        "path": None if path is None else _states(path),
         "states_checked": checker.states,
-        "motions_checked": checker.motions,
+        # A car's curves are checked within compiled code.
+        "motions_checked": checker.motions if prepared.problem.steering is None else None,
         "memory": peak.highest,
     }
+
+
+def _states(path: Path) -> list[list[float]]:
+    """Return the states that the robot's motions join, as rows."""
+    rows: list[list[float]] = (path.knots if isinstance(path, CurvePath) else path.states).tolist()
+    return rows
+
+
+def _distance(prepared: Prepared, a: se2.FloatArray, b: se2.FloatArray) -> float:
+    steering = prepared.problem.steering
+    return float(se2.distance(a, b) if steering is None else steering.lengths(a, b))
 
 
 def _native(prepared: Prepared, job: Mapping[str, Any]) -> Answer:
@@ -235,9 +247,9 @@ def _simplified(prepared: Prepared, path: list[list[float]]) -> Answer:
 
     measured.silence_ompl()
     problem = SE2Problem(prepared.problem.world, prepared.problem.robot, prepared.ends, checker=prepared.checker)
-    states, seconds = measured.simplify(problem, np.array(path), SIMPLIFYING)
+    shortened, seconds = measured.simplify(problem, prepared.problem.path(path), SIMPLIFYING)
     return {
-        "simplified_path": states.tolist(),
-        "simplified_solution_length": Path(states).cost,
+        "simplified_path": _states(shortened),
+        "simplified_solution_length": shortened.cost,
         "simplification_time": seconds,
     }

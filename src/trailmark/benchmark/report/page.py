@@ -86,8 +86,9 @@ def _summary(results: Results, summary: Summary, styles: Mapping[str, Style]) ->
     yield overall_table(summary, "All runs, the quickest planner first").html(styles)
     yield (
         '<p class="note">A path counts only if planner and referee agree on it. Times: to the first path, a failure as '
-        "the limit. Costs: length (m) plus half a metre a radian of rotation; over the best known, medians over all "
-        "runs, a failure as infinite (“none”: half of the runs or more failed). “Ahead of”: adjusted p &lt; 0.05.</p>"
+        "the limit. Costs: length (m) plus half a metre a radian of rotation, for cars the length of curves; over "
+        "the best known, medians over all runs, a failure as infinite (“none”: half of the runs or more failed). "
+        "“Ahead of”: adjusted p &lt; 0.05.</p>"
     )
 
 

@@ -131,7 +131,7 @@ class Scene:
         return np.column_stack([points[:, 0] - left, top - points[:, 1]]) * scale
 
     def _path(self, states: FloatArray) -> str:
-        line = self._at(states[:, :2])
+        line = self._at(self.problem.path(states).states[:, :2])
         if len(line) > 2:
             line = shapely.get_coordinates(shapely.simplify(shapely.LineString(line), 0.25))
         return _drawn(line)
@@ -141,9 +141,7 @@ class Scene:
         return "".join(_drawn(self._at(shapely.get_coordinates(ring))[:-1], closed=True) for ring in rings)
 
     def _bodies(self, states: FloatArray) -> str:
-        from trailmark.path import Path
-
-        along = Path(states).at(np.linspace(0.0, 1.0, BODIES)[1:-1])
+        along = self.problem.path(states).at(np.linspace(0.0, 1.0, BODIES)[1:-1])
         outlines = se2.transform(along, self.problem.robot.outline.vertices)
         return element("path", d="".join(_drawn(self._at(o), closed=True) for o in outlines), class_="body")
 
