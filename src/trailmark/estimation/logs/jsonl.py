@@ -28,14 +28,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trailmark.errors import FormatError, OutputError
 from trailmark.estimation.errors import RecordError
-from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
+from trailmark.estimation.logs.records import Log, Record, Scan
 from trailmark.estimation.logs.schema import Landmark, parse, parse_header
 from trailmark.estimation.logs.source import BadRecords, name_of, read_lines
 from trailmark.formats.files import write_atomically
-from trailmark.se2 import FloatArray
 
 __all__ = ["read_jsonl", "write_jsonl"]
 
@@ -111,22 +111,13 @@ def write_jsonl(path: Path, log: Log) -> None:
 
 def _data(record: Record) -> dict[str, Any]:
     """Return a record as the line's object, without what is optional and not there."""
-    match record:
-        case Odometry():
-            data = {"type": "odometry", **record._asdict()}
-        case Increment():
-            data = {"type": "increment", **record._asdict()}
-        case Detection():
-            data = {"type": "detection", **record._asdict()}
-        case Scan():
-            data = {"type": "scan", **record._asdict(), "ranges": _words(record.ranges)}
-            data["range_max"] = "inf" if record.range_max == math.inf else record.range_max
-        case Pose():
-            data = {"type": "pose", **record._asdict()}
+    data = {"type": type(record).__name__.lower(), **record._asdict()}
+    if isinstance(record, Scan):
+        data |= {"ranges": _words(record.ranges), "range_max": _words([record.range_max])[0]}
     return {key: value for key, value in data.items() if value is not None}
 
 
-def _words(ranges: FloatArray) -> list[float | str | None]:
+def _words(ranges: ArrayLike) -> list[float | str | None]:
     """Return ranges for JSON, which has no word for infinite and NaN."""
     return [
         None if math.isnan(value) else "inf" if value == math.inf else value

@@ -21,7 +21,7 @@ import numpy as np
 
 from trailmark.errors import FormatError
 from trailmark.estimation.logs.records import Detection, Log, Odometry, Pose, Record
-from trailmark.estimation.logs.source import BadRecords, Table, in_order, read_table
+from trailmark.estimation.logs.source import BadRecords, in_order, read_table
 
 __all__ = ["read_mrclam", "robot_of", "robots"]
 
@@ -65,19 +65,17 @@ def read_mrclam(folder: Path, bad: BadRecords, robot: int | None = None) -> Log:
     odometry_file = folder / f"Robot{number}_Odometry.dat"
     odometry = in_order(odometry_file, read_table(odometry_file, ("t", "v", "omega"), bad), bad)
     detections, notes = _detections(folder, number, bad)
-    truth = Table(np.empty(0, dtype=np.int64), np.empty((0, 4)))
-    truth_file = folder / f"Robot{number}_Groundtruth.dat"
+    truth, landmarks = np.empty((0, 4)), np.empty((0, 3))
+    truth_file, landmark_file = folder / f"Robot{number}_Groundtruth.dat", folder / "Landmark_Groundtruth.dat"
     if truth_file.exists():
-        truth = in_order(truth_file, read_table(truth_file, ("t", "x", "y", "theta"), bad), bad)
-    landmarks = np.empty((0, 3))
-    landmark_file = folder / "Landmark_Groundtruth.dat"
+        truth = in_order(truth_file, read_table(truth_file, ("t", "x", "y", "theta"), bad), bad).values
     if landmark_file.exists():
         columns = ("subject", "x", "y", "x standard deviation", "y standard deviation")
         landmarks = read_table(landmark_file, columns, bad).values[:, :3]
     parts: list[Record] = [
         *map(Odometry._make, odometry.values.tolist()),
         *detections,
-        *(Pose(t, x, y, theta, truth=True) for t, x, y, theta in truth.values.tolist()),
+        *(Pose(t, x, y, theta, truth=True) for t, x, y, theta in truth.tolist()),
     ]
     order = np.argsort([record.t for record in parts], kind="stable")
     return Log(f"{folder.resolve().name}-robot{number}", tuple(parts[i] for i in order), landmarks, notes=notes)

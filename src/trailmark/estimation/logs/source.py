@@ -1,4 +1,7 @@
-"""What the readers of text logs share: lines of a file, gzipped or not, tables of numbers, and bad records."""
+"""What the readers of text logs share: lines of a file, gzipped or not, tables of numbers, and bad records.
+
+Tests: tests/estimation/logs/test_load_log.py.
+"""
 
 from __future__ import annotations
 
@@ -151,28 +154,19 @@ def read_table(path: Path, columns: Sequence[str], bad: BadRecords, separator: s
     Raises:
         FormatError: as :func:`read_lines`, or a bad row.
     """
-    lines = read_lines(path, bad)
-    filled = [i for i, line in enumerate(lines) if line.strip() and line.lstrip()[0] != "#"]
-    if not filled:
-        return Table(np.empty(0, dtype=np.int64), np.empty((0, len(columns))))
-    try:
-        values = np.loadtxt([lines[i] for i in filled], ndmin=2, comments=None, delimiter=separator)
-    except ValueError:
-        values = np.empty((0, 0))
-    if values.shape == (len(filled), len(columns)) and np.isfinite(values).all():
-        return Table(np.array(filled, dtype=np.int64) + 1, values)
-    # Something is wrong: row by row, to find out where.
-    rows, kept = [], []
-    for i in filled:
-        fields = lines[i].split(separator)
+    rows, places = [], []
+    for number, line in enumerate(read_lines(path, bad), start=1):
+        fields = line.split(separator)
+        if not line.strip() or line.lstrip()[0] == "#":
+            continue
         row = numbers(fields)
         if row is not None and len(row) == len(columns):
             rows.append(row)
-            kept.append(i + 1)
+            places.append(number)
             continue
-        given = f"{len(fields)} columns" if row is not None else f"{lines[i].strip()[:60]!r}"
-        bad.report(path, f"{given} given, allowed: {len(columns)} finite numbers {', '.join(columns)}", i + 1)
-    return Table(np.array(kept, dtype=np.int64), np.array(rows, dtype=np.float64).reshape(-1, len(columns)))
+        given = f"{len(fields)} columns" if row is not None else f"{line.strip()[:60]!r}"
+        bad.report(path, f"{given} given, allowed: {len(columns)} finite numbers {', '.join(columns)}", number)
+    return Table(np.array(places, dtype=np.int64), np.array(rows, dtype=np.float64).reshape(-1, len(columns)))
 
 
 def numbers(fields: Sequence[str]) -> list[float] | None:

@@ -1,4 +1,7 @@
-"""The settings by which single scans are taken apart, with every default in sight."""
+"""The settings by which single scans are taken apart, with every default in sight.
+
+Tests: tests/estimation/scans/test_scan_features.py.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Simulated sensors: a detector of point-like discs, and a laser scanner."""
+"""Simulated sensors: a detector of point-like discs, and a laser scanner.
+
+Tests: tests/estimation/simulation/test_simulator.py.
+"""
 
 from __future__ import annotations
 

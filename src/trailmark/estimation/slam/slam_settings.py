@@ -1,4 +1,4 @@
-"""The settings of a run over a log, with every default in sight."""
+"""The settings of a run over a log, with every default in sight. Tests: tests/estimation/slam/test_ekf_slam.py."""
 
 from __future__ import annotations
 
