@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from time import thread_time
 from typing import Any, NamedTuple
@@ -31,9 +32,13 @@ from trailmark import LandmarkPlanner, PlanResult
 from trailmark.formats.files import write_atomically
 from trailmark.landmarks import free_samples
 from trailmark.library import shipped_worlds
-from trailmark.planning import attempt as attempt_module
+from trailmark.planning import incumbent as incumbent_module
 from trailmark.planning import planner as planner_module
-from trailmark.planning.attempt import Attempt
+from trailmark.planning import query as query_module
+from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.query import Query
+from trailmark.planning.result import Status
+from trailmark.planning.solve import solve
 from trailmark.world import World
 
 __all__ = ["Asked", "ask", "random_pairs"]
@@ -63,22 +68,19 @@ class Asked(NamedTuple):
 
 def ask(planner: LandmarkPlanner, start: FloatArray, goal: FloatArray, limit: float, **options: Any) -> Asked:
     """Plan, and count the work; times are the thread's own, which other programs do not disturb."""
-    attempts: list[Attempt] = []
+    queries: list[Query] = []
 
-    class Counted(Attempt):
-        def __init__(self, *arguments: Any, **named: Any) -> None:
-            super().__init__(*arguments, **named)
-            attempts.append(self)
+    def counted(query: Query, bound: LowerBound | None) -> Status:
+        queries.append(query)
+        return solve(query, bound)
 
-    with (
-        patch.object(planner_module, "Attempt", Counted),
-        patch.object(planner_module, "perf_counter", thread_time),
-        patch.object(attempt_module, "perf_counter", thread_time),
-    ):
+    with ExitStack() as stack:
+        stack.enter_context(patch.object(planner_module, "solve", counted))
+        for module in (planner_module, query_module, incumbent_module):
+            stack.enter_context(patch.object(module, "perf_counter", thread_time))
         result = planner.plan(start, goal, limit, **options)
-    (attempt,) = attempts
-    scout = 0 if attempt.scout is None else attempt.scout.taken
-    return Asked(result, attempt.effort if attempt.history else attempt.recall.taken + scout)
+    (query,) = queries
+    return Asked(result, query.effort if query.incumbent.history else query.expanded())
 
 
 def random_pairs(planner: LandmarkPlanner, n: int, seed: int) -> FloatArray:

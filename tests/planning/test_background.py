@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from trailmark.collision import StateChecker
-from trailmark.planning import LandmarkPlanner, attempt
+from trailmark.planning import LandmarkPlanner, rounds
 from trailmark.planning.background import BackgroundProof
 from trailmark.planning.lower_bound import enclosed
 from trailmark.shapes import Rectangle
@@ -75,11 +75,11 @@ def test_planning_ends_with_the_proof_and_leaves_no_thread() -> None:
 
 
 def test_an_error_ends_the_thread_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(self: attempt.Attempt, *arguments: object) -> None:
+    def fail(self: rounds.Rounds, *arguments: object) -> None:
         assert others() == 1
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(attempt.Attempt, "_refine", fail)
+    monkeypatch.setattr(rounds.Rounds, "_refine", fail)
     with pytest.raises(KeyboardInterrupt):
         LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0)
     assert others() == 0

@@ -13,7 +13,6 @@ from trailmark.landmarks import Relaxation
 from trailmark.landmarks.relaxation import CostMap
 from trailmark.library import find_world
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.attempt import Attempt
 from trailmark.planning.claims import contradicted, grid_separates
 from trailmark.planning.lower_bound import LowerBound, enclosed
 from trailmark.planning.lower_bound.bound import Bound
@@ -79,7 +78,7 @@ def test_a_grid_that_closes_too_much_is_not_believed(robot: Robot, monkeypatch: 
         result = LandmarkPlanner(WALL, robot, seed=0).plan(ENDS[0], ENDS[1], 0.5)
     assert result.status == "solved"
     # Where no path was found before, the grid is not believed either.
-    monkeypatch.setattr(Attempt, "_scout", lambda *_: None)
+    monkeypatch.setattr("trailmark.planning.solve.AT_FIRST", 0)
     assert LandmarkPlanner(WALL, robot, seed=0).plan(ENDS[0], ENDS[1], 0.5).status == "timeout"
 
 

@@ -25,7 +25,14 @@ Judge = Callable[..., float]
 WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
 
 ROADMAP = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/links.py", "nearest.py")
-PLANNING = ("planning/planner.py", "planning/attempt.py", "planning/many.py", "planning/background.py")
+PLANNING = (
+    "planning/planner.py",
+    "planning/solve.py",
+    "planning/query.py",
+    "planning/rounds.py",
+    "planning/many.py",
+    "planning/background.py",
+)
 
 
 def queries(planner: LandmarkPlanner, n: int) -> FloatArray:

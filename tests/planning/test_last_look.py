@@ -12,8 +12,11 @@ from benchmarks.random_worlds import ROBOTS, random_world
 
 from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2
 from trailmark.errors import InternalErrorWarning
+from trailmark.planning import solve as solving
 from trailmark.planning.last_look import RIM, LastLook
-from trailmark.planning.result import PlanProgress
+from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.query import Query
+from trailmark.planning.result import PlanProgress, Status
 from trailmark.shapes import Rectangle
 
 KINDS = ["disc", "rectangle", "L", "thin"]
@@ -161,20 +164,18 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
     monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The search is made to return a path through the wall at first: nobody gets to see it."""
-    from trailmark.planning.attempt import Attempt
-
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    right = Attempt.run
+    right = solving.solve
     wrong: list[bool] = []
 
-    def run(self: Attempt) -> object:
+    def solve(query: Query, bound: LowerBound | None) -> Status:
         if not wrong:
             wrong.append(True)
-            self._offer(np.array([START, GOAL]))
-            return "solved", np.array([START, GOAL])
-        return right(self)
+            query.offer(np.array([START, GOAL]))
+            return "solved"
+        return right(query, bound)
 
-    monkeypatch.setattr(Attempt, "run", run)
+    monkeypatch.setattr("trailmark.planning.planner.solve", solve)
     seen: list[PlanProgress] = []
     planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
     with pytest.warns(InternalErrorWarning, match="not free"):
@@ -190,12 +191,16 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
 
 
 def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath) -> None:
-    from trailmark.planning.attempt import Attempt
     from trailmark.planning.many import KeptRoadmap
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     straight = np.array([START, GOAL])
-    monkeypatch.setattr(Attempt, "run", lambda self: ("solved", straight))
+
+    def solve(query: Query, bound: LowerBound | None) -> Status:
+        query.offer(straight)
+        return "solved"
+
+    monkeypatch.setattr("trailmark.planning.planner.solve", solve)
     answer = KeptRoadmap.answer
 
     def wrong(self: KeptRoadmap, *arguments: object) -> object:

@@ -17,7 +17,7 @@ from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.landmarks import free_samples
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-from trailmark.planning.attempt import Attempt
+from trailmark.planning.query import Query
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -467,8 +467,8 @@ def test_without_a_path_the_nearest_approach_is_told() -> None:
 
 def test_the_nearest_approach_of_a_disc_begins_with_the_heading_of_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     # No path is taken, so that there is none to tell but what comes near.
-    monkeypatch.setattr(Attempt, "_take", lambda self, states: np.inf)
-    monkeypatch.setattr(Attempt, "_disc_way", lambda self: False)
+    monkeypatch.setattr(Query, "take", lambda self, states: np.inf)
+    monkeypatch.setattr("trailmark.planning.solve.shortest_disc_path", lambda query, proofs: False)
     world = World("wall", (0, 0, 20, 20), (Rectangle((10.0, 5.0), 1.0, 10.0),), Robot.disc(0.5))
     start = np.array((3.0, 3.0, 2.0))
     result = LandmarkPlanner(world, seed=0).plan(start, (17, 3, 0), 60.0, max_iterations=1)

@@ -50,7 +50,10 @@ FILES = (
     "roadmap/files.py",
     "nearest.py",
     "planning/planner.py",
-    "planning/attempt.py",
+    "planning/solve.py",
+    "planning/query.py",
+    "planning/rounds.py",
+    "planning/improvement.py",
     "planning/many.py",
 )
 """Files between whose lines an interrupt may come."""

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
-from trailmark.planning.attempt import KEPT
 from trailmark.planning.recall import AT_ONCE, Recall
+from trailmark.planning.settings import PlannerSettings
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -24,6 +24,8 @@ Judge = Callable[..., float]
 LONG = 30.0
 
 WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
+
+MAX_KEPT = PlannerSettings().max_kept_nodes
 
 
 def planner_for(name: str = "rectangle", checker: StateChecker | None = None) -> LandmarkPlanner:
@@ -69,16 +71,16 @@ def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> N
         # At worst what the first look took, and a share of what all else took besides.
         assert of_kept <= 1.5 * of_fresh + AT_ONCE + 24
     assert np.mean(efforts["kept"][30:]) <= np.mean(efforts["fresh"][30:]) + 0.5 * AT_ONCE
-    assert sizes[-1] <= KEPT
+    assert sizes[-1] <= MAX_KEPT
     # What it grows by becomes less.
     assert sizes[-1] - sizes[30] < sizes[30]
 
 
 def test_a_large_roadmap_grows_by_what_it_does_not_know_alone(judge: Judge) -> None:
     planner = planner_for()
-    planner.build(KEPT + 500)
+    planner.build(MAX_KEPT + 500)
     nodes, edges = len(planner.roadmap), len(planner.roadmap.edges)
-    assert nodes > KEPT
+    assert nodes > MAX_KEPT
     pairs = random_pairs(planner, 20, 6)
     for start, goal in pairs:
         result = planner.plan(start, goal, LONG, max_iterations=1)
@@ -93,9 +95,8 @@ def test_a_query_that_nobody_can_answer_does_not_fill_it(monkeypatch: pytest.Mon
     # The way is barred to the robot, not to its disc, and no proof is sought.
     walls = (Rectangle((5.0, 1.4), 0.4, 2.8), Rectangle((5.0, 6.2), 0.4, 5.6), Rectangle((4.3, 3.1), 0.2, 1.0))
     world = World("barred", (0, 0, 10, 9), walls, Robot.rectangle(2.0, 0.4))
-    monkeypatch.setattr("trailmark.planning.attempt.Attempt._prove_aside", lambda self: None)
-    monkeypatch.setattr("trailmark.planning.attempt.KEPT", 600)
-    planner = LandmarkPlanner(world, seed=0)
+    monkeypatch.setattr("trailmark.planning.proofs.Proofs.begin_in_background", lambda self: None)
+    planner = LandmarkPlanner(world, seed=0, settings=PlannerSettings(max_kept_nodes=600))
     sizes = []
     for _ in range(12):
         result = planner.plan((2.0, 4.0, 1.5), (8.0, 4.0, 1.5), LONG, max_iterations=2)

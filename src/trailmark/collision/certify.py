@@ -68,9 +68,9 @@ class StraightTrack(NamedTuple):
         x: of the start, metres.
         y: of the start, metres.
         theta: of the start, radians.
-        dx: change of x, metres.
-        dy: change of y, metres.
-        dtheta: change of the heading, radians, the shorter way round.
+        dx: change of x for each metre of the scale.
+        dy: change of y, likewise.
+        dtheta: change of the heading, radians for each metre, the shorter way round.
         bound: length of the scale, metres.
     """
 
@@ -111,8 +111,7 @@ def pose(track: StraightTrack | CurveTrack, along: float) -> tuple[float, float,
 @variant_of(pose, StraightTrack)
 @njit(cache=True)
 def _straight_pose(track: StraightTrack, along: float) -> tuple[float, float, float]:
-    t = along / track.bound
-    return track.x + t * track.dx, track.y + t * track.dy, track.theta + t * track.dtheta
+    return track.x + along * track.dx, track.y + along * track.dy, track.theta + along * track.dtheta
 
 
 @variant_of(pose, CurveTrack)
@@ -235,7 +234,8 @@ def motion(
     """Return what :func:`certify` does of the straight motion from a to b, each of shape (3,)."""
     dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
     bound = hypot(dx, dy) + robot.sweep_radius * fabs(dtheta)
-    track = StraightTrack(a[0], a[1], a[2], dx, dy, dtheta, bound)
+    rate = 1.0 / bound if bound > 0.0 else 0.0
+    track = StraightTrack(a[0], a[1], a[2], rate * dx, rate * dy, rate * dtheta, bound)
     return int(certify(grid, field, robot, placed, queue, track, exact, budget))
 
 

@@ -9,14 +9,17 @@ from time import perf_counter
 import numpy as np
 import shapely
 
+from trailmark.motion import TranslationMotion
 from trailmark.planning.lower_bound.mesh import triangulated
 from trailmark.planning.lower_bound.polyanya import shortest_way
 from trailmark.planning.lower_bound.region import MARGIN, ellipse, near_shapes
+from trailmark.planning.proofs import Proofs
+from trailmark.planning.query import Query
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import World
 
-__all__ = ["disc_way"]
+__all__ = ["disc_way", "shortest_disc_path"]
 
 QUARTER = 8
 """Chords for each quarter of a circle: their corners lie 0.5 % of the radius outside of it."""
@@ -26,6 +29,25 @@ SPARE = 3e-3
 
 CUTTING = 8.0
 """Times as long as making a region it takes to cut it into triangles; less in small ones."""
+
+
+def shortest_disc_path(query: Query, proofs: Proofs) -> bool:
+    """Offer the shortest path of a disc; return False if there is no time for it, or none is found."""
+    incumbent = query.incumbent
+    if not isinstance(query.motion, TranslationMotion) or proofs.bound is None or query.close_enough:
+        return False
+    # Its region takes longer to make than the bound's, which has fewer corners.
+    if 1.2 * proofs.seconds() > query.seconds_left():
+        return False
+    query.report("cutting free space into triangles")
+    radius, (start, goal) = query.checker.robot.inscribed_disc.radius, query.ends[:, :2]
+    bends = disc_way(query.checker.world, radius, start, goal, incumbent.cost, query.seconds_left)
+    states = np.column_stack([bends, np.zeros(len(bends))])
+    if len(bends) == 0 or not query.motion.motions_between_valid(states[:-1], states[1:]).all():
+        return False
+    query.offer(states)
+    query.offer(query.shortened(states))
+    return True
 
 
 def disc_way(

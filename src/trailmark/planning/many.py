@@ -9,13 +9,13 @@ from time import perf_counter
 import numpy as np
 
 from trailmark import se2
-from trailmark.motion import Motion
+from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.lower_bound import LowerBound
 from trailmark.planning.shortening import shorten
 from trailmark.planning.straightening import without_needless
 from trailmark.roadmap.query import QueryGraph
 
-__all__ = ["Answer", "KeptRoadmap", "each"]
+__all__ = ["KeptRoadmap", "each"]
 
 HASTE = 1.5
 """How many times as long as the roadmap's shortest the first path may be, which is found in half the time."""
@@ -36,47 +36,6 @@ PLACES = 64
 """Places along a path at which its clearance is looked at, about."""
 
 
-class Answer:
-    """One query's answer under way.
-
-    Attributes:
-        start: shape (3,).
-        goal: shape (3,).
-        begin: reading of ``time.perf_counter`` that times are counted from, seconds.
-        states: the best path's, shape (n, 3), or None.
-        first_cost: the first path's cost, metres.
-        lower_bound: proven lower bound on any path's cost, metres; infinite if it proves that there is none.
-        history: (seconds, cost in metres) of each better path.
-        nearest: None: what comes near is not looked for.
-    """
-
-    def __init__(self, motion: Motion, start: se2.FloatArray, goal: se2.FloatArray) -> None:
-        self.begin = perf_counter()
-        self.motion, self.start, self.goal = motion, start, goal
-        self.states: se2.FloatArray | None = None
-        self.cost = np.inf
-        self.first_cost: float | None = None
-        self.lower_bound = motion.least_cost(start, goal)
-        self.history: list[tuple[float, float]] = []
-        self.nearest: se2.FloatArray | None = None
-
-    def end(self, states: se2.FloatArray) -> None:
-        """Keep a path that costs no more than the best so far, but for rounding."""
-        self.offer(states)
-        self.states = self.motion.whole_states(states, self.start, self.goal)
-
-    def offer(self, states: se2.FloatArray) -> None:
-        """Keep a path if it is the best so far."""
-        # Now, not after its cost is known.
-        seconds = perf_counter() - self.begin
-        whole = self.motion.whole_states(states, self.start, self.goal)
-        cost = self.motion.path(whole).cost
-        if cost < self.cost:
-            self.states, self.cost = whole, cost
-            self.first_cost = cost if self.first_cost is None else self.first_cost
-            self.history.append((seconds, cost))
-
-
 class KeptRoadmap:
     """Answers queries on a roadmap as it was when it was made ready; nothing in it changes.
 
@@ -89,7 +48,7 @@ class KeptRoadmap:
     def __init__(self, graph: QueryGraph, bound: LowerBound | None, seed: int) -> None:
         self.graph, self.checker, self.bound, self.seed = graph, graph.checker, bound, seed
 
-    def answer(self, index: int, start: se2.FloatArray, goal: se2.FloatArray, time_limit: float) -> Answer:
+    def answer(self, index: int, start: se2.FloatArray, goal: se2.FloatArray, time_limit: float) -> Incumbent:
         """Return the answer to a query, which depends on nothing but its ends, its index and the seed.
 
         Args:
@@ -99,7 +58,7 @@ class KeptRoadmap:
             time_limit: seconds after which a path is shortened no further.
         """
         graph, motion = self.graph, self.graph.motion
-        answer = Answer(motion, start, goal)
+        answer = Incumbent(motion, start, goal, perf_counter())
         ends = motion.ends(start, goal)
         found = graph.way(ends[0], ends[1], weight=HASTE)
         if found is None:
@@ -119,11 +78,11 @@ class KeptRoadmap:
 
         best = shorten(motion, found, rng, sweeps=FIRST_SWEEPS, stop=late)
         answer.offer(best)
-        if self.bound is not None and self.bound.seconds(start, goal, answer.cost) < deadline - perf_counter():
-            answer.lower_bound = max(answer.lower_bound, self.bound.of(start, goal, answer.cost).cost)
+        if self.bound is not None and self.bound.seconds(start, goal, answer.whole_cost) < deadline - perf_counter():
+            answer.claim(self.bound.of(start, goal, answer.whole_cost).cost)
         closed = np.empty((0, 3))
         for _ in range(OTHERS):
-            if answer.cost <= (1.0 + CLOSE) * answer.lower_bound or late():
+            if answer.whole_cost <= (1.0 + CLOSE) * answer.lower_bound or late():
                 break
             closed = np.vstack([closed, self._tightest(best if len(closed) == 0 else found)])
             other = graph.way(ends[0], ends[1], closed=closed)
@@ -134,7 +93,10 @@ class KeptRoadmap:
             if motion.cost_of(found) < motion.cost_of(best):
                 best = found
         best = shorten(motion, best, rng, sweeps=SWEEPS, stop=late)
-        answer.end(np.asarray(without_needless(motion.kind, best)))
+        best = np.asarray(without_needless(motion.kind, best))
+        answer.offer(best)
+        # It costs no more, but for rounding.
+        answer.states = best
         return answer
 
     def _tightest(self, states: se2.FloatArray) -> se2.FloatArray:

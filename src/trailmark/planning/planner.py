@@ -19,14 +19,17 @@ from trailmark.errors import ConfigurationError, WorldError, as_raised
 from trailmark.landmarks import Relaxation
 from trailmark.motion import kind_of, motion_of
 from trailmark.path import Path
-from trailmark.planning.attempt import Attempt, OnProgress
 from trailmark.planning.claims import contradicted
 from trailmark.planning.general import grow_general, spread_landmarks
 from trailmark.planning.incident import report_incident
+from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.last_look import LastLook
 from trailmark.planning.lower_bound import LowerBound
-from trailmark.planning.many import Answer, KeptRoadmap, each
+from trailmark.planning.many import KeptRoadmap, each
+from trailmark.planning.query import Clock, OnProgress, Query
 from trailmark.planning.result import PlanProgress, PlanResult, Status
+from trailmark.planning.settings import PlannerSettings
+from trailmark.planning.solve import solve
 from trailmark.planning.warmup import warm_up, warm_up_queries
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.query import QueryGraph
@@ -86,6 +89,7 @@ class LandmarkPlanner:
         landmarks: landmarks spread over all free space before the first query; by default none, since every
             query places its own.
         checker: one that is there already for this world and robot; without ``robot``, its robot counts.
+        settings: numbers that a person may change; by default those that the benchmarks were run with.
         warm: load the compiled kernels now (:func:`trailmark.planning.warmup.warm_up`), so that no query pays for it.
 
     Raises:
@@ -102,6 +106,7 @@ class LandmarkPlanner:
         seed: int | None = None,
         landmarks: int | None = None,
         checker: StateChecker | None = None,
+        settings: PlannerSettings | None = None,
         warm: bool = True,
     ) -> None:
         if landmarks is not None:
@@ -110,6 +115,7 @@ class LandmarkPlanner:
         if checker is not None:
             one_of(checker, StateChecker, "checker:").require_for(world, robot)
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
+        self.settings = one_of(settings or PlannerSettings(), PlannerSettings, "settings:")
         self._warm = truth(warm, "warm:")
         moving = robot if robot is not None else checker.robot if checker is not None else world.robot
         if self._warm and moving is not None:
@@ -213,28 +219,26 @@ class LandmarkPlanner:
             self._place(self._to_place, lambda: -np.inf if stop is not None and stop() else by - perf_counter())
             build = self._build_time
         for _ in range(TRIES):
-            attempt = Attempt(
+            incumbent = Incumbent(self.motion, ends[0], ends[1], begin)
+            query = Query(
                 self.roadmap,
                 self.relaxation,
                 self._rng,
-                ends,
-                begin=begin,
-                time_limit=time_limit,
-                max_iterations=max_iterations,
-                on_progress=None if on_progress is None else self._looked_at(on_progress, ends),
-                stop=stop,
-                bound=self.bound,
+                incumbent,
+                Clock(begin, time_limit, stop),
+                self.settings,
                 gap=gap,
+                max_rounds=max_iterations,
+                on_progress=None if on_progress is None else self._looked_at(on_progress, ends),
             )
-            status, states = attempt.run()
-            path = self._path(states)
+            status, path = solve(query, self.bound), incumbent.path()
             if path is None or self._is_certified(path, ends):
                 break
             # Whatever is wrong may be in the roadmap.
             self.roadmap, self._kept, self._spread = self._new_roadmap(), None, False
             status, path = "timeout", None
         self._build_time = 0.0
-        return self._result(attempt, status, path, build)
+        return self._result(incumbent, status, path, build)
 
     def _new_roadmap(self) -> Roadmap:
         return Roadmap(self.checker, self.motion)
@@ -335,7 +339,7 @@ class LandmarkPlanner:
                 if (left := seconds_left()) <= 0.0:
                     return
                 found = kept.answer(i, ends[i, 0], ends[i, 1], min(time_limit, left))
-                path = self._path(found.states)
+                path = found.path()
                 if path is not None and self._is_certified(path, ends[i]):
                     results[i] = self._result(found, "solved", path, 0.0)
 
@@ -344,7 +348,7 @@ class LandmarkPlanner:
             if results[i] is None:
                 left, nodes = seconds_left(), len(self.roadmap)
                 if left <= 0.0:
-                    nothing = Answer(self.motion, start, goal)
+                    nothing = Incumbent(self.motion, start, goal, perf_counter())
                     results[i] = self._result(nothing, "timeout", None, 0.0)
                     continue
                 results[i] = self.plan(start, goal, min(time_limit, left), max_iterations=max_iterations, stop=stop)
@@ -415,27 +419,24 @@ class LandmarkPlanner:
             self._relaxation = Relaxation(self.checker)
         return self._relaxation
 
-    def _path(self, states: se2.FloatArray | None) -> Path | None:
-        return None if states is None else self.motion.path(states)
-
-    def _nearest(self, attempt: Attempt | Answer) -> Path | None:
+    def _nearest(self, incumbent: Incumbent) -> Path | None:
         """Return the path that ends nearest to the goal, if one was found and it stands the last look."""
-        path = self._path(attempt.nearest)
-        if path is None or not self._is_certified(path, np.array([attempt.start, path.states[-1]])):
+        if incumbent.nearest is None:
             return None
-        return path
+        path = self.motion.path(incumbent.nearest)
+        return path if self._is_certified(path, np.array([incumbent.start, path.states[-1]])) else None
 
-    def _lower_bound(self, attempt: Attempt | Answer, path: Path | None) -> float:
+    def _lower_bound(self, incumbent: Incumbent, path: Path | None) -> float:
         """Return the bound that was proven; one above a path's cost is reported as an error instead."""
-        if path is None or not contradicted(attempt.lower_bound, path.cost):
-            return attempt.lower_bound
-        ends = np.array([attempt.start, attempt.goal])
-        problem = f"a lower bound of {attempt.lower_bound:g} m is above the cost of a path, {path.cost:g} m"
+        if path is None or not contradicted(incumbent.lower_bound, path.cost):
+            return incumbent.lower_bound
+        ends = np.array([incumbent.start, incumbent.goal])
+        problem = f"a lower bound of {incumbent.lower_bound:g} m is above the cost of a path, {path.cost:g} m"
         states = path.knots if isinstance(path, CurvePath) else path.states
         report_incident(problem, self.world, self.robot, *ends, seed=self.seed, states=states.tolist())
         return self.motion.least_cost(*ends)
 
-    def _result(self, attempt: Attempt | Answer, status: Status, path: Path | None, build: float) -> PlanResult:
+    def _result(self, incumbent: Incumbent, status: Status, path: Path | None, build: float) -> PlanResult:
         clearance = None
         if path is not None:
             # Between the states too: as fine as a tenth of the inscribed disc, at most 2,000 places.
@@ -448,18 +449,18 @@ class LandmarkPlanner:
             status=status,
             path=path,
             seed=self.seed,
-            lower_bound=None if status == "infeasible" else self._lower_bound(attempt, path),
-            first_cost=attempt.first_cost,
+            lower_bound=None if status == "infeasible" else self._lower_bound(incumbent, path),
+            first_cost=incumbent.first_cost,
             min_clearance=clearance,
             landmarks=len(self.roadmap),
             edges=int(np.count_nonzero(self.roadmap.status)),
-            nearest=None if path is not None else self._nearest(attempt),
-            history=tuple(attempt.history),
+            nearest=None if path is not None else self._nearest(incumbent),
+            history=tuple(incumbent.history),
             time={
                 "load": 0.0,
                 "build": build,
-                "first_solution": attempt.history[0][0] if attempt.history else None,
-                "total": perf_counter() - attempt.begin,
+                "first_solution": incumbent.history[0][0] if incumbent.history else None,
+                "total": perf_counter() - incumbent.begin,
             },
         )
 

@@ -21,6 +21,16 @@ WORTHWHILE = 2.0
 HASTE = 1.5
 """How many times as long as the roadmap's shortest a first path may be."""
 
+AT_LEISURE = 1_000
+"""Nodes and edges looked at before landmarks are placed."""
+
+LONGER = 1.3
+"""Times the best path's cost that a path may cost before it is shortened."""
+
+MOST_AGAIN, AGAIN_SHARE, SECONDS_A_NODE = 20_000, 0.05, 5e-6
+"""Nodes and edges looked at for a better path at most, the share of the time left that this may take, and what one
+may take."""
+
 AT_LENGTH = 64
 """Nodes near an end that are tried before the roadmap is said to know no way."""
 
@@ -68,8 +78,16 @@ class Recall:
         """Return what :meth:`look` does, within its share of what the other searches took."""
         return self.look(SHARE * taken)
 
-    def look_again(self, limit: float, budget: int) -> FloatArray:
-        """Return a path cheaper than ``limit`` (metres), shape (n, 3); (0, 3) if none was found."""
+    def look_at_leisure(self) -> FloatArray:
+        """Return what :meth:`look` does, before landmarks are placed."""
+        return self.look(AT_LEISURE)
+
+    def look_again(self, cost: float, seconds_left: float) -> FloatArray:
+        """Return a path about as good as one of a cost (metres), shape (n, 3); (0, 3) if none was found.
+
+        It may be longer at first, since it is shortened; and it may take only a share of the time left.
+        """
+        limit, budget = LONGER * cost, int(min(MOST_AGAIN, max(0.0, AGAIN_SHARE * seconds_left / SECONDS_A_NODE)))
         if len(self.roadmap) == 0 or budget <= 0:
             return np.empty((0, 3))
         found = self.roadmap.way(self.start, self.goal, limit=limit, budget=budget, near=AT_LENGTH)

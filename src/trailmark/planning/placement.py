@@ -1,0 +1,78 @@
+"""Landmarks of one query: placed where short paths are likely, joined to a roadmap, and searched for a path."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.landmarks import k_means_landmarks
+from trailmark.landmarks.informed import Band
+from trailmark.planning.query import Query
+from trailmark.roadmap import Roadmap
+from trailmark.se2 import FloatArray
+
+__all__ = ["Placement"]
+
+
+class Placement:
+    """Places landmarks for one query.
+
+    Args:
+        query: under way.
+        band: where short paths are likely.
+    """
+
+    def __init__(self, query: Query, band: Band) -> None:
+        self.query, self.band = query, band
+        # What the last landmarks took, seconds each.
+        self._seconds = 0.0
+
+    def add(self, roadmap: Roadmap, q: FloatArray) -> None:
+        """Add configurations (n, 3), but those that are hardly another place than a node that is joined already."""
+        apart = self.query.settings.duplicate * self.query.checker.robot.inscribed_disc.radius
+        roadmap.add(roadmap.fresh(q, apart))
+
+    def place(self, roadmap: Roadmap, widening: float, count: int) -> None:
+        """Cluster samples of the band into landmarks and join them to a roadmap, if there is time for it.
+
+        Args:
+            roadmap: to add them to.
+            widening: how much longer than the relaxed shortest path the band's paths may be, as a share of it.
+            count: landmarks.
+        """
+        query, settings = self.query, self.query.settings
+        if self._seconds * count > query.seconds_left():
+            return
+        begin = perf_counter()
+        samples = self.band.samples(settings.samples_per_landmark * count, widening, query.rng)
+        if len(samples):
+            centres = k_means_landmarks(
+                samples, count, radius=query.motion.radius, steps=settings.lloyd_steps, random_state=query.rng
+            )
+            self.add(roadmap, centres)
+        self._seconds = (perf_counter() - begin) / count
+
+    def widening(self) -> float:
+        """Return how much longer than the relaxed shortest path the paths may be that better the best one."""
+        return max(0.02, self.query.incumbent.cost / max(self.band.shortest, 1e-9) - 1.0)
+
+    def search(self, roadmap: Roadmap, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None) -> None:
+        """Offer a roadmap's shortest path between two nodes, shortened.
+
+        Args:
+            roadmap: to search.
+            nodes: of start and goal, shape (2,).
+            banned: nodes not to be used, shape (n,); then the path may cost more than the best one.
+        """
+        query, (start, goal) = self.query, nodes.tolist()
+        to_go = roadmap.distances_to(goal)
+        if not query.solved:
+            # The relaxed problem leads to a first path soon; it may overestimate, so what betters one goes without.
+            to_go = np.maximum(to_go, self.band.costs_to_goal(roadmap.configurations))
+        limit = query.incumbent.cost if banned is None else np.inf
+        found = roadmap.shortest_path(
+            start, goal, to_go=to_go, banned=banned, limit=limit, seconds=query.seconds_left()
+        )
+        query.take(roadmap.configurations[found.nodes])

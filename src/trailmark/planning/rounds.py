@@ -1,0 +1,149 @@
+"""Rounds of landmarks: while there is no path, each draws from a wider band and places more of them."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.landmarks.informed import Band
+from trailmark.planning.bridge import Bridge
+from trailmark.planning.drives import drives_from
+from trailmark.planning.placement import Placement
+from trailmark.planning.proofs import Proofs
+from trailmark.planning.query import Query
+from trailmark.planning.scout import Scout
+from trailmark.roadmap import Roadmap
+from trailmark.se2 import FloatArray
+
+__all__ = ["Rounds"]
+
+WIDENINGS = (0.02, 0.05, 0.12, 0.3, 0.7, 1.5)
+"""How much longer than the relaxed shortest path a band's paths may be, round by round; then without limit."""
+
+FINER = 5.0
+"""Times as long as before the relaxed problem takes on cells half as large."""
+
+SECONDS_A_DRIVE = 1e-4
+"""What a configuration reached by a car's drive may take."""
+
+
+class Rounds:
+    """Looks for a first path by landmarks.
+
+    Args:
+        query: under way.
+        proofs: asked when rounds keep failing.
+        placement: of landmarks, in the query's band.
+        lattices: looked over between rounds; None for a car.
+        refining: seconds that the relaxed problem took.
+
+    Attributes:
+        count: rounds so far.
+    """
+
+    def __init__(
+        self, query: Query, proofs: Proofs, placement: Placement, lattices: Scout | None, refining: float
+    ) -> None:
+        self.query, self.proofs, self.placement, self.lattices = query, proofs, placement, lattices
+        self.band: Band = placement.band
+        self.count = 0
+        self._refining = refining
+        # What is tried for this query alone would hold up others in a roadmap that is large already.
+        large = len(query.roadmap) >= query.settings.max_kept_nodes
+        self.roadmap = Roadmap(query.checker, query.motion) if large else query.roadmap
+
+    def may_succeed(self) -> bool:
+        """Return whether a path is still sought and not proven not to exist."""
+        return not self.query.solved and bool(np.isfinite(self.band.shortest)) and not self.proofs.infeasible()
+
+    def run(self) -> None:
+        """Place landmarks, round by round, until there is a path, it is proven that there is none, or time is up."""
+        query, settings = self.query, self.query.settings
+        nodes = self.roadmap.ends(query.ends)
+        while self.may_succeed() and query.begin_round("placing landmarks"):
+            guides = self._guides()
+            if not self.may_succeed():
+                return
+            self.placement.add(self.roadmap, guides)
+            widening = WIDENINGS[self.count] if self.count < len(WIDENINGS) else np.inf
+            landmarks = int(settings.first_landmarks * settings.landmark_growth**self.count)
+            self.placement.place(self.roadmap, widening, landmarks)
+            self.placement.search(self.roadmap, nodes)
+            if query.motion.moves_anywhere:
+                self._bridge(nodes)
+            else:
+                self._drive(nodes)
+            self.count += 1
+            if query.solved:
+                return
+            query.incumbent.nearest = self._nearest_approach(nodes)
+            if self.count % settings.rounds_per_grid == 0:
+                # What keeps failing may need a closer look, or be impossible.
+                self.proofs.bound_below(settings.proof_share)
+                self.proofs.begin_in_background()
+                self._refine()
+            if self.lattices is not None:
+                query.take(self.lattices.look())
+
+    def _guides(self) -> FloatArray:
+        """Return valid configurations along the relaxed shortest path, shape (n, 3)."""
+        band, rng = self.band, self.query.rng
+        guides, whole = band.guides(rng)
+        # Cells larger than the disc may have led to where it does not fit.
+        coarse = self.count == 0 and not whole and band.relaxation.size > band.relaxation.radius
+        if coarse and band.refine() and np.isfinite(band.shortest):
+            guides, _ = band.guides(rng)
+        return guides
+
+    def _refine(self) -> None:
+        """Look at the relaxed problem on cells half as large, if there is time."""
+        begin = perf_counter()
+        if FINER * self._refining < self.query.seconds_left() and self.band.refine():
+            self._refining = perf_counter() - begin
+
+    def _bridge(self, nodes: NDArray[np.int64]) -> None:
+        """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
+        query, bridge = self.query, Bridge(self.roadmap, self.band, nodes, self.query.rng)
+        while not query.solved and bridge.promising and not query.clock.is_up():
+            self.roadmap.add(bridge.landmarks())
+            self.placement.search(self.roadmap, nodes)
+
+    def _drive(self, nodes: NDArray[np.int64]) -> None:
+        """Drive on from what the start leads to, and towards what leads to the goal, and search again."""
+        query, settings, roadmap, band = self.query, self.query.settings, self.roadmap, self.band
+        step = settings.longest_drive * query.motion.radius * 0.5**self.count
+        most = settings.drives << min(self.count, 6)
+        for reverse in (False, True):
+            if query.solved or query.clock.is_up():
+                return
+            query.report("driving")
+            band.widen(np.inf)
+            most = int(min(most, max(0.0, query.seconds_left()) / SECONDS_A_DRIVE))
+            reached = np.flatnonzero(roadmap.reached(int(nodes[int(reverse)]), reverse=reverse))
+            found = drives_from(
+                query.motion,
+                band.relaxation,
+                band.from_start if reverse else band.to_goal,
+                roadmap.configurations[reached],
+                reverse=reverse,
+                step=step,
+                most=most,
+                landmarks=settings.drive_landmarks,
+                rng=query.rng,
+            )
+            parents = np.concatenate([reached, len(roadmap) + np.arange(len(found.parents))])[found.parents]
+            roadmap.add_tree(found.configurations, parents, reverse=reverse)
+            self.placement.search(roadmap, nodes)
+
+    def _nearest_approach(self, nodes: NDArray[np.int64]) -> FloatArray:
+        """Return the states of the shortest path from the start to the node, of those reached, nearest to the goal."""
+        (start, goal), roadmap, query = nodes.tolist(), self.roadmap, self.query
+        q = roadmap.configurations
+        reached = np.flatnonzero(roadmap.reached(start))
+        last = int(reached[np.argmin(se2.distance(q[reached], q[goal]))])
+        states = np.array(q[roadmap.shortest_path(start, last).nodes])
+        begin = query.incumbent.start
+        return query.motion.whole_states(states, begin, np.array([*states[-1, :2], begin[2]]))

@@ -1,0 +1,104 @@
+"""PlannerSettings: every number of the planner that a person might want to change, with its unit and its reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from trailmark.arguments import number, whole
+from trailmark.errors import ConfigurationError, FormatError
+
+__all__ = ["PlannerSettings"]
+
+
+def _counted(default: int, why: str) -> int:
+    return field(default=default, metadata={"why": why, "least": 1})
+
+
+def _factor(default: float, why: str, least: float = 0.0) -> float:
+    return field(default=default, metadata={"why": why, "least": least})
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """How the planner divides its work. The defaults are those that the benchmarks were run with.
+
+    Attributes:
+        first_landmarks: landmarks of the first round; enough to cross a room with furniture.
+        landmark_growth: each round places so many times the landmarks of the one before, >= 1.
+        samples_per_landmark: samples that are clustered for each landmark.
+        lloyd_steps: steps of K-means in a round; more move the centres by little.
+        rounds_per_grid: rounds without a path after which the relaxed problem is looked at on cells half as large.
+        max_kept_nodes: nodes up to which the planner's own roadmap takes in what queries bring that it might answer
+            without; the memory of a planner that answers for hours stays bounded by it.
+        sweeps: sweeps of shortening at most, for a promising path.
+        first_sweeps: sweeps that show whether a path is promising.
+        promising: a path gets all sweeps only if the first few bring it within this factor of the best path's cost.
+        polishing_sweeps: sweeps with added vertices that the best path gets in each round of improvement.
+        patience: rounds of improvement in a row that gain less than ``least_gain``, after which a path is settled.
+        least_gain: share of the cost that a round has to gain to count as one that helped.
+        duplicate: shares of the inscribed disc's radius: a landmark nearer than that to a joined node is not added.
+        proof_share: share of the time left that a proof may be expected to take while much else is left to do.
+        last_proof_share: the same after all else.
+        longest_drive: turning radii: a car's first drives in a tight place; those of later rounds are half as long
+            each time.
+        drives: configurations that drives from one part of a car's roadmap reach at first.
+        drive_landmarks: landmarks kept of them.
+    """
+
+    first_landmarks: int = _counted(120, "landmarks")
+    landmark_growth: float = _factor(1.4, "ratio", 1.0)
+    samples_per_landmark: int = _counted(5, "samples")
+    lloyd_steps: int = _counted(3, "steps")
+    rounds_per_grid: int = _counted(2, "rounds")
+    max_kept_nodes: int = _counted(2_000, "nodes")
+    sweeps: int = _counted(40, "sweeps")
+    first_sweeps: int = _counted(5, "sweeps")
+    promising: float = _factor(1.03, "ratio", 1.0)
+    polishing_sweeps: int = _counted(10, "sweeps")
+    patience: int = _counted(16, "rounds")
+    least_gain: float = _factor(3e-4, "share")
+    duplicate: float = _factor(0.05, "share of the inscribed radius")
+    proof_share: float = _factor(0.25, "share of the time left")
+    last_proof_share: float = _factor(0.6, "share of the time left")
+    longest_drive: float = _factor(0.1, "turning radii")
+    drives: int = _counted(6_000, "configurations")
+    drive_landmarks: int = _counted(80, "landmarks")
+
+    def __post_init__(self) -> None:
+        for setting in fields(self):
+            value, least = getattr(self, setting.name), setting.metadata["least"]
+            counted = isinstance(setting.default, int)
+            checked = whole(value, f"{setting.name}:", 1) if counted else number(value, f"{setting.name}:", least=least)
+            object.__setattr__(self, setting.name, checked)
+
+    @classmethod
+    def load(cls, path: str | Path) -> PlannerSettings:
+        """Return the settings of a YAML file of ``name: value`` lines; what it leaves out keeps its default.
+
+        Raises:
+            FormatError: a file that cannot be read, a name that is no setting's, a value out of range.
+        """
+        import yaml
+
+        from trailmark.formats.files import read_text
+
+        try:
+            given: Any = yaml.safe_load(read_text(Path(path)))
+        except yaml.YAMLError as error:
+            raise FormatError(Path(path), f"expected YAML, got {' '.join(str(error).split())}") from None
+        names = [setting.name for setting in fields(cls)]
+        if not isinstance(given, dict):
+            raise FormatError(Path(path), f"expected lines 'name: value', got {type(given).__name__}")
+        for name in given:
+            if name not in names:
+                raise FormatError(Path(path), f"setting: expected one of {', '.join(names)}, got {name!r}")
+        try:
+            return cls(**given)
+        except ConfigurationError as error:
+            raise FormatError(Path(path), str(error)) from None
+
+    def to_dict(self) -> dict[str, float]:
+        """Return all settings by name."""
+        return {setting.name: getattr(self, setting.name) for setting in fields(self)}
