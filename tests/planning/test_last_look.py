@@ -175,9 +175,9 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
             return "solved"
         return right(query, bound)
 
+    planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
     monkeypatch.setattr("trailmark.planning.planner.solve", solve)
     seen: list[PlanProgress] = []
-    planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
     with pytest.warns(InternalErrorWarning, match="not free"):
         result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1, on_progress=seen.append)
     assert result.status == "solved"
@@ -200,6 +200,7 @@ def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.M
         query.offer(straight)
         return "solved"
 
+    planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
     monkeypatch.setattr("trailmark.planning.planner.solve", solve)
     answer = KeptRoadmap.answer
 
@@ -209,7 +210,6 @@ def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.M
         return found
 
     monkeypatch.setattr(KeptRoadmap, "answer", wrong)
-    planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
     with pytest.warns(InternalErrorWarning):
         result = planner.plan(START, GOAL, time_limit=1.0)
     assert (result.status, result.path) == ("timeout", None)

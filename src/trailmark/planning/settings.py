@@ -12,12 +12,12 @@ from trailmark.errors import ConfigurationError, FormatError
 __all__ = ["PlannerSettings"]
 
 
-def _counted(default: int, why: str) -> int:
-    return field(default=default, metadata={"why": why, "least": 1})
+def _counted(default: int, unit: str) -> int:
+    return field(default=default, metadata={"unit": unit, "least": 1})
 
 
-def _factor(default: float, why: str, least: float = 0.0) -> float:
-    return field(default=default, metadata={"why": why, "least": least})
+def _factor(default: float, unit: str, least: float = 0.0) -> float:
+    return field(default=default, metadata={"unit": unit, "least": least})
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,9 @@ class PlannerSettings:
 
     def __post_init__(self) -> None:
         for setting in fields(self):
-            value, least = getattr(self, setting.name), setting.metadata["least"]
+            value, name, least = getattr(self, setting.name), f"{setting.name}:", setting.metadata["least"]
             counted = isinstance(setting.default, int)
-            checked = whole(value, f"{setting.name}:", 1) if counted else number(value, f"{setting.name}:", least=least)
+            checked = whole(value, name, 1) if counted else number(value, name, minimum=least)
             object.__setattr__(self, setting.name, checked)
 
     @classmethod

@@ -1,0 +1,68 @@
+"""PlannerSettings: defaults, files, and what is refused in one line."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from trailmark import LandmarkPlanner
+from trailmark.errors import ConfigurationError, FormatError
+from trailmark.planning.settings import PlannerSettings
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+
+def test_every_setting_is_documented_and_has_its_unit() -> None:
+    for setting in fields(PlannerSettings):
+        assert f"        {setting.name}: " in (PlannerSettings.__doc__ or "")
+        assert setting.metadata["unit"]
+
+
+def test_what_a_file_says_counts_and_the_rest_keeps_its_default(tmp_path: Path) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text("first_landmarks: 40\nleast_gain: 0.01\n")
+    assert PlannerSettings.load(file) == PlannerSettings(first_landmarks=40, least_gain=0.01)
+    assert PlannerSettings.load(file).to_dict()["patience"] == PlannerSettings().patience
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("first_landmark: 40", "expected one of .*first_landmarks.*, got 'first_landmark'"),
+        ("first_landmarks: 0", "first_landmarks"),
+        ("first_landmarks: many", "first_landmarks"),
+        ("landmark_growth: 0.5", "landmark_growth"),
+        ("- 1", "expected lines 'name: value', got list"),
+        ("a: [", "expected YAML"),
+    ],
+)
+def test_wrong_files_are_refused_in_one_line(tmp_path: Path, text: str, match: str) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text(text)
+    with pytest.raises(FormatError, match=match) as error:
+        PlannerSettings.load(file)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("wrong", [{"sweeps": 1.5}, {"patience": 0}, {"promising": 0.9}, {"least_gain": float("nan")}])
+def test_wrong_values_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ConfigurationError):
+        PlannerSettings(**wrong)
+
+
+def test_the_planner_takes_them() -> None:
+    world = World("wall", (0, 0, 10, 4), (Rectangle((5.0, 1.0), 0.5, 2.0),), Robot.rectangle(0.6, 0.4))
+    few = LandmarkPlanner(world, seed=0, settings=PlannerSettings(patience=1))
+    many = LandmarkPlanner(world, seed=0)
+    ends = (1.0, 1.0, 0.0), (9.0, 1.0, 0.0)
+    rounds = []
+    for planner in (few, many):
+        phases: list[str] = []
+        planner.plan(*ends, 30.0, on_progress=lambda progress, phases=phases: phases.append(progress.phase))  # type: ignore[misc]  # bound now
+        rounds.append(phases.count("improving"))
+    assert rounds[0] < rounds[1]
+    with pytest.raises(ConfigurationError, match="settings"):
+        LandmarkPlanner(world, settings={"patience": 1})  # type: ignore[arg-type]  # that is what is tried
