@@ -22,7 +22,7 @@ def test_a_world_poses_one_problem_a_query() -> None:
     assert next(problems_of(world)).name == "room-ahead"
 
 
-def test_what_is_missing_is_told() -> None:
+def test_what_is_missing_is_reported() -> None:
     world = small_world()
     with pytest.raises(WorldError, match="names no robot"):
         next(problems_of(replace(world, robot=None)))

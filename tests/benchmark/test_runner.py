@@ -143,7 +143,7 @@ def test_a_lost_worker_only_repeats_its_runs(tmp_path: Path, ahead: Problem) -> 
     assert len(set(runs_in(file))) == len(runs_in(file)) == 4
 
 
-def test_a_run_that_costs_every_worker_is_told(tmp_path: Path, ahead: Problem) -> None:
+def test_a_run_that_costs_every_worker_is_reported(tmp_path: Path, ahead: Problem) -> None:
     def cursed(job: dict[str, Any]) -> dict[str, Any]:
         if (job["planner"], job["seed"]) == ("PRM", 0):
             raise ConnectionResetError("worker lost")
@@ -169,14 +169,14 @@ def test_an_interrupt_keeps_what_came_in(tmp_path: Path, ahead: Problem) -> None
 
 
 def test_the_time_left_goes_by_what_runs_took(tmp_path: Path, ahead: Problem) -> None:
-    told: list[float] = []
+    reported: list[float] = []
 
     def follow(tally: Tally) -> None:
         if tally.made:
-            told.append(tally.left or 0.0)
+            reported.append(tally.left or 0.0)
 
     make(tmp_path / "results.db", plan(ahead, runs=8, planners=["landmark"]), AtOnce(well), on_progress=follow)
     # A run with seed s takes 1 + s seconds, and the same more for simplifying and overhead each.
     done = [1.0 + s + 0.1875 for s in range(8)]
-    assert told[1] == pytest.approx(4 * sum(done[:4]) / 4)
-    assert told[-1] == 0.0
+    assert reported[1] == pytest.approx(4 * sum(done[:4]) / 4)
+    assert reported[-1] == 0.0

@@ -79,9 +79,9 @@ def test_another_problem_or_limit_is_another_experiment(database: Path) -> None:
 
 
 def test_runs_under_other_conditions_are_not_mixed(database: Path) -> None:
-    with Store(database) as store, pytest.raises(StoreError, match=r"made with ompl 2\.0\.1, now it is 3\.0") as told:
+    with Store(database) as store, pytest.raises(StoreError, match=r"made with ompl 2\.0\.1, now it is 3\.0") as caught:
         store.experiment(experiment(conditions={"ompl": "3.0"}))
-    assert "expected the same, or another --output" in str(told.value)
+    assert "expected the same, or another --output" in str(caught.value)
 
 
 def test_one_writer_at_a_time_and_readers_at_any(database: Path) -> None:
@@ -135,9 +135,9 @@ def test_what_is_no_results_database_is_left_alone(make: Any, problem: str, tmp_
     file = tmp_path / "results.db"
     make(file)
     before = file.read_bytes()
-    with pytest.raises(StoreError, match=problem) as told:
+    with pytest.raises(StoreError, match=problem) as caught:
         Store(file)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
     assert file.read_bytes() == before
     assert list(tmp_path.iterdir()) == [file]
 
@@ -161,21 +161,21 @@ WRITER = """
 """
 
 
-def test_what_was_told_to_be_written_survives_a_kill(tmp_path: Path) -> None:
+def test_what_was_reported_to_be_written_survives_a_kill(tmp_path: Path) -> None:
     file, last = tmp_path / "results.db", -1
     for delay in (0.0, 0.02, 0.05):
         command = [sys.executable, "-c", textwrap.dedent(WRITER), str(file)]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout is not None
-            told = [int(process.stdout.readline())]
+            reported = [int(process.stdout.readline())]
             time.sleep(delay)
             process.send_signal(signal.SIGKILL)
-            told += [int(line) for line in process.stdout if line.endswith("\n")]
-        assert told[0] > last
-        last = told[-1]
+            reported += [int(line) for line in process.stdout if line.endswith("\n")]
+        assert reported[0] > last
+        last = reported[-1]
         with Store(file) as store:
             there = sorted(seed for _, seed in store.finished(1))
-        # All that was told, and at most the one that was under way.
+        # All that was reported, and at most the one that was under way.
         assert there in (list(range(last + 1)), list(range(last + 2)))
         last = there[-1]
         assert rows(file, "PRAGMA integrity_check") == [("ok",)]

@@ -65,11 +65,11 @@ def test_the_data_may_lie_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         ("worlds: [{world: office, queries: [{name: a, start: [0, 0], goal: [1, 1, 0]}]}]\n", "start"),
     ],
 )
-def test_what_is_no_suite_is_told_in_one_line(text: str, problem: str, tmp_path: Path) -> None:
+def test_what_is_no_suite_is_reported_in_one_line(text: str, problem: str, tmp_path: Path) -> None:
     (tmp_path / "suite.yaml").write_text(text)
-    with pytest.raises(SuiteError, match=problem) as told:
+    with pytest.raises(SuiteError, match=problem) as caught:
         read_suite(tmp_path / "suite.yaml")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_no_file(tmp_path: Path) -> None:

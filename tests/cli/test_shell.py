@@ -58,7 +58,7 @@ def test_words_are_completed(typed: str, offered: list[str]) -> None:
 
 
 @pytest.mark.parametrize("heading", ["90", "-180", "6.3"])
-def test_headings_in_degrees_are_told(shell: Shell, yard: Path, planner: Any, heading: str) -> None:
+def test_headings_in_degrees_are_reported(shell: Shell, yard: Path, planner: Any, heading: str) -> None:
     run = shell("plan", yard, "--start", f"1,1,{heading}", "--goal=9,5,-6.28")
     assert run.status == 0
     assert run.err.count("\n") == 1
@@ -237,7 +237,7 @@ def test_start_up_is_quick() -> None:
     assert min(seconds() for _ in range(3)) < 0.4
 
 
-def test_what_is_wrong_with_trailmark_itself_is_told_in_one_line(
+def test_what_is_wrong_with_trailmark_itself_is_reported_in_one_line(
     shell: Shell, yard: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import warnings

@@ -71,7 +71,7 @@ def test_a_pipe_is_written_to_directly(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["missing/out.csv", "file/out.csv", ".", "x" * 300, "nul\0"])
-def test_unwritable_paths_are_told_in_one_line(tmp_path: Path, name: str) -> None:
+def test_unwritable_paths_are_reported_in_one_line(tmp_path: Path, name: str) -> None:
     (tmp_path / "file").write_text("")
     for write in (lambda p: files.write_atomically(p, "x"), files.check_writable):
         with pytest.raises(OutputError) as caught:
@@ -136,7 +136,7 @@ def test_binary_is_no_text(tmp_path: Path, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", ["missing", "", "nul\0", "x" * 300])
-def test_unreadable_paths_are_told_in_one_line(tmp_path: Path, name: str) -> None:
+def test_unreadable_paths_are_reported_in_one_line(tmp_path: Path, name: str) -> None:
     with pytest.raises(FormatError, match="cannot be read") as caught:
         files.read_bytes(tmp_path / name)
     assert "\n" not in str(caught.value)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import stats
 
 __all__ = [
     "EXACT_RUNS",
@@ -20,7 +20,6 @@ __all__ = [
     "RankTest",
     "bootstrap_log_means",
     "holm",
-    "midranks",
     "quantiles",
     "rank_test",
     "shifted_geometric_mean",
@@ -68,13 +67,8 @@ def wilson(successes: int, n: int, confidence: float = 0.95) -> Interval:
     """
     if n == 0:
         return Interval(0.0, 1.0)
-    z = NormalDist().inv_cdf(0.5 + confidence / 2.0)
-    share, weight = successes / n, z * z / n
-    middle = (share + weight / 2.0) / (1.0 + weight)
-    half = z / (1.0 + weight) * math.sqrt(share * (1.0 - share) / n + weight / (4.0 * n))
-    # Rounding must not carry the ends beyond what is known.
-    low = 0.0 if successes == 0 else max(0.0, middle - half)
-    return Interval(low, 1.0 if successes == n else min(1.0, middle + half))
+    found = stats.binomtest(successes, n).proportion_ci(confidence, method="wilson")
+    return Interval(float(found.low), float(found.high))
 
 
 def shifted_geometric_mean(values: ArrayLike, shift: float) -> float:
@@ -135,14 +129,6 @@ def step_values(times: ArrayLike, values: ArrayLike, at: ArrayLike) -> FloatArra
     return np.asarray(lowest[np.searchsorted(np.asarray(times, dtype=np.float64), at, side="right")])
 
 
-def midranks(values: ArrayLike) -> FloatArray:
-    """Return ranks from 1, shape (n,); equal values share the mean of their ranks."""
-    array = np.asarray(values, dtype=np.float64)
-    _, inverse, counts = np.unique(array, return_inverse=True, return_counts=True)
-    last = np.cumsum(counts)
-    return np.asarray((last - (counts - 1) / 2.0)[inverse])
-
-
 def rank_test(pairs: Sequence[tuple[ArrayLike, ArrayLike]]) -> RankTest:
     """Test whether two planners differ, by the ranks of their runs within each problem.
 
@@ -162,7 +148,7 @@ def rank_test(pairs: Sequence[tuple[ArrayLike, ArrayLike]]) -> RankTest:
     strata = [(a, b) for a, b in strata if len(a) and len(b)]
     if not strata:
         return RankTest(1.0, 0.5)
-    ranks = [midranks(np.concatenate([a, b])) for a, b in strata]
+    ranks = [stats.rankdata(np.concatenate([a, b])) for a, b in strata]
     sizes = [(len(a), len(b)) for a, b in strata]
     wins = [1.0 - (rank[:n].sum() - n * (n + 1) / 2.0) / (n * m) for rank, (n, m) in zip(ranks, sizes, strict=True)]
     weights = [n * m / (n + m + 1) for n, m in sizes]

@@ -95,9 +95,9 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))  # and nobody listens
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(WorkerError, match="does not answer") as told, cluster(address):
+        with pytest.raises(WorkerError, match="does not answer") as caught, cluster(address):
             pass
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
     with pytest.raises(WorkerError, match="does not answer"), cluster("no address"):
         pass
 

@@ -69,7 +69,7 @@ def test_a_run_without_a_first_time_had_its_path_at_the_end(tmp_path: Path) -> N
     assert results.problems[0].runs["FMT"].first_times.tolist() == [0.75]
 
 
-def test_planners_of_one_name_are_told_apart(tmp_path: Path) -> None:
+def test_planners_of_one_name_are_distinguished(tmp_path: Path) -> None:
     file = write_results(tmp_path / "r.db", {"yard": {"PRM": [run(0, 0.1, 10.0)], "RRT": [run(0, 0.1, 10.0)]}})
     with closing(sqlite3.connect(file)) as db, db:
         db.execute("UPDATE plannerConfigs SET name = 'PRM' WHERE name = 'RRT'")
@@ -165,7 +165,7 @@ def test_a_locked_database_is_one_line(small: Path, monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize("value", ["", "[[", b"\xff\xfe"])
-def test_a_cell_that_is_no_number_is_told(database: Path, tmp_path: Path, value: object) -> None:
+def test_a_cell_that_is_no_number_is_reported(database: Path, tmp_path: Path, value: object) -> None:
     file = tmp_path / "damaged.db"
     file.write_bytes(database.read_bytes())
     with closing(sqlite3.connect(file)) as db:

@@ -141,7 +141,7 @@ def test_nothing_solved_is_reported_too(tmp_path: Path) -> None:
     assert "no run of any planner" in text
 
 
-def test_reasons_of_failures_are_told_together(tmp_path: Path) -> None:
+def test_reasons_of_failures_are_reported_together(tmp_path: Path) -> None:
     rows = [run(k, None, failure="killed by signal 11") for k in range(3)]
     text = html_report(load_results(write_results(tmp_path / "r.db", {"yard": {"A": [*rows, run(3, 0.1, 9.0)]}})))
     assert text.count("killed by signal 11") == 1

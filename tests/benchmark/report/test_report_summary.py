@@ -62,7 +62,7 @@ def test_the_same_database_gives_the_same_numbers(results: Results) -> None:
     assert summarise(results).times == summarise(results).times
 
 
-def test_equal_planners_are_not_told_apart(tmp_path: Path) -> None:
+def test_equal_planners_are_not_distinguished(tmp_path: Path) -> None:
     rows = [run(k, 0.1 + 0.01 * k, 10.0) for k in range(6)]
     summary = summarise(load_results(write_results(tmp_path / "r.db", {"yard": {"A": rows, "B": rows}})))
     assert summary.times[frozenset("AB")].winner is None
@@ -87,7 +87,7 @@ def test_findings_where_nothing_is_solved(tmp_path: Path) -> None:
     assert (solved.value, referee.answer) == ("0 %", "nothing to judge")
 
 
-def test_refused_paths_are_told_by_planner(tmp_path: Path) -> None:
+def test_refused_paths_are_reported_by_planner(tmp_path: Path) -> None:
     bad = [run(k, 0.1, 10.0, correct_solution=False) for k in range(2)]
     good = [run(k, 0.1, 10.0) for k in range(5)]
     results = load_results(write_results(tmp_path / "r.db", {"yard": {"PRM": bad + good[2:], "A": good}}))

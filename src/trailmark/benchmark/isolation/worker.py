@@ -38,6 +38,11 @@ class Worker:
         self._stopped = False
         self._running = threading.RLock()
 
+    @property
+    def pid(self) -> int | None:
+        """The zygote's process id; None while it is not running."""
+        return None if self._process is None else self._process.pid
+
     def run(self, job: Mapping[str, Any]) -> Answer:
         """Return a job's answer, as fields of a :class:`~trailmark.benchmark.record.RunRecord`.
 
