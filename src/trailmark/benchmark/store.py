@@ -123,22 +123,14 @@ class Store:
                     self._require_same(there["conditions"], wanted.conditions)
                     self._db.execute("UPDATE experiments SET runcount = ? WHERE id = ?", (max(runs, wanted.runs), row))
                     return int(row)
-            done = self._db.execute(
-                "INSERT INTO experiments (name, totaltime, timelimit, memorylimit, runcount, version, hostname, "
-                "cpuinfo, date, seed, setup) VALUES (?, 0.0, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
-                (
-                    wanted.name,
-                    wanted.time_limit,
-                    wanted.memory_limit,
-                    wanted.runs,
-                    wanted.version,
-                    wanted.hostname,
-                    wanted.cpu,
-                    wanted.date,
-                    str(wanted.seed),
-                    wanted.setup(),
-                ),
-            )
+            columns = {
+                **{"name": wanted.name, "totaltime": 0.0, "timelimit": wanted.time_limit},
+                **{"memorylimit": wanted.memory_limit, "runcount": wanted.runs, "version": wanted.version},
+                **{"hostname": wanted.hostname, "cpuinfo": wanted.cpu, "date": wanted.date},
+                **{"seed": str(wanted.seed), "setup": wanted.setup()},
+            }
+            marks = ", ".join(f":{name}" for name in columns)
+            done = self._db.execute(f"INSERT INTO experiments ({', '.join(columns)}) VALUES ({marks})", columns)  # noqa: S608  # names of our own columns
             return int(done.lastrowid or 0)
 
     def planner(self, name: str, settings: str) -> int:

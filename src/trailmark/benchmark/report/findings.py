@@ -75,13 +75,8 @@ def _soonest(summary: Summary) -> Finding:
     best = summary.planners[0]
     value = seconds(best.first_mean)
     detail = "Shifted geometric mean of the time to the first path; a failure counts as the limit."
-
-    def words(pair: Comparison) -> str:
-        return f"{factor(pair.factor)} sooner"
-
-    return Finding(
-        "Soonest first path", best.planner, value, f"{detail} {_lead(best, summary.planners, summary.times, words)}"
-    )
+    lead = _lead(best, summary.planners, summary.times, lambda pair: f"{factor(pair.factor)} sooner")
+    return Finding("Soonest first path", best.planner, value, f"{detail} {lead}")
 
 
 def _cheapest(summary: Summary) -> Finding:
@@ -90,14 +85,11 @@ def _cheapest(summary: Summary) -> Finding:
     if math.isinf(best.ratio[2]):
         return Finding("Cheapest path", "none", "–", "No planner solved half of its runs: there is no median.")
     value = f"{best.ratio[2]:.3f}×"
-
-    def words(pair: Comparison) -> str:
-        return f"{100 * (pair.factor - 1):.2g} % cheaper where both succeed"
-
     detail = "Median final cost over that of the best known path."
-    return Finding(
-        "Cheapest path at the limit", best.planner, value, f"{detail} {_lead(best, ranked, summary.costs, words)}"
+    lead = _lead(
+        best, ranked, summary.costs, lambda pair: f"{100 * (pair.factor - 1):.2g} % cheaper where both succeed"
     )
+    return Finding("Cheapest path at the limit", best.planner, value, f"{detail} {lead}")
 
 
 def _reliable(summary: Summary) -> Finding:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,13 +129,12 @@ def _time_axis(x: Scale, right: float, top: float, bottom: float) -> list[str]:
     return parts
 
 
-def _level_axis(y: Scale, ticks: Sequence[float], right: float, shown: object) -> list[str]:
+def _level_axis(y: Scale, ticks: Sequence[float], right: float, shown: Callable[[float], str]) -> list[str]:
     parts = []
     for tick in ticks:
         at = float(y.at(tick))
         parts.append(element("path", d=points([LEFT, right], [at, at]), class_="grid"))
-        words = shown(tick) if callable(shown) else str(tick)
-        parts.append(text(LEFT - 5.0, at + 4.0, words, class_="tick", text_anchor="end"))
+        parts.append(text(LEFT - 5.0, at + 4.0, shown(tick), class_="tick", text_anchor="end"))
     return parts
 
 
