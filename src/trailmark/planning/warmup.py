@@ -22,9 +22,18 @@ ROBOTS: dict[Kind, Robot] = {
 }
 
 
-@lru_cache(maxsize=3)
 def warm_up(kind: Kind = "straight") -> None:
     """Run every kernel that plans a kind of motion once: a minute or two on a machine's first use, else a second."""
+    _plan_once(kind)
+
+
+def warm_up_queries(kind: Kind = "straight") -> None:
+    """Run every kernel that only :meth:`LandmarkPlanner.plan_many` needs once, as :func:`warm_up` does the others."""
+    _plan_many_once(kind)
+
+
+@lru_cache(maxsize=3)
+def _plan_once(kind: Kind) -> None:
     from trailmark.collision import StateChecker
     from trailmark.landmarks import Relaxation
     from trailmark.planning.claims import grid_separates
@@ -62,8 +71,7 @@ def warm_up(kind: Kind = "straight") -> None:
 
 
 @lru_cache(maxsize=3)
-def warm_up_queries(kind: Kind = "straight") -> None:
-    """Run every kernel that only :meth:`LandmarkPlanner.plan_many` needs once, as :func:`warm_up` does the others."""
+def _plan_many_once(kind: Kind) -> None:
     from trailmark.planning.planner import LandmarkPlanner
 
     world, (start, goal) = SMALL
