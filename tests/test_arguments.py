@@ -112,6 +112,10 @@ def entries(planner: LandmarkPlanner) -> dict[str, tuple[Callable[..., Any], dic
         "clearance": (checker.clearance, {"q": A, "cap": 1.0}),
         "motions_valid": (checker.motions_valid, {"a": [A], "b": [B]}),
         "motion_valid": (checker.motion_valid, {"a": A, "b": B}),
+        "motions_between_valid": (checker.motions_between_valid, {"a": [A], "b": [B]}),
+        "motions_by_field": (checker.motions_by_field, {"a": [A], "b": [B]}),
+        "disc_center": (checker.disc_center, {"q": A}),
+        "require_for": (checker.require_for, {"world": WORLD, "robot": None}),
         "Path": (Path, {"states": KNOTS}),
         "Path.at": (path.at, {"fraction": 0.5}),
         "Path.resample": (path.resample, {"step": 1.0}),
@@ -136,7 +140,8 @@ def entries(planner: LandmarkPlanner) -> dict[str, tuple[Callable[..., Any], dic
 NAMES = [
     *("Disc", "Rectangle", "Polygon", "Robot", "Robot.disc", "Robot.rectangle", "Robot.polygon", "Robot.parse"),
     *("Robot.steered", "Query", "World", "World.query", "StateChecker", "valid", "clearance", "motions_valid"),
-    *("motion_valid", "Path", "Path.at", "Path.resample", "CurvePath", "CurvePath.at", "CurvePath.resample"),
+    *("motion_valid", "motions_between_valid", "motions_by_field", "disc_center", "require_for"),
+    *("Path", "Path.at", "Path.resample", "CurvePath", "CurvePath.at", "CurvePath.resample"),
     *("Steering", "Steering.of", "Steering.lengths", "Steering.curves", "Steering.states", "LandmarkPlanner"),
     *("build", "plan", "plan_many"),
 ]

@@ -187,7 +187,7 @@ Q = np.zeros((2, 3))
         (lambda c: c.clearance([1, 2, math.inf]), "not a finite number"),
         (lambda c: c.clearance(Q, cap=math.nan), "expected 0 or more, got nan"),
         (lambda c: c.clearance(Q, cap=-1.0), "expected 0 or more, got -1.0"),
-        (lambda c: c.motions_valid(Q, Q[:1]), "2 starts and 1 ends given"),
+        (lambda c: c.motions_valid(Q, Q[:1]), "expected as many ends as starts, got 2 and 1"),
         (lambda c: c.motions_valid(Q, [[1, 2]]), "shape (3,) or (n, 3) for x, y, theta, got (1, 2)"),
         (lambda c: c.motion_valid((0, 0), (1, 1, 1)), "motion: start: expected shape (3,) or (n, 3) for x, y,"),
         (lambda c: c.motion_valid((0, 0, 0), Q), "motion: shapes (3,) and (2, 3) given, allowed: (3,)"),

@@ -140,9 +140,7 @@ class StateChecker:
         Raises:
             ConfigurationError: other shapes, different lengths, or values that are not finite.
         """
-        starts, ends = np.atleast_2d(se2.configurations(a)), np.atleast_2d(se2.configurations(b))
-        if starts.shape != ends.shape:
-            raise ConfigurationError(f"motions: {len(starts)} starts and {len(ends)} ends given, allowed: as many")
+        starts, ends = _ends_of_motions(a, b)
         free = self._states_free(starts) & self._states_free(ends)
         free[free] = self.motions_between_valid(starts[free], ends[free])
         return free
@@ -155,7 +153,8 @@ class StateChecker:
         return bool(self.motions_valid(*ends)[0])
 
     def motions_between_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
-        """Return which motions between configurations known to be valid are certified; shapes (n, 3), unchecked."""
+        """Return which motions between configurations known to be valid are certified; shapes (n, 3)."""
+        a, b = _ends_of_motions(a, b)
         if self.exact == "fcl":
             return self._motions_by_fcl(a, b)
         answer = certify.motions_certified(self.grid, self.field, self.footprint, a, b, True)
@@ -163,10 +162,12 @@ class StateChecker:
 
     def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.uint8]:
         """Return what the field alone proves of motions between valid configurations: FREE, BLOCKED, UNDECIDED."""
+        a, b = _ends_of_motions(a, b)
         return np.asarray(certify.motions_certified(self.grid, self.field, self.footprint, a, b, False))
 
     def disc_center(self, q: se2.FloatArray) -> tuple[float, float]:
         """Return where the centre of the robot's inscribed disc is (metres) in a configuration of shape (3,)."""
+        q = _one(q, "disc_center")
         x, y = self.robot.inscribed_disc.center
         c, s = cos(q[2]), sin(q[2])
         return float(q[0] + c * x - s * y), float(q[1] + s * x + c * y)
@@ -177,9 +178,7 @@ class StateChecker:
         Raises:
             ConfigurationError: it is not; the message says which obstacle or bound, and by how much.
         """
-        state = se2.configurations(q, name=name)
-        if state.ndim != 1:
-            raise ConfigurationError(f"{name}: shape {state.shape} given, allowed: (3,)")
+        state = _one(q, name)
         if not self.valid(state):
             reason = invalid_reason(self.world, self.robot, state)
             at = ", ".join(f"{v:g}" for v in state)
@@ -192,6 +191,8 @@ class StateChecker:
         Raises:
             ConfigurationError: it is.
         """
+        one_of(world, World, "world:", error=WorldError)
+        one_of(robot, (Robot, type(None)), "robot:", error=WorldError)
         mine = self.world
         if mine is not world and mine.with_robot(self.robot) != world.with_robot(self.robot):
             raise ConfigurationError(f"checker: of another world ({mine.name!r}) given, allowed: of this one")
@@ -237,3 +238,19 @@ class StateChecker:
             reach = (d - kernels.ROUNDING) / bound
             gaps += [(low, middle - reach), (middle + reach, high)]
         return False
+
+
+def _one(q: ArrayLike, name: str) -> se2.FloatArray:
+    """Return one configuration, shape (3,)."""
+    state = se2.configurations(q, name=name)
+    if state.ndim != 1:
+        raise ConfigurationError(f"{name}: expected shape (3,), got {state.shape}")
+    return state
+
+
+def _ends_of_motions(a: ArrayLike, b: ArrayLike) -> tuple[se2.FloatArray, se2.FloatArray]:
+    """Return starts and ends, both of shape (n, 3)."""
+    starts, ends = np.atleast_2d(se2.configurations(a)), np.atleast_2d(se2.configurations(b))
+    if starts.shape != ends.shape:
+        raise ConfigurationError(f"motions: expected as many ends as starts, got {len(starts)} and {len(ends)}")
+    return starts, ends
