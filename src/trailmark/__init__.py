@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from trailmark.errors import WorldError as WorldError
     from trailmark.path import Path as Path
     from trailmark.planning import LandmarkPlanner as LandmarkPlanner
+    from trailmark.planning import PlannerSettings as PlannerSettings
+    from trailmark.planning import PlanProgress as PlanProgress
     from trailmark.planning import PlanResult as PlanResult
     from trailmark.roadmap import Roadmap as Roadmap
     from trailmark.shapes import Disc as Disc
@@ -44,7 +46,9 @@ _HOME = {
     "WorldError": "errors",
     "Path": "path",
     "LandmarkPlanner": "planning",
+    "PlanProgress": "planning",
     "PlanResult": "planning",
+    "PlannerSettings": "planning",
     "Roadmap": "roadmap",
     "Disc": "shapes",
     "Polygon": "shapes",

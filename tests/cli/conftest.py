@@ -112,11 +112,16 @@ class FakePlanner:
     calls: list[dict[str, Any]]
     action: Callable[[], None]
 
-    def __init__(self, world: Any, robot: Any, seed: int = 0, landmarks: int | None = None) -> None:
-        self.asked = {"world": world, "robot": robot, "seed": seed, "landmarks": landmarks}
+    def __init__(
+        self, world: Any, robot: Any, seed: int = 0, landmarks: int | None = None, settings: Any = None
+    ) -> None:
+        self.asked = {"world": world, "robot": robot, "seed": seed, "landmarks": landmarks, "settings": settings}
         at = np.array([[1.0, 1.0, 0.0], [5.0, 1.0, 0.5], [9.0, 5.0, 1.5]])
         edges, status = np.array([[0, 1], [1, 2]]), np.array([1, 2])
-        self.roadmap = SimpleNamespace(configurations=at, edges=edges, status=status, certified=status == 1)
+        motion = SimpleNamespace(lines=lambda a, b: np.stack([a[:, :2], b[:, :2]], axis=1))
+        self.roadmap = SimpleNamespace(
+            configurations=at, edges=edges, status=status, certified=status == 1, motion=motion
+        )
 
     def plan(self, start: Any, goal: Any, time_limit: float = 1.0, on_progress: Any = None, **others: Any) -> Any:
         type(self).calls.append(self.asked | {"start": start, "goal": goal, "time_limit": time_limit})

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from trailmark.errors import TrailmarkError
+from trailmark.planning import PlannerSettings
 from trailmark.world import Robot
 
 Shell = Callable[..., Any]
@@ -25,6 +26,26 @@ def test_defaults_are_the_files(shell: Shell, yard: Path, planner: Any) -> None:
     assert call["start"] == (1.0, 1.0, 0.0)
     assert call["goal"] == (9.0, 5.0, 1.5)
     assert (call["seed"], call["landmarks"], call["time_limit"]) == (0, None, 1.0)
+
+
+def test_settings_come_from_a_file_and_go_into_the_record(
+    shell: Shell, yard: Path, planner: Any, tmp_path: Path
+) -> None:
+    file = tmp_path / "settings.yaml"
+    file.write_text("patience: 3\n")
+    record = json.loads(shell("plan", yard, "--settings", file, "--json").out)
+    assert planner.calls[0]["settings"] == PlannerSettings(patience=3)
+    assert record["settings"] == PlannerSettings(patience=3).to_dict()
+    file.write_text("patient: 3\n")
+    run = shell("plan", yard, "--settings", file)
+    assert run.status == 2
+    assert "expected one of" in run.err
+    assert run.err.count("\n") == 1
+    # No output takes the file's place.
+    same = tmp_path / "settings.json"
+    same.write_text('{"patience": 3}')
+    assert shell("plan", yard, "--settings", same, "--output", same).status == 2
+    assert same.read_text() == '{"patience": 3}'
 
 
 def test_options_override_the_file(shell: Shell, yard: Path, planner: Any) -> None:

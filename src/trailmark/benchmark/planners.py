@@ -69,7 +69,10 @@ def settings_of(name: str, *, first: bool = False) -> str:
     if first:
         return f"{settings_of(name)}; ends at its first path"
     if name == "landmark":
-        return "trailmark's LandmarkPlanner, default settings; motions certified"
+        from trailmark.planning import PlannerSettings
+
+        chosen = ", ".join(f"{setting}={value}" for setting, value in PlannerSettings().to_dict().items())
+        return f"trailmark's LandmarkPlanner, default settings; motions certified; {chosen}"
     if name.startswith("native:"):
         native = importlib.import_module("trailmark.benchmark.native")
         made = ", ".join(f"{what} {version}" for what, version in native.native_versions().items())

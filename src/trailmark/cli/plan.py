@@ -71,6 +71,9 @@ def plan(
             "Rounds of landmarks at most; with a generous time limit the seed alone then decides the path.",
         ),
     ] = None,
+    settings: Annotated[
+        str | None, option("--settings", "FILE.yaml", "Lines 'name: value' of the planner's settings.")
+    ] = None,
     output: Annotated[
         str | None,
         option(
@@ -110,6 +113,11 @@ def plan(
         loading = time.perf_counter() - begun
 
         from trailmark import LandmarkPlanner
+        from trailmark.planning import PlannerSettings
+
+        chosen = PlannerSettings() if settings is None else PlannerSettings.load(settings)
+        if settings is not None:
+            keep_inputs((Path(settings),), path_file, picture)
 
         def follow(state: PlanProgress) -> None:
             progress.phase = state.phase
@@ -117,11 +125,12 @@ def plan(
             progress.details = (f"{state.landmarks:,} landmarks", cost)
 
         progress.stage("preparing (compiles on first use)")
-        planner = LandmarkPlanner(loaded, body, seed=number, landmarks=count)
+        planner = LandmarkPlanner(loaded, body, seed=number, landmarks=count, settings=chosen)
         progress.stage("planning", limit)
         result = planner.plan(a, b, time_limit=limit, on_progress=follow, max_iterations=rounds, gap=share)
 
         record = result.to_dict(world=loaded.name, query=name)
+        record["settings"] = chosen.to_dict()
         record["time"]["load"] = loading
         record["time"]["total"] += loading
         progress.stage("writing")

@@ -2,6 +2,7 @@
 
 from trailmark.planning.planner import LandmarkPlanner
 from trailmark.planning.result import PlanProgress, PlanResult
+from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shortening import shorten
 
-__all__ = ["LandmarkPlanner", "PlanProgress", "PlanResult", "shorten"]
+__all__ = ["LandmarkPlanner", "PlanProgress", "PlanResult", "PlannerSettings", "shorten"]
