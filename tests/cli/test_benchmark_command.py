@@ -158,7 +158,7 @@ def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path:
 def test_bad_input_is_one_line_and_makes_no_file(
     words: list[str], problem: str, shell: Shell, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("trailmark.benchmark.isolation.executors.ANSWERING", 0.2)
+    monkeypatch.setattr("trailmark.benchmark.isolation.executors.ANSWER_LIMIT", 0.2)
     given = [str(yard) if word == "YARD" else word for word in words]
     run = shell("benchmark", *given, "--output", tmp_path / "results.db")
     assert run.status == 2

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from trailmark.errors import OutputError
-from trailmark.formats.outputs import require_apart, require_own
+from trailmark.formats.outputs import require_not_an_input, require_replaceable
 from trailmark.formats.path_files import write_path
 from trailmark.plotting import save_world_figure
 from trailmark.world import World
@@ -32,11 +32,11 @@ def test_an_input_is_known_by_whatever_name(tmp_path: Path, monkeypatch: pytest.
     names = ["real.png", "./real.png", "sub/../real.png", "soft.png", "hard.png", "dir/real.png", str(real)]
     for name in names:
         with pytest.raises(OutputError, match=r"expected another file") as caught:
-            require_apart(Path(name), [Path("nowhere"), real])
+            require_not_an_input(Path(name), [Path("nowhere"), real])
         assert str(caught.value).startswith(str(Path(name)))
     picture(tmp_path / "other.png")
     for name in ("other.png", "new.png", "sub", "/dev/null"):
-        require_apart(Path(name), [real, Path("/dev/null"), Path("x" * 400), Path("nul\0")])
+        require_not_an_input(Path(name), [real, Path("/dev/null"), Path("x" * 400), Path("nul\0")])
 
 
 FOREIGN = {
@@ -62,7 +62,7 @@ def test_files_of_others_are_kept(tmp_path: Path, name: str) -> None:
     file = tmp_path / name
     file.write_text(FOREIGN[name])
     with pytest.raises(OutputError, match=r"a file that trailmark did not write is there"):
-        require_own(file)
+        require_replaceable(file)
     assert file.read_text() == FOREIGN[name]
 
 
@@ -73,14 +73,14 @@ def test_nothing_is_in_the_way(tmp_path: Path, name: str) -> None:
         (tmp_path / name).write_text(content[name])
     elif name == "folder.yaml":
         (tmp_path / name).mkdir()  # told by whoever writes
-    require_own(tmp_path / name)
+    require_replaceable(tmp_path / name)
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_own_pictures_are_written_again(tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"world{suffix}"
     save_world_figure(file, World("yard", (0.0, 0.0, 3.0, 2.0)))
-    require_own(file)
+    require_replaceable(file)
 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".path", ".txt"])
@@ -90,17 +90,17 @@ def test_own_paths_are_written_again(tmp_path: Path, suffix: str, rows: int) -> 
     states = np.random.default_rng(0).normal(size=(rows, 3))
     states[:, 0] *= 1e-7
     write_path(file, states)
-    require_own(file)
+    require_replaceable(file)
     if suffix == ".json":
         file.write_text(json.dumps({"world": "yard", "status": "timeout", "states": []}))
-        require_own(file)
+        require_replaceable(file)
 
 
 def test_own_worlds_are_written_again_and_maps_are_not(tmp_path: Path) -> None:
     world = World("yard", (0.0, 0.0, 3.0, 2.0))
     own = tmp_path / "own.yaml"
     world.save(own)
-    require_own(own)
+    require_replaceable(own)
     World.load(own).save(own)  # as somebody who edits it does
 
     picture(tmp_path / "yard.pgm")

@@ -1,4 +1,4 @@
-"""What a result depends on besides the planner: versions, processor, system."""
+"""What a result depends on besides the planner: versions, source code, processor, system."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def system() -> str:
 
 
 def source_digest() -> str:
-    """Return the SHA-256 of trailmark's own source files: what ran, where the version does not tell."""
+    """Return the SHA-256 of trailmark's own source files: it identifies the code where the version does not."""
     digest, root = hashlib.sha256(), Path(__file__).resolve().parents[1]
     for file in sorted(root.rglob("*.py")):
         digest.update(file.relative_to(root).as_posix().encode() + b"\0" + file.read_bytes())

@@ -1,4 +1,4 @@
-"""What can be wrong with a benchmark before it runs, or with the machinery that runs it."""
+"""Errors of a benchmark's input, and of the machinery that runs it."""
 
 # Tested by tests/benchmark/test_store.py and its neighbours.
 from __future__ import annotations

@@ -14,7 +14,7 @@ from typing import Any
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.schema import ENUMS, MEASURED
 from trailmark.formats.files import write_atomically
-from trailmark.formats.outputs import require_apart, require_own
+from trailmark.formats.outputs import require_not_an_input, require_replaceable
 
 __all__ = ["export_log"]
 
@@ -40,8 +40,8 @@ def export_log(database: Path, log: Path, inputs: Sequence[Path] = ()) -> list[P
             db.row_factory = sqlite3.Row
             for i, experiment in enumerate(db.execute("SELECT * FROM experiments ORDER BY id").fetchall()):
                 file = log if i == 0 else log.with_name(f"{log.stem}-{i + 1}{log.suffix}")
-                require_apart(file, (database, *inputs))
-                require_own(file)
+                require_not_an_input(file, (database, *inputs))
+                require_replaceable(file)
                 write_atomically(file, _log(db, experiment))
                 written.append(file)
     except sqlite3.Error as error:

@@ -1,6 +1,6 @@
 """The native peer: OMPL's C++ planners with FCL in C++, a program of its own, built from ``benchmarks/native``.
 
-It is what a user would pick instead if Python were too slow. Its planners are named ``native:PRM`` and so on.
+It is what a user would choose who finds Python too slow. Its planners are named ``native:PRM`` and so on.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PREFIX = "native:"
 VARIABLE = "TRAILMARK_NATIVE"
 """The environment variable that may name the built program."""
 
-SIMPLIFYING = 0.5
+SIMPLIFY_LIMIT = 0.5
 """Seconds that the program's simplifier gets at most, as for the other planners."""
 
 ANY_COST = 1e11
@@ -94,11 +94,11 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
     # OMPL takes no seed 0.
     command += ["--seed", str(int(job["seed"]) + 1), "--resolution", repr(float(job["resolution"]))]
     command += ["--time-limit", repr(limit), "--memory-limit", repr(float(job["memory_limit"]))]
-    command += ["--simplify-limit", repr(SIMPLIFYING)]
+    command += ["--simplify-limit", repr(SIMPLIFY_LIMIT)]
     if job.get("first"):
         command += ["--cost-threshold", repr(ANY_COST)]
     text = problem_text(problem.world, problem.robot, problem.query)
-    allowed = limit + SIMPLIFYING + GRACE[0] + GRACE[1] * limit
+    allowed = limit + SIMPLIFY_LIMIT + GRACE[0] + GRACE[1] * limit
     try:
         done = subprocess.run(command, input=text, capture_output=True, text=True, timeout=allowed, check=False)  # noqa: S603  # our own program, no shell
     except subprocess.TimeoutExpired:

@@ -1,4 +1,4 @@
-"""Problem and Job: a query in a world for a robot, and one run of a planner on it, as they travel to workers."""
+"""Problem and Job: a query in a world for a robot, and one run of a planner on it, as they are sent to workers."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Problem:
     @property
     def robot(self) -> Robot:
         """The robot to plan for."""
-        assert self.world.robot is not None  # noqa: S101  # what problems_of sees to
+        assert self.world.robot is not None  # noqa: S101  # problems_of makes sure
         return self.world.robot
 
     @property

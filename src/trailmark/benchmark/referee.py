@@ -1,4 +1,4 @@
-"""Referee: is a returned path right? Shapely and dense sampling, nothing that any planner used to find it."""
+"""Referee: checks returned paths by shapely and dense sampling, which no planner uses to find them."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Referee:
             shapely.prepare(self._boundary)
 
     def fault(self, path: ArrayLike, start: ArrayLike, goal: ArrayLike) -> str | None:
-        """Return what is wrong with a path, in one line, or None.
+        """Return what is wrong with a path, in one line; None if it is correct.
 
         Args:
             path: states (x, y, theta), shape (n, 3), joined by straight motions with the heading along the shorter arc,

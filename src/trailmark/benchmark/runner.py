@@ -1,4 +1,4 @@
-"""Runner: every run that is not in the database yet is made, and is in it as soon as it is done."""
+"""Runner: makes the runs that are not in the database yet, and stores each as soon as it ends."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ REPORT_PERIOD = 0.2
 
 @dataclass
 class Tally:
-    """How far a benchmark has come.
+    """The progress of a benchmark.
 
     Attributes:
         total: runs asked for.
         done: of them in the database, those of earlier calls included.
-        made: of them by this call.
+        made: of them by this call of :meth:`Benchmark.run`.
         failed: of these, how many have no correct solution.
         latest: planner and problem of the run that came in last.
         left: seconds until the end, estimated from the runs so far; None before the first.

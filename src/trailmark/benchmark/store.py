@@ -1,4 +1,4 @@
-"""Store: the results database, a SQLite file in Planner Arena's schema; every run is in it as soon as it is done.
+"""Store: the results database, an SQLite file in Planner Arena's schema, to which each run is written as it ends.
 
 The file is whole at every moment: each run is one transaction that is on the disk before the next one begins. Of two
 programs that want to write, the second gets an error; reading is always possible.
@@ -35,10 +35,10 @@ class Experiment:
 
     Attributes:
         name: world, query and robot, for people.
-        identity: what makes it this experiment: problem, objective, resolution, limits. Runs of the same identity
+        identity: what identifies the experiment: problem, objective, resolution, limits. Runs of the same identity
             belong together.
         conditions: what may not change from run to run: versions of the libraries, the processor.
-        facts: what is good to know besides, such as the world's text.
+        facts: further information, such as the world's text.
         time_limit: seconds a run.
         memory_limit: MB a run.
         version: of trailmark and OMPL.

@@ -17,10 +17,10 @@ from trailmark.cli.options import (
     TurningRadiusOption,
     UsageError,
     grown_for,
-    keep_inputs,
     load_world,
     option,
     output_file,
+    protect_inputs,
     read_count,
     read_duration,
     read_length,
@@ -120,7 +120,7 @@ def benchmark(
         slots = read_count(workers or "1", "--workers", 1, 1024)
     assert file is not None  # noqa: S101  # --output was given
     read = [source for problem in problems for source in problem.world.sources] + ([Path(suite)] if suite else [])
-    keep_inputs(read, file, log_file)
+    protect_inputs(read, file, log_file)
     # The scheduler first: if it does not answer, no database is made.
     with _pool(slots, scheduler) as pool, Store(file) as store:
         tally = _run(plan, store, pool, file)

@@ -17,10 +17,10 @@ from trailmark.cli.options import (
     UsageError,
     WorldArgument,
     grown_for,
-    keep_inputs,
     load_world,
     option,
     output_file,
+    protect_inputs,
     read_count,
     read_length,
     read_robot,
@@ -90,7 +90,7 @@ def landmarks(
     with console.progress("loading") as progress:
         begun = perf_counter()
         loaded = load_world(world)
-        keep_inputs(loaded.sources, picture)
+        protect_inputs(loaded.sources, picture)
         body = robot_of(loaded, given)
         loaded = grown_for(loaded, body)
 

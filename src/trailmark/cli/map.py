@@ -14,8 +14,8 @@ from trailmark.cli.options import (
     JsonOption,
     PlotOption,
     UsageError,
-    keep_inputs,
     output_file,
+    protect_inputs,
     read_count,
     read_robot,
 )
@@ -201,7 +201,7 @@ def map_log(
         from trailmark.estimation.logs import load_log, log_files
         from trailmark.estimation.maps.log_map import map_log as map_records
 
-        keep_inputs(log_files(log), world_file, picture)
+        protect_inputs(log_files(log), world_file, picture)
         settings = settings_of(
             obstacles=obstacles,
             poses=poses,

@@ -27,10 +27,10 @@ __all__ = [
     "UsageError",
     "WorldArgument",
     "grown_for",
-    "keep_inputs",
     "load_world",
     "option",
     "output_file",
+    "protect_inputs",
     "read_configuration",
     "read_count",
     "read_duration",
@@ -194,26 +194,26 @@ def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:
     if text is None:
         return None
     from trailmark.formats.files import check_writable
-    from trailmark.formats.outputs import require_own
+    from trailmark.formats.outputs import require_replaceable
 
     file = Path(text)
     check_writable(file, suffixes)
     if suffixes:
-        require_own(file)
+        require_replaceable(file)
     return file
 
 
-def keep_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
+def protect_inputs(inputs: Iterable[Path], *outputs: Path | None) -> None:
     """Raise if an output is one of the files read, or another output; to be asked before long work.
 
     Raises:
         OutputError: it is.
     """
-    from trailmark.formats.outputs import require_apart
+    from trailmark.formats.outputs import require_not_an_input
 
     read, written = tuple(inputs), set[Path]()
     for file in filter(None, outputs):
-        require_apart(file, read)
+        require_not_an_input(file, read)
         if file.resolve() in written:
             raise UsageError(f"two outputs name the file {str(file)!r}; expected a file for each")
         written.add(file.resolve())

@@ -24,10 +24,10 @@ from trailmark.cli.options import (
     UsageError,
     WorldArgument,
     grown_for,
-    keep_inputs,
     load_world,
     option,
     output_file,
+    protect_inputs,
     read_configuration,
     read_count,
     read_duration,
@@ -106,7 +106,7 @@ def plan(
     with console.progress("loading") as progress:
         begun = time.perf_counter()
         loaded = load_world(world)
-        keep_inputs(loaded.sources, path_file, picture)
+        protect_inputs(loaded.sources, path_file, picture)
         body = steered(robot_of(loaded, given), radius, forward_only)
         loaded = grown_for(loaded, body)
         name, a, b = ends or _ends_of(loaded, query)

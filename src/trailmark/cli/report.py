@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from trailmark.cli import console
-from trailmark.cli.options import UsageError, keep_inputs, option, output_file
+from trailmark.cli.options import UsageError, option, output_file, protect_inputs
 
 __all__ = ["report"]
 
@@ -27,7 +27,7 @@ def report(
     page, text = output_file(html, (".html", ".htm")), output_file(markdown, (".md",))
     if page is None and text is None:
         raise UsageError("expected --html, --markdown or both, got neither")
-    keep_inputs([Path(results)], page, text)
+    protect_inputs([Path(results)], page, text)
     from trailmark.benchmark.report import html_report, load_results, markdown_report
     from trailmark.formats.files import write_atomically
 

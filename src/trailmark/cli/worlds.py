@@ -15,9 +15,9 @@ from trailmark.cli.options import (
     PlotOption,
     RobotOption,
     WorldArgument,
-    keep_inputs,
     load_world,
     output_file,
+    protect_inputs,
     read_robot,
 )
 
@@ -53,7 +53,7 @@ def show(world: WorldArgument, robot: RobotOption = None, plot: PlotOption = Non
     picture = output_file(plot, PICTURE_SUFFIXES)
     with console.progress("loading") as progress:
         loaded = _load(world, robot)
-        keep_inputs(loaded.sources, picture)
+        protect_inputs(loaded.sources, picture)
         if picture is not None:
             from trailmark.plotting import save_world_figure
 
@@ -95,7 +95,7 @@ def convert(
     assert file is not None  # noqa: S101  # only an option that is not given has none
     with console.progress("converting"):
         loaded = _load(world, robot)
-        keep_inputs(loaded.sources, file)
+        protect_inputs(loaded.sources, file)
         loaded.save(file)
     console.note(f"{file}: {len(loaded.obstacles):,} obstacles, {len(loaded.queries):,} queries")
 

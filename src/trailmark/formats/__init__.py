@@ -53,10 +53,10 @@ def save_world(world: World, path: FilePath) -> None:
         OutputError: the path cannot be written, or is a file in another format that the world was read from.
     """
     from trailmark.formats.files import write_atomically
-    from trailmark.formats.outputs import is_world_file, require_apart
+    from trailmark.formats.outputs import is_world_file, require_not_an_input
     from trailmark.formats.world_yaml import world_text
 
-    require_apart(path, (source for source in world.sources if not is_world_file(source)))
+    require_not_an_input(path, (source for source in world.sources if not is_world_file(source)))
     write_atomically(path, world_text(world))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from trailmark.errors import OutputError
 
-__all__ = ["is_world_file", "require_apart", "require_own"]
+__all__ = ["is_world_file", "require_not_an_input", "require_replaceable"]
 
 MARKS = {
     ".png": b"Software\0trailmark",
@@ -30,7 +30,7 @@ _OWN_WORLD = re.compile(r"^trailmark[ \t]*:", re.MULTILINE)
 _NUMBERS = re.compile(r"(?:\s*|\s*#.*|\s*\S*\d\S*(?:\s+\S*\d\S*){2}\s*)")
 
 
-def require_apart(path: Path, inputs: Iterable[Path]) -> None:
+def require_not_an_input(path: Path, inputs: Iterable[Path]) -> None:
     """Raise if the path is one of the inputs, by whatever name: links, ``./``, other case where that is the same file.
 
     Args:
@@ -46,7 +46,7 @@ def require_apart(path: Path, inputs: Iterable[Path]) -> None:
             raise OutputError(f"{path}: is the same file as the input{name}; expected another file")
 
 
-def require_own(path: Path) -> None:
+def require_replaceable(path: Path) -> None:
     """Raise if there is a file that trailmark could not have written under that name; its suffix tells the format.
 
     A file that is empty, or that holds nothing of its format at all, may be replaced.

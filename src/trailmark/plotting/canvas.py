@@ -159,10 +159,10 @@ def picture_of(world: World, file: str | FilePath) -> FilePath:
     Raises:
         OutputError: it is one that the world was read from, such as a map's image.
     """
-    from trailmark.formats.outputs import require_apart
+    from trailmark.formats.outputs import require_not_an_input
 
     path = FilePath(file)
-    require_apart(path, world.sources)
+    require_not_an_input(path, world.sources)
     return path
 
 

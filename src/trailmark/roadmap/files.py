@@ -20,7 +20,7 @@ from trailmark import se2
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import FormatError, OutputError
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
-from trailmark.formats.outputs import require_apart
+from trailmark.formats.outputs import require_not_an_input
 from trailmark.motion import CurveMotion, motion_of
 from trailmark.roadmap.nav2_route import route_text
 from trailmark.roadmap.roadmap import Roadmap
@@ -67,7 +67,7 @@ def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
     """
     path = FilePath(path)
     check_writable(path, SAVED)
-    require_apart(path, roadmap.checker.world.sources)
+    require_not_an_input(path, roadmap.checker.world.sources)
     suffix = path.suffix.lower()
     if suffix == ".geojson":
         if isinstance(roadmap.motion, CurveMotion):

@@ -91,7 +91,7 @@ def test_a_killed_worker_only_repeats_its_runs(tmp_path: Path) -> None:
 
 
 def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trailmark.benchmark.isolation.executors.ANSWERING", 0.5)
+    monkeypatch.setattr("trailmark.benchmark.isolation.executors.ANSWER_LIMIT", 0.5)
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))  # and nobody listens
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"

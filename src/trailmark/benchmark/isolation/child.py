@@ -30,10 +30,10 @@ __all__ = ["Answer", "answers", "latest"]
 GRACE = (0.02, 0.05)
 """Seconds, and share of the time limit (the larger counts), after which a solution comes too late for any planner."""
 
-SETTLING = 0.003
+SMALL_LIMIT = 0.003
 """Seconds that OMPL's planners get for the small problem before the clock starts."""
 
-SIMPLIFYING = 0.5
+SIMPLIFY_LIMIT = 0.5
 """Seconds that the simplifier gets at most."""
 
 Answer = dict[str, Any]
@@ -59,7 +59,7 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
         return
     run = _landmark if name == "landmark" else _own if ":" in name else _ompl
     if run is not _own:
-        _settle_in(prepared, job)
+        _plan_small_problem(prepared, job)
     answer, graph = run(prepared, job)
     answer = _in_time(answer, latest(float(job["time_limit"])))
     yield answer
@@ -70,11 +70,11 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
         yield _simplified(prepared, answer["path"])
 
 
-def _settle_in(prepared: Prepared, job: Mapping[str, Any]) -> None:
-    """Have the planner solve a small problem that does not count.
+def _plan_small_problem(prepared: Prepared, job: Mapping[str, Any]) -> None:
+    """Let the planner solve a small problem that is not measured.
 
-    What a forked process touches for the first time is copied for it, which takes milliseconds: no planner's doing,
-    and nothing that the users of a running program meet.
+    The memory that a forked process uses for the first time is copied for it. That takes milliseconds, which are not
+    the planner's, and which users of a running program do not wait for.
     """
     from trailmark.planning import LandmarkPlanner
     from trailmark.planning.warmup import ROBOTS, SMALL
@@ -89,7 +89,7 @@ def _settle_in(prepared: Prepared, job: Mapping[str, Any]) -> None:
     name, _, variant = str(job["planner"]).partition("+")
     measured.silence_ompl()
     measured.seed_ompl(int(job["seed"]))
-    measured.measure(SE2Problem(world, robot, (start, goal), certified=variant == "certified"), name, SETTLING)
+    measured.measure(SE2Problem(world, robot, (start, goal), certified=variant == "certified"), name, SMALL_LIMIT)
 
 
 def latest(time_limit: float) -> float:
@@ -223,7 +223,7 @@ def _native(prepared: Prepared, job: Mapping[str, Any]) -> Answer:
 
 
 def _in_time(answer: Answer, limit: float) -> Answer:
-    """Return an answer with what came too late taken out, and with the first and the last cost filled in."""
+    """Return an answer without what came too late, and with the first and the last cost filled in."""
     curve = [(t, cost) for t, cost in answer["curve"] if t <= limit]
     if answer["solved"] and not curve:
         late = answer["curve"][0][0] if answer["curve"] else answer["time"]
@@ -247,7 +247,7 @@ def _simplified(prepared: Prepared, path: list[list[float]]) -> Answer:
 
     measured.silence_ompl()
     problem = SE2Problem(prepared.problem.world, prepared.problem.robot, prepared.ends, checker=prepared.checker)
-    shortened, seconds = measured.simplify(problem, prepared.problem.path(path), SIMPLIFYING)
+    shortened, seconds = measured.simplify(problem, prepared.problem.path(path), SIMPLIFY_LIMIT)
     return {
         "simplified_path": _states(shortened),
         "simplified_solution_length": shortened.cost,

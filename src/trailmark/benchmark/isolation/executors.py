@@ -12,7 +12,7 @@ from trailmark.benchmark.isolation.worker import stop_workers
 
 __all__ = ["Pool", "cluster", "local"]
 
-ANSWERING = 5.0
+ANSWER_LIMIT = 5.0
 """Seconds in which a scheduler has to answer."""
 
 
@@ -54,7 +54,7 @@ def cluster(address: str) -> Iterator[Pool]:
             "--scheduler needs Dask: pip install 'distributed>=2024.8' (what pip install 'trailmark[cluster]' adds)"
         ) from None
     try:
-        client: Any = Client(address, timeout=ANSWERING, set_as_default=False)  # type: ignore[no-untyped-call]  # Dask's own
+        client: Any = Client(address, timeout=ANSWER_LIMIT, set_as_default=False)  # type: ignore[no-untyped-call]  # Dask's own
     except (OSError, ValueError, TimeoutError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise WorkerError(
@@ -64,4 +64,4 @@ def cluster(address: str) -> Iterator[Pool]:
     try:
         yield Pool(client.get_executor(retries=3), lambda: max(1, sum(client.nthreads().values())))
     finally:
-        client.close(timeout=ANSWERING)
+        client.close(timeout=ANSWER_LIMIT)

@@ -1,4 +1,4 @@
-"""Prepared: a problem as a worker holds it, with everything built that is not part of any planner's own time."""
+"""A problem made ready for runs: everything is built that does not count as a planner's own time."""
 
 # Tested by tests/benchmark/isolation/test_worker.py.
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["CountingChecker", "Prepared"]
 
 
 class Prepared:
-    """A problem read, its checker built and its kernels loaded.
+    """A problem that is read, with its checker built and its kernels loaded.
 
     Args:
         text: as in :class:`trailmark.benchmark.problems.Job`.
@@ -49,7 +49,7 @@ class Prepared:
 
 
 class CountingChecker(StateChecker):
-    """Another checker's answers, counted.
+    """A checker that counts what it is asked.
 
     Motions that compiled code checks by itself, while it shortens a path, are not counted.
 

@@ -1,4 +1,4 @@
-"""Conditions: versions, processor, settings, limits, seeds and hashes under which the runs were made."""
+"""The conditions of the runs: versions, processor, settings, limits, seeds and hashes."""
 
 # Tested by tests/benchmark/report/test_report_page.py.
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Results: what a results database holds, as arrays, a problem at a time."""
+"""Results: the content of a results database as arrays, problem by problem."""
 
 # Tested by tests/benchmark/report/test_report_data.py.
 from __future__ import annotations

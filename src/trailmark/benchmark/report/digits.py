@@ -1,4 +1,4 @@
-"""How a report writes numbers: three digits that matter, thousands apart, a dash for what is not known."""
+"""How a report writes numbers: three significant digits, thousands separated, a dash for what is not known."""
 
 # Tested by tests/benchmark/report/test_report_summary.py.
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Figures: which planners share a chart, and what each chart of the page shows."""
+"""The figures of a report: which planners share a chart, and what each chart shows."""
 
 # Tested by tests/benchmark/report/test_report_page.py.
 from __future__ import annotations

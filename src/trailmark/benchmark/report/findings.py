@@ -1,4 +1,4 @@
-"""Findings: what a benchmark shows, as a few sentences, each with its certainty."""
+"""What a benchmark shows, in a few sentences, each with its certainty."""
 
 # Tested by tests/benchmark/report/test_report_summary.py.
 from __future__ import annotations
@@ -13,7 +13,7 @@ from trailmark.benchmark.report.summary import MIN_RUNS, Comparison, PlannerSumm
 
 __all__ = ["Finding", "findings", "warnings_of"]
 
-LATE = 1.1  # of the limit: a run that took longer is worth a word
+LATE = 1.1  # of the limit: a run that took longer is mentioned
 
 
 @dataclass(frozen=True)

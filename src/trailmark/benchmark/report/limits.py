@@ -1,4 +1,4 @@
-"""Limits: how a report's numbers are made, and what they do not say, in plain words."""
+"""How a report's numbers are computed, and what cannot be concluded from them."""
 
 # Tested by tests/benchmark/report/test_report_page.py.
 from __future__ import annotations
@@ -15,7 +15,7 @@ __all__ = ["limitations", "method"]
 
 
 def method() -> list[str]:
-    """Return how the numbers were made from the runs."""
+    """Return how the numbers are computed from the runs."""
     return [
         "Success: the planner says “solved”, and the referee, which shares no code with any planner, finds the path "
         "free of collisions, within the bounds, and between the query's ends. Intervals of shares are Wilson's, 95 %.",

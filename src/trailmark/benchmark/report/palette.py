@@ -1,4 +1,4 @@
-"""Styles: which colour, dash and mark tells a planner from the others, in every chart of a report alike.
+"""The colour, dash and mark by which each planner is recognised in all charts of a report.
 
 The colour (and, after eight, the mark) tells the algorithm, the dash tells which of the baselines it runs in. The
 colours are of the palettes by Okabe & Ito and by Paul Tol, chosen for readers with any kind of colour vision and for

@@ -1,4 +1,4 @@
-"""Summary: what all runs of a planner come to, and which planner is ahead of which with what certainty."""
+"""Summary: the figures of each planner over all its runs, and which planner is ahead of which, how certainly."""
 
 # Tested by tests/benchmark/report/test_report_summary.py.
 from __future__ import annotations
@@ -49,7 +49,7 @@ MIN_RUNS = 5  # of each planner on each problem, for a bootstrap interval
 
 @dataclass(frozen=True)
 class PlannerSummary:
-    """What runs of a planner come to, on one problem or on all.
+    """The figures of a planner's runs, on one problem or on all.
 
     Attributes:
         planner: its name.
@@ -143,14 +143,14 @@ class Summary:
 
 
 def summarise(results: Results) -> Summary:
-    """Return what the runs come to. The same database gives the same numbers: the bootstrap has a seed of its own."""
+    """Return the figures of all runs. The same database gives the same numbers: the bootstrap has a fixed seed."""
     planners = sorted((_overall(results, planner) for planner in results.planners), key=lambda s: s.first_mean)
     names = [s.planner for s in planners]
     return Summary(planners, _compare(results, names, "first"), _compare(results, names, "cost"))
 
 
 def summarise_runs(problem: Problem, planner: str) -> PlannerSummary:
-    """Return what a planner's runs on one problem come to."""
+    """Return the figures of a planner's runs on one problem."""
     return _summary(planner, [(problem, problem.runs[planner])])
 
 
