@@ -117,7 +117,7 @@ def plan(
 
         chosen = PlannerSettings() if settings is None else PlannerSettings.load(settings)
         if settings is not None:
-            keep_inputs((Path(settings),), path_file, picture)
+            protect_inputs((Path(settings),), path_file, picture)
 
         def follow(state: PlanProgress) -> None:
             progress.phase = state.phase
