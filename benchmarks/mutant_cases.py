@@ -148,30 +148,82 @@ def _corners(rng: np.random.Generator, size: int) -> list[Case]:
         before=np.concatenate([close[0], far[0]]),
         after=np.concatenate([far[1], close[1]]),
     )
-    return [near, long]
+    # A robot of a millimetre: to it a micrometre is much.
+    tiny = rng.uniform(1e-4, 1e-3, (2, n))
+    close = 10.0 ** rng.uniform(-7.5, -6.3, (2, n))
+    small = _corner_case(
+        "corners, a millimetre",
+        1e-3,
+        4e-3,
+        depth=rng.uniform(1.6e-7, 4.5e-7, 2 * n),
+        before=np.concatenate([close[0], tiny[0]]) + 5e-7,
+        after=np.concatenate([tiny[1], close[1]]) + 5e-7,
+        size=1e-3,
+    )
+    return [near, long, small, _teeth(rng, size)]
+
+
+def _teeth(rng: np.random.Generator, size: int) -> Case:
+    """Return long motions close along a wall, which ask for more distances than half of the queue holds.
+
+    Some of the wall's teeth reach into the way.
+    """
+    wall = Rectangle((20.0, 1.0), 40.0, 1.0)
+    teeth = tuple(Rectangle((x, 1.5), 2e-3, 0.03) for x in (7.03, 19.11, 33.7))
+    world = World("w", (0.0, 0.0, 40.0, 5.0), (wall, *teeth))
+    robot = Robot.rectangle(0.6, 0.4)
+    n = max(3, size // 4)
+    begin, end = np.array([[0.5, 0.0, 0.0]]), np.array([[39.5, 0.0, 0.0]])
+    # Tips of the teeth lie 15 mm above the wall's face.
+    heights = np.concatenate([rng.uniform(0.004, 0.0149, n), rng.uniform(0.0151, 0.03, n)])
+    y = 1.7 + heights[:, None] * np.array([[0.0, 1.0, 0.0]])[:, 1:2]
+    a = np.column_stack([np.full(2 * n, begin[0, 0]), y[:, 0], np.zeros(2 * n)])
+    b = np.column_stack([np.full(2 * n, end[0, 0]), y[:, 0], np.zeros(2 * n)])
+    motions = np.stack([a, b], axis=1)
+    return Case(
+        "teeth",
+        world,
+        robot,
+        0.5,
+        np.array([[7.03, 1.705, 0.0]]),
+        np.array([[12.0, 1.7 + 1e-3, 0.0]]),
+        np.array([1e-3]),
+        motions[:n],
+        motions[n:],
+    )
 
 
 def _corner_case(
-    name: str, cell: float, reach: float, *, depth: FloatArray, before: FloatArray, after: FloatArray
+    name: str,
+    cell: float,
+    reach: float,
+    *,
+    depth: FloatArray,
+    before: FloatArray,
+    after: FloatArray,
+    size: float = 1.0,
 ) -> Case:
-    """Return the case of motions along x that reach ``before`` and ``after`` (metres) beyond the tips' meeting."""
-    robot = Robot.polygon([[0.5, 0.0], [0.0, 0.5], [-0.5, 0.0], [0.0, -0.5]])
-    obstacle = _polygon([[0.5, 2.0], [0.0, 2.5], [-0.5, 2.0], [0.0, 1.5]])
-    world = World("w", (-reach, 0.0, reach, 5.0), (obstacle,))
-    y, heading = 3.0 - depth, np.zeros(len(depth))
+    """Return the case of motions along x that reach ``before`` and ``after`` (metres) beyond the tips' meeting.
+
+    ``size`` (metres) is that of either square's diagonal.
+    """
+    robot = Robot.polygon(size * np.array([[0.5, 0.0], [0.0, 0.5], [-0.5, 0.0], [0.0, -0.5]]))
+    obstacle = _polygon((size * np.array([[0.5, 2.0], [0.0, 2.5], [-0.5, 2.0], [0.0, 1.5]])).tolist())
+    world = World("w", (-reach, 0.0, reach, 5.0 * size), (obstacle,))
+    y, heading = 3.0 * size - depth, np.zeros(len(depth))
     a, b = np.column_stack([-before, y, heading]), np.column_stack([after, y, heading])
     # Motions that begin or end in contact, as they may.
     gaps = np.geomspace(3e-7, 3e-6, 8)
-    touching = np.column_stack([np.zeros(8), 3.0 + gaps, np.zeros(8)])
-    away = touching + np.array([0.7, 0.6, 0.3])
+    touching = np.column_stack([np.zeros(8), 3.0 * size + gaps, np.zeros(8)])
+    away = touching + np.array([0.7 * size, 0.6 * size, 0.3])
     return Case(
         name,
         world,
         robot,
         cell,
-        np.array([[0.0, 2.999999, 0.0]]),
-        np.array([[0.0, 3.0 + 1e-3, 0.0]]),
-        np.array([1e-3]),
+        np.array([[0.0, 3.0 * size - 1e-6, 0.0]]),
+        np.array([[0.0, 3.0 * size + 1e-4, 0.0]]),
+        np.array([1e-4]),
         np.stack([a, b], axis=1),
         np.concatenate([np.stack([touching, away], axis=1), np.stack([away, touching], axis=1)]),
     )
@@ -214,6 +266,8 @@ def _case(name: str, world: World, robot: Robot, cell: float, rng: np.random.Gen
     bad_motions = _bad_motions(oracle, graze, rng, size)
     good_motions = _good_motions(oracle, outside, rng, size // 2)
     case = Case(name, world, robot, cell, np.concatenate(hit), free, clearances, bad_motions, good_motions)
+    # Radii smaller and larger than the robot.
+    case.radius = float(rng.choice([0.15, 0.7, 2.0]))
     _add_curves(case, oracle, outside, rng, size // 2)
     return case
 
