@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from trailmark.cli.options import UsageError, read_configuration, read_count
+from trailmark.cli.options import UsageError, read_configuration, read_count, read_length, read_number
 
 if TYPE_CHECKING:
     from trailmark.estimation.maps.map_settings import MapSettings
@@ -30,7 +30,7 @@ def settings_of(**given: Any) -> MapSettings:
     slam = replace(s.slam, association=given["association"])
     sizes = _numbers(given["radius"], "--radius", (1, 2), "R or R,SIGMA in metres, R above 0")
     if sizes[0] == 0.0:
-        raise UsageError(f"--radius {given['radius']!r} given, allowed: R or R,SIGMA in metres, R above 0")
+        raise UsageError(f"expected R or R,SIGMA in metres, R above 0, got --radius {given['radius']!r}")
     s = replace(s, radius=sizes[0], radius_sigma=sizes[1] if len(sizes) > 1 else 0.0)
     if given["start"] is not None:
         s = replace(s, start=read_configuration(given["start"], "--start"))
@@ -52,16 +52,16 @@ def settings_of(**given: Any) -> MapSettings:
         count = read_count(given["confirm"], "--confirm", 1, 1_000_000)
         slam, s = replace(slam, confirm=count), replace(s, mapping=replace(s.mapping, confirm=count))
     mapping: MappingSettings = replace(
-        s.mapping, unknown=given["unknown"], shapes=given["shapes"], cell=_length(given["cell"], "--cell")
+        s.mapping, unknown=given["unknown"], shapes=given["shapes"], cell=read_length(given["cell"], "--cell")
     )
     if given["pose_memory"] is not None:
-        mapping = replace(mapping, pose_memory=_length(given["pose_memory"], "--pose-memory"))
+        mapping = replace(mapping, pose_memory=read_length(given["pose_memory"], "--pose-memory"))
     if (noise := pair("pose_noise")) is not None:
         mapping = replace(mapping, pose_sigma=noise)
     if (noise := pair("scan_noise", positive=True)) is not None:
         mapping = replace(mapping, scan=replace(mapping.scan, sigma_range=noise[0], sigma_bearing=noise[1]))
     if given["scan_range"] is not None:
-        reach = _length(given["scan_range"], "--scan-range")
+        reach = read_length(given["scan_range"], "--scan-range")
         mapping = replace(mapping, scan=replace(mapping.scan, max_range=reach))
     return replace(s, slam=slam, mapping=mapping)
 
@@ -74,43 +74,31 @@ def _pair_of(given: dict[str, Any]) -> Callable[..., tuple[float, float] | None]
         if text is None:
             return None
         option = f"--{name.replace('_', '-')}"
-        allowed = f"A,B, two numbers {'above 0' if positive else 'of 0 or more'}"
-        a, b = _numbers(text, option, (2,), allowed)
+        expected = f"A,B, two numbers {'above 0' if positive else 'of 0 or more'}"
+        a, b = _numbers(text, option, (2,), expected)
         if positive and not min(a, b) > 0.0:
-            raise UsageError(f"{option} {text!r} given, allowed: {allowed}")
+            raise UsageError(f"expected {expected}, got {option} {text!r}")
         return a, b
 
     return read
 
 
-def _numbers(text: str, option: str, counts: tuple[int, ...], allowed: str) -> list[float]:
+def _numbers(text: str, option: str, counts: tuple[int, ...], expected: str) -> list[float]:
     """Return the finite numbers of 0 or more that an option gives, as many as one of ``counts``."""
     try:
         values = [float(word) for word in text.split(",")]
     except ValueError:
         values = []
     if len(values) not in counts or not all(0.0 <= value < math.inf for value in values):
-        raise UsageError(f"{option} {text!r} given, allowed: {allowed}")
+        raise UsageError(f"expected {expected}, got {option} {text!r}")
     return values
 
 
 def read_probability(text: str, option: str, more: str = "") -> float:
-    """Return the probability, above 0 and below 1, that an option gives; ``more`` ends the message.
+    """Return the probability, above 0 and below 1, that an option gives; ``more`` follows what is expected.
 
     Raises:
         UsageError: anything else.
     """
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < 1.0:
-        raise UsageError(f"{option} {text!r} given, allowed: a probability above 0 and below 1{more}")
-    return value
-
-
-def _length(text: str, option: str) -> float:
-    (value,) = _numbers(text, option, (1,), allowed := "a finite number of metres above 0")
-    if value == 0.0:
-        raise UsageError(f"{option} {text!r} given, allowed: {allowed}")
-    return value
+    expected = f"a probability above 0 and below 1{more}"
+    return read_number(text, option, expected, above=0.0, high=math.nextafter(1.0, 0.0))
