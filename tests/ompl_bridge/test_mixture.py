@@ -15,7 +15,7 @@ from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.library import find_world
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
-from trailmark.ompl_bridge.mixture import KINDS, ROADMAP_MIXTURE, TREE_MIXTURE, LandmarkStream, Mixture
+from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, TREE_MIXTURE, LandmarkStream, Mixture
 from trailmark.world import Robot, World
 
 EMPTY = StateChecker(World("empty", (0.0, 0.0, 10.0, 10.0)), Robot.disc(0.1))
@@ -38,9 +38,9 @@ def test_landmarks_come_first_and_in_order(narrow: StateChecker) -> None:
     given_ones = np.array([[1.6, 2.0, 0.0], [8.2, 8.6, 0.0], [15.6, 4.6, 1.0]])
     stream = LandmarkStream(LandmarkSource(narrow, given_ones), ROADMAP_MIXTURE, 0, valid=True)
     assert np.array_equal(taken(stream, 3), given_ones)
-    assert stream.tally[KINDS.index("landmark")] == 3
+    assert stream.tally[ORIGINS.index("landmark")] == 3
     taken(stream, 500)
-    assert stream.tally[KINDS.index("landmark")] == 3
+    assert stream.tally[ORIGINS.index("landmark")] == 3
     assert sum(stream.tally) == 503
 
 
@@ -87,7 +87,7 @@ def test_rounds_alternate_with_the_mixture(narrow: StateChecker) -> None:
     first = source.round(0)
     assert first is not None
     taken(stream, len(first))
-    assert stream.tally[1:] == [0] * (len(KINDS) - 1)
+    assert stream.tally[1:] == [0] * (len(ORIGINS) - 1)
     taken(stream, 4000)
     assert source.made > 2
     assert stream.tally[0] > 2 * len(first)

@@ -141,7 +141,7 @@ attempt("checker", og.SimpleSetup(problem.space))
 tell(**messages)
 """)
     assert found["shape"][0] == "LandmarkError"
-    assert "shape (1, 2) given" in found["shape"][1]
+    assert "got (1, 2)" in found["shape"][1]
     assert found["invalid"][0] == "LandmarkError"
     assert "landmark 0 (5.5, 4, 0) is not valid" in found["invalid"][1]
     assert found["shares"][0] == found["seed"][0] == "ConfigurationError"

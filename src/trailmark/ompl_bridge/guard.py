@@ -1,10 +1,10 @@
-"""Errors and Ctrl-C while OMPL plans: kept until it is done, then raised.
+"""Errors and Ctrl-C while OMPL plans: stored until it has ended, then raised.
 
-An exception must not pass through OMPL's C++: PRM aborts the process on one. So callbacks catch everything, note the
+An exception must not pass through OMPL's C++: PRM aborts the process on one. So callbacks catch everything, store the
 first error and ask the planning to end. Python raises KeyboardInterrupt wherever it happens to be, even at a
-callback's first instruction, before any ``try``; while OMPL plans, a handler of our own only takes note of it. What
-does not heed a termination condition (OMPL's path simplifier, or a planner started with another one) would go on
-until its time is up: a second Ctrl-C is raised at once, through OMPL. It leaves OMPL's objects in an unknown state, and
+callback's first instruction, before any ``try``; while OMPL plans, a handler of our own only stores it. What ignores
+the termination condition (OMPL's path simplifier, or a planner started with another condition) would continue until
+its time is up, so a second Ctrl-C is raised at once, through OMPL. It leaves OMPL's objects in an unknown state, and
 PRM and PRMstar of OMPL 2.0 abort the process on it.
 """
 
@@ -13,8 +13,9 @@ from __future__ import annotations
 import signal
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import wraps
 from types import FrameType
 from typing import Any
 
@@ -23,11 +24,11 @@ from ompl import geometric as og
 
 from trailmark.arguments import number
 
-__all__ = ["caught", "planning", "solve"]
+__all__ = ["caught", "planning", "returns_on_error", "solve"]
 
 
 class _Session:
-    """One planning under way: whose it is, how to end it, and what went wrong in it first."""
+    """One planning in progress: its thread, how to end it, and its first error."""
 
     def __init__(self, condition: Any) -> None:
         self.thread = threading.get_ident()
@@ -52,10 +53,9 @@ _sessions: list[_Session] = []
 
 
 def caught(error: BaseException) -> None:
-    """Take note of an error in a callback: the planning ends and the error is raised where it was started.
+    """Store an error in a callback: the planning ends and the error is raised where it was started.
 
-    Where nothing watches over the planning, that is, where it was started neither by :func:`solve` nor within
-    :func:`planning`, the error becomes a warning.
+    Where it was started neither by :func:`solve` nor within :func:`planning`, the error becomes a warning.
 
     Raises:
         KeyboardInterrupt: the second Ctrl-C.
@@ -73,22 +73,39 @@ def caught(error: BaseException) -> None:
             stacklevel=3,
         )
     except RuntimeWarning:
-        # Warnings made errors must not pass through OMPL's C++ either.
+        # A warning that is raised as an error must not pass through OMPL's C++ either.
         return
+
+
+def returns_on_error(value: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Return a decorator for callbacks: an error in one is handed to :func:`caught`, and ``value`` to OMPL."""
+
+    def decorate(callback: Callable[..., Any]) -> Callable[..., Any]:
+        @wraps(callback)
+        def call(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except BaseException as error:  # nothing may pass through OMPL's C++
+                caught(error)
+                return value
+
+        return call
+
+    return decorate
 
 
 @contextmanager
 def planning(condition: Any = None) -> Iterator[None]:
-    """Watch over a planning: at the end of the block, raise what went wrong in a callback, or a Ctrl-C within it.
+    """Raise the first error of a callback, or a Ctrl-C, at the end of the block in which OMPL plans.
 
     A second Ctrl-C within the block is raised at once.
 
     Args:
-        condition: the ``PlannerTerminationCondition`` that the planning heeds; without one, it ends by itself.
+        condition: the ``PlannerTerminationCondition`` of the planning; without one, it ends by itself.
     """
     session = _Session(condition)
     before = signal.getsignal(signal.SIGINT)
-    # Nothing else than a handler in Python makes Ctrl-C an exception: what ignores it goes on ignoring it.
+    # Only a handler in Python makes Ctrl-C an exception; a program that ignores Ctrl-C continues to do so.
     main = threading.current_thread() is threading.main_thread() and callable(before)
     if main:
         signal.signal(signal.SIGINT, session.interrupted)

@@ -1,6 +1,6 @@
 """LandmarkStream: configurations to sample, landmarks first, then around and between them, then anywhere.
 
-Nothing here knows OMPL. Configurations are drawn in batches, checked by compiled kernels and handed out one by one.
+This module does not use OMPL. Configurations are drawn in batches, checked by compiled kernels and returned one by one.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from trailmark.landmarks.retraction import retracted
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.nearby import Nearby
 
-__all__ = ["KINDS", "ROADMAP_MIXTURE", "TREE_MIXTURE", "LandmarkStream", "Mixture", "Seed"]
+__all__ = ["ORIGINS", "ROADMAP_MIXTURE", "TREE_MIXTURE", "LandmarkStream", "Mixture", "Seed"]
 
 Seed = int | np.random.SeedSequence | None
 """The same one gives the same configurations; None draws one."""
 
-KINDS = ("landmark", "around", "between", "uniform", "landmark near", "near")
+ORIGINS = ("landmark", "around", "between", "uniform", "landmark near", "near")
 """Where a configuration comes from; the last two are drawn near a given one."""
 
-LANDMARK, AROUND, BETWEEN, UNIFORM, LANDMARK_NEAR, NEAR = range(len(KINDS))
+LANDMARK, AROUND, BETWEEN, UNIFORM, LANDMARK_NEAR, NEAR = range(len(ORIGINS))
 
 BATCH = 128
 """Configurations drawn at a time."""
 
 FOLLOWERS = 1
-"""Configurations of the mixture for each landmark of a round, before the next round's landmarks are asked for."""
+"""Configurations of the mixture for each landmark of a round, before the next round's landmarks are requested."""
 
 NEIGHBOURS = 8
-"""Landmarks that each landmark's gaps are looked for to."""
+"""Nearest landmarks of each landmark to which its gaps are computed."""
 
 
 class Mixture(NamedTuple):
-    """Shares of what is drawn once a round's landmarks are handed out; they are scaled to add up to 1.
+    """Shares of what is drawn once a round's landmarks were returned; they are scaled to add up to 1.
 
     Attributes:
         around: landmarks moved at random at all scales up to the distance of their neighbours, tight ones more often.
@@ -79,7 +79,7 @@ class LandmarkStream:
         mixture: what is drawn between the rounds.
         seed: of the random choices.
         valid: whether all configurations are to be valid; otherwise the uniform ones are drawn as OMPL draws them.
-        tally: counts what is handed out, by kind as in :data:`KINDS`; several streams may share one.
+        tally: counts what is returned, by origin as in :data:`ORIGINS`; several streams may share one.
 
     Attributes:
         source: as given.
@@ -102,7 +102,7 @@ class LandmarkStream:
         self.source = source
         self.checker: StateChecker = source.checker
         self._rng = np.random.default_rng(seed)
-        self.tally = [0] * len(KINDS) if tally is None else tally
+        self.tally = [0] * len(ORIGINS) if tally is None else tally
         self.nearby = Nearby(source, self._rng)
         self._valid = valid
         self._shares = mixture.shares()
@@ -119,18 +119,17 @@ class LandmarkStream:
     def take(self) -> tuple[float, float, float] | None:
         """Return the next configuration x, y, theta; None if a whole batch held no valid one."""
         if not self._rows:
-            q, kinds = self._next()
+            q, origins = self._next()
             # Popped from the end.
-            self._rows = [(x, y, theta, kind) for (x, y, theta), kind in zip(q.tolist(), kinds.tolist(), strict=True)]
-            self._rows.reverse()
+            self._rows = [(*row, origin) for row, origin in zip(q.tolist(), origins.tolist(), strict=True)][::-1]
             if not self._rows:
                 return None
-        x, y, theta, kind = self._rows.pop()
-        self.tally[kind] += 1
+        x, y, theta, origin = self._rows.pop()
+        self.tally[origin] += 1
         return x, y, theta
 
     def near(self, q: tuple[float, float, float], distance: float) -> tuple[float, float, float] | None:
-        """Return a landmark within a distance of q, in OMPL's metric; None if there is none or it is not its turn."""
+        """Return a landmark within a distance of q, in OMPL's metric; None if there is none, or by chance."""
         found = self.nearby.landmark(q, distance)
         if found is not None:
             self.tally[LANDMARK_NEAR] += 1
@@ -163,20 +162,20 @@ class LandmarkStream:
                 self._landmarks = np.vstack([self._landmarks, fresh])
                 self._around = None
                 return fresh, np.full(len(fresh), LANDMARK)
-        q, kinds = self._mixed(BATCH)
+        q, origins = self._mixed(BATCH)
         good = self.source.inside(q)
         if self._valid:
             good[good] = self.checker.valid(q[good])
-        # Where hardly anything is valid, more landmarks help more than waiting does.
+        # Where hardly anything is valid, the next landmarks come sooner.
         self._follow -= max(BATCH // 8, int(good.sum()))
-        return q[good], kinds[good]
+        return q[good], origins[good]
 
     def _mixed(self, n: int) -> tuple[se2.FloatArray, NDArray[np.int64]]:
-        """Return n configurations of the mixture in random order, valid or not, and their kinds."""
+        """Return n configurations of the mixture in random order, valid or not, and their origins."""
         count = self._rng.multinomial(n, self._shares if len(self._landmarks) else (0.0, 0.0, 0.0, 1.0))
         parts = [self.source.uniform(count[UNIFORM], self._rng)]
         if len(self._landmarks):
-            # Not before the landmarks are handed out: a planner that needs no more does not wait for this.
+            # Computed only now, so that a planner that needs no more than the landmarks does not wait for it.
             around = self._around = self._around or _Around(self.checker, self._landmarks)
             again = self._landmarks[self._rng.integers(0, len(self._landmarks), count[LANDMARK])]
             parts = [again, around.around(count[AROUND], self._rng), around.between(count[BETWEEN], self._rng), *parts]
@@ -185,7 +184,7 @@ class LandmarkStream:
 
 
 class _Around:
-    """What lies around and between landmarks.
+    """Configurations around and between landmarks.
 
     Args:
         checker: decides which neighbours no certified motion joins.
@@ -201,7 +200,7 @@ class _Around:
         self._spacing = total / np.maximum(1, np.bincount(first, minlength=len(landmarks)))
         if len(landmarks) == 1:
             self._spacing[:] = checker.footprint.circumradius
-        # The tighter a place, the more it takes to get through.
+        # A tighter place needs more configurations.
         size = checker.footprint.circumradius
         room = np.asarray(checker.clearance(landmarks, cap=2.0 * size))
         self._weight = np.cumsum(1.0 / (room + 0.25 * size))
@@ -211,7 +210,7 @@ class _Around:
         if gap.any():
             first, second, length = first[gap], second[gap], length[gap]
         self._first, self._second, self._length = first, second, length
-        # Short gaps first of all: what is far apart is as a rule on two sides of an obstacle.
+        # Mostly short gaps: landmarks far apart are usually on two sides of an obstacle.
         self._gap_weight = np.cumsum(1.0 / np.maximum(length, 1e-9))
 
     def around(self, n: int, rng: np.random.Generator) -> se2.FloatArray:
@@ -232,7 +231,7 @@ class _Around:
         return self._moved(se2.interpolate(a, b, rng.random(n)), 0.5 * self._length[picked], rng)
 
     def _moved(self, q: se2.FloatArray, reach: se2.FloatArray, rng: np.random.Generator) -> se2.FloatArray:
-        """Return configurations moved by 1/32 of ``reach`` (n,) up to the whole; every other one into the free."""
+        """Return configurations moved by 1/32 to 1 times ``reach`` (n,); every other one is retracted to free space."""
         scale = reach[:, None] * 2.0 ** -rng.uniform(0.0, 5.0, (len(q), 1))
         step = rng.standard_normal((len(q), 3)) * scale / (1.0, 1.0, self._turning or 1.0)
         moved = q + step

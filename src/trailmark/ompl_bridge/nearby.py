@@ -1,4 +1,4 @@
-"""Nearby: configurations near a given one, from random numbers drawn in batches."""
+"""Nearby: configurations near a given one."""
 
 from __future__ import annotations
 
@@ -13,16 +13,13 @@ from trailmark.ompl_bridge.landmark_source import LandmarkSource
 __all__ = ["Nearby"]
 
 LANDMARKS_NEAR = 0.25
-"""Share of turns at which a landmark is looked for."""
+"""Probability that a landmark is returned where there is one."""
 
 POSITION, HEADING = 2.0 / 3.0, 1.0 / 3.0
 """What a metre of distance is to OMPL's own samplers: metres along x and along y each, and radians.
 
 They share it out by the weights of the space's parts, 1 and 0.5.
 """
-
-BATCH = 1024
-"""Random numbers drawn at a time."""
 
 
 class Nearby:
@@ -35,28 +32,23 @@ class Nearby:
 
     def __init__(self, source: LandmarkSource, rng: np.random.Generator) -> None:
         self._source, self._rng = source, rng
-        self._boxes: list[list[float]] = []
-        self._bells: list[list[float]] = []
-        self._chances: list[float] = []
-        self._known = 0
+        self._rounds = 0
         self._all: se2.FloatArray = np.empty((0, 3))
         self._tree: Any = None
 
     def landmark(self, q: tuple[float, float, float], distance: float) -> tuple[float, float, float] | None:
-        """Return a landmark within a distance of q, in OMPL's metric; None if there is none or it is not its turn."""
-        if not self._chances:
-            self._chances = self._rng.random(BATCH).tolist()
-        chance = self._chances.pop() / LANDMARKS_NEAR
+        """Return a landmark within a distance of q, in OMPL's metric; None if there is none, or by chance."""
+        chance = self._rng.random() / LANDMARKS_NEAR
         if chance >= 1.0:
             return None
-        self._look()
+        self._update()
         if self._tree is None:
             return None
         found = self._tree.query_ball_point(se2.embed(q, se2.ROTATION_WEIGHT), distance)
         if not found:
             return None
         row = self._all[found[int(chance * len(found))]]
-        # The tree knows chords, and squares in place of sums: it finds too many.
+        # The tree's distance is Euclidean and along chords, so it finds some that are too far.
         if se2.distance(q, row) > distance:
             return None
         x, y, theta = row.tolist()
@@ -64,15 +56,11 @@ class Nearby:
 
     def uniform(self, q: tuple[float, float, float], distance: float) -> tuple[float, float, float]:
         """Return one uniformly distributed in a box about q, cut at the bounds."""
-        if not self._boxes:
-            self._boxes = self._rng.uniform(-1.0, 1.0, (BATCH, 3)).tolist()
-        return self._shifted(q, self._boxes.pop(), distance)
+        return self._shifted(q, self._rng.uniform(-1.0, 1.0, 3).tolist(), distance)
 
     def normal(self, q: tuple[float, float, float], deviation: float) -> tuple[float, float, float]:
         """Return one normally distributed about q, moved to the bounds if it lies beyond."""
-        if not self._bells:
-            self._bells = self._rng.standard_normal((BATCH, 3)).tolist()
-        return self._shifted(q, self._bells.pop(), deviation)
+        return self._shifted(q, self._rng.standard_normal(3).tolist(), deviation)
 
     def _shifted(self, q: tuple[float, float, float], step: list[float], by: float) -> tuple[float, float, float]:
         xmin, ymin, xmax, ymax = self._source.bounds
@@ -81,14 +69,14 @@ class Nearby:
         theta = q[2] + HEADING * by * step[2]
         return x, y, theta if -pi < theta <= pi else se2.wrap(theta)
 
-    def _look(self) -> None:
-        """Take in the landmarks that the source has made since the last look, the first round at least."""
+    def _update(self) -> None:
+        """Add the landmarks that the source has made since the last call, at least the first round."""
         if self._source.made == 0:
             self._source.round(0)
-        if self._source.made == self._known:
+        if self._source.made == self._rounds:
             return
         from scipy.spatial import cKDTree
 
-        self._known, self._all = self._source.made, self._source.landmarks
+        self._rounds, self._all = self._source.made, self._source.landmarks
         if len(self._all):
             self._tree = cKDTree(se2.embed(self._all, se2.ROTATION_WEIGHT))

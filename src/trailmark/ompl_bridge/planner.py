@@ -19,7 +19,7 @@ from trailmark.motion import kind_of
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.errors import ObjectiveError
-from trailmark.ompl_bridge.guard import caught
+from trailmark.ompl_bridge.guard import caught, returns_on_error
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.sparse_path import sparse_path
@@ -96,6 +96,15 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         self._wait()
         return None if self._planner is None else self._planner.roadmap
 
+    @returns_on_error(None)
+    def clear(self) -> None:
+        """Forget the last query, and the roadmap too unless ``keep_roadmap``; OMPL calls this."""
+        # The base class's method is not called: through the bindings it would call this one again.
+        self._wait()
+        self.result = None
+        if not self._keep:
+            self._planner = None
+
     def solve(self, condition: Any) -> Any:
         """Plan until the path has settled or the condition holds; OMPL calls this."""
         try:
@@ -103,17 +112,6 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         except BaseException as error:  # nothing may pass through OMPL's C++
             caught(error)
             return ob.PlannerStatus(ob.PlannerStatus.ABORT)
-
-    def clear(self) -> None:
-        """Forget the last query, and the roadmap too unless ``keep_roadmap``; OMPL calls this."""
-        try:
-            self._wait()
-            self.result = None
-            if not self._keep:
-                self._planner = None
-            # Not the base class's: through the bindings it would come back here.
-        except BaseException as error:  # nothing may pass through OMPL's C++
-            caught(error)
 
     def _solve(self, condition: Any) -> Any:
         status = ob.PlannerStatus
@@ -162,7 +160,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         first = inputs.nextStart() if inputs.haveMoreStartStates() else None
         goal = problem.getGoal()
         if goal is not None and not isinstance(goal, ob.GoalState):
-            raise ConfigurationError(f"goal of kind {type(goal).__name__} given, allowed: GoalState")
+            raise ConfigurationError(f"goal: expected a GoalState, got {type(goal).__name__}")
         ends = (first, None if goal is None else goal.getState())
         start, last = (None if end is None else configuration(end) for end in ends)
         return start, last
@@ -182,18 +180,17 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         return True
 
     def _wait(self) -> None:
-        """Let work that was cut short come to its end, so that the roadmap is at rest."""
+        """Wait for a query that was cut short, so that nothing changes the roadmap any more."""
         if self._work is not None:
             self._work.join()
             self._work = None
 
 
 class _Work(threading.Thread):
-    """One query in a thread of its own, so that the termination condition can be looked at meanwhile."""
+    """One query in a thread of its own, so that the termination condition can be called meanwhile."""
 
     def __init__(self, planner: Planner, start: se2.FloatArray, goal: se2.FloatArray) -> None:
-        # Not a daemon: Python waits for its end before it ends itself, since a thread cut off in compiled code would
-        # take the process down.
+        # Not a daemon: Python waits for it before the process ends, which a thread in compiled code would abort.
         super().__init__(name="trailmark-landmark", daemon=False)
         self.planner, self.ends = planner, (start, goal)
         self.stop, self.done = threading.Event(), threading.Event()
@@ -205,14 +202,14 @@ class _Work(threading.Thread):
     def run(self) -> None:
         try:
             self.result = self.planner.plan(
-                *self.ends, time_limit=np.inf, on_progress=self._follow, stop=self.stop.is_set
+                *self.ends, time_limit=np.inf, on_progress=self._on_progress, stop=self.stop.is_set
             )
         except BaseException as error:  # kept for the thread that waits
             self.error = error
         finally:
             self.done.set()
 
-    def _follow(self, progress: PlanProgress) -> None:
+    def _on_progress(self, progress: PlanProgress) -> None:
         self.last = progress
 
 
@@ -242,5 +239,5 @@ def _require_path_length(problem: Any) -> None:
     objective = problem.getOptimizationObjective()
     if objective is not None and not isinstance(objective, ob.PathLengthOptimizationObjective):
         raise ObjectiveError(
-            f"objective {objective.getDescription()!r} given, allowed: PathLengthOptimizationObjective, or none"
+            f"objective: expected PathLengthOptimizationObjective or none, got {objective.getDescription()!r}"
         )

@@ -16,7 +16,7 @@ from trailmark.collision import StateChecker
 from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
-from trailmark.ompl_bridge.mixture import KINDS, ROADMAP_MIXTURE, TREE_MIXTURE, Mixture
+from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, TREE_MIXTURE, Mixture
 from trailmark.ompl_bridge.planners import planner_names
 from trailmark.ompl_bridge.samplers import LandmarkStateSampler, LandmarkValidStateSampler
 from trailmark.ompl_bridge.spaces import require_within, space_of
@@ -57,12 +57,12 @@ class PluggedSampler:
     states: tuple[str, ...]
     cannot: Mapping[str, str]
     source: LandmarkSource
-    tally: list[int] = field(default_factory=lambda: [0] * len(KINDS))
+    tally: list[int] = field(default_factory=lambda: [0] * len(ORIGINS))
 
     @property
     def handed(self) -> dict[str, int]:
         """How many states the planners have got, by where they come from."""
-        return dict(zip(KINDS, self.tally, strict=True))
+        return dict(zip(ORIGINS, self.tally, strict=True))
 
     def __str__(self) -> str:
         lines = [f"valid states from landmarks: {', '.join(self.valid_states) or 'no planner'}"]

@@ -1,4 +1,4 @@
-"""State spaces of x, y and heading: made for a world, looked at when they come from elsewhere."""
+"""State spaces of x, y and heading: made for a world, and required of those that come from elsewhere."""
 
 from __future__ import annotations
 
@@ -63,8 +63,8 @@ def require_se2(space: Any) -> Any:
     """
     if not isinstance(space, ob.SE2StateSpace):
         raise SpaceError(
-            f"state space {space.getName()!r} ({type(space).__name__}) given, "
-            "allowed: SE2StateSpace, DubinsStateSpace, ReedsSheppStateSpace"
+            "state space: expected SE2StateSpace, DubinsStateSpace or ReedsSheppStateSpace, "
+            f"got {space.getName()!r} ({type(space).__name__})"
         )
     return space
 
@@ -80,11 +80,11 @@ def require_within(space: Any, world: World) -> None:
     xmin, ymin, xmax, ymax = world.bounds
     spare = 1e-6 * max(1.0, xmax - xmin, ymax - ymin)
     if len(low) != 2 or not all(a < b for a, b in zip(low, high, strict=True)):
-        raise BoundsError(f"state space with bounds {low} to {high} given, allowed: bounds that are set and not empty")
+        raise BoundsError(f"state space: expected bounds that are set and not empty, got {low} to {high}")
     if low[0] < xmin - spare or low[1] < ymin - spare or high[0] > xmax + spare or high[1] > ymax + spare:
         raise BoundsError(
-            f"state space from ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g}) given, "
-            f"allowed: within world {world.name!r}, ({xmin:g}, {ymin:g}) to ({xmax:g}, {ymax:g})"
+            f"state space: expected bounds within ({xmin:g}, {ymin:g}) to ({xmax:g}, {ymax:g}) of world {world.name!r}, "
+            f"got ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g})"
         )
 
 
@@ -113,7 +113,7 @@ def steering_of(information: Any) -> Steering | None:
         and abs(_distance(information, ahead, a) - Steering(radius, reverse).lengths(ahead, a)) > 1e-6 * radius
     ):
         raise SpaceError(
-            f"symmetric state space {space.getName()!r} given, allowed: DubinsStateSpace that is not symmetric"
+            f"state space: expected a DubinsStateSpace that is not symmetric, got the symmetric {space.getName()!r}"
         )
     return Steering(radius, reverse)
 
