@@ -53,12 +53,12 @@ def test_no_landmarks_may_be_given(narrow: StateChecker) -> None:
 @pytest.mark.parametrize(
     ("landmarks", "message"),
     [
-        ([1.0, 2.0, 0.0], r"shape \(3,\) given, allowed: \(k, 3\)"),
+        ([1.0, 2.0, 0.0], r"expected shape \(k, 3\) for x, y, theta, got \(3,\)"),
         ([[1.0, 2.0]], r"shape \(3,\) or \(n, 3\) for x, y, theta, got \(1, 2\)"),
         ([[1.6, 2.0, math.nan]], "not a finite number"),
         ("here", "not an array of numbers"),
         ([[1.6, 2.0, 0.0], [5.5, 4.0, 0.0]], r"landmark 1 \(5.5, 4, 0\) is not valid"),
-        ([[1.6, 2.0, 0.0], [99.0, 2.0, 0.0]], r"landmark 1: \[99.0, 2.0, 0.0\] given, allowed: within"),
+        ([[1.6, 2.0, 0.0], [99.0, 2.0, 0.0]], r"landmark 1: expected a place within .* got \[99.0, 2.0, 0.0\]"),
     ],
 )
 def test_landmarks_that_are_refused(narrow: StateChecker, landmarks: Any, message: str) -> None:

@@ -64,7 +64,7 @@ def test_shares_are_those_asked_for(mixture: Mixture) -> None:
     [Mixture(0.5, 0.5, 0.0), Mixture(-0.1, 0.5, 0.6), Mixture(0.5, math.nan, 0.5), Mixture(0.5, math.inf, 0.5)],
 )
 def test_impossible_shares_are_refused(narrow: StateChecker, mixture: Mixture) -> None:
-    with pytest.raises(ConfigurationError, match="allowed: finite shares of 0 or more, uniform above 0"):
+    with pytest.raises(ConfigurationError, match="expected finite shares of 0 or more, uniform above 0"):
         LandmarkStream(LandmarkSource(narrow), mixture, 0, valid=True)
 
 

@@ -22,11 +22,11 @@ __all__ = ["MotionValidator", "StateValidityChecker", "checker_in"]
 Configuration = tuple[float, float, float]
 
 LAST_PLACE = 1e-3
-"""Metres that a point of the robot may move between the last certified place of a motion and one that is not."""
+"""Metres that a point of the robot may move from the last place up to which a motion is certified to one beyond."""
 
 
 class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OMPL's bindings carry no types
-    """Validity and clearance of configurations, by FCL with trailmark's kernels in front of it.
+    """Validity and clearance of configurations, by trailmark's kernels, and by FCL where they leave it open.
 
     Args:
         information: the ``SpaceInformation`` of an SE(2)-like space within the world's bounds.
@@ -71,7 +71,7 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
 
     The space decides what a motion is: straight in an ``SE2StateSpace``, a shortest curve in a ``DubinsStateSpace`` or
     ``ReedsSheppStateSpace``. Where several curves are as short, or rounding makes OMPL take a longer one, the curve
-    that OMPL follows is found out and certified beside the one that trailmark takes; if that fails, it is refused.
+    that OMPL follows is identified and certified as well as trailmark's; if that fails, the motion is refused.
 
     Args:
         information: the ``SpaceInformation`` of an SE(2)-like space within the world's bounds.
@@ -119,49 +119,37 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
             if free:
                 return True
             if last_valid is not None:
-                # The pair's state may be ``second`` itself: it is written to once all is known.
-                if self._curves is not None:
-                    q, last_valid.second = _last_on_curve(self._curves, first, second)
-                else:
-                    q, last_valid.second = self._last_certified((ax, ay, at), (bx, by, bt))
+                # The pair's state may be ``second`` itself, so it is written to last.
+                q, last_valid.second = self._last_certified(first, second)
                 if last_valid.first is not None:
                     write_state(last_valid.first, q)
         except BaseException as error:  # nothing may pass through OMPL's C++
             caught(error)
         return False
 
-    def _last_certified(self, a: Configuration, b: Configuration) -> tuple[Configuration, float]:
-        """Return the farthest place up to which a refused straight motion is certified, and its fraction."""
-        dx, dy, shorter = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
-        if b[2] - a[2] == -pi:
-            shorter = -pi
-        bound = hypot(dx, dy) + self.checker.footprint.sweep_radius * abs(shorter)
+    def _last_certified(self, first: Any, second: Any) -> tuple[Configuration, float]:
+        """Return the farthest place found up to which a refused motion is certified, and its fraction."""
+        a, b = ((q.getX(), q.getY(), q.getYaw()) for q in (first, second))
+        dx, dy, turned = b[0] - a[0], b[1] - a[1], -pi if b[2] - a[2] == -pi else turn(a[2], b[2])
+        bound = hypot(dx, dy) + self.checker.footprint.sweep_radius * abs(turned)
+        if self._curves is not None:
+            bound = self._curves.bound(first, second)
         last, low, high = a, 0.0, 1.0
+        # A length that is no number ends it at once.
         while (high - low) * bound > LAST_PLACE:
             middle = 0.5 * (low + high)
-            q = (a[0] + middle * dx, a[1] + middle * dy, wrapped(a[2] + middle * shorter))
-            # What lies before ``last`` is certified already.
-            if self._single.valid(*q) and self._single.motion_valid(last, q):
+            if self._curves is not None:
+                # The curve to a place on a curve need not be a part of it, as OMPL computes it.
+                q, free = self._curves.part(first, second, middle)
+            else:
+                q = (a[0] + middle * dx, a[1] + middle * dy, wrapped(a[2] + middle * turned))
+                # What lies before ``last`` is certified already.
+                free = self._single.valid(*q) and self._single.motion_valid(last, q)
+            if free:
                 last, low = q, middle
             else:
                 high = middle
         return last, low
-
-
-def _last_on_curve(curves: OmplCurves, first: Any, second: Any) -> tuple[Configuration, float]:
-    """Return the farthest place found on OMPL's curve to which OMPL's curve is certified, and its fraction."""
-    bound = curves.bound(first, second)
-    last, low, high = (first.getX(), first.getY(), first.getYaw()), 0.0, 1.0
-    # A length that is no number ends it at once.
-    while (high - low) * bound > LAST_PLACE:
-        middle = 0.5 * (low + high)
-        # The curve to a place on a curve need not be a part of it, as OMPL computes it.
-        q, free = curves.part(first, second, middle)
-        if free:
-            last, low = q, middle
-        else:
-            high = middle
-    return last, low
 
 
 def checker_in(owner: Any) -> StateChecker:

@@ -1,4 +1,4 @@
-"""LandmarkSource: landmarks round by round, those given or those made for a query, when a sampler asks for them."""
+"""LandmarkSource: landmarks round by round, those given or those made for a query, as samplers request them."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ from trailmark.ompl_bridge.errors import LandmarkError
 __all__ = ["LandmarkSource"]
 
 WIDENINGS = (0.02, 0.05, 0.12, 0.3, 0.7, 1.5)
-"""How much longer than the relaxed shortest way the ways of a round's band may be; after that without limit."""
+"""How much longer than the relaxed shortest path the paths of a round's band may be; after that without limit."""
 
 SAMPLES_PER_LANDMARK, LLOYD_STEPS = 5, 3
-FIRST, GROWTH, MOST = 120, 1.4, 600
-"""Landmarks of the first round, growth from round to round, and most: a callback must not take long."""
+FIRST, GROWTH, MAX_LANDMARKS = 120, 1.4, 600
+"""Landmarks of the first round, growth from round to round, and maximum: a callback must not take long."""
 
-MOST_GUIDES = 240
-"""Most guides of a round: where many tries were valid, their centres do."""
+MAX_GUIDES = 240
+"""Maximum of guides in a round: of more valid ones, the K-means centres are taken."""
 
-STEPS_PER_GRID, MOST_REFINEMENTS = 2, 3
-"""Bands after which the relaxed problem is looked at on a grid twice as fine, and guides are sought anew; how often."""
+STEPS_PER_GRID, MAX_REFINEMENTS = 2, 3
+"""Bands after which the relaxed problem is solved on a grid twice as fine, with new guides; and how many times."""
 
 
 class LandmarkSource:
-    """Landmarks in rounds, each made when it is first asked for and kept.
+    """Landmarks in rounds, each made when it is first requested, and stored.
 
-    Made for a query, they are the K-means centres of samples in a band around the relaxed problem's shortest way
-    (:class:`trailmark.landmarks.informed.Band`), in wider and wider ones, and between them the guides along that way.
+    Made for a query, they are the K-means centres of samples in a band around the relaxed problem's shortest path
+    (:class:`trailmark.landmarks.informed.Band`), in wider and wider bands, and in between the guides along that path.
     Without a query they are the centres of samples over all free space.
 
     Args:
@@ -110,28 +110,28 @@ class LandmarkSource:
         return rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi), (n, 3))
 
     def _informed(self, start: se2.FloatArray, goal: se2.FloatArray) -> Iterator[se2.FloatArray]:
-        """Yield the landmarks of each round for a query: centres, which are quick to make, and guides in turns."""
+        """Yield the landmarks of each round for a query: centres, which are quick to make, and guides, in turn."""
         band = Band(self.checker, Relaxation(self.checker), start, goal)
         count = float(FIRST)
         for step in itertools.count():
-            if step and step % STEPS_PER_GRID == 0 and step // STEPS_PER_GRID <= MOST_REFINEMENTS:
+            if step and step % STEPS_PER_GRID == 0 and step // STEPS_PER_GRID <= MAX_REFINEMENTS:
                 band.refine()
             if not np.isfinite(band.shortest):
                 self.infeasible = True
                 return
             widening = WIDENINGS[step] if step < len(WIDENINGS) else np.inf
-            # A manoeuvre takes about as much room as the robot, however short the way.
+            # A manoeuvre takes about as much room as the robot, however short the path.
             widening = max(widening, step * self.checker.footprint.circumradius / max(band.shortest, 1e-9))
             samples = band.samples(SAMPLES_PER_LANDMARK * int(count), widening, self._rng)
             yield self._with_headings(self._centres(samples, int(count)), band)
-            count = min(GROWTH * count, MOST)
+            count = min(GROWTH * count, MAX_LANDMARKS)
             if step % STEPS_PER_GRID:
                 continue
             guides, whole = band.guides(self._rng)
             if step == 0 and not whole and band.relaxation.size > band.relaxation.radius and band.refine():
                 # Cells larger than the disc may have led to where it does not fit.
                 guides = band.guides(self._rng)[0] if np.isfinite(band.shortest) else guides[:0]
-            yield self._with_headings(self._centres(guides, MOST_GUIDES), band)
+            yield self._with_headings(self._centres(guides, MAX_GUIDES), band)
 
     def _spread(self) -> Iterator[se2.FloatArray]:
         """Yield the landmarks of each round over all free space."""
@@ -143,7 +143,7 @@ class LandmarkSource:
             if len(samples) == 0:
                 return
             yield self._centres(samples, int(count))
-            count = min(GROWTH * count, MOST)
+            count = min(GROWTH * count, MAX_LANDMARKS)
 
     def _centres(self, samples: se2.FloatArray, count: int) -> se2.FloatArray:
         if len(samples) == 0:
@@ -167,11 +167,11 @@ class LandmarkSource:
         except ConfigurationError as error:
             raise LandmarkError(str(error)) from None
         if q.ndim != 2:
-            raise LandmarkError(f"landmarks: shape {q.shape} given, allowed: (k, 3) for x, y, theta")
+            raise LandmarkError(f"landmarks: expected shape (k, 3) for x, y, theta, got {q.shape}")
         outside = np.flatnonzero(~self.inside(q))
         if len(outside):
             raise LandmarkError(
-                f"landmark {outside[0]}: {q[outside[0]].tolist()} given, allowed: within {list(self.bounds)}"
+                f"landmark {outside[0]}: expected a place within {list(self.bounds)}, got {q[outside[0]].tolist()}"
             )
         wrong = np.flatnonzero(~self.checker.valid(q))
         if len(wrong):

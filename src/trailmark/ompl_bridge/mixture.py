@@ -60,7 +60,7 @@ class Mixture(NamedTuple):
         """
         values = np.array([self.again, self.around, self.between, self.uniform], dtype=np.float64)
         if not (np.isfinite(values).all() and (values >= 0.0).all() and self.uniform > 0.0):
-            raise ConfigurationError(f"{self} given, allowed: finite shares of 0 or more, uniform above 0")
+            raise ConfigurationError(f"mixture: expected finite shares of 0 or more, uniform above 0, got {self}")
         return np.asarray(values / values.sum())
 
 

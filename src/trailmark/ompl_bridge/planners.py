@@ -7,7 +7,7 @@ from typing import Any
 from ompl import base as ob
 from ompl import geometric as og
 
-from trailmark.errors import did_you_mean
+from trailmark.errors import expected_name
 from trailmark.ompl_bridge.errors import PlannerNameError
 
 __all__ = ["planner_named", "planner_names"]
@@ -36,4 +36,4 @@ def planner_named(name: str, information: Any) -> Any:
     for known in names:
         if known.lower() == name.lower():
             return getattr(og, known)(information)
-    raise PlannerNameError(f"planner {name!r} given, {did_you_mean(name, names)}")
+    raise PlannerNameError(f"planner: {expected_name(name, names)}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -84,15 +84,15 @@ def plug_landmark_sampler(
 ) -> PluggedSampler:
     """Let OMPL's planners draw from landmarks, as many of them as the installed OMPL allows.
 
-    Call it after start and goal are set, and again when they have changed. Planners that were set up before, clear.
-    Landmarks that are to be made are made when a planner asks for the first of them, within its time.
+    Call it after start and goal are set, and again when they have changed; planners that were set up before need a
+    ``clear``. Landmarks that are to be made are made when a planner requests the first of them, within its time.
 
     Args:
         setup: a ``SimpleSetup`` of an SE(2)-like space.
         landmarks: valid configurations, shape (k, 3). None makes them: for the query from the start to the goal where
             there are both, over all free space otherwise.
-        checker: trailmark's checker; by default that of the ``StateValidityChecker`` in ``setup``. What it holds for
-            valid must be valid to ``setup`` too.
+        checker: trailmark's checker; by default that of the ``StateValidityChecker`` in ``setup``. What is valid for
+            it must be valid for ``setup`` too.
         mixture: what is drawn after the landmarks; :data:`ROADMAP_MIXTURE` and :data:`TREE_MIXTURE` by default.
         seed: the same one makes the same landmarks and draws the same states, planner by planner.
 
@@ -110,9 +110,8 @@ def plug_landmark_sampler(
     space = space_of(information)
     checker = checker_in(setup) if checker is None else one_of(checker, StateChecker, "checker:")
     require_within(space, checker.world)
-    for shares in (mixture, ROADMAP_MIXTURE):
-        if shares is not None:
-            shares.shares()
+    # Raises now, not in the planner's time.
+    (mixture or ROADMAP_MIXTURE).shares()
     query = None if landmarks is not None else _query(setup, checker)
     bounds = space.getBounds()
     (xmin, ymin), (xmax, ymax) = bounds.low, bounds.high
@@ -129,33 +128,35 @@ def plug_landmark_sampler(
     # Kernels are loaded now, not in the planner's time.
     warm_up()
     seeds = np.random.SeedSequence(source.seed)
-    # What OMPL keeps holds no OMPL object: a cycle through its C++ would never be freed.
-    valid = _Allocator(
-        LandmarkValidStateSampler, plugged, mixture or ROADMAP_MIXTURE, seeds, ob.UniformValidStateSampler
+
+    # What OMPL stores refers to no OMPL object: a cycle through its C++ would never be freed.
+    def valid(owner: Any, seed: np.random.SeedSequence) -> Any:
+        return LandmarkValidStateSampler(owner, source, mixture or ROADMAP_MIXTURE, seed, plugged.tally)
+
+    def states(owner: Any, seed: np.random.SeedSequence) -> Any:
+        return LandmarkStateSampler(owner, source, mixture or TREE_MIXTURE, seed, plugged.tally)
+
+    information.setValidStateSamplerAllocator(
+        _allocator("ValidStateSamplerAllocator", valid, ob.UniformValidStateSampler, seeds)
     )
-    information.setValidStateSamplerAllocator(_wrapped("ValidStateSamplerAllocator", valid))
     if takes_states:
-        states = _Allocator(LandmarkStateSampler, plugged, mixture or TREE_MIXTURE, seeds, _default_sampler)
-        space.setStateSamplerAllocator(_wrapped("StateSamplerAllocator", states))
+        default = ob.StateSpace.allocDefaultStateSampler
+        space.setStateSamplerAllocator(_allocator("StateSamplerAllocator", states, default, seeds))
     return plugged
 
 
-class _Allocator:
-    """Makes a sampler whenever a planner asks for one."""
+def _allocator(name: str, make: Callable[[Any, np.random.SeedSequence], Any], default: Any, seeds: Any) -> Any:
+    """Return what the bindings take for an allocator: a callable, or in OMPL 1.7 an object made of it."""
 
-    def __init__(
-        self, kind: Any, plugged: PluggedSampler, mixture: Mixture, seeds: np.random.SeedSequence, otherwise: Any
-    ) -> None:
-        self._kind, self._otherwise = kind, otherwise
-        self._plugged, self._mixture, self._seeds = plugged, mixture, seeds
-
-    def __call__(self, owner: Any) -> Any:
+    def allocate(owner: Any) -> Any:
         try:
-            (seed,) = self._seeds.spawn(1)
-            return self._kind(owner, self._plugged.source, self._mixture, seed, self._plugged.tally)
+            return make(owner, seeds.spawn(1)[0])
         except BaseException as error:  # nothing may pass through OMPL's C++
             caught(error)
-            return self._otherwise(owner)
+            return default(owner)
+
+    wrapper = getattr(ob, name, None)
+    return allocate if wrapper is None else wrapper(allocate)
 
 
 def _obstacle(planner: str, takes_states: bool) -> str | None:
@@ -167,16 +168,6 @@ def _obstacle(planner: str, takes_states: bool) -> str | None:
     if planner in SPACE_TIME:
         return NOT_SE2
     return None if takes_states else NOT_BOUND
-
-
-def _default_sampler(space: Any) -> Any:
-    return space.allocDefaultStateSampler()
-
-
-def _wrapped(name: str, allocator: _Allocator) -> Any:
-    """Return what the bindings take for an allocator: a callable, or in OMPL 1.7 an object made of it."""
-    wrap = getattr(ob, name, None)
-    return allocator if wrap is None else wrap(allocator)
 
 
 def _query(setup: Any, checker: StateChecker) -> se2.FloatArray | None:

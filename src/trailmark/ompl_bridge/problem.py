@@ -139,6 +139,6 @@ def _ends(world: World, query: Ends) -> tuple[se2.FloatArray, se2.FloatArray]:
         query = world.query(query)
     ends: Any = (query.start, query.goal) if isinstance(query, Query) else query
     if not (isinstance(ends, Sequence | np.ndarray) and len(ends) == 2):
-        raise ConfigurationError(f"query: {brief(query)} given, allowed: a Query, its name, or start and goal")
+        raise ConfigurationError(f"query: expected a Query, its name, or start and goal, got {brief(query)}")
     start, goal = ends
     return se2.configurations(start, name="start"), se2.configurations(goal, name="goal")

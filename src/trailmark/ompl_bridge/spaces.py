@@ -83,7 +83,7 @@ def require_within(space: Any, world: World) -> None:
         raise BoundsError(f"state space: expected bounds that are set and not empty, got {low} to {high}")
     if low[0] < xmin - spare or low[1] < ymin - spare or high[0] > xmax + spare or high[1] > ymax + spare:
         raise BoundsError(
-            f"state space: expected bounds within ({xmin:g}, {ymin:g}) to ({xmax:g}, {ymax:g}) of world {world.name!r}, "
+            f"state space: expected bounds within world {world.name!r}, ({xmin:g}, {ymin:g}) to ({xmax:g}, {ymax:g}), "
             f"got ({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g})"
         )
 
