@@ -10,7 +10,7 @@ import pytest
 from tests.benchmark.conftest import small_world
 
 from trailmark.ompl_bridge import SE2Problem
-from trailmark.ompl_bridge.measured import _Watch, graph_size, measure, simplify
+from trailmark.ompl_bridge.measured import _Monitor, graph_size, measure, simplify
 from trailmark.path import Path
 from trailmark.shapes import Rectangle
 from trailmark.world import Query, Robot, World
@@ -54,10 +54,10 @@ def test_the_first_path_may_end_a_run(name: str) -> None:
 
 
 def test_a_cost_summed_in_another_order_is_no_better_one() -> None:
-    watch = _Watch(None)
+    monitor = _Monitor(None)
     for time, cost in ((0.1, 7.0), (0.2, math.nextafter(7.0, 0.0)), (0.3, 6.9), (0.4, 6.95)):
-        watch.note(time, cost)
-    assert watch.curve == [(0.1, 7.0), (0.3, 6.9)]
+        monitor.add(time, cost)
+    assert monitor.curve == [(0.1, 7.0), (0.3, 6.9)]
 
 
 def test_the_curve_is_read_while_it_plans() -> None:

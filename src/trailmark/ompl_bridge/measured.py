@@ -1,8 +1,8 @@
 """Measured runs of OMPL's planners: when the first solution came, how the cost fell, what was checked, what was built.
 
-The bindings hand out no progress properties, so the best cost is read where Python is called anyway: in every
-``WATCHED_CALLS``-th validity or motion check, from the planner's own thread. PRM and PRM* do not tell their best cost;
-they are run in slices, between which their roadmap is kept (:func:`_in_slices`).
+The bindings have no progress properties, so the best cost is read where Python is called anyway: in every
+``CALLS_PER_READING``-th validity or motion check, in the planner's own thread. PRM and PRM* do not report their best
+cost; they are run in slices, between which their roadmap stays (:func:`_in_slices`).
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from trailmark.path import Path
 
 __all__ = ["Measurement", "graph_size", "measure", "seed_ompl", "silence_ompl", "simplify"]
 
-WATCHED_CALLS = 16
-"""A look at the clock takes a tenth of a check, so only one check in so many looks at it."""
+CALLS_PER_READING = 16
+"""Checks from one reading of the clock to the next, since each takes a tenth of a check."""
 
-WATCH_PERIOD = 0.0005
-"""Seconds between two looks at the best cost."""
+READING_PERIOD = 0.0005
+"""Seconds between two readings of the best cost."""
 
 ROUNDING = 1e-9
 """Part of a cost by which OMPL's sum of a path's length and ours may differ; costs this close are one cost."""
@@ -90,40 +90,40 @@ def measure(
     on_step: Callable[[], None] | None = None,
     first: bool = False,
 ) -> Measurement:
-    """Run a planner on a problem, whose objective becomes the path's length.
+    """Run a planner on a problem, whose objective becomes the length of the path.
 
     Args:
-        problem: as set up; its checkers are replaced by ones that also watch.
+        problem: as set up; its checkers are replaced by ones that also read the best cost.
         name: of one of OMPL's planners.
         limit: seconds.
         on_step: called now and then while it plans.
-        first: whether the first exact solution ends the run: by OMPL's cost threshold, which all but AORRTC heed.
+        first: whether the first exact solution ends the run, by OMPL's cost threshold, which AORRTC alone ignores.
 
     Raises:
         PlannerNameError: the installed OMPL has no planner of that name.
     """
-    watch = _Watch(on_step)
-    _watch_checks(problem, watch)
+    monitor = _Monitor(on_step)
+    _monitor_checks(problem, monitor)
     objective = ob.PathLengthOptimizationObjective(problem.information)
     if first:
         objective.setCostThreshold(ob.Cost(inf))
     problem.setup.setOptimizationObjective(objective)
-    watch.begin = begin = perf_counter()
+    monitor.begin = begin = perf_counter()
     planner = problem.set_planner(name)
     problem.setup.setup()
-    watch.cost = getattr(planner, "bestCost", None)
+    monitor.cost = getattr(planner, "bestCost", None)
     solve = _in_slices if name in SLICED else _at_once
-    status = solve(problem, planner, watch, limit)
+    status = solve(problem, planner, monitor, limit)
     time = perf_counter() - begin
-    watch.cost = None  # else planner, checker and watch would keep each other
-    return _measurement(problem, watch, status, time)
+    monitor.cost = None  # Else planner, checker and monitor would keep one another alive.
+    return _measurement(problem, monitor, status, time)
 
 
 def graph_size(problem: SE2Problem) -> tuple[int, int]:
     """Return the number of nodes and edges of the roadmap or tree of the planner that was run last."""
     planner = problem.setup.getPlanner()
     if hasattr(planner, "milestoneCount"):
-        # A roadmap's edges, handed over one by one, take a tenth of a second.
+        # Reading a roadmap's edges one by one takes a tenth of a second.
         return int(planner.milestoneCount()), int(planner.edgeCount())
     data = ob.PlannerData(problem.information)
     problem.setup.getPlannerData(data)
@@ -144,15 +144,15 @@ def simplify(problem: SE2Problem, path: Path, limit: float) -> tuple[Path, float
         found = certified.certified_states(problem.information, path)
         states = path.knots if found is None else found
     made = path_to_ompl(problem.information, states)
-    simplifier = og.PathSimplifier(problem.information)
-    begin = perf_counter()
+    simplifier, begin = og.PathSimplifier(problem.information), perf_counter()
     with planning():
         simplifier.simplify(made, limit)
-    return problem.path_of(made), perf_counter() - begin
+    seconds = perf_counter() - begin
+    return problem.path_of(made), seconds
 
 
 @dataclass
-class _Watch:
+class _Monitor:
     """Reads the planner's best cost while it plans."""
 
     on_step: Callable[[], None] | None
@@ -161,70 +161,70 @@ class _Watch:
     curve: list[tuple[float, float]] = field(default_factory=list)
     _next: float = 0.0
 
-    def look(self) -> None:
-        """Read the best cost if the time for it has come."""
+    def read(self) -> None:
+        """Read the best cost, if the last reading is a period ago."""
         now = perf_counter()
         if now < self._next:
             return
-        self._next = now + WATCH_PERIOD
+        self._next = now + READING_PERIOD
         if self.on_step is not None:
             self.on_step()
         if self.cost is not None:
-            self.note(now - self.begin, float(self.cost().value()))
+            self.add(now - self.begin, float(self.cost().value()))
 
-    def note(self, time: float, cost: float) -> None:
-        """Take note of a cost if it is better than the last one."""
+    def add(self, time: float, cost: float) -> None:
+        """Add a cost to the curve if it is better than the last one."""
         # OMPL's planners start from an infinite cost or none.
         if isfinite(cost) and cost > 0.0 and (not self.curve or cost < (1.0 - ROUNDING) * self.curve[-1][1]):
             self.curve.append((time, cost))
 
 
-class _WatchedChecker(StateValidityChecker):
-    def __init__(self, problem: SE2Problem, watch: _Watch) -> None:
+class _MonitoredChecker(StateValidityChecker):
+    def __init__(self, problem: SE2Problem, monitor: _Monitor) -> None:
         super().__init__(problem.information, problem.checker)
-        self.watch = watch
+        self.monitor = monitor
 
     def isValid(self, state: Any) -> bool:  # noqa: N802  # OMPL's name
         valid = super().isValid(state)
-        if not self.checked % WATCHED_CALLS:
-            self.watch.look()
+        if not self.checked % CALLS_PER_READING:
+            self.monitor.read()
         return valid
 
 
-class _WatchedValidator(MotionValidator):
-    def __init__(self, problem: SE2Problem, watch: _Watch) -> None:
+class _MonitoredValidator(MotionValidator):
+    def __init__(self, problem: SE2Problem, monitor: _Monitor) -> None:
         super().__init__(problem.information, problem.checker)
-        self.watch = watch
+        self.monitor = monitor
 
     def checkMotion(self, first: Any, second: Any, last_valid: Any = None) -> bool:  # noqa: N802  # OMPL's name
         valid = super().checkMotion(first, second, last_valid)
-        if not self.checked % WATCHED_CALLS:
-            self.watch.look()
+        if not self.checked % CALLS_PER_READING:
+            self.monitor.read()
         return valid
 
 
-def _watch_checks(problem: SE2Problem, watch: _Watch) -> None:
-    problem.validity = _WatchedChecker(problem, watch)
+def _monitor_checks(problem: SE2Problem, monitor: _Monitor) -> None:
+    problem.validity = _MonitoredChecker(problem, monitor)
     problem.setup.setStateValidityChecker(problem.validity)
     if problem.motions is not None:
-        problem.motions = _WatchedValidator(problem, watch)
+        problem.motions = _MonitoredValidator(problem, monitor)
         problem.information.setMotionValidator(problem.motions)
 
 
-def _at_once(problem: SE2Problem, planner: Any, watch: _Watch, limit: float) -> Any:
-    """Solve once, for as long as is left."""
-    return _solve(planner, limit - (perf_counter() - watch.begin))
+def _at_once(problem: SE2Problem, planner: Any, monitor: _Monitor, limit: float) -> Any:
+    """Solve once, for the time left."""
+    return _solve(planner, limit - (perf_counter() - monitor.begin))
 
 
-def _in_slices(problem: SE2Problem, planner: Any, watch: _Watch, limit: float) -> Any:
-    """Solve slice by slice, with the roadmap kept, and read the best path's cost after each.
+def _in_slices(problem: SE2Problem, planner: Any, monitor: _Monitor, limit: float) -> Any:
+    """Solve slice by slice on one roadmap, and read the best path's cost after each slice.
 
     One ``PRM.solve`` grows the roadmap for 0.4 s, expands it for 0.2 s, and so on. A slice is shorter and would only
     ever grow it, so the turns are taken here.
     """
     status, definition = None, problem.setup.getProblemDefinition()
     while True:
-        elapsed = perf_counter() - watch.begin
+        elapsed = perf_counter() - monitor.begin
         left = limit - elapsed
         if left <= 0.0 and status is not None:
             return status
@@ -236,14 +236,14 @@ def _in_slices(problem: SE2Problem, planner: Any, watch: _Watch, limit: float) -
             condition = ob.timedPlannerTerminationCondition(step)
             with planning(condition):
                 planner.expandRoadmapPtc(condition)
-            # A look at what has come of it.
+            # As long as it takes to report the path that expanding found.
             step = 1e-3
         status = _solve(planner, step)
-        if watch.on_step is not None:
-            watch.on_step()
+        if monitor.on_step is not None:
+            monitor.on_step()
         if definition.hasExactSolution():
             cost = float(definition.getSolutionPath().length())
-            watch.note(perf_counter() - watch.begin, cost)
+            monitor.add(perf_counter() - monitor.begin, cost)
             if definition.getOptimizationObjective().isSatisfied(ob.Cost(cost)):
                 return status
         if int(status.getStatus().value) in FINAL:
@@ -256,14 +256,14 @@ def _solve(planner: Any, limit: float) -> Any:
         return planner.solve(condition)
 
 
-def _measurement(problem: SE2Problem, watch: _Watch, status: Any, time: float) -> Measurement:
+def _measurement(problem: SE2Problem, monitor: _Monitor, status: Any, time: float) -> Measurement:
     definition = problem.setup.getProblemDefinition()
     exact = bool(definition.hasExactSolution())
     path = problem.path_of(definition.getSolutionPath()) if definition.hasSolution() else None
     if path is None or not exact:
-        watch.curve.clear()
+        monitor.curve.clear()
     else:
-        watch.note(time, path.cost)
+        monitor.add(time, path.cost)
     # The validator that looks at states one by one counts motions itself.
     motions = problem.motions.checked if problem.motions is not None else problem.information.getCheckedMotionCount()
     return Measurement(
@@ -273,7 +273,7 @@ def _measurement(problem: SE2Problem, watch: _Watch, status: Any, time: float) -
         path=path,
         exact=exact,
         difference=None if path is None else max(0.0, float(definition.getSolutionDifference())),
-        curve=watch.curve,
+        curve=monitor.curve,
         states_checked=problem.validity.checked,
         motions_checked=int(motions),
     )

@@ -1,9 +1,9 @@
-"""sparse_path: a certified path with fewer vertices, for programs that go on working on it.
+"""sparse_path: a certified path with fewer vertices, for programs that process it further.
 
-The shortest paths hang on corners: around them they are polylines of many short motions, none of which can be left out.
-OMPL's path simplifier halves every motion of a path in each of its rounds and leaves out vertices at random; where it
-finds fewer than it adds, the path doubles from round to round, and one of its steps (``collapseCloseVertices``) takes a
-time that grows with the third power of that: it does not come back.
+Around corners, shortest paths are polylines of many short motions, none of which can be left out. OMPL's path
+simplifier halves every motion of a path in each of its rounds and removes vertices at random; where it removes fewer
+than it adds, the path doubles from round to round, and one of its steps (``collapseCloseVertices``) takes a time that
+grows with the third power of that: it does not return.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ SLACK = 1e-4
 SHARES = tuple(2.0**-k for k in range(14, -1, -2) for _ in range(3))
 """Rounds, by the part of the slack that one corner may take: neighbours are joined three times in each size."""
 
-MOST_CHECKS = 1000
-"""Corners looked at, so that handing over a path takes milliseconds."""
+MAX_CHECKS = 1000
+"""Corners checked at most, so that a path is ready for OMPL within milliseconds."""
 
 
 def sparse_path(single: PointwiseChecker, states: se2.FloatArray) -> se2.FloatArray:
     """Return a certified path with the same ends and fewer vertices, longer by SLACK of its cost at most.
 
-    Vertices that the path does without are left out; two neighbours become one, best where the motions before and after
-    them meet if they are drawn out: a corner instead of an arc.
+    Vertices that are not needed are left out; two neighbours become one, best where the motions before and after them
+    meet if they are extended: a corner instead of an arc.
 
     Args:
         single: certifies the motions.
@@ -56,10 +56,10 @@ def sparse_path(single: PointwiseChecker, states: se2.FloatArray) -> se2.FloatAr
     # What costs least first: one corner must not use up what makes many.
     for share in SHARES:
         i = 1
-        while i + 2 < len(path) and checks < MOST_CHECKS:
+        while i + 2 < len(path) and checks < MAX_CHECKS:
             p, a, b, q = path[i - 1 : i + 3]
             old = _cost(p, a) + _cost(a, b) + _cost(b, q)
-            for one in _instead(p, a, b, q):
+            for one in _replacements(p, a, b, q):
                 longer = _cost(p, one) + _cost(one, q) - old
                 if longer <= min(left, share * slack) and (p, one, q) not in refused:
                     checks += 1
@@ -84,7 +84,7 @@ def _dot(a: Configuration, b: Configuration) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _instead(p: Configuration, a: Configuration, b: Configuration, q: Configuration) -> Iterator[Configuration]:
+def _replacements(p: Configuration, a: Configuration, b: Configuration, q: Configuration) -> Iterator[Configuration]:
     """Yield configurations that may stand for both a and b between p and q."""
     there, back, between = _difference(p, a), _difference(q, b), _difference(a, b)
     # Where the lines from p through a and from q through b come nearest to one another, in x, y and heading.
