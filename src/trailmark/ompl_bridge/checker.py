@@ -1,4 +1,6 @@
-"""StateValidityChecker and MotionValidator: trailmark's collision checks as OMPL asks for them."""
+"""StateValidityChecker and MotionValidator: trailmark's collision checks as OMPL calls them."""
+
+# Tested by tests/ompl_bridge/test_bridge_checker.py and test_bridge_curves.py.
 
 from __future__ import annotations
 
@@ -103,7 +105,7 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
             first: start.
             second: end.
             last_valid: where to put how far a refused motion is certified: a pair of a state, or None, and a fraction.
-                OMPL 1.7 hands it over; OMPL 2.0 asks for it without coming here.
+                OMPL 1.7 passes it; OMPL 2.0 computes it without calling this method.
         """
         try:
             self.checked += 1

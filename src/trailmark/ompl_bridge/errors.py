@@ -1,4 +1,6 @@
-"""What can be wrong when trailmark is plugged into an OMPL program."""
+"""Errors of the parts that plug into an OMPL program."""
+
+# Tested by tests/ompl_bridge/test_bridge_arguments.py.
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def caught(error: BaseException) -> None:
 
 
 def returns_on_error(value: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Return a decorator for callbacks: an error in one is handed to :func:`caught`, and ``value`` to OMPL."""
+    """Return a decorator for callbacks: an error in one goes to :func:`caught`, and ``value`` to OMPL."""
 
     def decorate(callback: Callable[..., Any]) -> Callable[..., Any]:
         @wraps(callback)

@@ -39,14 +39,14 @@ class OmplCurves:
     and places on the curve.
 
     Args:
-        information: the ``SpaceInformation`` of the space; only the space is kept.
+        information: the ``SpaceInformation`` of the space; only the space is stored.
         checker: trailmark's checker for world and robot.
         steering: of the cars that the space is for.
     """
 
     def __init__(self, information: Any, checker: StateChecker, steering: Steering) -> None:
         self._space = information.getStateSpace()
-        # The scoped state of OMPL 1.7 is kept beside what is in it, which it frees otherwise.
+        # OMPL 1.7 frees what is in a scoped state once nothing refers to that.
         self._made = state(information, (0.0, 0.0, 0.0)), state(information, (0.0, 0.0, 0.0))
         self._place, self._end = (opened(made) for made in self._made)
         self._single = PointwiseCurveChecker(checker, steering)
@@ -120,7 +120,7 @@ class OmplCurves:
             self._space.interpolate(first, second, fraction, place)
             turned = abs(place.getYaw() - theta)
             beside = hypot(place.getX() - x, place.getY() - y) + self._reach * min(turned, abs(turned - 2.0 * pi))
-            # The other way round, a place that is no number would pass.
+            # With the comparison the other way round, NaN would pass.
             if not beside <= self._alike:
                 return False
         return True

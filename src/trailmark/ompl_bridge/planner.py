@@ -1,5 +1,7 @@
 """The landmark planner as one of OMPL's: in a SimpleSetup, or beside the C++ planners in OMPL's Benchmark."""
 
+# Tested by tests/ompl_bridge/test_bridge_planner.py and test_bridge_planner_cars.py.
+
 from __future__ import annotations
 
 import threading
@@ -153,7 +155,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         Raises:
             ConfigurationError: a goal that is not one state.
         """
-        # Not ProblemDefinition.getStartState: OMPL 2.0.1 gives the state away, and it is freed twice.
+        # Not ProblemDefinition.getStartState, whose state OMPL 2.0.1 frees twice.
         inputs = self.getPlannerInputStates()
         inputs.clear()
         inputs.use(problem)
@@ -204,7 +206,7 @@ class _Work(threading.Thread):
             self.result = self.planner.plan(
                 *self.ends, time_limit=np.inf, on_progress=self._on_progress, stop=self.stop.is_set
             )
-        except BaseException as error:  # kept for the thread that waits
+        except BaseException as error:  # raised in the thread that waits
             self.error = error
         finally:
             self.done.set()

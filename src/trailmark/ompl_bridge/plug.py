@@ -1,5 +1,7 @@
 """plug_landmark_sampler: one call that puts the landmark samplers wherever the installed OMPL takes them."""
 
+# Tested by tests/ompl_bridge/test_samplers.py.
+
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
@@ -175,7 +177,7 @@ def _query(setup: Any, checker: StateChecker) -> se2.FloatArray | None:
     problem = setup.getProblemDefinition()
     if problem.getGoal() is None:
         return None
-    # Not ProblemDefinition.getStartState: OMPL 2.0.1 gives the state away, and it is freed twice.
+    # Not ProblemDefinition.getStartState, whose state OMPL 2.0.1 frees twice.
     inputs = ob.PlannerInputStates()
     inputs.use(problem)
     start, goal = inputs.nextStart(), inputs.nextGoal()

@@ -1,5 +1,7 @@
 """SE2Problem and simple_setup: a world, a robot and a query as OMPL plans with them."""
 
+# Tested by tests/ompl_bridge/test_bridge_arguments.py and test_bridge_planner.py.
+
 from __future__ import annotations
 
 from collections.abc import Sequence

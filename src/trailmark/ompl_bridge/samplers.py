@@ -1,7 +1,7 @@
 """LandmarkValidStateSampler and LandmarkStateSampler: landmarks for OMPL's planners to draw from.
 
-Which of OMPL's planners draws from which of the two, and in which OMPL, is told by
-:func:`trailmark.ompl_bridge.plug.plug_landmark_sampler`, which also plugs them in.
+:func:`trailmark.ompl_bridge.plug.plug_landmark_sampler` plugs them in, and returns which of OMPL's planners draws from
+which of the two in the installed OMPL.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class LandmarkValidStateSampler(ob.ValidStateSampler):  # type: ignore[misc]  # 
     ``sample`` and ``sampleNear`` return only valid states.
 
     Args:
-        information: the ``SpaceInformation`` of an SE(2)-like space. It is not kept.
+        information: the ``SpaceInformation`` of an SE(2)-like space. It is not stored here.
         source: the landmarks; several samplers may share them.
         mixture: what is drawn between the rounds of landmarks.
         seed: the same one gives the same states, if the source has a seed too.
@@ -84,7 +84,7 @@ class LandmarkStateSampler(ob.StateSampler):  # type: ignore[misc]  # OMPL's bin
     """States: landmarks first, then the mixture; all are valid but the uniform ones and those near a given state.
 
     Args:
-        space: an SE(2)-like state space. It is not kept.
+        space: an SE(2)-like state space. It is not stored here.
         source: the landmarks; several samplers may share them.
         mixture: what is drawn between the rounds of landmarks.
         seed: as for :class:`LandmarkValidStateSampler`.

@@ -1,5 +1,7 @@
 """Conversions between arrays and OMPL's states, paths and planner data."""
 
+# Tested by tests/ompl_bridge/test_bridge_states.py.
+
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
@@ -66,7 +68,7 @@ def path_to_ompl(information: Any, path: Path | ArrayLike) -> Any:
     rows = np.insert(rows, back + 1, se2.interpolate(rows[back], rows[back + 1], 0.5), axis=0)
     made = og.PathGeometric(information)
     for row in rows:
-        # Kept in a variable: OMPL 1.7 frees a scoped state that nothing holds.
+        # In a variable, since OMPL 1.7 frees a scoped state that nothing refers to.
         one = state(information, row)
         made.append(opened(one))
     return made
