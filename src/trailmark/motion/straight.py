@@ -61,6 +61,10 @@ class StraightMotion(Motion):
         """Return what the clearance field alone proves of motions: FREE, BLOCKED or UNDECIDED, shape (n,)."""
         return self.checker.motions_by_field(a, b)
 
+    def least_cost(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return what a path from start to goal, each of shape (3,), would cost without obstacles, metres."""
+        return hypot(goal[0] - start[0], goal[1] - start[1]) + ROTATION_WEIGHT * fabs(turn(start[2], goal[2]))
+
     def reversible(self, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
         """Return which motions are, driven back, the motion from b to a, shape (n,).
 
