@@ -19,12 +19,16 @@ app = typer.Typer(help="Compile all kernels now, so that no later command has to
 @app.callback()
 def warmup(as_json: JsonOption = False) -> None:
     """Compile all kernels now, so that no later command or program has to: up to four minutes, once."""
-    from trailmark.planning.warmup import ROBOTS, warm_up, warm_up_queries
+    from trailmark.planning.warmup import warm_up, warm_up_queries
 
     begun = time.perf_counter()
     stages: dict[str, Callable[[], None]] = {
-        **{f"{robot.describe()}: planning": partial(warm_up, kind) for kind, robot in ROBOTS.items()},
-        **{f"{robot.describe()}: many queries": partial(warm_up_queries, kind) for kind, robot in ROBOTS.items()},
+        "planning": partial(warm_up, "straight"),
+        "many queries": partial(warm_up_queries, "straight"),
+        "discs": partial(warm_up, "translation"),
+        "many queries of discs": partial(warm_up_queries, "translation"),
+        "cars": partial(warm_up, "curve"),
+        "many queries of cars": partial(warm_up_queries, "curve"),
         "OMPL's planners": _warm_up_pointwise,
         "laser scans": _warm_up_scans,
     }
