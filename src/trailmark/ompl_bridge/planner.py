@@ -25,7 +25,7 @@ from trailmark.ompl_bridge.guard import caught, returns_on_error
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.sparse_path import sparse_path
-from trailmark.ompl_bridge.states import configuration, path_to_ompl
+from trailmark.ompl_bridge.states import path_to_ompl, start_and_goal
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner as Planner
 from trailmark.planning import PlanProgress, PlanResult
@@ -120,7 +120,9 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         problem = self.getProblemDefinition()
         _require_path_length(problem)
         self._wait()
-        start, goal = self._ends(problem)
+        if problem.getGoal() is not None and not isinstance(problem.getGoal(), ob.GoalState):
+            raise ConfigurationError(f"goal: expected a GoalState, got {type(problem.getGoal()).__name__}")
+        start, goal = start_and_goal(problem)
         if start is None or not self.checker.valid(start):
             return ob.PlannerStatus(status.INVALID_START)
         if goal is None or not self.checker.valid(goal):
@@ -148,24 +150,6 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         if nearest is not None and len(nearest.states) > 1 and self._offer(problem, nearest, goal, exact=False):
             return ob.PlannerStatus(status.APPROXIMATE_SOLUTION)
         return ob.PlannerStatus(status.TIMEOUT)
-
-    def _ends(self, problem: Any) -> tuple[se2.FloatArray | None, se2.FloatArray | None]:
-        """Return the first start and the goal state as configurations; None where there is none valid.
-
-        Raises:
-            ConfigurationError: a goal that is not one state.
-        """
-        # Not ProblemDefinition.getStartState, whose state OMPL 2.0.1 frees twice.
-        inputs = self.getPlannerInputStates()
-        inputs.clear()
-        inputs.use(problem)
-        first = inputs.nextStart() if inputs.haveMoreStartStates() else None
-        goal = problem.getGoal()
-        if goal is not None and not isinstance(goal, ob.GoalState):
-            raise ConfigurationError(f"goal: expected a GoalState, got {type(goal).__name__}")
-        ends = (first, None if goal is None else goal.getState())
-        start, last = (None if end is None else configuration(end) for end in ends)
-        return start, last
 
     def _offer(self, problem: Any, path: Path, goal: se2.FloatArray, *, exact: bool) -> bool:
         """Hand a path to OMPL; return False if OMPL would follow other curves, not certified, between its states."""

@@ -22,7 +22,7 @@ from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, TREE_MIXTURE
 from trailmark.ompl_bridge.planners import planner_names
 from trailmark.ompl_bridge.samplers import LandmarkStateSampler, LandmarkValidStateSampler
 from trailmark.ompl_bridge.spaces import require_within, space_of
-from trailmark.ompl_bridge.states import configuration
+from trailmark.ompl_bridge.states import start_and_goal
 from trailmark.planning.warmup import warm_up
 
 __all__ = ["PluggedSampler", "plug_landmark_sampler"]
@@ -114,7 +114,7 @@ def plug_landmark_sampler(
     require_within(space, checker.world)
     # Raises now, not in the planner's time.
     (mixture or ROADMAP_MIXTURE).shares()
-    query = None if landmarks is not None else _query(setup, checker)
+    query = None if landmarks is not None else _query(setup.getProblemDefinition(), checker)
     bounds = space.getBounds()
     (xmin, ymin), (xmax, ymax) = bounds.low, bounds.high
     source = LandmarkSource(checker, landmarks, query=query, bounds=(xmin, ymin, xmax, ymax), seed=seed)
@@ -172,16 +172,8 @@ def _obstacle(planner: str, takes_states: bool) -> str | None:
     return None if takes_states else NOT_BOUND
 
 
-def _query(setup: Any, checker: StateChecker) -> se2.FloatArray | None:
+def _query(problem: Any, checker: StateChecker) -> se2.FloatArray | None:
     """Return start and goal, shape (2, 3), or None where one of them is missing or not valid."""
-    problem = setup.getProblemDefinition()
-    if problem.getGoal() is None:
-        return None
-    # Not ProblemDefinition.getStartState, whose state OMPL 2.0.1 frees twice.
-    inputs = ob.PlannerInputStates()
-    inputs.use(problem)
-    start, goal = inputs.nextStart(), inputs.nextGoal()
-    if start is None or goal is None:
-        return None
-    ends = np.array([configuration(start), configuration(goal)])
-    return ends if checker.valid(ends).all() else None
+    start, goal = start_and_goal(problem)
+    ends = None if start is None or goal is None else np.array([start, goal])
+    return ends if ends is not None and checker.valid(ends).all() else None

@@ -17,7 +17,7 @@ from trailmark.path import Path
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["configuration", "path_to_ompl", "planner_data_graph", "state", "states_of", "write_state"]
+__all__ = ["configuration", "path_to_ompl", "planner_data_graph", "start_and_goal", "state", "states_of", "write_state"]
 
 SCOPED = not hasattr(ob, "SE2StateType")
 """Whether a state that Python owns must be asked for as ``ob.State(space)`` and opened by a call (OMPL 1.7)."""
@@ -51,6 +51,16 @@ def configuration(source: Any) -> se2.FloatArray:
     """Return an OMPL state as a configuration, shape (3,)."""
     source = opened(source)
     return np.array([source.getX(), source.getY(), source.getYaw()])
+
+
+def start_and_goal(problem: Any) -> tuple[se2.FloatArray | None, se2.FloatArray | None]:
+    """Return the first start and goal of a ``ProblemDefinition`` that OMPL holds valid, each of shape (3,), or None."""
+    # Not ProblemDefinition.getStartState, whose state OMPL 2.0.1 frees twice.
+    inputs = ob.PlannerInputStates()
+    inputs.use(problem)
+    start = inputs.nextStart()
+    goal = None if problem.getGoal() is None else inputs.nextGoal()
+    return None if start is None else configuration(start), None if goal is None else configuration(goal)
 
 
 def states_of(path: Any) -> se2.FloatArray:
