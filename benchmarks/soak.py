@@ -95,8 +95,9 @@ def problems(seed: int) -> list[Problem]:
         planner = LandmarkPlanner(world, robot, seed=seed)
         states = random_states(world, 40 * STATES, np.random.default_rng(seed))
         states = states[np.asarray(planner.checker.valid(states))][:STATES]
-        # The roadmap over all free space, whole: in the threads' short queries it would be built bit by bit.
-        planner.plan_many(states[:1], states[1:2], time_limit=300.0)
+        if robot.turning_radius is None:
+            # The roadmap over all free space, whole: in the threads' short queries it would be built bit by bit.
+            planner.plan_many(states[:1], states[1:2], time_limit=300.0)
         found.append(Problem(name, planner, states, Reference(world, robot)))
     return found
 
@@ -173,6 +174,8 @@ class Soak:
         self._plan(problem, rng, again=True)
 
     def _many(self, problem: Problem, rng: np.random.Generator) -> None:
+        if problem.planner.robot.turning_radius is not None:
+            return
         ends = problem.states[rng.integers(0, len(problem.states), (10, 2))]
         begin = time.thread_time()
         results = problem.planner.plan_many(ends[:, 0], ends[:, 1], 0.2)

@@ -37,6 +37,7 @@ def _compiled() -> None:
     from trailmark.planning.warmup import warm_up
 
     warm_up()
+    warm_up("translation")
 
 
 class Run(NamedTuple):

@@ -20,6 +20,7 @@ Judge = Callable[[World, Robot, ArrayLike, ArrayLike, NDArray[np.float64]], floa
 @pytest.fixture(scope="session", autouse=True)
 def _ready() -> None:
     warm_up()
+    warm_up("translation")
 
 
 @pytest.fixture(scope="session")

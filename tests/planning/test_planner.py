@@ -387,7 +387,7 @@ def test_the_record_of_a_result() -> None:
         ((0.3, 2.0, 0.0), (2, 2, 0), r"start .* \(rectangle 1 x 0.6 m\) reaches 0.2 m over the left bound"),
         ((2, 2, 0), (30.0, 2.0, 0.0), r"goal .* reaches 10.5 m over the right bound"),
         ((2, 2), (2, 2, 0), r"start: expected shape \(3,\) or \(n, 3\) for x, y, theta, got \(2,\)"),
-        ((2, 2, 0), [(2, 2, 0)], r"goal: shape \(1, 3\) given, allowed: \(3,\)"),
+        ((2, 2, 0), [(2, 2, 0)], r"goal: expected shape \(3,\), got \(1, 3\)"),
         ((2, 2, math.nan), (2, 2, 0), r"start: \[2.0, 2.0, nan\] holds a value that is not a finite number"),
         ((2, 2, 0), "here", r"goal: 'here' is not an array of numbers x, y, theta"),
     ],
