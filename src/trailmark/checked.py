@@ -25,6 +25,7 @@ __all__ = [
     "Count",
     "Finite",
     "NonNegative",
+    "NonNegativeOrInfinite",
     "Numbers",
     "Positive",
     "PositiveOrInfinite",
@@ -58,6 +59,7 @@ class Rule(NamedTuple):
 Positive = Annotated[float, Rule("a finite number above 0", lambda v: 0.0 < v < math.inf)]
 PositiveOrInfinite = Annotated[float, Rule("a number above 0", lambda v: v > 0.0)]
 NonNegative = Annotated[float, Rule("a finite number of 0 or more", lambda v: 0.0 <= v < math.inf)]
+NonNegativeOrInfinite = Annotated[float, Rule("a number of 0 or more", lambda v: v >= 0.0)]
 Finite = Annotated[float, Rule("a finite number", math.isfinite)]
 Probability = Annotated[float, Rule("a number above 0 and below 1", lambda v: 0.0 < v < 1.0)]
 Share = Annotated[float, Rule("a number from 0 to 1", lambda v: 0.0 <= v <= 1.0)]

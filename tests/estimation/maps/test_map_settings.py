@@ -8,6 +8,8 @@ import pytest
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.maps.map_settings import MappingSettings
+from trailmark.estimation.scans.scan_settings import ScanSettings
+from trailmark.estimation.slam.slam_settings import SlamSettings
 
 
 def test_the_defaults_hold() -> None:
@@ -16,6 +18,12 @@ def test_the_defaults_hold() -> None:
     assert settings.pose_memory == math.inf
     assert settings.unknown == "blocked"
     assert settings.shapes == "fitted"
+
+
+def test_what_never_ends_is_infinite() -> None:
+    assert MappingSettings(clear_range=math.inf).clear_range == math.inf
+    assert SlamSettings(timeout=math.inf).timeout == math.inf
+    assert ScanSettings(disc_radii=(0.1, math.inf)).disc_radii[1] == math.inf
 
 
 @pytest.mark.parametrize(

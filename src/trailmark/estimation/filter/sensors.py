@@ -1,4 +1,4 @@
-# ruff: noqa: E741, N802, N806 # the names are the filter's own symbols: x, z, l, h, H, V, R
+# ruff: noqa: E741, N802, N803, N806 # the names are the filter's own symbols: x, z, l, h, H, V, R
 """Sensor models: range and bearing, points, lines.
 
 Range and bearing, and the inverse that starts a feature from its first reading, are those of Thrun, Burgard & Fox
@@ -102,12 +102,10 @@ class RangeBearing(_TwoNumbers):
         pose, reading = np.broadcast_arrays(np.asarray(x, dtype=np.float64)[..., :3], _padded(z))
         r, direction = reading[..., 0], pose[..., 2] + reading[..., 1]
         cos, sin = np.cos(direction), np.sin(direction)
-        G_pose, G_z = np.zeros((*r.shape, 2, 3)), np.empty((*r.shape, 2, 2))
-        G_pose[..., 0, 0] = G_pose[..., 1, 1] = 1.0
+        G_z = np.empty((*r.shape, 2, 2))
         G_z[..., 0, 0], G_z[..., 1, 0] = cos, sin
         G_z[..., 0, 1], G_z[..., 1, 1] = -r * sin, r * cos
-        G_pose[..., 2] = G_z[..., 1]
-        return Inverse(pose[..., :2] + r[..., None] * np.stack([cos, sin], axis=-1), G_pose, G_z)
+        return _point_at(pose, r[..., None] * np.stack([cos, sin], axis=-1), G_z)
 
     def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
         """Return z − ẑ, shape (..., 2), the bearing in (−π, π]."""
@@ -151,11 +149,7 @@ class Cartesian(_TwoNumbers):
         """Return the point in the world, shape (..., 2), with ∂/∂x (..., 2, 3) and ∂/∂z (..., 2, 2)."""
         pose, reading = np.broadcast_arrays(np.asarray(x, dtype=np.float64)[..., :3], _padded(z))
         G_z = _rotation(pose[..., 2])
-        turned = (G_z @ reading[..., :2, None])[..., 0]
-        G_pose = np.zeros((*turned.shape[:-1], 2, 3))
-        G_pose[..., 0, 0] = G_pose[..., 1, 1] = 1.0
-        G_pose[..., 0, 2], G_pose[..., 1, 2] = -turned[..., 1], turned[..., 0]
-        return Inverse(pose[..., :2] + turned, G_pose, G_z)
+        return _point_at(pose, (G_z @ reading[..., :2, None])[..., 0], G_z)
 
     def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
         """Return z − ẑ, shape (..., 2)."""
@@ -251,6 +245,14 @@ def _offset(x: ArrayLike, l: ArrayLike) -> tuple[FloatArray, FloatArray, FloatAr
     pose, point = np.asarray(x, dtype=np.float64), np.asarray(l, dtype=np.float64)
     dx, dy = point[..., 0] - pose[..., 0], point[..., 1] - pose[..., 1]
     return dx, dy, np.broadcast_to(pose[..., 2], dx.shape)
+
+
+def _point_at(pose: FloatArray, away: FloatArray, G_z: FloatArray) -> Inverse:
+    """Return the point that lies ``away``, shape (..., 2), from the robot in the world's directions."""
+    G_pose = np.zeros((*away.shape[:-1], 2, 3))
+    G_pose[..., 0, 0] = G_pose[..., 1, 1] = 1.0
+    G_pose[..., 0, 2], G_pose[..., 1, 2] = -away[..., 1], away[..., 0]
+    return Inverse(pose[..., :2] + away, G_pose, G_z)
 
 
 def _padded(z: ArrayLike) -> FloatArray:

@@ -232,12 +232,9 @@ class Transforms:
 
 def matrix(translation: tuple[float, float, float], quaternion: tuple[float, float, float, float]) -> FloatArray:
     """Return a rigid transform, shape (4, 4), from a shift (metres) and a quaternion x, y, z, w of any length but 0."""
-    x, y, z, w = np.array(quaternion) / (np.linalg.norm(quaternion) or 1.0)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), translation[0]],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), translation[1]],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), translation[2]],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
+    from scipy.spatial.transform import Rotation
+
+    place = np.eye(4)
+    place[:3, :3] = Rotation.from_quat(quaternion).as_matrix() if any(quaternion) else np.eye(3)
+    place[:3, 3] = translation
+    return place

@@ -10,6 +10,7 @@ from trailmark.checked import (
     Count,
     Finite,
     NonNegative,
+    NonNegativeOrInfinite,
     Positive,
     PositiveOrInfinite,
     Probability,
@@ -45,7 +46,7 @@ class MappingSettings:
     dead reckoning; a few metres for poses that a SLAM program has corrected."""
     cell: Positive = 0.05
     """Side of the grid's cells, metres."""
-    clear_range: NonNegative = 8.0
+    clear_range: NonNegativeOrInfinite = 8.0
     """Metres: how far a beam that met nothing shows space to be free, at most."""
     min_hits: Count = 2
     """Beams that must have ended in a cell for it to count as occupied."""

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from trailmark.checked import Count, Positive, PositiveOrInfinite, Rule, checked_fields
+from trailmark.checked import Count, NonNegativeOrInfinite, Positive, PositiveOrInfinite, Rule, checked_fields
 from trailmark.estimation.errors import EstimationError
 
 __all__ = ["ScanSettings"]
@@ -45,11 +45,11 @@ class ScanSettings:
     """Metres that a line needs."""
     line_misfit: PositiveOrInfinite = 4.0
     """Sum of squared residuals over variances, per degree of freedom, that a line may have."""
-    disc_radii: tuple[Positive, Positive] = (0.03, 0.6)
+    disc_radii: tuple[Positive, PositiveOrInfinite] = (0.03, 0.6)
     """Metres: radii that a disc may have, the smaller first."""
-    disc_arc: Positive = field(default=math.radians(100.0))
+    disc_arc: NonNegativeOrInfinite = field(default=math.radians(100.0))
     """Radians of a disc's outline that must be seen."""
-    disc_misfit: PositiveOrInfinite = 2.0
+    disc_misfit: NonNegativeOrInfinite = 2.0
     """The same of a disc; where a line has no more, it is a line."""
 
     def __post_init__(self) -> None:

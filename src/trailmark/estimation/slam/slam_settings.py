@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from trailmark.checked import Count, NonNegative, Positive, Probability, checked_fields
+from trailmark.checked import Count, NonNegative, PositiveOrInfinite, Probability, checked_fields
 from trailmark.estimation.errors import EstimationError
 
 __all__ = ["AssociationMethod", "ErrorForm", "SlamSettings"]
@@ -48,7 +48,7 @@ class SlamSettings:
     readings, a gate would lock out the very readings that set it right."""
     confirm: Count = 3
     """Readings after which a feature is confirmed. One of known identity is from the first on."""
-    timeout: Positive = 10.0
+    timeout: PositiveOrInfinite = 10.0
     """Seconds without a reading after which a tentative feature is dropped."""
     error: ErrorForm = "invariant"
     """The error that the filter's covariance is of: see :class:`trailmark.estimation.SlamFilter`."""
