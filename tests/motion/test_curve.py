@@ -196,7 +196,7 @@ def test_the_robots_own_steering_and_bad_input() -> None:
     with pytest.raises(ConfigurationError, match="without turning radius"):
         CurveMotion(StateChecker(world, Robot.disc(1)))
     motions = CurveMotion(StateChecker(world, car))
-    with pytest.raises(ConfigurationError, match="2 starts and 1 ends"):
+    with pytest.raises(ConfigurationError, match="expected as many ends as starts, got 2 and 1"):
         motions.motions_valid([(5, 5, 0)] * 2, [(6, 5, 0)])
     with pytest.raises(ConfigurationError, match="shapes"):
         motions.motion_valid([(5, 5, 0)], [(6, 5, 0)])

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.oracle import Oracle
+from benchmarks.random_worlds import ROBOTS, random_world
 
 from trailmark.curves import CurvePath, Steering
+from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
 from trailmark.shapes import Polygon, Rectangle
@@ -199,3 +201,28 @@ def test_landmarks_beforehand(worlds: Path) -> None:
     result = planner.plan(query.start, query.goal, time_limit=20.0, max_iterations=2)
     referee(world, query, result)
     assert len(planner.roadmap) > 250
+
+
+@pytest.mark.parametrize("reverse", [True, False], ids=["reversing", "forwards"])
+def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
+    world = random_world(11, 25, size=30.0, radii=(0.5, 2.5))
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"].steered(1.5, reverse), seed=0, landmarks=400)
+    ends = free_samples(planner.checker, 40, random_state=2).reshape(-1, 2, 3)
+    answered = planner.plan_many(ends[:, 0], ends[:, 1], 2.0)
+    solved = [i for i, result in enumerate(answered) if result.path is not None]
+    assert len(solved) >= 15
+    judge = Oracle(world, planner.robot, 1e-6)
+    for i in solved:
+        path = answered[i].path
+        assert isinstance(path, CurvePath)
+        assert np.array_equal(path.knots[[0, -1]], ends[i])
+        assert (path.curves.ways >= 0.0).all() or reverse
+        assert not judge.collides(path.resample(0.02).states).any()
+        assert (answered[i].lower_bound or 0.0) <= path.cost + 1e-9
+    # Once more, by threads: what the roadmap answers changes nothing in it, and is answered alike.
+    nodes = len(planner.roadmap)
+    known = ends[[i for i in solved if planner._ready().way(ends[i, 0].copy(), ends[i, 1].copy()) is not None]]
+    assert len(known) >= 12
+    alone, beside = (planner.plan_many(known[:, 0], known[:, 1], 2.0, workers=n) for n in (1, 2))
+    assert len(planner.roadmap) == nodes
+    assert [result.cost for result in alone] == [result.cost for result in beside]

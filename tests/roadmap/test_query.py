@@ -8,12 +8,14 @@ from itertools import pairwise
 import networkx as nx
 import numpy as np
 import pytest
+from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
+from trailmark.curves import Steering
 from trailmark.landmarks import free_samples
 from trailmark.motion import TranslationMotion
 from trailmark.roadmap import Roadmap
@@ -78,6 +80,41 @@ def test_beacons_tell_distances_and_components(seed: int, n: int, density: float
 def cost(a: FloatArray, b: FloatArray, turning: bool) -> float:
     angle = abs(math.atan2(math.sin(b[2] - a[2]), math.cos(b[2] - a[2])))
     return math.dist(a[:2], b[:2]) + (0.5 * angle if turning else 0.0)
+
+
+@pytest.mark.parametrize("reverse", [True, False], ids=["reversing", "forwards"])
+def test_paths_of_cars_are_networkxs(reverse: bool) -> None:
+    world = random_world(11, 25, size=30.0, radii=(0.5, 2.5))
+    checker = StateChecker(world, ROBOTS["rectangle"].steered(1.5, reverse), cell=0.2)
+    roadmap = Roadmap(checker)
+    roadmap.add(free_samples(checker, 200, random_state=3))
+    graph, whole = QueryGraph(roadmap, stretch=1.0), roadmap.graph
+    whole.remove_edges_from([(u, v) for u, v, free in whole.edges(data="certified") if not free])
+    assert whole.is_directed() != reverse
+    steering = Steering(1.5, reverse)
+    found = 0
+    for i, j in np.random.default_rng(0).integers(0, len(graph), (60, 2)).tolist():
+        between = graph.between(i, j)
+        try:
+            length = nx.dijkstra_path_length(whole, i, j, weight="length")
+        except nx.NetworkXNoPath:
+            assert between is None
+            continue
+        assert between is not None
+        assert float(np.sum(steering.lengths(between[:-1], between[1:]))) == pytest.approx(length, abs=1e-6)
+        found += 1
+    assert found > 30
+    # From places that are no nodes, in the direction of driving.
+    ends = free_samples(checker, 60, random_state=4).reshape(-1, 2, 3)
+    joined = 0
+    for start, goal in ends:
+        states = graph.way(start.copy(), goal.copy())
+        if states is not None:
+            assert np.array_equal(states[[0, -1]], [start, goal])
+            along = steering.states(states[:-1], states[1:], np.linspace(0.0, 60.0, 600))
+            assert not Oracle(world, checker.robot, 1e-6).collides(along.reshape(-1, 3)).any()
+            joined += 1
+    assert joined > 15
 
 
 @settings(max_examples=12)
