@@ -29,7 +29,7 @@ from numba.core.caching import FunctionCache, NullCache
 from numba.core.dispatcher import Dispatcher
 from numba.extending import overload
 
-__all__ = ["by_type", "njit", "report_with", "variant_of"]
+__all__ = ["by_type", "njit", "variant_of"]
 
 REPORT_AFTER = 1.0
 """Seconds of compiling before it is reported."""
@@ -95,11 +95,6 @@ def variant_of(function: Callable[..., Any], kind: type) -> Callable[[F], F]:
         return kernel
 
     return register
-
-
-def report_with(report: Callable[[str], None]) -> None:
-    """Have compilations reported by ``report``, which gets one line, instead of on stderr."""
-    _announcer.report = report
 
 
 class _KernelCache(FunctionCache):

@@ -19,7 +19,7 @@ from trailmark.collision.report import invalid_reason
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.world import Robot, World
 
-__all__ = ["StateChecker"]
+__all__ = ["StateChecker", "ends_of_motions"]
 
 
 class StateChecker:
@@ -27,7 +27,7 @@ class StateChecker:
 
     A configuration is valid if the robot overlaps no obstacle by more than 1e-7 m and reaches over ``bounds``
     and ``boundary`` by no more than that, sharp tips included: touching is allowed. A motion is certified if no
-    configuration along it collides; nothing is sampled, so nothing is missed (:mod:`trailmark.collision.kernels`
+    configuration along it collides; nothing is sampled, so nothing is missed (:mod:`trailmark.collision.certify`
     says how). A motion that comes within 1e-6 m of an obstacle more than 1 mm from its ends is not certified, nor
     is one that needs more than 20,000 distances (40 m at 1 mm from a wall); its first and last 1e-6 m (1e-4 of the
     inscribed radius of a robot of less than 2 cm) count as free, as its ends are.
@@ -140,7 +140,7 @@ class StateChecker:
         Raises:
             ConfigurationError: other shapes, different lengths, or values that are not finite.
         """
-        starts, ends = _ends_of_motions(a, b)
+        starts, ends = ends_of_motions(a, b)
         free = self._states_free(starts) & self._states_free(ends)
         free[free] = self.motions_between_valid(starts[free], ends[free])
         return free
@@ -154,7 +154,7 @@ class StateChecker:
 
     def motions_between_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
         """Return which motions between configurations known to be valid are certified; shapes (n, 3)."""
-        a, b = _ends_of_motions(a, b)
+        a, b = ends_of_motions(a, b)
         if self.exact == "fcl":
             return self._motions_by_fcl(a, b)
         answer = certify.motions_certified(self.grid, self.field, self.footprint, a, b, True)
@@ -162,7 +162,7 @@ class StateChecker:
 
     def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.uint8]:
         """Return what the field alone proves of motions between valid configurations: FREE, BLOCKED, UNDECIDED."""
-        a, b = _ends_of_motions(a, b)
+        a, b = ends_of_motions(a, b)
         return np.asarray(certify.motions_certified(self.grid, self.field, self.footprint, a, b, False))
 
     def disc_center(self, q: se2.FloatArray) -> tuple[float, float]:
@@ -248,8 +248,12 @@ def _one(q: ArrayLike, name: str) -> se2.FloatArray:
     return state
 
 
-def _ends_of_motions(a: ArrayLike, b: ArrayLike) -> tuple[se2.FloatArray, se2.FloatArray]:
-    """Return starts and ends, both of shape (n, 3)."""
+def ends_of_motions(a: ArrayLike, b: ArrayLike) -> tuple[se2.FloatArray, se2.FloatArray]:
+    """Return starts and ends, both of shape (n, 3).
+
+    Raises:
+        ConfigurationError: other shapes, different lengths, or values that are not finite.
+    """
     starts, ends = np.atleast_2d(se2.configurations(a)), np.atleast_2d(se2.configurations(b))
     if starts.shape != ends.shape:
         raise ConfigurationError(f"motions: expected as many ends as starts, got {len(starts)} and {len(ends)}")

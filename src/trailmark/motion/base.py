@@ -1,10 +1,12 @@
-"""Motion: what leads a robot from one configuration to another, as roadmaps, searches and shortening ask about it.
+"""Motion: how a robot gets from one configuration to another, as roadmaps, searches and shortening need to know it.
 
 There are three kinds: a disc's translation (:mod:`trailmark.motion.translation`), a straight motion in SE(2)
 (:mod:`trailmark.motion.straight`), and the shortest curve of a car (:mod:`trailmark.motion.curve`). Compiled code
 takes a kind as a named tuple and calls the functions below, which are chosen by its type while it is compiled
 (:func:`trailmark.compiled.by_type`); Python asks a :class:`Motion`, which holds that tuple.
 """
+
+# Tested by tests/motion/test_motion.py and test_curve.py.
 
 from __future__ import annotations
 
@@ -17,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
+from trailmark.collision.checker import ends_of_motions
 from trailmark.collision.kernels import UNDECIDED
 from trailmark.compiled import by_type, njit
 from trailmark.errors import ConfigurationError
@@ -167,9 +170,7 @@ class Motion(ABC):
         Raises:
             ConfigurationError: other shapes, different lengths, or values that are not finite.
         """
-        starts, ends = np.atleast_2d(se2.configurations(a)), np.atleast_2d(se2.configurations(b))
-        if starts.shape != ends.shape:
-            raise ConfigurationError(f"motions: {len(starts)} starts and {len(ends)} ends given, allowed: as many")
+        starts, ends = ends_of_motions(a, b)
         free = np.asarray(self.checker.valid(starts) & self.checker.valid(ends))
         free[free] = self.motions_between_valid(starts[free], ends[free])
         return free
@@ -178,7 +179,7 @@ class Motion(ABC):
         """Return whether the motion from a to b, each of shape (3,), is certified free of collision."""
         ends = se2.configurations(a, name="motion: start"), se2.configurations(b, name="motion: end")
         if ends[0].ndim != 1 or ends[1].ndim != 1:
-            raise ConfigurationError(f"motion: shapes {ends[0].shape} and {ends[1].shape} given, allowed: (3,)")
+            raise ConfigurationError(f"motion: expected shapes (3,), got {ends[0].shape} and {ends[1].shape}")
         return bool(self.motions_valid(*ends)[0])
 
     def motions_between_valid(self, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:

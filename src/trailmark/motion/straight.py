@@ -1,9 +1,11 @@
 """Straight motions in SE(2): x, y and heading are linear, the heading the shorter way round."""
 
+# Tested by tests/motion/test_motion.py.
+
 from __future__ import annotations
 
 from math import fabs, hypot
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +31,7 @@ from trailmark.motion.base import (
 from trailmark.path import Path
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
-__all__ = ["Straight", "StraightMotion"]
+__all__ = ["Straight", "StraightMotion", "straight_certified", "straight_room", "sweep_radius"]
 
 
 class Straight(NamedTuple):
@@ -79,7 +81,8 @@ class StraightMotion(Motion):
 
 @variant_of(new_room, Straight)
 @njit(cache=True)
-def _new_room(kind: Straight) -> Room:
+def straight_room(kind: Any) -> Room:
+    """Return room for straight motions."""
     return Room(workspace(kind.robot), new_queue(), np.empty((0, 2, 5)))
 
 
@@ -91,7 +94,8 @@ def _cost(kind: Straight, room: Room, a: FloatArray, b: FloatArray) -> float:
 
 @variant_of(certified, Straight)
 @njit(cache=True)
-def _certified(kind: Straight, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
+def straight_certified(kind: Any, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
+    """Return whether the straight motion from a to b, each of shape (3,) and valid, is certified."""
     return bool(motion(kind.grid, kind.field, kind.robot, room.placed, room.queue, a, b, True, budget) == FREE)
 
 
@@ -106,7 +110,8 @@ def _interpolate(kind: Straight, room: Room, a: FloatArray, b: FloatArray, along
 
 @variant_of(embedding_radius, Straight)
 @njit(cache=True)
-def _radius(kind: Straight) -> float:
+def sweep_radius(kind: Any) -> float:
+    """Return how far a point of the robot is moved by a radian of turning at most, metres."""
     return float(kind.robot.sweep_radius)
 
 

@@ -1,5 +1,7 @@
 """Translations of a disc: its heading collides with nothing, so that it plays no part until the path is returned."""
 
+# Tested by tests/motion/test_motion.py.
+
 from __future__ import annotations
 
 from math import hypot
@@ -9,10 +11,8 @@ import numpy as np
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.collision.certify import motion, new_queue
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import FREE, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn
@@ -25,7 +25,7 @@ from trailmark.motion.base import (
     least_cost,
     new_room,
 )
-from trailmark.motion.straight import StraightMotion
+from trailmark.motion.straight import StraightMotion, straight_certified, straight_room, sweep_radius
 from trailmark.se2 import FloatArray
 
 __all__ = ["Translation", "TranslationMotion"]
@@ -54,6 +54,10 @@ class TranslationMotion(StraightMotion):
     def __init__(self, checker: StateChecker) -> None:
         super().__init__(checker)
         self.kind = Translation(checker.grid, checker.field, checker.footprint)
+
+    def least_cost(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return what a path from start to goal, each of shape (3,), would cost without obstacles, metres."""
+        return self.whole_cost(hypot(goal[0] - start[0], goal[1] - start[1]), start, goal)
 
     def reversible(self, a: FloatArray, b: FloatArray) -> np.ndarray:
         """Return which motions are, driven back, the motion from b to a, shape (n,): all."""
@@ -90,10 +94,10 @@ def turned_evenly(states: FloatArray, start: FloatArray, goal: FloatArray) -> Fl
     return turned
 
 
-@variant_of(new_room, Translation)
-@njit(cache=True)
-def _new_room(kind: Translation) -> Room:
-    return Room(workspace(kind.robot), new_queue(), np.empty((0, 2, 5)))
+# A disc moves as any robot does, at another cost.
+variant_of(new_room, Translation)(straight_room)
+variant_of(certified, Translation)(straight_certified)
+variant_of(embedding_radius, Translation)(sweep_radius)
 
 
 @variant_of(cost, Translation)
@@ -102,24 +106,12 @@ def _cost(kind: Translation, room: Room, a: FloatArray, b: FloatArray) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])
 
 
-@variant_of(certified, Translation)
-@njit(cache=True)
-def _certified(kind: Translation, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
-    return bool(motion(kind.grid, kind.field, kind.robot, room.placed, room.queue, a, b, True, budget) == FREE)
-
-
 @variant_of(interpolate, Translation)
 @njit(cache=True)
 def _interpolate(kind: Translation, room: Room, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
     length = hypot(b[0] - a[0], b[1] - a[1])
     t = min(1.0, along / length) if length > 0.0 else 0.0
     q[0], q[1], q[2] = a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2]
-
-
-@variant_of(embedding_radius, Translation)
-@njit(cache=True)
-def _radius(kind: Translation) -> float:
-    return float(kind.robot.sweep_radius)
 
 
 @variant_of(least_cost, Translation)

@@ -1,5 +1,7 @@
 """Landmarks of one query: placed where short paths are likely, joined to a roadmap, and searched for a path."""
 
+# Tested by tests/planning/test_planner.py and test_recall.py.
+
 from __future__ import annotations
 
 from time import perf_counter

@@ -115,7 +115,7 @@ class LandmarkPlanner:
         if checker is not None:
             one_of(checker, StateChecker, "checker:").require_for(world, robot)
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
-        self.settings = one_of(settings or PlannerSettings(), PlannerSettings, "settings:")
+        self.settings = one_of(PlannerSettings() if settings is None else settings, PlannerSettings, "settings:")
         self._warm = truth(warm, "warm:")
         moving = robot if robot is not None else checker.robot if checker is not None else world.robot
         if self._warm and moving is not None:

@@ -1,5 +1,7 @@
 """Proofs: lower bounds and infeasibility, asked for in one place, as far as there is time for them."""
 
+# Tested by tests/planning/test_background.py and test_claims.py.
+
 from __future__ import annotations
 
 from typing import Self

@@ -7,7 +7,7 @@ high-quality paths for motion planning", IJRR 2007, which also brings shortcuts 
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, hypot, log2, pi, sin, sqrt
+from math import hypot, log2
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from trailmark.motion.base import Room, certified, cost, interpolate, new_room
 from trailmark.motion.curve import Curve
 from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
+from trailmark.planning.proposals import propose, uniform
 from trailmark.se2 import FloatArray
 
 __all__ = ["shorten"]
@@ -66,17 +67,6 @@ def shorten(
         if len(history) > 3 and history[-4] - history[-1] < tolerance * history[-1]:
             break
     return path
-
-
-@njit(cache=True)
-def _uniform(seed: NDArray[np.uint64]) -> float:
-    """Return a number in [0, 1) and advance the seed (xorshift64*: Vigna 2016)."""
-    s = seed[0]
-    s ^= s >> np.uint64(12)
-    s ^= s << np.uint64(25)
-    s ^= s >> np.uint64(27)
-    seed[0] = s
-    return float((s * np.uint64(2685821657736338717)) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
 @njit(cache=True)
@@ -135,8 +125,8 @@ def _locate(
 @njit(cache=True)
 def _random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[float, float]:
     """Return two places along a path: at all scales alike, from the whole path down to one motion's length."""
-    span = total * 2.0 ** (-_uniform(seed) * log2(2.0 * pieces + 2.0))
-    low = (_uniform(seed) * (total + span)) - span
+    span = total * 2.0 ** (-uniform(seed) * log2(2.0 * pieces + 2.0))
+    low = (uniform(seed) * (total + span)) - span
     return max(0.0, low), min(total, low + span)
 
 
@@ -197,8 +187,8 @@ def _turn_evenly(kind: Straight, room: Room, path: FloatArray, costs: FloatArray
     if n < 3:
         return
     for _ in range(5 + n):
-        i = int(_uniform(seed) * (n - 2))
-        j = i + 2 + int(_uniform(seed) * (n - i - 2))
+        i = int(uniform(seed) * (n - 2))
+        j = i + 2 + int(uniform(seed) * (n - i - 2))
         turned, length = 0.0, 0.0
         for k in range(i, j):
             turned += abs(turn(path[k, 2], path[k + 1, 2]))
@@ -247,14 +237,14 @@ def _split(
 ) -> FloatArray:
     """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
     n = len(path)
-    i = 1 + int(_uniform(seed) * (n - 2))
+    i = 1 + int(uniform(seed) * (n - 2))
     result = np.empty((n + 2, 3))
     result[:i] = path[:i]
     result[i + 1] = path[i]
     result[i + 3 :] = path[i + 1 :]
-    before = min(0.45 * costs[i - 1], scale * _uniform(seed))
+    before = min(0.45 * costs[i - 1], scale * uniform(seed))
     interpolate(kind, room, path[i - 1], path[i], costs[i - 1] - before, result[i])
-    interpolate(kind, room, path[i], path[i + 1], min(0.45 * costs[i], scale * _uniform(seed)), result[i + 2])
+    interpolate(kind, room, path[i], path[i + 1], min(0.45 * costs[i], scale * uniform(seed)), result[i + 2])
     return result
 
 
@@ -285,109 +275,3 @@ def _move(kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDAr
                 moved += 1
                 break
     return moved
-
-
-@by_type
-def propose(
-    kind: Any,
-    room: Room,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    """Write where vertex i might better be into q; return False if there is no other proposal.
-
-    Args:
-        kind: of motion.
-        room: to work in.
-        path: (n, 3).
-        i: an inner vertex.
-        share: of the cost from the vertex before to the one after, at which this one lies.
-        attempt: number of the proposal, from 0 on.
-        seed: of random numbers.
-        scale: metres that random proposals lie away at most.
-        q: where to.
-    """
-    raise NotImplementedError
-
-
-@variant_of(propose, Straight)
-@variant_of(propose, Translation)
-@njit(cache=True)
-def _propose_straight(
-    kind: Any,
-    room: Room,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    a, here, b = path[i - 1], path[i], path[i + 1]
-    if attempt < (3 if has_heading(kind) else 2):
-        straight = np.empty(3)
-        interpolate(kind, room, a, b, share * cost(kind, room, a, b), straight)
-        if attempt == 2:
-            q[:] = here
-            q[2] = straight[2]
-        else:
-            t = 0.5 if attempt == 0 else 0.1
-            interpolate(kind, room, here, straight, t * cost(kind, room, here, straight), q)
-        return True
-    angle, step = 2.0 * pi * _uniform(seed), scale * sqrt(_uniform(seed))
-    q[0], q[1] = here[0] + step * cos(angle), here[1] + step * sin(angle)
-    q[2] = wrapped(here[2] + (_uniform(seed) - 0.5) * min(2.0, 2.0 * scale)) if has_heading(kind) else here[2]
-    return attempt == 3
-
-
-@variant_of(propose, Curve)
-@njit(cache=True)
-def _propose_curve(
-    kind: Curve,
-    room: Room,
-    path: FloatArray,
-    i: int,
-    share: float,
-    attempt: int,
-    seed: NDArray[np.uint64],
-    scale: float,
-    q: FloatArray,
-) -> bool:
-    a, here, b = path[i - 1], path[i], path[i + 1]
-    if attempt == 0:
-        interpolate(kind, room, a, b, share * cost(kind, room, a, b), q)
-        return True
-    angle, step = 2.0 * pi * _uniform(seed), scale * sqrt(_uniform(seed))
-    if attempt == 1:
-        # Along its heading, where it can go.
-        angle = here[2] if _uniform(seed) < 0.5 else here[2] + pi
-    q[0], q[1], q[2] = here[0] + step * cos(angle), here[1] + step * sin(angle), here[2]
-    if attempt == 2:
-        q[0], q[1] = here[0], here[1]
-    if attempt > 1:
-        q[2] = wrapped(q[2] + (2.0 * _uniform(seed) - 1.0) * min(1.0, scale / kind.radius))
-    return True
-
-
-@by_type
-def has_heading(kind: Any) -> bool:
-    """Return whether headings make a difference."""
-    raise NotImplementedError
-
-
-@variant_of(has_heading, Straight)
-@njit(cache=True)
-def _heading(kind: Straight) -> bool:
-    return True
-
-
-@variant_of(has_heading, Translation)
-@njit(cache=True)
-def _no_heading(kind: Translation) -> bool:
-    return False

@@ -1,5 +1,7 @@
 """Solve: how one query is answered. It reads as the README's section "How it works"."""
 
+# Tested by tests/planning/test_planner.py, test_car.py and test_interrupts.py.
+
 from __future__ import annotations
 
 from time import perf_counter

@@ -1,0 +1,138 @@
+"""Proposals: where a vertex of a path might better be, for each kind of motion."""
+
+# Tested by tests/planning/test_shortening.py and test_curve_shortening.py.
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.compiled import by_type, njit, variant_of
+from trailmark.heading import wrapped
+from trailmark.motion.base import Room, cost, interpolate
+from trailmark.motion.curve import Curve
+from trailmark.motion.straight import Straight
+from trailmark.motion.translation import Translation
+from trailmark.se2 import FloatArray
+
+__all__ = ["propose", "uniform"]
+
+
+@njit(cache=True)
+def uniform(seed: NDArray[np.uint64]) -> float:
+    """Return a number in [0, 1) and advance the seed (xorshift64*: Vigna 2016)."""
+    s = seed[0]
+    s ^= s >> np.uint64(12)
+    s ^= s << np.uint64(25)
+    s ^= s >> np.uint64(27)
+    seed[0] = s
+    return float((s * np.uint64(2685821657736338717)) >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@by_type
+def propose(
+    kind: Any,
+    room: Room,
+    path: FloatArray,
+    i: int,
+    share: float,
+    attempt: int,
+    seed: NDArray[np.uint64],
+    scale: float,
+    q: FloatArray,
+) -> bool:
+    """Write where vertex i might better be into q; return False if there is no other proposal.
+
+    Args:
+        kind: of motion.
+        room: to work in.
+        path: (n, 3).
+        i: an inner vertex.
+        share: of the cost from the vertex before to the one after, at which this one lies.
+        attempt: number of the proposal, from 0 on.
+        seed: of random numbers.
+        scale: metres that random proposals lie away at most.
+        q: where to.
+    """
+    raise NotImplementedError
+
+
+@variant_of(propose, Straight)
+@variant_of(propose, Translation)
+@njit(cache=True)
+def _propose_straight(
+    kind: Any,
+    room: Room,
+    path: FloatArray,
+    i: int,
+    share: float,
+    attempt: int,
+    seed: NDArray[np.uint64],
+    scale: float,
+    q: FloatArray,
+) -> bool:
+    a, here, b = path[i - 1], path[i], path[i + 1]
+    if attempt < (3 if has_heading(kind) else 2):
+        straight = np.empty(3)
+        interpolate(kind, room, a, b, share * cost(kind, room, a, b), straight)
+        if attempt == 2:
+            q[:] = here
+            q[2] = straight[2]
+        else:
+            t = 0.5 if attempt == 0 else 0.1
+            interpolate(kind, room, here, straight, t * cost(kind, room, here, straight), q)
+        return True
+    angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
+    q[0], q[1] = here[0] + step * cos(angle), here[1] + step * sin(angle)
+    q[2] = wrapped(here[2] + (uniform(seed) - 0.5) * min(2.0, 2.0 * scale)) if has_heading(kind) else here[2]
+    return attempt == 3
+
+
+@variant_of(propose, Curve)
+@njit(cache=True)
+def _propose_curve(
+    kind: Curve,
+    room: Room,
+    path: FloatArray,
+    i: int,
+    share: float,
+    attempt: int,
+    seed: NDArray[np.uint64],
+    scale: float,
+    q: FloatArray,
+) -> bool:
+    a, here, b = path[i - 1], path[i], path[i + 1]
+    if attempt == 0:
+        interpolate(kind, room, a, b, share * cost(kind, room, a, b), q)
+        return True
+    angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
+    if attempt == 1:
+        # Along its heading, where it can go.
+        angle = here[2] if uniform(seed) < 0.5 else here[2] + pi
+    q[0], q[1], q[2] = here[0] + step * cos(angle), here[1] + step * sin(angle), here[2]
+    if attempt == 2:
+        q[0], q[1] = here[0], here[1]
+    if attempt > 1:
+        q[2] = wrapped(q[2] + (2.0 * uniform(seed) - 1.0) * min(1.0, scale / kind.radius))
+    return True
+
+
+@by_type
+def has_heading(kind: Any) -> bool:
+    """Return whether headings make a difference."""
+    raise NotImplementedError
+
+
+@variant_of(has_heading, Straight)
+@njit(cache=True)
+def _heading(kind: Straight) -> bool:
+    return True
+
+
+@variant_of(has_heading, Translation)
+@njit(cache=True)
+def _no_heading(kind: Translation) -> bool:
+    return False
