@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.ahead_problems import Case
 from trailmark.benchmark.statistics import quantiles, step_values
 from trailmark.benchmark.status import Status
-from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.proofs import LowerBound
 
 __all__ = ["COST_LIMIT", "FIRST_LIMIT", "LANDMARK", "Estimate", "Results", "Run", "cost_ratio", "median"]
 

@@ -29,7 +29,7 @@ from trailmark.formats.files import write_atomically
 from trailmark.landmarks import free_samples
 from trailmark.planning import PlanProgress
 from trailmark.planning.warmup import warm_up
-from trailmark.roadmap.query import QueryGraph
+from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.se2 import FloatArray
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -137,14 +137,14 @@ def by_landmarks(n: int) -> dict[str, float]:
     planner = LandmarkPlanner(random_world(0, 200), ROBOTS["rectangle"], seed=0)
     # What is compiled is loaded before the clock runs.
     small = LandmarkPlanner(planner.world, planner.robot, seed=0, checker=planner.checker)
-    QueryGraph(small.build(50))
+    RoadmapSnapshot(small.build(50))
     forget_peak()
     before = resident()
     begin = perf_counter()
     planner.build(n)
     built = perf_counter() - begin
     begin = perf_counter()
-    graph = QueryGraph(planner.roadmap)
+    graph = RoadmapSnapshot(planner.roadmap)
     ready = perf_counter() - begin
     memory = resident() - before
     ends = free_samples(planner.checker, 2 * QUERIES, random_state=1).reshape(-1, 2, 3)
@@ -152,7 +152,7 @@ def by_landmarks(n: int) -> dict[str, float]:
     ways, searches = [], []
     for (start, goal), (i, j) in zip(ends, nodes, strict=True):
         begin = perf_counter()
-        graph.way(start, goal)
+        graph.find_path(start, goal)
         ways.append(perf_counter() - begin)
         begin = perf_counter()
         graph.between(i, j)

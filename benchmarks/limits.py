@@ -29,7 +29,7 @@ from trailmark import LandmarkPlanner, clock
 from trailmark.collision import StateChecker
 from trailmark.formats.files import write_atomically
 from trailmark.landmarks import free_samples
-from trailmark.planning import disc_way, general, incumbent, many, placement, planner, query, rounds, solve
+from trailmark.planning import batch, disc_path, growth, incumbent, placement, planner, query, rounds, solve
 from trailmark.planning.warmup import warm_up_queries
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -41,7 +41,7 @@ FloatArray = NDArray[np.float64]
 LIMITS, QUERIES, CELL = (0.1, 0.5, 1.0, 3.0), 4, 0.1
 """Seconds, queries of each world, metres."""
 
-TIMED = (disc_way, general, incumbent, many, placement, planner, query, rounds, solve)
+TIMED = (disc_path, growth, incumbent, batch, placement, planner, query, rounds, solve)
 
 
 def cell_map(cells: int, blocked: int, seed: int = 1) -> World:

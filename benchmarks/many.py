@@ -29,7 +29,7 @@ from trailmark import LandmarkPlanner
 from trailmark.formats.files import write_atomically
 from trailmark.landmarks import free_samples
 from trailmark.library import shipped_worlds
-from trailmark.roadmap.query import QueryGraph
+from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.se2 import FloatArray
 from trailmark.world import Robot, World
 
@@ -206,7 +206,7 @@ def prm(name: str, nodes: int, queries: FloatArray) -> dict[str, Any]:
 def search() -> dict[str, Any]:
     """Measure pure graph search, from node to node."""
     planner = LandmarkPlanner(random_world(0, 200), ROBOTS["rectangle"], seed=0)
-    graph = QueryGraph(planner.build(SEARCH_NODES))
+    graph = RoadmapSnapshot(planner.build(SEARCH_NODES))
     rng = np.random.default_rng(2)
     # Landmarks are snapped to samples: a few fall on the same one.
     ends: NDArray[np.int64] = rng.integers(0, len(graph), (SEARCHES, 2))

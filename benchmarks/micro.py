@@ -25,7 +25,7 @@ from trailmark.collision.obstacles import build_grid
 from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.proofs import LowerBound
 from trailmark.planning.shortening import shorten
 from trailmark.roadmap import Roadmap
 

@@ -37,8 +37,8 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.formats.files import write_atomically
 from trailmark.landmarks import Relaxation, free_samples
+from trailmark.landmarks.band import Band
 from trailmark.landmarks.dispersion import coverage, dispersion, free_positions
-from trailmark.landmarks.informed import Band
 from trailmark.library import shipped_worlds
 from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap

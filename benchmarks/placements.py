@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.landmarks import draw, free_samples, k_means_landmarks
-from trailmark.landmarks.informed import Band
+from trailmark.landmarks.band import Band
 from trailmark.landmarks.paper import algorithm_1
 from trailmark.planning import LandmarkPlanner
 

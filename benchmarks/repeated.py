@@ -35,7 +35,7 @@ from trailmark.library import shipped_worlds
 from trailmark.planning import incumbent as incumbent_module
 from trailmark.planning import planner as planner_module
 from trailmark.planning import query as query_module
-from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import Query
 from trailmark.planning.result import Status
 from trailmark.planning.solve import solve

@@ -22,7 +22,7 @@ from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion
 from trailmark.path import Path as Way
 from trailmark.planning import LandmarkPlanner, PlanResult
-from trailmark.planning.lower_bound import LowerBound, enclosed
+from trailmark.planning.proofs import LowerBound, enclosed
 from trailmark.world import Robot, World
 
 __all__ = ["Question", "ask", "judge_path", "judge_result", "load", "save"]

@@ -21,7 +21,7 @@ from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion
 from trailmark.path import Path as Way
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.proofs import LowerBound
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 

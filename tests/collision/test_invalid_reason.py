@@ -11,7 +11,7 @@ from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import ROBOTS, random_states, random_world
 
 from trailmark.collision import StateChecker
-from trailmark.collision.report import invalid_reason
+from trailmark.collision.explain import invalid_reason
 from trailmark.errors import ConfigurationError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation, free_samples
-from trailmark.landmarks.informed import Band
+from trailmark.landmarks.band import Band
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 

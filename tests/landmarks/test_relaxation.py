@@ -185,7 +185,7 @@ def test_costs_are_dijkstras(name: str, seed: int) -> None:
     assert len(cells) == np.isfinite(forth).sum() - 1
     if not np.isfinite(forth[end]):
         return
-    way = relaxation.way(whole, target)
+    way = relaxation.shortest_path(whole, target)
     assert (way[0], way[-1]) == (end, start)
     assert np.asarray(graph[way[1:], way[:-1]]).sum() == pytest.approx(forth[end], rel=1e-12)
 

@@ -9,7 +9,7 @@ from benchmarks.random_worlds import ROBOTS, random_states, random_world
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.landmarks.retraction import LEASH, retracted
+from trailmark.landmarks.retraction import LEASH, retract_all
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -28,14 +28,14 @@ def test_more_become_valid_and_none_goes_far(name: str) -> None:
         q[:, 2] = 0.0
     before = q.copy()
     for reach in (0.2, 1.0):
-        moved = retracted(checker, q, reach, np.random.default_rng(2))
+        moved = retract_all(checker, q, reach, np.random.default_rng(2))
         assert np.array_equal(q, before)
         assert moved.shape == q.shape
         assert np.abs(moved[:, :2] - q[:, :2]).max() <= LEASH * reach + 1e-12
         assert (np.abs(moved[:, 2]) <= np.pi).all()
         assert (~oracle.collides(moved)).sum() > (~oracle.collides(q)).sum()
-        assert np.array_equal(moved, retracted(checker, q, reach, np.random.default_rng(2)))
-        assert not np.array_equal(moved, retracted(checker, q, reach, np.random.default_rng(3)))
+        assert np.array_equal(moved, retract_all(checker, q, reach, np.random.default_rng(2)))
+        assert not np.array_equal(moved, retract_all(checker, q, reach, np.random.default_rng(3)))
         assert name != "disc" or not moved[:, 2].any()
 
 
@@ -44,7 +44,7 @@ def test_configurations_come_to_the_middle_of_a_passage() -> None:
     checker = StateChecker(corridor(0.9), robot, cell=0.05)
     rng = np.random.default_rng(3)
     q = rng.uniform((5, 4.7, -0.25), (15, 5.3, 0.25), (300, 3))
-    moved = retracted(checker, q, 0.3, rng, steps=100)
+    moved = retract_all(checker, q, 0.3, rng, steps=100)
     valid: NDArray[np.bool_] = np.asarray(checker.valid(moved))
     assert valid.mean() > 0.5 > 0.1 > np.asarray(checker.valid(q)).mean()
     assert np.abs(moved[valid, 1] - 5.0).max() <= 0.05 + 1e-6
@@ -53,5 +53,5 @@ def test_configurations_come_to_the_middle_of_a_passage() -> None:
 def test_one_that_can_turn_freely_stays() -> None:
     checker = StateChecker(World("open", (0, 0, 20, 20)), Robot.rectangle(1.0, 0.5))
     q = np.array([[10.0, 10.0, 0.3], [5.0, 12.0, -3.0]])
-    assert np.array_equal(retracted(checker, q, 1.0, np.random.default_rng(1)), q)
-    assert retracted(checker, np.empty((0, 3)), 1.0, np.random.default_rng(1)).shape == (0, 3)
+    assert np.array_equal(retract_all(checker, q, 1.0, np.random.default_rng(1)), q)
+    assert retract_all(checker, np.empty((0, 3)), 1.0, np.random.default_rng(1)).shape == (0, 3)

@@ -24,14 +24,14 @@ Judge = Callable[..., float]
 
 WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
 
-ROADMAP = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/links.py", "nearest.py")
+ROADMAP = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/adjacency.py", "nearest.py")
 PLANNING = (
     "planning/planner.py",
     "planning/solve.py",
     "planning/query.py",
     "planning/rounds.py",
-    "planning/many.py",
-    "planning/background.py",
+    "planning/batch.py",
+    "planning/proofs/background.py",
 )
 
 

@@ -44,9 +44,9 @@ LIVES = {
 FILES = (
     "roadmap/roadmap.py",
     "roadmap/store.py",
-    "roadmap/links.py",
-    "roadmap/query.py",
-    "roadmap/sparse.py",
+    "roadmap/adjacency.py",
+    "roadmap/snapshot.py",
+    "roadmap/spanner.py",
     "roadmap/files.py",
     "nearest.py",
     "planning/planner.py",
@@ -54,7 +54,7 @@ FILES = (
     "planning/query.py",
     "planning/rounds.py",
     "planning/improvement.py",
-    "planning/many.py",
+    "planning/batch.py",
 )
 """Files between whose lines an interrupt may come."""
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.motion import motion_of
-from trailmark.planning.straightening import straightened
+from trailmark.planning.straightening import straighten
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -24,7 +24,7 @@ Judge = Callable[..., float]
 
 
 def straight(checker: StateChecker, path: FloatArray) -> FloatArray:
-    return np.asarray(straightened(motion_of(checker).kind, path))
+    return np.asarray(straighten(motion_of(checker).kind, path))
 
 
 def stroll(checker: StateChecker, n: int, rng: np.random.Generator) -> FloatArray:

@@ -57,7 +57,7 @@ for world in worlds:
         roadmap = Roadmap.load(sys.argv[1], checker)
         roadmap.add(states)
         roadmap.add_path(states)
-        roadmap.way(states[0], states[-1], budget=50)
+        roadmap.find_path(states[0], states[-1], budget=50)
         roadmap.shortest_path(0, np.int64(5), limit=100)
         roadmap.shortest_path(0, 5, banned=np.zeros(len(roadmap), bool), to_go=np.zeros(len(roadmap)))
         len(roadmap.graph)

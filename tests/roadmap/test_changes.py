@@ -23,7 +23,7 @@ from trailmark.errors import ConfigurationError, TrailmarkError
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
 from trailmark.roadmap import Roadmap
-from trailmark.roadmap.query import QueryGraph
+from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.world import Robot
 
 networkx: Any = nx  # whose functions carry no types
@@ -31,7 +31,7 @@ networkx: Any = nx  # whose functions carry no types
 FloatArray = NDArray[np.float64]
 Action = Callable[[Roadmap], object]
 
-FILES = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/links.py", "nearest.py")
+FILES = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/adjacency.py", "nearest.py")
 
 WORLD = random_world(1, 60, size=40.0, radii=(0.3, 3.0), discs=0.3, holes=0.2)
 CAR = Robot.rectangle(1.6, 0.8).steered(1.5)
@@ -223,7 +223,7 @@ def test_compiled_searches_get_arrays_that_agree() -> None:
     with pytest.raises(TrailmarkError, match="arrays of"):
         Roadmap.from_arrays(roadmap.checker, roadmap.configurations, roadmap.edges, roadmap.status[:-1])
     with pytest.raises(ConfigurationError, match="node -1 given"):
-        QueryGraph(roadmap).between(-1, 0)
+        RoadmapSnapshot(roadmap).between(-1, 0)
 
 
 def test_rows_are_of_one_moment() -> None:

@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark import se2
 from trailmark.arguments import brief, number, one_of
 from trailmark.collision import certify, kernels
+from trailmark.collision.explain import invalid_reason
 from trailmark.collision.fcl_scene import FclScene
 from trailmark.collision.field import ClearanceField, build_field
 from trailmark.collision.footprint import Footprint, build_footprint
 from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
-from trailmark.collision.report import invalid_reason
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.world import Robot, World
 

@@ -195,7 +195,7 @@ class Relaxation:
             cells = np.where(k >= 0, cells + _STEP_Y[k] * self.columns + _STEP_X[k], cells)
         return cells
 
-    def way(self, costs: CostMap, q: FloatArray) -> NDArray[np.int64]:
+    def shortest_path(self, costs: CostMap, q: FloatArray) -> NDArray[np.int64]:
         """Return the cells, shape (n,), from q's disc centre back to the costs' source."""
         cell = int(self.cells(self.disc_centers(q)))
         parent = costs.parent.ravel()

@@ -18,13 +18,13 @@ from trailmark.collision.footprint import Footprint
 from trailmark.compiled import njit
 from trailmark.heading import wrapped
 
-__all__ = ["retracted"]
+__all__ = ["retract_all"]
 
 LEASH = 1.5
 """How far a configuration may be moved along either axis, in units of ``reach``."""
 
 
-def retracted(
+def retract_all(
     checker: StateChecker, q: se2.FloatArray, reach: float, rng: np.random.Generator, *, steps: int = 40
 ) -> se2.FloatArray:
     """Return the configurations, valid or not, moved to places with more clearance; shape (n, 3).

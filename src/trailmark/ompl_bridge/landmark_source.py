@@ -13,7 +13,7 @@ from trailmark.arguments import one_of, whole
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
-from trailmark.landmarks.informed import Band
+from trailmark.landmarks.band import Band
 from trailmark.ompl_bridge.errors import LandmarkError
 
 __all__ = ["LandmarkSource"]
@@ -36,7 +36,7 @@ class LandmarkSource:
     """Landmarks in rounds, each made when it is first requested, and stored.
 
     Made for a query, they are the K-means centres of samples in a band around the relaxed problem's shortest path
-    (:class:`trailmark.landmarks.informed.Band`), in wider and wider bands, and in between the guides along that path.
+    (:class:`trailmark.landmarks.band.Band`), in wider and wider bands, and in between the guides along that path.
     Without a query they are the centres of samples over all free space.
 
     Args:

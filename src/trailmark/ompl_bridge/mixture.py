@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.landmarks.retraction import retracted
+from trailmark.landmarks.retraction import retract_all
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.nearby import Nearby
 
@@ -237,7 +237,7 @@ class _Around:
         moved = q + step
         moved[:, 2] = se2.wrap(moved[:, 2])
         half = 0.5 * self.checker.robot.inscribed_disc.radius
-        moved[::2] = retracted(self.checker, moved[::2], half, rng)
+        moved[::2] = retract_all(self.checker, moved[::2], half, rng)
         return np.asarray(moved)
 
     def _neighbours(self) -> tuple[NDArray[np.int64], NDArray[np.int64], se2.FloatArray]:

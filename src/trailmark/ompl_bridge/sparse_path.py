@@ -17,7 +17,7 @@ from trailmark import se2
 from trailmark.heading import turn, wrapped
 from trailmark.motion import StraightMotion
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.planning.straightening import straightened
+from trailmark.planning.straightening import straighten
 
 __all__ = ["sparse_path"]
 
@@ -48,7 +48,7 @@ def sparse_path(single: PointwiseChecker, states: se2.FloatArray) -> se2.FloatAr
     """
     rows = np.array(states, dtype=np.float64, order="C")
     if len(rows) > 2:
-        rows = np.asarray(straightened(StraightMotion(single.checker).kind, rows))
+        rows = np.asarray(straighten(StraightMotion(single.checker).kind, rows))
     # Plain numbers: numpy takes ten times as long for single ones.
     path: list[Configuration] = [(x, y, theta) for x, y, theta in rows.tolist()]
     slack, checks = SLACK * float(np.sum(se2.distance(rows[:-1], rows[1:]))), 0

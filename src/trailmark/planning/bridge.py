@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.landmarks.informed import Band
+from trailmark.landmarks.band import Band
 from trailmark.roadmap import Roadmap
 
 __all__ = ["Bridge"]

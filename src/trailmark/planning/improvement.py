@@ -6,15 +6,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.placement import Placement
 from trailmark.planning.query import Query
-from trailmark.planning.scout import Scout
 from trailmark.roadmap import Roadmap
 
 __all__ = ["improve"]
 
 
-def improve(query: Query, placement: Placement, lattices: Scout | None, landmarks: int) -> None:
+def improve(query: Query, placement: Placement, lattices: LatticeSchedule | None, landmarks: int) -> None:
     """Better the best path until it is settled, proven to be good enough, or the time is up.
 
     This goes on in a roadmap of its own, so that the planner's stays small enough for many queries.
@@ -47,9 +47,9 @@ def improve(query: Query, placement: Placement, lattices: Scout | None, landmark
         without_gain = without_gain + 1 if before - incumbent.cost < settings.least_gain * before else 0
 
 
-def _another_way_around(query: Query, roadmap: Roadmap, lattices: Scout) -> None:
+def _another_way_around(query: Query, roadmap: Roadmap, lattices: LatticeSchedule) -> None:
     """Look for another path over a lattice; what it passes joins the roadmap: parts of it may be better."""
-    path = lattices.look_again(query.rng, query.incumbent.cost)
+    path = lattices.other_path(query.rng, query.incumbent.cost)
     if len(path):
         path = query.shortened(path, query.settings.first_sweeps)
         roadmap.add_path(path)

@@ -10,8 +10,8 @@ import numpy as np
 
 from trailmark.motion import Motion
 from trailmark.path import Path
-from trailmark.planning.claims import contradicted
-from trailmark.planning.incident import report_incident
+from trailmark.planning.error_report import report_error
+from trailmark.planning.proofs.claims import contradicted
 from trailmark.se2 import FloatArray
 
 __all__ = ["Incumbent"]
@@ -83,7 +83,7 @@ class Incumbent:
         if self.states is not None and contradicted(self.lower_bound, self.whole_cost):
             problem = f"a lower bound of {self.lower_bound:g} m is above the cost of a path, {self.whole_cost:g} m"
             checker = self.motion.checker
-            report_incident(problem, checker.world, checker.robot, self.start, self.goal)
+            report_error(problem, checker.world, checker.robot, self.start, self.goal)
             self.lower_bound, self._refuted = self.motion.least_cost(self.start, self.goal), True
 
     def within(self, gap: float) -> bool:

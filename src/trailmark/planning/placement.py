@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.landmarks import k_means_landmarks
-from trailmark.landmarks.informed import Band
+from trailmark.landmarks.band import Band
 from trailmark.planning.query import Query
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray

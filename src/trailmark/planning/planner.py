@@ -19,20 +19,20 @@ from trailmark.errors import ConfigurationError, WorldError, as_raised
 from trailmark.landmarks import Relaxation
 from trailmark.motion import kind_of, motion_of
 from trailmark.path import Path
-from trailmark.planning.claims import contradicted
-from trailmark.planning.general import grow_general, spread_landmarks
-from trailmark.planning.incident import report_incident
+from trailmark.planning.batch import BatchSolver, each
+from trailmark.planning.error_report import report_error
+from trailmark.planning.final_check import FinalCheck
+from trailmark.planning.growth import grow_general, spread_landmarks
 from trailmark.planning.incumbent import Incumbent
-from trailmark.planning.last_look import LastLook
-from trailmark.planning.lower_bound import LowerBound
-from trailmark.planning.many import KeptRoadmap, each
+from trailmark.planning.proofs import LowerBound
+from trailmark.planning.proofs.claims import contradicted
 from trailmark.planning.query import Clock, OnProgress, Query
 from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.solve import solve
 from trailmark.planning.warmup import warm_up, warm_up_queries
 from trailmark.roadmap import Roadmap
-from trailmark.roadmap.query import QueryGraph
+from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.world import Robot, World
 
 __all__ = ["LandmarkPlanner"]
@@ -66,8 +66,8 @@ class LandmarkPlanner:
     """Plans paths for one robot in one world, over a roadmap that grows with its queries.
 
     What the roadmap does not answer is first sought over a lattice of configurations
-    (:class:`trailmark.planning.lattice.Lattice`), guided by costs to go that shun tight places, from both ends and on
-    ever finer lattices; that mostly gives a first path.
+    (:class:`trailmark.planning.lattice.search.Lattice`), guided by costs to go that shun tight places, from both ends
+    and on ever finer lattices; that mostly gives a first path.
 
     The rest goes in rounds. The relaxed problem (the robot's inscribed disc on a grid) says where short
     paths are likely; valid configurations drawn there are clustered by K-means; the centres, repaired to valid
@@ -76,11 +76,11 @@ class LandmarkPlanner:
     the robot might reach: a path that exists with some room is found with probability one as time goes on. Once
     there is a path it is shortened; each round looks for another way around over a lattice and places more
     landmarks where a better path might run, until the path settles or the time is up. A disc robot's shortest way
-    is computed instead (:func:`trailmark.planning.disc_way.disc_way`), where there is time for it.
+    is computed instead (:func:`trailmark.planning.disc_path.disc_path`), where there is time for it.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
     reverse (:mod:`trailmark.curves`); costs are the curves' lengths, a path is a :class:`trailmark.curves.CurvePath`.
-    It goes without lattices: in tight places short drives lead on (:mod:`trailmark.planning.drives`).
+    It goes without lattices: in tight places short drives lead on (:mod:`trailmark.planning.hybrid_astar`).
 
     Args:
         world: obstacles and bounds.
@@ -124,7 +124,7 @@ class LandmarkPlanner:
         self.checker = StateChecker(world, robot) if checker is None else checker
         self.robot = self.checker.robot
         self.motion = motion_of(self.checker)
-        self._last_look = LastLook(world, self.robot)
+        self._last_look = FinalCheck(world, self.robot)
         self.roadmap = self._new_roadmap()
         self._build_time = perf_counter() - begin
         self._landmarks = landmarks
@@ -135,7 +135,7 @@ class LandmarkPlanner:
         # Held by whoever lets the roadmap grow; those who only read do without.
         self._growing = RLock()
         # What they read, and whether the roadmap has learnt since what it did not know.
-        self._kept: QueryGraph | None = None
+        self._kept: RoadmapSnapshot | None = None
         self._learnt = False
         # Whether landmarks have been spread over all free space.
         self._spread = False
@@ -249,7 +249,7 @@ class LandmarkPlanner:
         if fault is not None:
             states = path.knots if isinstance(path, CurvePath) else path.states
             details = {"seed": self.seed, "states": states.tolist()}
-            report_incident(f"a path that was found is not free: {fault}", self.world, self.robot, *ends, **details)
+            report_error(f"a path that was found is not free: {fault}", self.world, self.robot, *ends, **details)
         return fault is None
 
     def _looked_at(self, on_progress: OnProgress, ends: se2.FloatArray) -> OnProgress:
@@ -333,7 +333,7 @@ class LandmarkPlanner:
         if count:
             later = (1.0 - BUILD_SHARE) * time_limit * count
             graph = self._ready(lambda: seconds_left() - later, told)
-            kept = KeptRoadmap(graph, self._bound_of_all(ends[0], seconds_left()) if bounds else None, self.seed)
+            kept = BatchSolver(graph, self._bound_of_all(ends[0], seconds_left()) if bounds else None, self.seed)
 
             def answer(i: int) -> None:
                 if (left := seconds_left()) <= 0.0:
@@ -377,7 +377,7 @@ class LandmarkPlanner:
 
     def _ready(
         self, seconds_left: Callable[[], float] = lambda: np.inf, told: Callable[[], object] | None = None
-    ) -> QueryGraph:
+    ) -> RoadmapSnapshot:
         """Return the roadmap made ready for queries, as it is now or was not long ago; build one if there is none."""
         if (kept := self._kept) is not None and not self._outgrown(kept):
             return kept
@@ -391,12 +391,12 @@ class LandmarkPlanner:
                     _, graph, self._spread = grow_general(
                         self.roadmap, self.relaxation, self._rng, seconds_left=seconds_left, told=told
                     )
-                self._kept = QueryGraph(self.roadmap) if graph is None else graph
+                self._kept = RoadmapSnapshot(self.roadmap) if graph is None else graph
                 self._learnt = False
                 self._build_time += perf_counter() - begin
             return self._kept
 
-    def _outgrown(self, kept: QueryGraph) -> bool:
+    def _outgrown(self, kept: RoadmapSnapshot) -> bool:
         return self._learnt or not self._spread or len(self.roadmap) > OUTGROWN * len(kept)
 
     def _bound_of_all(self, ends: se2.FloatArray, seconds: float) -> LowerBound | None:
@@ -433,7 +433,7 @@ class LandmarkPlanner:
         ends = np.array([incumbent.start, incumbent.goal])
         problem = f"a lower bound of {incumbent.lower_bound:g} m is above the cost of a path, {path.cost:g} m"
         states = path.knots if isinstance(path, CurvePath) else path.states
-        report_incident(problem, self.world, self.robot, *ends, seed=self.seed, states=states.tolist())
+        report_error(problem, self.world, self.robot, *ends, seed=self.seed, states=states.tolist())
         return self.motion.least_cost(*ends)
 
     def _result(self, incumbent: Incumbent, status: Status, path: Path | None, build: float) -> PlanResult:

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.landmarks.informed import Band
+from trailmark.landmarks.band import Band
 from trailmark.planning.bridge import Bridge
-from trailmark.planning.drives import drives_from
+from trailmark.planning.hybrid_astar import hybrid_astar
+from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.placement import Placement
-from trailmark.planning.proofs import Proofs
+from trailmark.planning.proofs.prover import Prover
 from trailmark.planning.query import Query
-from trailmark.planning.scout import Scout
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
 
@@ -47,7 +47,7 @@ class Rounds:
     """
 
     def __init__(
-        self, query: Query, proofs: Proofs, placement: Placement, lattices: Scout | None, refining: float
+        self, query: Query, proofs: Prover, placement: Placement, lattices: LatticeSchedule | None, refining: float
     ) -> None:
         self.query, self.proofs, self.placement, self.lattices = query, proofs, placement, lattices
         self.band: Band = placement.band
@@ -88,7 +88,7 @@ class Rounds:
                 self.proofs.begin_in_background()
                 self._refine()
             if self.lattices is not None:
-                query.take(self.lattices.look())
+                query.take(self.lattices.first_path())
 
     def _guides(self) -> FloatArray:
         """Return valid configurations along the relaxed shortest path, shape (n, 3)."""
@@ -125,7 +125,7 @@ class Rounds:
             band.widen(np.inf)
             most = int(min(most, max(0.0, query.seconds_left()) / SECONDS_A_DRIVE))
             reached = np.flatnonzero(roadmap.reached(int(nodes[int(reverse)]), reverse=reverse))
-            found = drives_from(
+            found = hybrid_astar(
                 query.motion,
                 band.relaxation,
                 band.from_start if reverse else band.to_goal,

@@ -8,17 +8,17 @@ from time import perf_counter
 
 import numpy as np
 
-from trailmark.landmarks.informed import Band
-from trailmark.planning.disc_way import shortest_disc_path
+from trailmark.landmarks.band import Band
+from trailmark.planning.disc_path import shortest_disc_path
 from trailmark.planning.improvement import improve
-from trailmark.planning.lower_bound import LowerBound
+from trailmark.planning.lattice.schedule import AT_FIRST, AT_MOST, AT_SECOND, LatticeSchedule
 from trailmark.planning.placement import Placement
-from trailmark.planning.proofs import Proofs
+from trailmark.planning.proofs import LowerBound
+from trailmark.planning.proofs.prover import Prover
 from trailmark.planning.query import Query
-from trailmark.planning.recall import Recall
 from trailmark.planning.result import Status
+from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.rounds import Rounds
-from trailmark.planning.scout import AT_FIRST, AT_MOST, AT_SECOND, Scout
 from trailmark.planning.straightening import without_needless
 
 __all__ = ["solve"]
@@ -40,23 +40,25 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         query: with valid ends.
         bound: proves lower bounds; None proves none.
     """
-    kept = Recall(query.roadmap, *query.ends)
+    kept = RoadmapLookup(query.roadmap, *query.ends)
     lattices = None
     if query.motion.moves_anywhere:
         # A lattice's steps are not a car's.
-        lattices = Scout(query.checker, query.ends[0], query.ends[1], query.relaxation.size, query.seconds_left)
+        lattices = LatticeSchedule(
+            query.checker, query.ends[0], query.ends[1], query.relaxation.size, query.seconds_left
+        )
     query.expanded = lambda: kept.taken + (0 if lattices is None else lattices.taken)
-    with Proofs(query, bound) as proofs:
+    with Prover(query, bound) as proofs:
         if query.motion.motions_between_valid(query.ends[:1], query.ends[1:])[0]:
             # Nothing is cheaper.
             query.offer(query.ends)
             query.known_cost = query.incumbent.cost
             return _answer(query, kept)
-        query.take_known(kept.look_at_once())
+        query.take_known(kept.known_at_once())
         known = query.solved
         if not known and lattices is not None:
             query.report("looking for a first path")
-            _look_over(lattices, AT_FIRST, query, kept, proofs)
+            _search_lattices(lattices, AT_FIRST, query, kept, proofs)
         if not _time_for_relaxed_problem(query, lattices, kept, proofs):
             return _answer(query, kept)
         begin = perf_counter()
@@ -64,7 +66,7 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         placement = Placement(query, band)
         rounds = Rounds(query, proofs, placement, lattices, perf_counter() - begin)
         if rounds.may_succeed():
-            _look_closely(query, rounds, lattices, kept, proofs)
+            _search_closely(query, rounds, lattices, kept, proofs)
             rounds.run()
         proofs.conclude(band)
         if not query.solved:
@@ -76,59 +78,63 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         settings = query.settings
         proofs.bound_below(settings.proof_share)
         if not (known or rounds.count or query.close_enough):
-            _look_again(query, kept, placement)
+            _consult_roadmap(query, kept, placement)
         if not shortest_disc_path(query, proofs):
             improve(query, placement, lattices, int(settings.first_landmarks * settings.landmark_growth**rounds.count))
         proofs.bound_below(settings.last_proof_share)
         return _answer(query, kept)
 
 
-def _look_over(lattices: Scout, levels: int, query: Query, kept: Recall, proofs: Proofs) -> None:
+def _search_lattices(lattices: LatticeSchedule, levels: int, query: Query, kept: RoadmapLookup, proofs: Prover) -> None:
     """Look for a first path over lattices, level by level, and over the planner's own roadmap beside them."""
     for _ in range(levels):
         if query.solved or query.clock.is_up() or proofs.infeasible():
             return
-        query.take(lattices.look())
+        query.take(lattices.first_path())
         if not query.solved:
-            query.take_known(kept.look_beside(lattices.taken))
+            query.take_known(kept.search_beside(lattices.taken))
 
 
-def _time_for_relaxed_problem(query: Query, lattices: Scout | None, kept: Recall, proofs: Proofs) -> bool:
+def _time_for_relaxed_problem(
+    query: Query, lattices: LatticeSchedule | None, kept: RoadmapLookup, proofs: Prover
+) -> bool:
     """Return whether there is time to look at the relaxed problem; spend it on other lattices if not."""
     needed = SECONDS_A_CELL * query.relaxation.rows * query.relaxation.columns
     if query.seconds_left() > needed:
         return True
     if lattices is not None:
-        _look_over(lattices, AT_MOST - lattices.level, query, kept, proofs)
+        _search_lattices(lattices, AT_MOST - lattices.level, query, kept, proofs)
     # Without a path, and with time for nothing else, it is looked at all the same if the limit allows for it.
     return not query.solved and not query.clock.is_up() and needed <= query.clock.limit
 
 
-def _look_closely(query: Query, rounds: Rounds, lattices: Scout | None, kept: Recall, proofs: Proofs) -> None:
+def _search_closely(
+    query: Query, rounds: Rounds, lattices: LatticeSchedule | None, kept: RoadmapLookup, proofs: Prover
+) -> None:
     """Look for a first path without landmarks: over finer lattices on a long way, and where a disc's shortest is."""
     far = lattices is not None and rounds.band.shortest > SHORT * rounds.band.relaxation.size
     if far and lattices is not None:
         proofs.begin_in_background()
-        _look_over(lattices, AT_SECOND - AT_FIRST, query, kept, proofs)
+        _search_lattices(lattices, AT_SECOND - AT_FIRST, query, kept, proofs)
     if not query.solved:
         proofs.bound_below(query.settings.proof_share)
     if far and lattices is not None and rounds.may_succeed():
-        _look_over(lattices, AT_MOST - AT_SECOND, query, kept, proofs)
+        _search_lattices(lattices, AT_MOST - AT_SECOND, query, kept, proofs)
     if rounds.may_succeed():
         shortest_disc_path(query, proofs)
     if not query.solved:
-        query.take_known(kept.look_at_leisure())
+        query.take_known(kept.search_before_landmarks())
 
 
-def _look_again(query: Query, kept: Recall, placement: Placement) -> None:
+def _consult_roadmap(query: Query, kept: RoadmapLookup, placement: Placement) -> None:
     """See whether the planner's own roadmap knows a path about as good; let it grow there if it knows none at all."""
-    query.take_known(kept.look_again(query.incumbent.cost, query.seconds_left()))
+    query.take_known(kept.search_for_better(query.incumbent.cost, query.seconds_left()))
     room = len(query.roadmap) < query.settings.max_kept_nodes
     if query.known_cost == np.inf and kept.complete and room and not query.clock.is_up():
         placement.place(query.roadmap, placement.widening(), query.settings.first_landmarks)
 
 
-def _answer(query: Query, kept: Recall) -> Status:
+def _answer(query: Query, kept: RoadmapLookup) -> Status:
     """Return the status; leave out needless vertices, and have the planner's own roadmap learn what it did not know."""
     incumbent = query.incumbent
     if incumbent.states is None:

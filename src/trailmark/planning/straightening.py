@@ -11,11 +11,11 @@ from trailmark.compiled import njit
 from trailmark.motion.base import certified, new_room
 from trailmark.se2 import FloatArray
 
-__all__ = ["straightened", "without_needless"]
+__all__ = ["straighten", "without_needless"]
 
 
 @njit(cache=True, nogil=True)
-def straightened(kind: Any, path: FloatArray) -> FloatArray:
+def straighten(kind: Any, path: FloatArray) -> FloatArray:
     """Return a path of certified motions with the vertices left out that it does without; shape (m, 3).
 
     From each vertex as far ahead as a certified motion leads, sought by doubling and halving.

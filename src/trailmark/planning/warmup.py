@@ -36,17 +36,17 @@ def warm_up_queries(kind: Kind = "straight") -> None:
 def _plan_once(kind: Kind) -> None:
     from trailmark.collision import StateChecker
     from trailmark.landmarks import Relaxation
-    from trailmark.planning.claims import grid_separates
-    from trailmark.planning.drives import drives_from
-    from trailmark.planning.lower_bound import enclosed
+    from trailmark.planning.hybrid_astar import hybrid_astar
     from trailmark.planning.planner import LandmarkPlanner
+    from trailmark.planning.proofs import enclosed
+    from trailmark.planning.proofs.claims import grid_separates
 
     world, (start, goal) = SMALL
     planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
     found = planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.roadmap.certify_all()
     for checking in (True, False):
-        planner.roadmap.way(start, goal, checking=checking)
+        planner.roadmap.find_path(start, goal, checking=checking)
     # Only what is hardly feasible, or not at all, asks for proofs.
     shut = StateChecker(World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), ROBOTS["straight"])
     ends = np.array([[0.6, 1.0, 0.0], [2.4, 1.0, 0.0]])
@@ -57,7 +57,7 @@ def _plan_once(kind: Kind) -> None:
         if found.path is not None:
             found.path.at(0.5)
         # Which queries need drives nobody knows beforehand.
-        drives_from(
+        hybrid_astar(
             planner.motion,
             planner.relaxation,
             planner.relaxation.costs_from(goal),

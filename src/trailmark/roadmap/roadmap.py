@@ -16,14 +16,14 @@ from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import ConfigurationError
 from trailmark.motion import Motion, motion_of
 from trailmark.nearest import Forest
-from trailmark.roadmap.links import find_edges, new_pairs, part_of
+from trailmark.roadmap.adjacency import find_edges, new_pairs, part_of
 from trailmark.roadmap.search import edge_costs, joined, lazy_shortest_path
 from trailmark.roadmap.store import Store
 
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["Roadmap", "Search", "Way", "neighbour_count", "require_nodes"]
+__all__ = ["FoundPath", "Roadmap", "Search", "neighbour_count", "require_nodes"]
 
 NEAR, ENOUGH = 12, 3
 """Nodes near an end of a query that are tried, and how many of them are joined to it."""
@@ -58,7 +58,7 @@ class Search(NamedTuple):
     taken: int
 
 
-class Way(NamedTuple):
+class FoundPath(NamedTuple):
     """What a roadmap knows of a query.
 
     Attributes:
@@ -398,7 +398,7 @@ class Roadmap:
             to_go = self.distances_to(goal)
         return self._search((_one(start), ZERO), (_one(goal), ZERO), to_go, banned=banned, limit=limit, seconds=seconds)
 
-    def way(
+    def find_path(
         self,
         start: se2.FloatArray,
         goal: se2.FloatArray,
@@ -408,7 +408,7 @@ class Roadmap:
         budget: int = UNBOUNDED,
         checking: bool = True,
         near: int = NEAR,
-    ) -> Way:
+    ) -> FoundPath:
         """Return a path between configurations that need not be nodes; nothing is added.
 
         Args:
@@ -426,15 +426,15 @@ class Roadmap:
         first, last = self._joined(start, near, reverse=False), self._joined(goal, near, reverse=True)
         tried = 2 * min(len(q), near)
         if len(first[0]) == 0 or len(last[0]) == 0:
-            return Way(q[:0], tried, complete=True)
+            return FoundPath(q[:0], tried, complete=True)
         if not checking and not self._together(first[0], last[0]):
-            return Way(q[:0], tried, complete=False)
+            return FoundPath(q[:0], tried, complete=False)
         to_go = weight * np.hypot(*(q[:, :2] - goal[:2]).T)
         found = self._search(first, last, to_go, limit=limit, budget=budget, checking=checking)
         complete = len(found.nodes) > 0 or (checking and found.taken < budget)
         states = np.vstack([start, q[found.nodes], goal]) if len(found.nodes) else q[:0]
         # An end may be a node.
-        return Way(_once(states), tried + found.taken, complete)
+        return FoundPath(_once(states), tried + found.taken, complete)
 
     def _together(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> bool:
         """Return whether edges known to be free, in whatever direction, join a node of both."""

@@ -23,7 +23,7 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["edge_costs", "expand", "joined", "lazy_shortest_path", "nodes_back"]
 
-LOOK_EVERY = 32
+CLOCK_EVERY = 32
 """Entries of the queue after which the clock is looked at."""
 
 
@@ -54,7 +54,7 @@ def lazy_shortest_path(
     Args:
         kind: of motion that edges are (:mod:`trailmark.motion.base`).
         configurations: (n, 3) nodes.
-        heads: (n,) newest entry of each node (:mod:`trailmark.roadmap.links`): of those that lead on from it; or of
+        heads: (n,) newest entry of each node (:mod:`trailmark.roadmap.adjacency`): of those that lead on from it; or of
             those that lead to it, then the search goes against the edges.
         following: (2 m,) next entry of the same node.
         edges: (m, 2) nodes joined; of directed edges from, to.
@@ -88,7 +88,7 @@ def lazy_shortest_path(
     end, total, taken, steps = -1, limit, 0, 0
     while size > 0 and taken < budget:
         steps += 1
-        if steps % LOOK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        if steps % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
             break
         size = heap_pop(keys, values, size)
         entry = values[size]

@@ -11,7 +11,7 @@ from trailmark import se2
 from trailmark.collision.kernels import FREE
 from trailmark.errors import TrailmarkError
 from trailmark.nearest import NearestNeighbours
-from trailmark.roadmap.links import Rows, link, merge
+from trailmark.roadmap.adjacency import Rows, link, merge
 
 __all__ = ["Parts", "Store"]
 
@@ -21,7 +21,7 @@ class Parts(NamedTuple):
 
     Attributes:
         configurations: (n, 3) nodes.
-        heads: (n,) newest entry of each node (:mod:`trailmark.roadmap.links`), of those that lead on from it.
+        heads: (n,) newest entry of each node (:mod:`trailmark.roadmap.adjacency`), of those that lead on from it.
         into: (n,) newest entry of those that lead to it; ``heads`` itself if edges lead both ways.
         following: (2 m,) next older entry of the same node.
         edges: (m, 2) nodes joined.
@@ -75,7 +75,7 @@ class Store:
         return self._index
 
     def above(self) -> NDArray[np.int64]:
-        """Return the parts that edges known to be free make up (:func:`trailmark.roadmap.links.merge`).
+        """Return the parts that edges known to be free make up (:func:`trailmark.roadmap.adjacency.merge`).
 
         Edges that were found to be free after they were added count from the next change on that tells so.
         """

@@ -1,0 +1,105 @@
+"""The shortest way of a disc robot, exact but for the chords that stand for round corners."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import cos, pi
+from time import perf_counter
+
+import numpy as np
+import shapely
+
+from trailmark.motion import TranslationMotion
+from trailmark.planning.proofs.mesh import triangulated
+from trailmark.planning.proofs.polyanya import shortest_point_path
+from trailmark.planning.proofs.prover import Prover
+from trailmark.planning.proofs.region import MARGIN, ellipse, near_shapes
+from trailmark.planning.query import Query
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc
+from trailmark.world import World
+
+__all__ = ["disc_path", "shortest_disc_path"]
+
+QUARTER = 8
+"""Chords for each quarter of a circle: their corners lie 0.5 % of the radius outside of it."""
+
+SPARE = 3e-3
+"""Share of its radius by which the disc is made larger: a motion along contact itself would take forever to certify."""
+
+CUTTING = 8.0
+"""Times as long as making a region it takes to cut it into triangles; less in small ones."""
+
+
+def shortest_disc_path(query: Query, proofs: Prover) -> bool:
+    """Offer the shortest path of a disc; return False if there is no time for it, or none is found."""
+    incumbent = query.incumbent
+    if not isinstance(query.motion, TranslationMotion) or proofs.bound is None or query.close_enough:
+        return False
+    # Its region takes longer to make than the bound's, which has fewer corners.
+    if 1.2 * proofs.seconds() > query.seconds_left():
+        return False
+    query.report("cutting free space into triangles")
+    radius, (start, goal) = query.checker.robot.inscribed_disc.radius, query.ends[:, :2]
+    bends = disc_path(query.checker.world, radius, start, goal, incumbent.cost, query.seconds_left)
+    states = np.column_stack([bends, np.zeros(len(bends))])
+    if len(bends) == 0 or not query.motion.motions_between_valid(states[:-1], states[1:]).all():
+        return False
+    query.offer(states)
+    query.offer(query.shortened(states))
+    return True
+
+
+def disc_path(
+    world: World,
+    radius: float,
+    start: FloatArray,
+    goal: FloatArray,
+    most: float,
+    seconds_left: Callable[[], float] = lambda: np.inf,
+) -> FloatArray:
+    """Return the bends of a disc's shortest way, shape (k, 2), metres; (0, 2) if none is found.
+
+    The obstacles are grown by the radius, with corners cut from outside, so that the disc is free all along. It errs on
+    the safe side: a way through a gap hardly wider than the disc, or from a place in contact, may be missed.
+
+    Source: Cui, Harabor & Grastien, "Compromise-free pathfinding on a navigation mesh", IJCAI 2017.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        radius: of the disc, metres.
+        start: its centre, shape (2,).
+        goal: its centre, shape (2,).
+        most: metres; longer ways are of no interest. The fewer obstacles lie near them, the sooner it is done.
+        seconds_left: asked whether to go on once it is known how fast this machine is at the moment.
+    """
+    begin = perf_counter()
+    within = ellipse(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
+    try:
+        region = _region(world, (1.0 + SPARE) * radius + MARGIN, within)
+    except shapely.errors.GEOSException:
+        return np.empty((0, 2))
+    if CUTTING * (perf_counter() - begin) > seconds_left():
+        return np.empty((0, 2))
+    for part in shapely.get_parts(region):
+        if shapely.intersects_xy(part, [start[0], goal[0]], [start[1], goal[1]]).all():
+            mesh = triangulated(part)
+            length, way = (np.inf, np.empty((0, 2))) if mesh is None else shortest_point_path(mesh, start, goal)
+            return way if np.isfinite(length) else np.empty((0, 2))
+    return np.empty((0, 2))
+
+
+def _region(world: World, r: float, within: shapely.Polygon) -> shapely.Geometry:
+    """Return where the centre may lie for certain."""
+    # A regular polygon around a circle has its corners outside of it by this factor.
+    outer = 1.0 / cos(pi / (4 * QUARTER))
+    inside = shapely.buffer(shapely.box(*world.bounds), -r, join_style="mitre")
+    region = shapely.intersection(inside, within)
+    if world.boundary is not None:
+        region = shapely.intersection(region, shapely.buffer(world.boundary.shapely(), -r * outer, quad_segs=QUARTER))
+    near = near_shapes(world, within, 1.01 * r)
+    discs = [s for s in near if isinstance(s, Disc)]
+    outlines = [s.polygon().shapely() for s in near if not isinstance(s, Disc)]
+    grown = list(shapely.buffer(np.array(outlines, dtype=object), r * outer, quad_segs=QUARTER)) if outlines else []
+    grown += [shapely.Point(*s.center).buffer((s.radius + r) * outer, quad_segs=QUARTER) for s in discs]
+    return shapely.difference(region, shapely.union_all(grown)) if grown else region

@@ -1,0 +1,420 @@
+"""FinalCheck: a path is certified once more, in the form in which it is returned, before it is called free.
+
+It shares no code with what found the path: no clearance field, no grid of obstacles, no kernel of
+:mod:`trailmark.collision`, and curves are driven by a formula of their own. Obstacles are their edges in an R-tree; a
+motion is certified by conservative advancement, the interval halved until every edge is farther away than any point of
+the robot moves. Without an edge ever met, what lies outside of what at the first state does so all along.
+
+The footprint is eroded by :data:`RIM`: a valid path may overlap an obstacle by 1e-7 m where it touches, and by 5e-7 m
+within the first and last micrometre of a motion. No deeper overlap is missed, but of tips: an erosion draws a corner of
+angle 2a back by RIM / sin(a).
+
+Source: Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996 (conservative advancement).
+"""
+
+from __future__ import annotations
+
+import itertools
+from math import cos, hypot, sin
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.compiled import njit
+from trailmark.curves import CurvePath
+from trailmark.path import Path
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.world import Robot, World
+
+__all__ = ["RIM", "FinalCheck"]
+
+RIM = 1e-6
+"""Metres of overlap that are not looked at."""
+
+LEAST = 1e-9
+"""Metres that the robot moves in an interval that is halved no more: it meets an edge there."""
+
+RUN = 16
+"""Consecutive edges of a ring that share a box in the tree."""
+
+PIECE, MOST_PIECES = 4.0, 64
+"""Circumradii that a piece of a motion is long for which nearby edges are looked up, and pieces of a motion at most."""
+
+MISSED = 1e-5
+"""Metres, and radians, that a curve may end off its knot, for radii and coordinates up to 1e5 m."""
+
+IntArray = NDArray[np.int64]
+
+
+class FinalCheck:
+    """Certifies finished paths of one robot in one world.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        robot: footprint.
+    """
+
+    def __init__(self, world: World, robot: Robot) -> None:
+        self.world, self.robot = world, robot
+        shape = robot.footprint
+        self._radius, self._parts, self._body = 0.0, [], np.zeros((1, 4))
+        if isinstance(shape, Disc):
+            self._radius = max(shape.radius - RIM, 0.5 * shape.radius)
+        else:
+            self._parts = _eroded(robot.outline)
+            self._body = np.concatenate([_closed(ring) for part in self._parts for ring in _coordinates(part)])
+        self._edges, self._runs = _edges_of(world)
+        low = np.minimum(self._edges[:, :2], self._edges[:, 2:4]) - self._edges[:, 4:]
+        high = np.maximum(self._edges[:, :2], self._edges[:, 2:4]) + self._edges[:, 4:]
+        low, high = np.minimum.reduceat(low, self._runs[:-1]), np.maximum.reduceat(high, self._runs[:-1])
+        self._tree = shapely.STRtree(shapely.box(*low.T, *high.T))
+        # The tree is made by the first query: now, not within a query's time.
+        self._tree.query(shapely.box(0.0, 0.0, 0.0, 0.0))
+        self._boxes = np.array([s.bounding_box() for s in world.obstacles]).reshape(-1, 4).T.copy()
+
+    def fault(self, path: Path, start: FloatArray, goal: FloatArray) -> str | None:
+        """Return what is wrong with a path, or None if it leads from start to goal and is certified.
+
+        Args:
+            path: as it is to be returned.
+            start: configuration, shape (3,).
+            goal: configuration, shape (3,).
+        """
+        for name, q, state in (("start", start, path.states[0]), ("goal", goal, path.states[-1])):
+            if not np.array_equal(q, state):
+                return f"the path's {name} is {state.tolist()}, expected {np.asarray(q).tolist()}"
+        if isinstance(path, CurvePath):
+            starts, moves, curvature, off = _driven(path)
+            if off > MISSED:
+                return f"a curve ends {off:g} m or radians off its knot"
+        else:
+            starts, moves = path.states[:-1].copy(), se2.difference(path.states[:-1], path.states[1:])
+            curvature = np.zeros(len(starts))
+        if (problem := self._fault_at(path.states[0])) is not None:
+            return problem
+        failed, where = self._certified(starts, moves, curvature)
+        if failed >= 0:
+            return f"motion {failed} from {starts[failed].tolist()} meets an obstacle at {where:.6f} of its way"
+        return None
+
+    def _certified(self, starts: FloatArray, moves: FloatArray, curvature: FloatArray) -> tuple[int, float]:
+        """Return the first motion that is not certified and at which share of it; -1 if all are.
+
+        Args:
+            starts: (n, 3).
+            moves: (n, 3): changes of x, y and heading; of an arc the metres driven, 0 and the change of heading.
+            curvature: (n,), 1/metres, signed; 0 of straight motions.
+        """
+        reach = self.robot.circumradius
+        arcs = curvature != 0.0
+        ends = starts[:, :2] + np.where(arcs[:, None], 0.0, moves[:, :2])
+        room = (reach + np.where(arcs, np.abs(moves[:, 0]), 0.0))[:, None]
+        # Long motions in pieces: the box of a slanting one holds many obstacles that it does not come near.
+        length = np.hypot(*(ends - starts[:, :2]).T)
+        count = np.ceil(np.clip(length / (PIECE * reach), 1.0, MOST_PIECES)).astype(np.int64)
+        of = np.repeat(np.arange(len(starts)), count)
+        share = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)) / count[of]
+        begin = starts[of, :2] + share[:, None] * (ends - starts[:, :2])[of]
+        end = begin + ((ends - starts[:, :2]) / count[:, None])[of]
+        low, high = np.minimum(begin, end) - room[of], np.maximum(begin, end) + room[of]
+        piece, item = self._tree.query(shapely.box(*low.T, *high.T))
+        motion, item = np.divmod(np.unique(of[piece] * len(self._runs) + item), len(self._runs))
+        first = np.searchsorted(motion, np.arange(len(starts) + 1))
+        return _advance(
+            self._body,
+            self._radius,
+            np.ascontiguousarray(starts),
+            np.ascontiguousarray(moves),
+            curvature,
+            first.astype(np.int64),
+            item.astype(np.int64),
+            self._runs,
+            self._edges,
+        )
+
+    def _fault_at(self, q: FloatArray) -> str | None:
+        """Return what is wrong with a state: overlap, one inside the other included."""
+        xmin, ymin, xmax, ymax = self.world.bounds
+        if self._radius > 0.0:
+            body = shapely.Point(q[:2])
+            low, high = q[:2] - self._radius, q[:2] + self._radius
+        else:
+            body = shapely.MultiPolygon([_placed(part, q) for part in self._parts])
+            low, high = np.array(body.bounds[:2]), np.array(body.bounds[2:])
+        if min(low[0] - xmin, low[1] - ymin, xmax - high[0], ymax - high[1]) < 0.0:
+            return f"state {q.tolist()} reaches over the bounds"
+        radius = self._radius
+        if self.world.boundary is not None:
+            inside = self.world.boundary.shapely()
+            if not shapely.covers(inside, body) or shapely.distance(inside.exterior, body) < radius:
+                return f"state {q.tolist()} reaches over the boundary"
+        left, bottom, right, top = self._boxes
+        near = (left <= high[0]) & (right >= low[0]) & (bottom <= high[1]) & (top >= low[1])
+        for i in np.flatnonzero(near):
+            shape = self.world.obstacles[i]
+            if isinstance(shape, Disc):
+                overlap = shapely.distance(shapely.Point(shape.center), body) < radius + shape.radius - RIM
+            elif radius > 0.0:
+                overlap = shapely.distance(shape.polygon().shapely(), body) < radius
+            else:
+                overlap = shapely.intersects(shape.polygon().shapely(), body)
+            if overlap:
+                return f"state {q.tolist()} overlaps obstacle {i}"
+        return None
+
+
+def _eroded(outline: Polygon) -> list[shapely.Polygon]:
+    """Return the parts of a footprint less its rim; all of it if it is so thin that nothing would be left."""
+    region = outline.shapely()
+    parts = shapely.get_parts(shapely.buffer(region, -RIM, join_style="round", quad_segs=2))
+    return [part for part in parts if not part.is_empty] or [region]
+
+
+def _coordinates(part: shapely.Polygon) -> list[FloatArray]:
+    """Return the rings of a polygon, not closed, each of shape (n, 2)."""
+    return [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
+
+
+def _closed(ring: FloatArray) -> FloatArray:
+    """Return the edges of a ring, shape (n, 4)."""
+    return np.hstack([ring, np.roll(ring, -1, axis=0)])
+
+
+def _placed(part: shapely.Polygon, q: FloatArray) -> shapely.Polygon:
+    rings = [se2.transform(q, ring) for ring in _coordinates(part)]
+    return shapely.Polygon(rings[0], rings[1:])
+
+
+def _rings(world: World) -> list[FloatArray]:
+    """Return all closed lines that no path may cross, each of shape (n, 2), without those of discs."""
+    xmin, ymin, xmax, ymax = world.bounds
+    rings = [np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]])]
+    if world.boundary is not None:
+        rings.append(world.boundary.vertices)
+    boxes = [s for s in world.obstacles if isinstance(s, Rectangle)]
+    if boxes:
+        rows = np.array([(*s.center, s.length, s.width, s.heading) for s in boxes])
+        half = 0.5 * rows[:, None, 2:4] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        placed = np.zeros((len(rows), 3))
+        placed[:, :2], placed[:, 2] = rows[:, :2], rows[:, 4]
+        c, s = np.cos(placed[:, 2, None]), np.sin(placed[:, 2, None])
+        x, y = half[..., 0], half[..., 1]
+        rings.extend(np.stack([placed[:, :1] + c * x - s * y, placed[:, 1:2] + s * x + c * y], axis=-1))
+    for shape in world.obstacles:
+        if isinstance(shape, Polygon):
+            rings += [shape.vertices, *shape.holes]
+    return rings
+
+
+def _edges_of(world: World) -> tuple[FloatArray, IntArray]:
+    """Return all edges, shape (e, 5), as :func:`_advance` takes them, and where each run of them begins, (r + 1,)."""
+    rings = _rings(world)
+    discs = [(*s.center, *s.center, s.radius) for s in world.obstacles if isinstance(s, Disc)]
+    edges = np.concatenate([_closed(ring) for ring in rings])
+    edges = np.vstack([np.hstack([edges, np.zeros((len(edges), 1))]), np.array(discs).reshape(-1, 5)])
+    ends = np.cumsum([0, *(len(ring) for ring in rings), *(1 for _ in discs)])
+    runs = [np.arange(begin, end, RUN) for begin, end in itertools.pairwise(ends)]
+    return np.ascontiguousarray(edges), np.concatenate([*runs, ends[-1:]]).astype(np.int64)
+
+
+def _driven(path: CurvePath) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return where the pieces of curves begin, their moves and curvature, and how far one ends off its knot at most."""
+    curves, knots = path.curves, path.knots
+    used = curves.ways != 0.0
+    turns = np.where(used, curves.sides * curves.ways, 0.0) / path.steering.radius
+    starts = np.empty((*curves.ways.shape, 3))
+    q = np.array(knots[:-1])
+    for k in range(curves.ways.shape[1]):
+        starts[:, k] = q
+        q = _moved(q, curves.ways[:, k] * used[:, k], turns[:, k])
+    off = np.abs(se2.difference(q, knots[1:])).max(initial=0.0)
+    # What Path.at and resample make of it must be the same: at the middle of each curve, and where its pieces end.
+    ends = np.cumsum(np.abs(curves.ways), axis=1)
+    places = np.hstack([ends[:, :-1], 0.5 * ends[:, -1:]])
+    seen = path.steering.states(knots[:-1], knots[1:], places)
+    off = max(off, float(np.abs(se2.difference(seen[:, :-1], starts[:, 1:])).max(initial=0.0)))
+    moves = np.stack([curves.ways, np.zeros_like(turns), turns], axis=-1)
+    straight = used & (curves.sides == 0)
+    c, s = np.cos(starts[..., 2]), np.sin(starts[..., 2])
+    moves[straight] = np.stack([curves.ways * c, curves.ways * s, turns], axis=-1)[straight]
+    curvature = np.where(used, curves.sides / path.steering.radius, 0.0)
+    return starts[used], moves[used], curvature[used], float(off)
+
+
+def _moved(q: FloatArray, way: FloatArray, turn: FloatArray) -> FloatArray:
+    """Return where arcs of some metres and radians, shape (n,), lead from configurations (n, 3); turn 0: straight."""
+    arc = turn != 0.0
+    radius = np.divide(way, turn, out=np.zeros_like(way), where=arc)
+    heading = q[:, 2] + turn
+    x = np.where(arc, radius * (np.sin(heading) - np.sin(q[:, 2])), way * np.cos(q[:, 2]))
+    y = np.where(arc, radius * (np.cos(q[:, 2]) - np.cos(heading)), way * np.sin(q[:, 2]))
+    return np.column_stack([q[:, 0] + x, q[:, 1] + y, heading])
+
+
+@njit(cache=True, nogil=True)
+def _advance(
+    body: FloatArray,
+    radius: float,
+    starts: FloatArray,
+    moves: FloatArray,
+    curvature: FloatArray,
+    first: IntArray,
+    items: IntArray,
+    runs: IntArray,
+    edges: FloatArray,
+) -> tuple[int, float]:
+    """Return the first motion that is not certified and at which share of it; -1 if all are.
+
+    Args:
+        body: (b, 4) the robot's edges in its frame; for a disc one of length 0.
+        radius: by which they are thickened, metres.
+        starts: (n, 3).
+        moves: (n, 3), as :meth:`FinalCheck._certified` has them.
+        curvature: (n,), 1/metres.
+        first: (n + 1,) where each motion's ``items`` begin.
+        items: runs of edges near each motion.
+        runs: (r + 1,) where each run of edges begins.
+        edges: (e, 5), metres: x and y of either end, and by how much the edge is thickened.
+    """
+    near = np.empty(1024, np.int64)
+    low, high = np.empty(128), np.empty(128)
+    begins, ends = np.empty(128, np.int64), np.empty(128, np.int64)
+    placed = np.empty_like(body)
+    reach = radius
+    for k in range(len(body)):
+        reach = max(reach, hypot(body[k, 0], body[k, 1]) + radius, hypot(body[k, 2], body[k, 3]) + radius)
+    for i in range(len(starts)):
+        curved = curvature[i] != 0.0
+        n = 0
+        for k in range(first[i], first[i + 1]):
+            while n + runs[items[k] + 1] - runs[items[k]] > len(near):
+                near = _doubled(near)
+            for edge in range(runs[items[k]], runs[items[k] + 1]):
+                near[n] = edge
+                n += 1
+        low[0], high[0], begins[0], ends[0], depth = 0.0, 1.0, 0, n, 1
+        while depth > 0:
+            depth -= 1
+            begin, end = begins[depth], ends[depth]
+            half, middle = 0.5 * (high[depth] - low[depth]), 0.5 * (low[depth] + high[depth])
+            theta = starts[i, 2] + middle * moves[i, 2]
+            c, s = cos(theta), sin(theta)
+            if curved:
+                # Half of the way along the tangent at the middle, and how far an arc leaves that at most.
+                vx, vy = half * moves[i, 0] * c, half * moves[i, 0] * s
+                bend = 0.5 * abs(half * moves[i, 0] * half * moves[i, 2])
+                x = starts[i, 0] + (s - sin(starts[i, 2])) / curvature[i]
+                y = starts[i, 1] + (cos(starts[i, 2]) - c) / curvature[i]
+            else:
+                vx, vy, bend = half * moves[i, 0], half * moves[i, 1], 0.0
+                x, y = starts[i, 0] + middle * moves[i, 0], starts[i, 1] + middle * moves[i, 1]
+            turn = half * moves[i, 2]
+            for k in range(len(body)):
+                placed[k, 0], placed[k, 1] = c * body[k, 0] - s * body[k, 1], s * body[k, 0] + c * body[k, 1]
+                placed[k, 2], placed[k, 3] = c * body[k, 2] - s * body[k, 3], s * body[k, 2] + c * body[k, 3]
+            while 2 * end - begin > len(near):
+                near = _doubled(near)
+            farthest = reach + hypot(vx, vy) + bend
+            left = end
+            for k in range(begin, end):
+                e = near[k]
+                x1, y1, x2, y2 = edges[e, 0] - x, edges[e, 1] - y, edges[e, 2] - x, edges[e, 3] - y
+                if _nearest(0.0, 0.0, x1, y1, x2, y2)[0] - edges[e, 4] > farthest:
+                    continue
+                if _may_meet(placed, x1, y1, x2, y2, edges[e, 4] + radius, vx, vy, turn, bend):
+                    near[left] = e
+                    left += 1
+            if left == end:
+                continue
+            if hypot(vx, vy) + reach * abs(turn) < LEAST or depth + 2 > len(low):
+                return i, middle
+            # The first half on top: faults are told where they come first.
+            low[depth + 1], high[depth + 1], begins[depth + 1], ends[depth + 1] = low[depth], middle, end, left
+            low[depth], begins[depth], ends[depth] = middle, end, left
+            depth += 2
+    return -1, 0.0
+
+
+@njit(cache=True)
+def _doubled(array: IntArray) -> IntArray:
+    larger = np.empty(2 * len(array), np.int64)
+    larger[: len(array)] = array
+    return larger
+
+
+@njit(cache=True)
+def _may_meet(
+    placed: FloatArray,
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    radius: float,
+    vx: float,
+    vy: float,
+    turn: float,
+    bend: float,
+) -> bool:
+    """Return False if no edge of the robot meets the edge from a to b in an interval of its motion.
+
+    Two edges are kept apart by the strip across the line between their nearest points. Along that line an end r of the
+    robot's edge moves by n·(v + turn·z×r) and, to second order, ``bend`` + |r|·turn²/2 at most.
+
+    Args:
+        placed: (b, 4) the robot's edges about its reference point in the middle of the interval.
+        ax: end of the edge about the same point, metres.
+        ay: likewise.
+        bx: likewise.
+        by: likewise.
+        radius: by which the edges are thickened together, metres.
+        vx: half of the way in the interval, metres.
+        vy: likewise.
+        turn: half of the turn in the interval, radians.
+        bend: metres by which the way leaves its tangent at most.
+    """
+    for k in range(len(placed)):
+        px, py, qx, qy = placed[k, 0], placed[k, 1], placed[k, 2], placed[k, 3]
+        gap, nx, ny = _nearest(px, py, ax, ay, bx, by)
+        other, ox, oy = _nearest(qx, qy, ax, ay, bx, by)
+        if other < gap:
+            gap, nx, ny = other, ox, oy
+        other, ox, oy = _nearest(ax, ay, px, py, qx, qy)
+        if other < gap:
+            gap, nx, ny = other, -ox, -oy
+        other, ox, oy = _nearest(bx, by, px, py, qx, qy)
+        if other < gap:
+            gap, nx, ny = other, -ox, -oy
+        if gap <= radius or _cross(px, py, qx, qy, ax, ay, bx, by):
+            return True
+        behind = max(nx * ax + ny * ay, nx * bx + ny * by) + radius
+        along = nx * vx + ny * vy
+        for x, y in ((px, py), (qx, qy)):
+            moved = abs(along + turn * (ny * x - nx * y)) + bend + 0.5 * turn * turn * hypot(x, y)
+            if nx * x + ny * y - behind <= moved:
+                return True
+    return False
+
+
+@njit(cache=True, inline="always")
+def _nearest(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, float]:
+    """Return the distance of the point p from the segment from a to b, and the direction from there to p."""
+    dx, dy = bx - ax, by - ay
+    square = dx * dx + dy * dy
+    t = ((px - ax) * dx + (py - ay) * dy) / square if square > 0.0 else 0.0
+    t = min(1.0, max(0.0, t))
+    dx, dy = px - ax - t * dx, py - ay - t * dy
+    distance = hypot(dx, dy)
+    return (distance, dx / distance, dy / distance) if distance > 0.0 else (0.0, 0.0, 0.0)
+
+
+@njit(cache=True, inline="always")
+def _cross(px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Return whether the segments from p to q and from a to b cross each other."""
+    first = (qx - px) * (ay - py) - (qy - py) * (ax - px)
+    second = (qx - px) * (by - py) - (qy - py) * (bx - px)
+    third = (bx - ax) * (py - ay) - (by - ay) * (px - ax)
+    fourth = (bx - ax) * (qy - ay) - (by - ay) * (qx - ax)
+    return (first > 0.0) != (second > 0.0) and (third > 0.0) != (fourth > 0.0)

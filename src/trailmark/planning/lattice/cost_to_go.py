@@ -1,0 +1,202 @@
+"""Costs to go for a search over configurations: the inscribed disc's on a coarse grid, dearer where it is tight.
+
+The disc's shortest way leads through gaps that the robot fits through in few headings or none; a search that follows it
+floods what lies before each of them. Ways with room are nearly as short and found at once, so tight cells are dearer
+here. Nothing is proven by these costs: a cell counts as open if the disc may fit somewhere in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, floor, inf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.collision import StateChecker
+from trailmark.collision.field import ClearanceField
+from trailmark.compiled import njit
+from trailmark.se2 import FloatArray
+
+__all__ = ["TIGHTNESS", "CostToGo"]
+
+TIGHTNESS = 6.0
+"""How many times dearer a cell is in which the disc hardly fits."""
+
+ROOMY = 0.5
+"""Where between the inscribed disc's radius and the circumradius a clearance counts as room enough."""
+
+UNIT, CLOSED, FAR = 64, 0, 2**31 - 1
+"""Parts of a cell's edge that costs are counted in; the cost of a cell that is closed, and of what is not reached."""
+
+_STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1])
+_STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1])
+
+
+@dataclass(frozen=True)
+class CostToGo:
+    """What is left to a configuration, as far as a grid of cells knows.
+
+    Attributes:
+        cost: (rows, columns), metres; infinite where nothing leads there. Empty: the straight distance counts.
+        x0: left edge of the first column, metres.
+        y0: lower edge of the first row, metres.
+        size: edge of a cell, metres.
+    """
+
+    cost: NDArray[np.float32]
+    x0: float = 0.0
+    y0: float = 0.0
+    size: float = 1.0
+
+    @classmethod
+    def straight(cls) -> CostToGo:
+        """Return the straight distance."""
+        return cls(np.empty((0, 0), np.float32))
+
+    @classmethod
+    def of(cls, checker: StateChecker, goal: FloatArray, cells: int, tightness: float = TIGHTNESS) -> CostToGo:
+        """Return the costs to a configuration.
+
+        Args:
+            checker: gives field and robot.
+            goal: shape (3,).
+            cells: about how many.
+            tightness: how many times dearer a cell is in which the disc hardly fits.
+        """
+        xmin, ymin, xmax, ymax = checker.world.bounds
+        size = sqrt((xmax - xmin) * (ymax - ymin) / cells)
+        columns, rows = max(1, ceil((xmax - xmin) / size)), max(1, ceil((ymax - ymin) / size))
+        disc = checker.robot.inscribed_disc
+        x, y = checker.disc_center(goal)
+        roomy = disc.radius + ROOMY * max(checker.footprint.circumradius - disc.radius, 0.1 * disc.radius)
+        cost = _costs(checker.field, xmin, ymin, size, rows, columns, disc.radius, roomy, tightness, x, y)
+        return cls(cost, xmin, ymin, size)
+
+
+@njit(cache=True, nogil=True)
+def _costs(
+    field: ClearanceField,
+    x0: float,
+    y0: float,
+    size: float,
+    rows: int,
+    columns: int,
+    radius: float,
+    roomy: float,
+    tightness: float,
+    x: float,
+    y: float,
+) -> NDArray[np.float32]:
+    """Return the costs of all cells to the one of (x, y), shape (rows, columns)."""
+    dear = _dear(field, x0, y0, size, rows, columns, radius, roomy, tightness)
+    column, row = min(columns - 1, max(0, floor((x - x0) / size))), min(rows - 1, max(0, floor((y - y0) / size)))
+    if dear[row + 1, column + 1] == CLOSED:
+        # The goal's own cell is open in any case.
+        dear[row + 1, column + 1] = round(UNIT * (1.0 + tightness))
+    return _flood(dear, (row + 1) * (columns + 2) + column + 1, size)
+
+
+@njit(cache=True)
+def _dear(
+    field: ClearanceField,
+    x0: float,
+    y0: float,
+    size: float,
+    rows: int,
+    columns: int,
+    radius: float,
+    roomy: float,
+    tightness: float,
+) -> NDArray[np.int32]:
+    """Return what crossing each cell costs, CLOSED if the disc fits nowhere in it, with a closed border all around.
+
+    The room in a cell is the largest clearance at some places in it, looked at no closer than need be.
+    """
+    dear = np.full((rows + 2, columns + 2), CLOSED, np.int32)
+    distance, places = field.distance, max(1, round(size / (2.0 * field.size)))
+    # The field's rows and columns under the middle of each cell, then under its other places.
+    down, across = _under(y0 - field.y0, size, rows, places, field), _under(x0 - field.x0, size, columns, places, field)
+    near = radius - 0.71 * size - field.slack
+    for row in range(rows):
+        for column in range(columns):
+            i, j = down[row, 0], across[column, 0]
+            room = distance[i, j] if i < distance.shape[0] and j < distance.shape[1] else 0.0
+            if near <= room < roomy:
+                for u in range(1, places + 1):
+                    for v in range(1, places + 1):
+                        i, j = down[row, u], across[column, v]
+                        if i < distance.shape[0] and j < distance.shape[1]:
+                            room = max(room, distance[i, j])
+            # Half of the slack: where the field cannot tell, the disc may fit.
+            if room + 0.5 * field.slack >= radius:
+                lack = min(1.0, max(0.0, (roomy - room) / (roomy - radius)))
+                dear[row + 1, column + 1] = round(UNIT * (1.0 + tightness * lack))
+    return dear
+
+
+@njit(cache=True)
+def _under(begin: float, size: float, count: int, places: int, field: ClearanceField) -> NDArray[np.int64]:
+    """Return the field's rows (or columns) under the middle and ``places`` other places of ``count`` cells."""
+    found = np.empty((count, places + 1), np.int64)
+    for k in range(count):
+        found[k, 0] = floor((begin + (k + 0.5) * size) / field.size)
+        for u in range(places):
+            found[k, u + 1] = floor((begin + (k + (u + 0.5) / places) * size) / field.size)
+    return found
+
+
+@njit(cache=True)
+def _flood(dear: NDArray[np.int32], source: int, size: float) -> NDArray[np.float32]:
+    """Return the costs of all cells but the border to a source, metres, by Dijkstra's algorithm.
+
+    Costs are integers here, so that buckets take the heap's place, one for each cost that may be waiting at a time.
+
+    Source: Dial, "Algorithm 360: shortest-path forest with topological ordering", CACM 12(11), 1969.
+    """
+    rows, width = dear.shape
+    cells = dear.reshape(-1)
+    buckets = 1
+    while buckets <= 1.5 * cells.max():
+        buckets *= 2
+    first = np.full(buckets, -1, np.int32)
+    # Entries: a cell, and the next entry of its bucket (or of those no longer in use). Few wait at a time, and what is
+    # not used takes no memory, but addresses.
+    entries = np.empty((8 * len(cells) + 1, 2), np.int32)
+    unused, used, waiting = -1, 1, 1
+    cost = np.full(len(cells), FAR, np.int32)
+    steps = _STEP_Y * width + _STEP_X
+    cost[source], first[0], entries[0, 0], entries[0, 1] = 0, 0, source, -1
+    reached = 0
+    while waiting > 0:
+        entry = first[reached & (buckets - 1)]
+        if entry < 0:
+            reached += 1
+            continue
+        cell, first[reached & (buckets - 1)] = entries[entry, 0], entries[entry, 1]
+        entries[entry, 1], unused = unused, entry
+        waiting -= 1
+        if cost[cell] != reached:
+            continue
+        for j in range(8):
+            other = cell + steps[j]
+            if cells[other] == CLOSED:
+                continue
+            both = cells[cell] + cells[other]
+            # 181 / 256: half of the square root of 2.
+            forward = reached + (both * 181 >> 8 if j % 2 else both >> 1)
+            if forward < cost[other]:
+                cost[other] = forward
+                if unused >= 0:
+                    entry, unused = unused, entries[unused, 1]
+                else:
+                    entry, used = used, used + 1
+                bucket = forward & (buckets - 1)
+                entries[entry, 0], entries[entry, 1], first[bucket] = other, first[bucket], entry
+                waiting += 1
+    found = np.empty((rows - 2, width - 2), np.float32)
+    for row in range(rows - 2):
+        for column in range(width - 2):
+            value = cost[(row + 1) * width + column + 1]
+            found[row, column] = inf if value == FAR else value * size / UNIT
+    return found

@@ -1,0 +1,131 @@
+"""The nodes of a lattice: how they are numbered, where they lie, which moves lead from one to another."""
+
+from __future__ import annotations
+
+from math import floor, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from trailmark.collision import StateChecker
+from trailmark.compiled import njit
+from trailmark.se2 import ROTATION_WEIGHT, FloatArray, wrap
+
+__all__ = ["MULTI_STEPS", "ORIGIN", "TURNS", "Nodes", "came_from", "configuration", "leads_to", "move_cost", "position"]
+
+BITS = 24
+"""Of a node's column, and as many of its row, in its number."""
+
+MULTI_STEPS = (1, 2, 4, 8)
+"""Cells that a move leads across."""
+
+_X, _Y = np.array([1, 1, 0, -1, -1, -1, 0, 1]), np.array([0, 1, 1, 1, 0, -1, -1, -1])
+STEP_X = np.concatenate([*(stride * _X for stride in MULTI_STEPS), [0, 0]])
+STEP_Y = np.concatenate([*(stride * _Y for stride in MULTI_STEPS), [0, 0]])
+_TURN = np.concatenate([np.zeros(8 * len(MULTI_STEPS), np.int64), [1, -1]])
+"""The moves: stride by stride eight directions, counter-clockwise from +x; then a turn either way."""
+
+TURNS = 8 * len(MULTI_STEPS)
+"""The first of the two turns."""
+
+ORIGIN = len(_TURN)
+"""In place of a move: the node that the search began at."""
+
+
+class Nodes(NamedTuple):
+    """Positions of the inscribed disc's centre, ``size`` apart, times evenly spaced headings.
+
+    Attributes:
+        x: of the start's position, metres.
+        y: of the start's position, metres.
+        size: metres between neighbouring positions.
+        left: columns to the left of the start.
+        below: rows below the start.
+        columns: of all positions.
+        rows: of all positions.
+        headings: how many.
+        turned: for each heading: radians in (-pi, pi], and the way from the centre to the reference point, metres;
+            shape (headings, 3).
+    """
+
+    x: float
+    y: float
+    size: float
+    left: int
+    below: int
+    columns: int
+    rows: int
+    headings: int
+    turned: FloatArray
+
+    @classmethod
+    def around(cls, checker: StateChecker, start: FloatArray, size: float, headings: int) -> Nodes:
+        """Return the nodes within the bounds of a world, one of them a configuration of shape (3,)."""
+        xmin, ymin, xmax, ymax = checker.world.bounds
+        x, y = checker.disc_center(start)
+        left, below = floor((x - xmin) / size), floor((y - ymin) / size)
+        columns, rows = left + 1 + floor((xmax - x) / size), below + 1 + floor((ymax - y) / size)
+        turned = np.empty((headings, 3))
+        turned[:, 0] = wrap(start[2] + 2.0 * pi / headings * np.arange(headings))
+        c, s = np.cos(turned[:, 0]), np.sin(turned[:, 0])
+        a, b = checker.robot.inscribed_disc.center
+        turned[:, 1], turned[:, 2] = s * b - c * a, -s * a - c * b
+        return cls(x, y, size, left, below, columns, rows, headings, turned)
+
+    @property
+    def origin(self) -> int:
+        """The start's number."""
+        return self.below << BITS | self.left
+
+
+@njit(cache=True, inline="always")
+def place(node: int) -> tuple[int, int, int]:
+    """Return a node's heading, row and column."""
+    return node >> 2 * BITS, node >> BITS & ((1 << BITS) - 1), node & ((1 << BITS) - 1)
+
+
+@njit(cache=True, inline="always")
+def position(nodes: Nodes, node: int) -> tuple[float, float]:
+    """Return where a node's disc is centred, metres."""
+    _, row, column = place(node)
+    return nodes.x + (column - nodes.left) * nodes.size, nodes.y + (row - nodes.below) * nodes.size
+
+
+@njit(cache=True, inline="always")
+def configuration(nodes: Nodes, node: int, q: FloatArray) -> None:
+    """Write a node's configuration into q."""
+    x, y = position(nodes, node)
+    theta, dx, dy = nodes.turned[node >> 2 * BITS]
+    q[0], q[1], q[2] = x + dx, y + dy, theta
+
+
+@njit(cache=True, inline="always")
+def leads_to(nodes: Nodes, node: int, move: int) -> int:
+    """Return the node that a move leads to, -1 out of the lattice."""
+    k, row, column = place(node)
+    column, row = column + STEP_X[move], row + STEP_Y[move]
+    if not (0 <= column < nodes.columns and 0 <= row < nodes.rows):
+        return -1
+    k += _TURN[move]
+    if k < 0:
+        k += nodes.headings
+    elif k >= nodes.headings:
+        k -= nodes.headings
+    return int((k << BITS | row) << BITS | column)
+
+
+@njit(cache=True, inline="always")
+def came_from(nodes: Nodes, node: int, move: int) -> int:
+    """Return the node that a move to ``node`` came from, -1 out of the lattice."""
+    if move >= TURNS:
+        return int(leads_to(nodes, node, 2 * TURNS + 1 - move))
+    return int(leads_to(nodes, node, (move & ~7) + ((move + 4) & 7)))
+
+
+@njit(cache=True, inline="always")
+def move_cost(nodes: Nodes, move: int) -> float:
+    """Return a move's cost, metres."""
+    if move >= TURNS:
+        return ROTATION_WEIGHT * 2.0 * pi / nodes.headings
+    length = nodes.size * (1 << (move >> 3))
+    return length * sqrt(2.0) if move & 1 else length

@@ -1,0 +1,73 @@
+"""Seating: a configuration that collides by little, pushed off the obstacles without leaving its cell of a lattice.
+
+In a gap hardly wider than the robot next to no node of a lattice is valid, but some are nearly so. The covering discs
+that lie too near to an obstacle push along the clearance field's slope, all at once: least squares, so that between two
+walls the robot comes to rest in the middle and along them. Configurations retract_all from obstacles into narrow
+passages: Wilmarth, Amato & Stiller, "MAPRM", ICRA 1999; the steps: Levenberg, "A method for the solution of certain
+non-linear problems in least squares", Quarterly of Applied Mathematics 1944.
+"""
+
+from __future__ import annotations
+
+from math import cos, inf, sin, sqrt
+
+from trailmark.collision.field import ClearanceField, interpolated
+from trailmark.collision.footprint import Footprint
+from trailmark.compiled import njit
+from trailmark.heading import wrapped
+from trailmark.se2 import FloatArray
+
+__all__ = ["retract"]
+
+STEPS = 4
+"""At most."""
+
+AT_REST = 0.2
+"""Share of the margin by which discs may still lie too near."""
+
+DAMPING = 0.05
+"""Of the squared slopes: where they tell no direction, inside an obstacle or midway between two, nothing moves far."""
+
+
+@njit(cache=True)
+def retract(field: ClearanceField, robot: Footprint, q: FloatArray, reach: float, turn: float, margin: float) -> None:
+    """Push the configuration q, shape (3,), off the obstacles, in place; it may be invalid still.
+
+    Args:
+        field: clearance.
+        robot: its covering discs are pushed.
+        q: configuration.
+        reach: metres, by how much x and y may change.
+        turn: radians, by how much the heading may change.
+        margin: metres, the clearance sought.
+    """
+    x, y, theta = q[0], q[1], q[2]
+    # Turning counts as moving a point this far from the reference point.
+    lever = sqrt(0.5) * robot.circumradius
+    for _ in range(STEPS):
+        c, s = cos(theta), sin(theta)
+        xx = yy = tt = DAMPING
+        xy = xt = yt = px = py = pt = most = 0.0
+        for k in range(len(robot.cover)):
+            ax, ay = c * robot.cover[k, 0] - s * robot.cover[k, 1], s * robot.cover[k, 0] + c * robot.cover[k, 1]
+            distance, gx, gy = interpolated(field, x + ax, y + ay)
+            short = robot.cover[k, 2] + margin - distance
+            if short <= 0.0 or not short < inf:
+                continue
+            gt = (gy * ax - gx * ay) / lever
+            xx, yy, tt = xx + gx * gx, yy + gy * gy, tt + gt * gt
+            xy, xt, yt = xy + gx * gy, xt + gx * gt, yt + gy * gt
+            px, py, pt = px + short * gx, py + short * gy, pt + short * gt
+            most = max(most, short)
+        if most < AT_REST * margin:
+            break
+        # Cramer's rule.
+        a, b, d = yy * tt - yt * yt, xt * yt - xy * tt, xy * yt - xt * yy
+        whole = xx * a + xy * b + xt * d
+        dx = (px * a + py * b + pt * d) / whole
+        dy = (px * b + py * (xx * tt - xt * xt) + pt * (xy * xt - xx * yt)) / whole
+        dt = (px * d + py * (xy * xt - xx * yt) + pt * (xx * yy - xy * xy)) / whole
+        x = min(max(x + dx, q[0] - reach), q[0] + reach)
+        y = min(max(y + dy, q[1] - reach), q[1] + reach)
+        theta = min(max(theta + dt / lever, q[2] - turn), q[2] + turn)
+    q[0], q[1], q[2] = x, y, wrapped(theta)

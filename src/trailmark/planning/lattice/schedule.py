@@ -1,0 +1,224 @@
+"""LatticeSchedule: first paths over finer and finer lattices, and others that may lead around better."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from trailmark.collision import StateChecker
+from trailmark.motion import StraightMotion, TranslationMotion
+from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
+from trailmark.planning.lattice.search import Lattice
+from trailmark.planning.straightening import straighten
+from trailmark.se2 import FloatArray
+
+__all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "LatticeSchedule"]
+
+WEIGHT = 2.0
+"""Of the cost to go: ways are sought that are soon found, and shortened afterwards."""
+
+PATIENCE = 24
+"""Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
+
+SECONDS_A_CELL = 2.5e-7
+"""What a cell of the costs to go may take."""
+
+
+class Level(NamedTuple):
+    """How closely is looked.
+
+    Attributes:
+        cells: of the costs to go that guide; 0 for the straight distance, which is at hand at once.
+        fineness: by how much positions lie closer than the relaxation's cells.
+        headings: how many.
+        nodes: taken from the queue at most.
+        retracts: whether nodes that collide by little are pushed off the obstacles.
+    """
+
+    cells: int
+    fineness: float
+    headings: int
+    nodes: int
+    retracts: bool
+
+
+LEVELS = (
+    Level(0, 0.35, 8, 64, retracts=False),
+    Level(1 << 14, 0.7, 8, 800, retracts=True),
+    Level(1 << 16, 1.0, 8, 1_000, retracts=True),
+    Level(1 << 16, 0.5, 8, 1_000, retracts=True),
+    Level(1 << 16, 0.6, 10, 1_000, retracts=True),
+    Level(1 << 16, 1.0, 16, 2_000, retracts=True),
+    Level(1 << 16, 0.4, 12, 2_000, retracts=True),
+    Level(1 << 16, 0.5, 8, 10_000, retracts=True),
+    Level(1 << 16, 1.0, 8, 10_000, retracts=True),
+    Level(1 << 16, 1.4, 8, 10_000, retracts=True),
+    Level(1 << 16, 0.5, 16, 20_000, retracts=True),
+    Level(1 << 16, 2.0, 16, 25_000, retracts=True),
+    Level(1 << 16, 1.0, 32, 40_000, retracts=True),
+    Level(1 << 16, 2.0, 32, 100_000, retracts=True),
+    Level(1 << 16, 4.0, 64, 1_000_000, retracts=True),
+)
+"""Looked at in turn: small searches first, since which lattice leads through soon is a matter of luck."""
+
+
+class View(NamedTuple):
+    """How another way is looked for.
+
+    Attributes:
+        tightness: how much dearer tight cells are.
+        weight: of the cost to go.
+        headings: how many.
+        nodes: taken from the queue at most.
+    """
+
+    tightness: float
+    weight: float
+    headings: int
+    nodes: int
+
+
+VIEWS = (
+    View(1.0, 1.2, 32, 50_000),
+    View(0.0, 1.2, 32, 50_000),
+    View(1.0, 1.2, 16, 50_000),
+    View(0.0, 1.2, 16, 50_000),
+    View(1.0, 1.0, 16, 100_000),
+    View(0.0, 1.0, 16, 100_000),
+)
+"""Looked at in turn, from one end and the other."""
+
+STRETCH = (0.75, 1.25)
+"""By how much the lattice's size differs from the second turn on: which gaps a lattice hits is a matter of luck."""
+
+DETOUR = 1.15
+"""Over a lattice of eight directions a way may be so much longer than its straightened self."""
+
+AT_FIRST, AT_SECOND, AT_MOST = 5, 9, 11
+"""Levels looked at before all else; on a long way, also before and after a proof is sought that there is none."""
+
+
+class LatticeSchedule:
+    """Looks for a first path, level by level.
+
+    Args:
+        checker: decides what is valid.
+        start: valid configuration, shape (3,).
+        goal: valid configuration, shape (3,).
+        cell: metres between neighbouring positions of the coarsest lattice.
+        seconds_left: asked before each search.
+
+    Attributes:
+        taken: nodes taken from queues so far.
+    """
+
+    def __init__(
+        self,
+        checker: StateChecker,
+        start: FloatArray,
+        goal: FloatArray,
+        cell: float,
+        seconds_left: Callable[[], float],
+    ) -> None:
+        self.checker, self.ends = checker, (start, goal)
+        self.motion = StraightMotion(checker) if checker.footprint.disc_radius < 0.0 else TranslationMotion(checker)
+        self.turning = checker.footprint.disc_radius < 0.0
+        # Without headings to tell apart, closer positions cost little.
+        self.cell = cell if self.turning else 0.5 * cell
+        self.seconds_left = seconds_left
+        xmin, ymin, xmax, ymax = checker.world.bounds
+        self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
+        self.to_go = lru_cache(maxsize=8)(self._to_go)
+        self._guided: set[tuple[int, bool, float]] = set()
+        self.level = self.views = self.taken = 0
+        self._exhausted: set[tuple[float, int, bool, bool]] = set()
+
+    def first_path(self, levels: int = 1) -> FloatArray:
+        """Return a path of certified motions, shape (n, 3), sought on the next levels; (0, 3) if none was found."""
+        for level in LEVELS[self.level : self.level + levels]:
+            self.level += 1
+            # Who is shut in is found out soonest from inside.
+            for forward in (True, False) if level.cells else (True,):
+                way = self._search(level, forward)
+                if len(way):
+                    return way
+        return np.empty((0, 3))
+
+    def other_path(self, rng: np.random.Generator, limit: float) -> FloatArray:
+        """Return a path of certified motions, shape (n, 3), that may be another way around; (0, 3) if none was found.
+
+        Args:
+            rng: source of randomness.
+            limit: metres, cost of a path that it should better.
+        """
+        view, forward = VIEWS[self.views % len(VIEWS)], self.views // len(VIEWS) % 2 == 0
+        self.views += 1
+        if not self._has_time(LEVELS[-1].cells, forward, view.tightness):
+            return np.empty((0, 3))
+        size = self.cell * (1.0 if self.views <= 2 * len(VIEWS) else rng.uniform(*STRETCH))
+        lattice = Lattice(self.checker, size, view.headings if self.turning else 1)
+        begin, end = self.ends if forward else self.ends[::-1]
+        to_go = self.to_go(LEVELS[-1].cells, forward, view.tightness)
+        way, taken = lattice.find_path(
+            begin,
+            end,
+            to_go,
+            weight=view.weight,
+            budget=view.nodes,
+            limit=DETOUR * limit,
+            retracts=True,
+            seconds=self.seconds_left(),
+        )
+        self.taken += taken
+        return self._straightened(way, forward)
+
+    def _search(self, level: Level, forward: bool) -> FloatArray:
+        kind = (level.fineness, level.headings if self.turning else 1, level.retracts, forward)
+        if kind in self._exhausted or not self._has_time(level.cells, forward, TIGHTNESS):
+            return np.empty((0, 3))
+        lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
+        begin, end = self.ends if forward else self.ends[::-1]
+        to_go = self.to_go(level.cells, forward)
+        seconds = self.seconds_left()
+        way, taken = lattice.find_path(
+            begin,
+            end,
+            to_go,
+            weight=WEIGHT,
+            budget=level.nodes,
+            patience=None if level.cells else PATIENCE,
+            multi_steps=True,
+            retracts=level.retracts,
+            seconds=seconds,
+        )
+        self.taken += taken
+        if len(way) == 0:
+            # A search that was given up for want of progress tells nothing.
+            if level.cells and taken < level.nodes and self.seconds_left() > 0.0:
+                self._exhausted.add(kind)
+            return way
+        return self._straightened(way, forward)
+
+    def _has_time(self, cells: int, forward: bool, tightness: float) -> bool:
+        """Return whether there is time for the costs to go, and some of it left for a search."""
+        known = (cells, forward, tightness) in self._guided
+        return self.seconds_left() > (0.0 if known else SECONDS_A_CELL * min(cells, self.cells))
+
+    def _straightened(self, way: FloatArray, forward: bool) -> FloatArray:
+        """Return a way from start to goal that does without what it can; (0, 3) if there is none."""
+        if len(way) == 0:
+            return way
+        way = way if forward else np.ascontiguousarray(way[::-1])
+        way = np.asarray(straighten(self.motion.kind, way))
+        # Once more, as the path is: the way back of exactly half a turn is another motion, and the lattice's own idea
+        # of the start is a rounding away from it.
+        return way if self.checker.motions_between_valid(way[:-1], way[1:]).all() else np.empty((0, 3))
+
+    def _to_go(self, cells: int, forward: bool, tightness: float = TIGHTNESS) -> CostToGo:
+        if cells == 0:
+            return CostToGo.straight()
+        self._guided.add((cells, forward, tightness))
+        return CostToGo.of(self.checker, self.ends[int(forward)], min(cells, self.cells), tightness)

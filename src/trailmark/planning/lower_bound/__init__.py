@@ -1,6 +1,0 @@
-"""Proven lower bounds on a path's cost, by the robot's inscribed disc, and proofs that there is none, with headings."""
-
-from trailmark.planning.lower_bound.bound import SECONDS_A_WAY, LowerBound
-from trailmark.planning.lower_bound.enclosure import enclosed
-
-__all__ = ["SECONDS_A_WAY", "LowerBound", "enclosed"]

@@ -1,0 +1,259 @@
+"""LowerBound: what every path of a robot costs at least, and whether there can be one."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.curves import Steering
+from trailmark.planning.proofs.grown import QUARTER
+from trailmark.planning.proofs.mesh import Mesh, locate, triangulated
+from trailmark.planning.proofs.polyanya import shortest_point_path
+from trailmark.planning.proofs.region import ellipse, free_region, local_origin
+from trailmark.planning.proofs.separation import Separation
+from trailmark.shapes import Disc
+from trailmark.world import Robot, World
+
+__all__ = ["SECONDS_A_WAY", "Bound", "LowerBound"]
+
+ROUNDING = 1e-9
+"""Relative error that lengths may have; taken off."""
+
+DIGITS = 1e-14
+"""Share of the largest coordinate, and of the region's size, that a length may be wrong by, too."""
+
+LARGE = 20_000
+"""Vertices of a region from which on it is looked at only as far as a query needs."""
+
+MANY = 150_000
+"""Vertices of a region for each of which it takes twice as long as in a small one."""
+
+SECONDS_A_VERTEX, SECONDS_A_WAY = 2.2e-5, 0.003
+"""What cutting a region into triangles takes, and a query once that is done, with some to spare."""
+
+SECONDS_AN_OBSTACLE = 5e-6
+"""What it takes to tell whether an obstacle lies near a query."""
+
+FloatArray = NDArray[np.float64]
+
+
+class Bound(NamedTuple):
+    """A proven lower bound.
+
+    Attributes:
+        cost: metres; infinite if no path exists.
+        way: the disc centre's shortest way, shape (k, 2); empty if there is none or it was not sought.
+    """
+
+    cost: float
+    way: FloatArray
+
+
+def _seconds(vertices: float) -> float:
+    """Return how long cutting a region into triangles, and a way over them, are expected to take."""
+    return SECONDS_A_VERTEX * vertices * (1.0 + vertices / MANY)
+
+
+class LowerBound:
+    """The shortest way of a disc inside the robot's footprint, among obstacles that are never too large.
+
+    A path of length L and rotation T costs L + w·T, w = 0.5 (se2.ROTATION_WEIGHT). A disc whose centre lies c from the
+    reference point goes a way of D <= L + c·T. So the cost is at least D + (w − c)·T, and T at least the turn between
+    the headings, if c <= w; otherwise L + w·T >= (w/c)·(L + c·T) >= (w/c)·D. A car's path costs L, and T <= L/ρ: so
+    D <= (1 + c/ρ)·L; and L is no less than the length of the shortest curve in the open.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        robot: footprint.
+        grid: the world's outlines in cells, if they are there already.
+    """
+
+    def __init__(self, world: World, robot: Robot, grid: ObstacleGrid | None = None) -> None:
+        self.world, self.robot = world, robot
+        self._grid = grid
+
+    def of(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> Bound:
+        """Return the bound for a query.
+
+        Args:
+            start: valid, shape (3,).
+            goal: valid, shape (3,).
+            most: cost (metres) of a path that is known; in a large world only ways no longer than that are looked at.
+        """
+        straight = Bound(self._in_the_open(start, goal), np.empty((0, 2)))
+        center, offset = self._center
+        a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
+        # What a path of that cost can make the disc's centre go at most; longer ways are no rivals.
+        longest = most * self._stretch
+        if self._whole or self._size <= LARGE or not np.isfinite(longest):
+            found = self._way(a, b)
+        else:
+            found = self._way_within(a, b, longest)
+        if found is None:
+            return straight
+        length, way = found
+        cost = length / self._stretch
+        if self.robot.turning_radius is None:
+            turn = abs(float(se2.difference(start, goal)[2]))
+            cost += max(0.0, se2.ROTATION_WEIGHT - offset) * turn
+        return Bound(max(straight.cost, cost), way)
+
+    def seconds(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> float:
+        """Return how long :meth:`of` is expected to take."""
+        if self._whole or self._size <= LARGE or not np.isfinite(most):
+            return SECONDS_A_WAY if self._whole else _seconds(self._size)
+        xmin, ymin, xmax, ymax = self.world.bounds
+        center = self._center[0]
+        a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
+        longest = most * self._stretch
+        share = min(1.0, ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
+        return _seconds(share * self._size) + SECONDS_AN_OBSTACLE * len(self.world.obstacles)
+
+    def _in_the_open(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return what the way would cost without obstacles, metres."""
+        steering = Steering.of(self.robot)
+        return float(se2.distance(start, goal) if steering is None else steering.lengths(start, goal))
+
+    @property
+    def _stretch(self) -> float:
+        """How many metres the disc's centre goes at most for each metre that a path costs."""
+        offset, radius = self._center[1], self.robot.turning_radius
+        return max(1.0, offset / se2.ROTATION_WEIGHT) if radius is None else 1.0 + offset / radius
+
+    @cached_property
+    def _center(self) -> tuple[FloatArray, float]:
+        """The disc's centre in the robot's frame, shape (2,), and its distance from the reference point, metres."""
+        center = np.array(self.robot.inscribed_disc.center)
+        return center, float(np.hypot(*center))
+
+    @cached_property
+    def _size(self) -> int:
+        """About how many vertices the region has."""
+        if self._grid is not None:
+            # At once: to go through thousands of obstacles takes as long as planning may.
+            return 4 * len(self._grid.segments) + 8 * QUARTER * len(self._grid.discs) + 4
+        corners = 0
+        for shape in self.world.obstacles:
+            corners += 8 * QUARTER if isinstance(shape, Disc) else 4 * sum(len(r) for r in shape.polygon().rings())
+        return corners + 4
+
+    @property
+    def _whole(self) -> bool:
+        """Whether the region of the whole world is there already."""
+        return "_parts" in self.__dict__ and bool(self._meshes)
+
+    def _way_within(self, a: FloatArray, b: FloatArray, longest: float) -> tuple[float, FloatArray] | None:
+        """Return what :meth:`_way` does, as far as it is below ``longest``: all such ways lie within an ellipse."""
+        around = ellipse(a - self._origin, b - self._origin, longest)
+        parts = self._cut(around)
+        # The smaller is soonest proven.
+        for part in sorted(self._around(parts, a, b), key=shapely.get_num_coordinates):
+            mesh = self._proven(part, (a, b), longest)
+            if mesh is not None:
+                found = self._in(mesh, a, b)
+                return None if found is None else (min(found[0], longest * (1.0 - ROUNDING)), found[1])
+        return None
+
+    def _way(self, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
+        """Return the length of the disc centre's shortest way and its bends; None if that cannot be told."""
+        near = {int(p) for q in (a, b) for p in self._tree.query(shapely.Point(q - self._origin), "intersects")}
+        # The smaller is soonest proven.
+        for part in sorted(near, key=lambda n: int(shapely.get_num_coordinates(self._parts[n]))):
+            if part not in self._meshes:
+                self._meshes[part] = self._proven(self._parts[part])
+            mesh = self._meshes[part]
+            if mesh is not None:
+                return self._in(mesh, a, b)
+        return None
+
+    def _in(self, mesh: Mesh, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
+        """Return what :meth:`_way` does, by a mesh that no way leads out of; None if it holds neither end."""
+        ends = a - self._origin, b - self._origin
+        inside = [locate(mesh, end) >= 0 for end in ends]
+        if not any(inside):
+            # Rounding. Nothing is claimed.
+            return None
+        if not all(inside):
+            return np.inf, np.empty((0, 2))
+        length, way = shortest_point_path(mesh, *ends)
+        if not np.isfinite(length):
+            return None
+        size = max(float(np.abs(self.world.bounds).max()), float(np.abs(mesh.points).max()))
+        return max(0.0, length * (1.0 - ROUNDING) - DIGITS * size * (len(way) + 4)), way + self._origin
+
+    def _proven(
+        self, part: Any, ends: tuple[FloatArray, FloatArray] | None = None, longest: float = np.inf
+    ) -> Mesh | None:
+        """Return a part of the region cut into triangles, None unless it is proven that none but long ways leave it.
+
+        Args:
+            part: polygon relative to the origin.
+            ends: of a query: ways longer than ``longest`` may leave it.
+            longest: metres.
+        """
+        mesh = triangulated(part)
+        if mesh is None:
+            return None
+        edges = mesh.points[mesh.edges] + self._origin
+        open_ = ~self._separation.edges_block(edges)
+        if ends is not None and open_.any():
+            open_[open_] = _least_detours(edges[open_], *ends) < longest * (1.0 - ROUNDING)
+        return None if open_.any() else mesh
+
+    def _cut(self, within: Any = None) -> Any:
+        """Return the region's parts relative to the origin, shape (n,); none if shapely fails."""
+        try:
+            region = free_region(self.world, self.robot.inscribed_disc.radius, within, origin=self._origin)
+        except shapely.errors.GEOSException:
+            return np.empty(0, dtype=object)
+        parts = shapely.get_parts(region)
+        return parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+
+    def _around(self, parts: Any, a: FloatArray, b: FloatArray) -> list[Any]:
+        """Return the parts, one or two, in which the ends lie."""
+        at = [shapely.intersects_xy(parts, *(end - self._origin)) for end in (a, b)]
+        return list(parts[at[0] | at[1]]) if len(parts) else []
+
+    @cached_property
+    def _origin(self) -> FloatArray:
+        return local_origin(self.world)
+
+    @cached_property
+    def _separation(self) -> Separation:
+        return Separation(self.world, self.robot.inscribed_disc.radius, self._grid)
+
+    @cached_property
+    def _parts(self) -> Any:
+        return self._cut()
+
+    @cached_property
+    def _tree(self) -> Any:
+        return shapely.STRtree(self._parts)
+
+    @cached_property
+    def _meshes(self) -> dict[int, Mesh | None]:
+        return {}
+
+
+def _least_detours(edges: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the length of the shortest way from a to b over each edge (n, 2, 2), as if nothing were in between."""
+    p, d = edges[:, 0], edges[:, 1] - edges[:, 0]
+    square = np.maximum((d * d).sum(axis=1), 1e-300)
+    u, v = ((point - p)[:, None] for point in (a, b))
+    along = [np.einsum("nij,nj->n", w, d) / square for w in (u, v)]
+    off = [np.abs(w[:, 0, 0] * d[:, 1] - w[:, 0, 1] * d[:, 0]) / np.sqrt(square) for w in (u, v)]
+    total = np.maximum(off[0] + off[1], 1e-300)
+    # As light is mirrored: where the two ends' distances from the line divide it.
+    share = np.clip((along[0] * off[1] + along[1] * off[0]) / total, 0.0, 1.0)
+    # Of a convex function, the tangent at any point is a lower bound: rounding of the share does no harm.
+    at = p + share[:, None] * d
+    ways = [at - a, at - b]
+    length = sum(np.hypot(*way.T) for way in ways)
+    slope = sum((way * d).sum(axis=1) / np.maximum(np.hypot(*way.T), 1e-300) for way in ways)
+    return np.asarray(length + np.minimum(slope * (0.0 - share), slope * (1.0 - share)))

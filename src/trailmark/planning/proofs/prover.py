@@ -1,0 +1,95 @@
+"""Prover: lower bounds and infeasibility, asked for in one place, as far as there is time for them."""
+
+# Tested by tests/planning/proofs/test_background.py and test_claims.py.
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+
+from trailmark.landmarks.band import Band
+from trailmark.motion import TranslationMotion
+from trailmark.planning.proofs import SECONDS_A_WAY, LowerBound
+from trailmark.planning.proofs.background import BackgroundProof
+from trailmark.planning.proofs.claims import grid_separates
+from trailmark.planning.query import Query
+
+__all__ = ["Prover"]
+
+
+class Prover:
+    """What can be proven about one query; use it as a context, which ends what runs in the background.
+
+    Args:
+        query: under way.
+        bound: proves lower bounds in this world; None proves none.
+    """
+
+    def __init__(self, query: Query, bound: LowerBound | None) -> None:
+        self.query, self.bound = query, bound
+        query.incumbent.bounded = bound is None
+        self._background: BackgroundProof | None = None
+        self._seconds = 0.0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if self._background is not None:
+            self._background.end()
+
+    def seconds(self) -> float:
+        """Return what a lower bound is expected to take, seconds."""
+        incumbent = self.query.incumbent
+        if self.bound is not None:
+            seconds = self.bound.seconds(incumbent.start, incumbent.goal, incumbent.whole_cost)
+            # The better the path, the less there is to do. Once it is done, what it took is known no more.
+            self._seconds = seconds if seconds > SECONDS_A_WAY else max(self._seconds, seconds)
+        return self._seconds
+
+    def bound_below(self, share: float) -> None:
+        """Prove a lower bound, once, if that is expected to take no more than a share of the time left."""
+        incumbent = self.query.incumbent
+        if self.bound is None or incumbent.bounded or not self.seconds() < share * self.query.seconds_left():
+            return
+        incumbent.bounded = True
+        incumbent.claim(self.bound.of(incumbent.start, incumbent.goal, incumbent.whole_cost).cost)
+
+    def begin_in_background(self) -> None:
+        """Begin to look for a proof, with headings, that no path exists; a disc has none."""
+        query = self.query
+        if query.solved or self._background is not None or isinstance(query.motion, TranslationMotion):
+            return
+        if self.bound is not None:
+            incumbent = query.incumbent
+            # Known first, so that an exception in between does not leave it running.
+            seconds = max(0.0, query.seconds_left())
+            self._background = BackgroundProof(query.checker, incumbent.start, incumbent.goal, seconds)
+            self._background.begin()
+
+    def infeasible(self) -> bool:
+        """Return whether it is proven by now that there is no path."""
+        if self._background is not None:
+            if self.query.solved:
+                self._background.cancel()
+            elif self._background.found:
+                self.query.incumbent.claim(np.inf)
+        return self.query.incumbent.infeasible
+
+    def conclude(self, band: Band | None) -> None:
+        """Prove that there is no path, after all else: with time to spare the answer must not depend on who is faster.
+
+        Args:
+            band: of the relaxed problem; None if it was not looked at.
+        """
+        query = self.query
+        if query.solved or band is None or self.infeasible():
+            return
+        self.bound_below(query.settings.last_proof_share)
+        if np.isfinite(band.shortest):
+            if self._background is not None:
+                self._background.wait(query.seconds_left())
+                self.infeasible()
+        elif grid_separates(band.relaxation, band.to_goal, query.incumbent.start, query.incumbent.goal):
+            query.incumbent.claim(np.inf)

@@ -1,0 +1,109 @@
+"""Where a disc's centre may lie: the free space less all that is nearer than the radius, as polygons."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trailmark.planning.proofs.grown import QUARTER, grown, strips
+from trailmark.shapes import Disc, Polygon, Shape
+from trailmark.world import World
+
+__all__ = ["MARGIN", "ellipse", "free_region", "local_origin", "near_shapes"]
+
+FloatArray = NDArray[np.float64]
+
+MARGIN = 2e-6
+"""Metres by which the disc is made smaller: more than contact may overlap and polygons' coordinates be wrong by."""
+
+AT_ORIGIN = (0.0, 0.0)
+
+
+def local_origin(world: World) -> FloatArray:
+    """Return the point, shape (2,), relative to which regions are made: coordinates far from 0 have fewer digits."""
+    xmin, ymin, xmax, ymax = world.bounds
+    return np.round(np.array([0.5 * (xmin + xmax), 0.5 * (ymin + ymax)]))
+
+
+def free_region(
+    world: World, radius: float, within: Any = None, *, origin: FloatArray | tuple[float, float] = AT_ORIGIN
+) -> Any:
+    """Return a region (shapely) that contains every position of a disc's centre at which the disc is free.
+
+    Round corners are cut by chords, which lie inside the obstacles grown by the radius; so the region errs on the free
+    side only, but for the rounding of shapely's overlays (:mod:`trailmark.planning.proofs.separation`).
+
+    Args:
+        world: obstacles, bounds, boundary.
+        radius: of the disc, metres; 0 for a point.
+        within: a region, relative to ``origin``, outside of which obstacles do not matter and nothing is returned.
+        origin: what the region's coordinates are relative to.
+    """
+    r = max(radius - MARGIN, 0.0)
+    xmin, ymin, xmax, ymax = np.asarray(world.bounds) - [*origin, *origin]
+    region = shapely.box(xmin + r, ymin + r, xmax - r, ymax - r)
+    taken: list[Any] = []
+    if world.boundary is not None:
+        inside = shapely.orient_polygons(_moved([world.boundary.shapely()], origin))
+        region = shapely.intersection(region, inside[0])
+        if r > 0.0:
+            taken += strips(shapely.reverse(shapely.get_rings(inside)), r)
+    if within is not None:
+        region = shapely.intersection(region, within)
+    shapes = world.obstacles if within is None else near_shapes(world, within, r + MARGIN, origin)
+    polygons = _moved([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], origin)
+    taken += [*(grown(polygons, r) if r > 0.0 else polygons), *_discs(shapes, r, origin)]
+    return shapely.difference(region, shapely.union_all(taken)) if taken else region
+
+
+def near_shapes(
+    world: World, within: Any, distance: float, origin: FloatArray | tuple[float, float] = AT_ORIGIN
+) -> list[Shape]:
+    """Return the obstacles that may be so near (metres) to a region, relative to ``origin``: all that are, and more."""
+    shapes = np.array([*world.obstacles, None], dtype=object)[:-1]
+    boxes = np.empty((len(shapes), 4))
+    polygons = np.array([isinstance(shape, Polygon) for shape in shapes], np.bool_)
+    if polygons.any():
+        rings = [shape.vertices for shape in shapes[polygons]]
+        points, first = np.concatenate(rings), np.cumsum([0, *(len(ring) for ring in rings[:-1])])
+        boxes[polygons, :2] = np.minimum.reduceat(points, first)
+        boxes[polygons, 2:] = np.maximum.reduceat(points, first)
+    rows = [
+        (*shape.center, shape.radius if isinstance(shape, Disc) else 0.5 * np.hypot(shape.length, shape.width))
+        for shape in shapes[~polygons]
+    ]
+    x, y, reach = np.array(rows).reshape(-1, 3).T
+    boxes[~polygons] = np.column_stack([x - reach, y - reach, x + reach, y + reach])
+    shapely.prepare(within)
+    near = shapely.dwithin(shapely.box(*(boxes - [*origin, *origin]).T), within, distance)
+    return list(shapes[near])
+
+
+def _moved(polygons: list[Any], origin: FloatArray | tuple[float, float]) -> NDArray[Any]:
+    """Return polygons relative to an origin, shape (n,)."""
+    array: NDArray[Any] = np.array(polygons, dtype=object)
+    return array if not np.any(origin) else shapely.transform(array, lambda points: points - origin)
+
+
+def _discs(shapes: Sequence[Shape], r: float, origin: FloatArray | tuple[float, float]) -> list[Any]:
+    rows = np.array([(*s.center, s.radius) for s in shapes if isinstance(s, Disc)]).reshape(-1, 3)
+    sizes = rows[:, 2] - MARGIN + r
+    # A convex line is not simplified; its arcs are drawn inside.
+    discs = shapely.buffer(shapely.points(rows[:, :2] - origin), sizes, quad_segs=2 * QUARTER)
+    return [disc for disc, size in zip(discs, sizes, strict=True) if size > 0.0]
+
+
+def ellipse(a: FloatArray, b: FloatArray, longest: float) -> Any:
+    """Return a polygon around all points whose distances to a and b add up to no more than ``longest``."""
+    apart = float(np.hypot(*(b - a)))
+    major = 0.5 * max(longest, apart) + MARGIN
+    minor = float(np.sqrt(max(major**2 - 0.25 * apart**2, MARGIN**2)))
+    angle = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
+    # Around the ellipse, not in it.
+    u, v = (size * f(angle) / np.cos(np.pi / 64) for size, f in ((major, np.cos), (minor, np.sin)))
+    c, s = (b - a) / apart if apart > 0.0 else (1.0, 0.0)
+    return shapely.Polygon(np.column_stack([c * u - s * v, s * u + c * v]) + 0.5 * (a + b))

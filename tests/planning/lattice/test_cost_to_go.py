@@ -1,0 +1,206 @@
+"""Costs to go: shortest ways over cells, by networkx; room in them, by shapely."""
+
+from __future__ import annotations
+
+import math
+
+import networkx
+import numpy as np
+import pytest
+import shapely
+from benchmarks.random_worlds import ROBOTS, random_world
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from trailmark.collision import StateChecker
+from trailmark.planning.lattice.cost_to_go import CostToGo
+from trailmark.shapes import Disc, Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+
+LEAST, MOST = 64 / 65, 130 / 129
+"""How far costs may be off: a cell's is rounded to 64ths, 64 of them at least, and what a step costs is floored.
+
+At worst a straight step between cells of just under 64.5 and 65.5, their mean 65, counts 64; between two of just over
+64.5 it counts 65. Diagonal steps are off by less.
+"""
+
+SINGLE = 1e-6
+"""Share of a cost by which single precision and sums in another order may differ."""
+
+DIAGONAL = 90 / (64 * math.sqrt(2.0))
+"""How far a diagonal step is off where both of its cells cost 64."""
+
+
+def cell_of(costs: CostToGo, point: complex) -> tuple[int, int]:
+    """Row and column of the cell around a point of the bounds; what lies on the upper ones belongs to the last."""
+    rows, columns = costs.cost.shape
+    row, column = (int(v // costs.size) for v in (point.imag - costs.y0, point.real - costs.x0))
+    return min(rows - 1, max(0, row)), min(columns - 1, max(0, column))
+
+
+def at(costs: CostToGo, x: float, y: float) -> float:
+    return float(costs.cost[cell_of(costs, complex(x, y))])
+
+
+def middle(robot: Robot, q: FloatArray) -> complex:
+    """Where the inscribed disc's centre is."""
+    return complex(q[0], q[1]) + complex(*robot.inscribed_disc.center) * complex(math.cos(q[2]), math.sin(q[2]))
+
+
+def gaps(world: World, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Distances of points to what is not free, by shapely; 0 within."""
+    points = shapely.points(x, y)
+    xmin, ymin, xmax, ymax = world.bounds
+    best = np.minimum.reduce([x - xmin, xmax - x, y - ymin, ymax - y])
+    for shape in world.obstacles:
+        if isinstance(shape, Disc):
+            gap = np.hypot(x - shape.center[0], y - shape.center[1]) - shape.radius
+        else:
+            gap = shapely.distance(points, shape.polygon().shapely())
+        best = np.minimum(best, gap)
+    return np.asarray(np.maximum(best, 0.0))
+
+
+def spelled_out(costs: CostToGo, dear: FloatArray, source: tuple[int, int]) -> FloatArray:
+    """Costs to the source over cells so dear (infinite: closed), by networkx."""
+    rows, columns = dear.shape
+    graph = networkx.Graph()
+    graph.add_node(source)
+    for i in range(rows):
+        for j in range(columns):
+            for other in ((i, j + 1), (i + 1, j - 1), (i + 1, j), (i + 1, j + 1)):
+                if other[0] < rows and 0 <= other[1] < columns and np.isfinite(dear[i, j] + dear[other]):
+                    step = math.dist((i, j), other)
+                    graph.add_edge((i, j), other, weight=0.5 * step * (dear[i, j] + dear[other]))
+    found = np.full(dear.shape, np.inf)
+    for cell, cost in networkx.single_source_dijkstra_path_length(graph, source).items():
+        found[cell] = cost
+    return found
+
+
+@pytest.mark.parametrize("bounds", [(0.0, 0.0, 20.0, 20.0), (-30.0, 5.0, 30.0, 12.0), (3.0, -50.0, 4.0, 50.0)])
+@pytest.mark.parametrize("cells", [1, 7, 100, 900])
+def test_in_the_open_costs_are_octile_distances(bounds: tuple[float, float, float, float], cells: int) -> None:
+    xmin, ymin, xmax, ymax = bounds
+    checker = StateChecker(World("open", bounds, ()), Robot.disc(0.02))
+    for share in (0.5, 0.021, 0.93):
+        goal = np.array([xmin + share * (xmax - xmin), ymin + share * (ymax - ymin), 1.0])
+        costs = CostToGo.of(checker, goal, cells, 0.0)
+        rows, columns = costs.cost.shape
+        assert (costs.x0, costs.y0) == (xmin, ymin)
+        assert costs.size == pytest.approx(math.sqrt((xmax - xmin) * (ymax - ymin) / cells))
+        # The grid covers the bounds, and hardly more.
+        assert xmax - 1e-9 <= xmin + columns * costs.size < xmax + costs.size
+        assert ymax - 1e-9 <= ymin + rows * costs.size < ymax + costs.size
+        row, column = cell_of(costs, complex(*goal[:2]))
+        down, across = np.abs(np.arange(rows)[:, None] - row), np.abs(np.arange(columns)[None] - column)
+        octile = np.maximum(down, across) + (math.sqrt(2.0) - 1.0) * np.minimum(down, across)
+        # A last row or column that lies beyond the bounds for the most part may count as closed.
+        reached = np.isfinite(costs.cost)
+        assert reached[: max(1, rows - 1), : max(1, columns - 1)].all()
+        expected = costs.size * octile[reached]
+        assert (costs.cost[reached] <= (1.0 + SINGLE) * expected).all()
+        assert (costs.cost[reached] >= (DIAGONAL - SINGLE) * expected).all()
+        # Straight steps are not off at all.
+        straight = reached & ((down == 0) | (across == 0))
+        assert costs.cost[straight] == pytest.approx(costs.size * octile[straight], rel=SINGLE)
+
+
+@settings(max_examples=25)
+@given(
+    name=st.sampled_from(sorted(ROBOTS)),
+    seed=st.integers(0, 30),
+    tightness=st.sampled_from([0.0, 1.0, 6.0]),
+    cells=st.sampled_from([60, 400]),
+)
+def test_costs_are_those_of_the_cheapest_way_over_the_cells(name: str, seed: int, tightness: float, cells: int) -> None:
+    world = random_world(seed, 14, size=16.0, radii=(0.5, 2.0), discs=0.4, holes=0.2, origin=(-4.0, 2.0))
+    checker = StateChecker(world, ROBOTS[name], cell=0.04)
+    q = np.random.default_rng(seed).uniform((-4, 2, -math.pi), (12, 18, math.pi), (300, 3))
+    q = q[checker.valid(q)]
+    if len(q) == 0:
+        return
+    costs = CostToGo.of(checker, q[0], cells, tightness)
+    rows, columns = costs.cost.shape
+    # The most room at any point of each cell, to within the spacing of the points that are looked at.
+    points = 12
+    offsets = (np.arange(points) + 0.5) / points
+    x = costs.x0 + costs.size * (np.arange(columns)[:, None] + offsets).reshape(-1)
+    y = costs.y0 + costs.size * (np.arange(rows)[:, None] + offsets).reshape(-1)
+    room = gaps(world, *(v.reshape(-1) for v in np.meshgrid(x, y)))
+    room = room.reshape(rows, points, columns, points).max(axis=(1, 3))
+    # The field is wrong by a diagonal of its cells at most, and looked at every other cell.
+    spare = 3.0 * math.sqrt(2.0) * checker.field.size + 0.71 * costs.size / points
+    radius = ROBOTS[name].inscribed_disc.radius
+    roomy = radius + 0.5 * max(ROBOTS[name].circumradius - radius, 0.1 * radius)
+    source = cell_of(costs, middle(ROBOTS[name], q[0]))
+    assert costs.cost[source] == 0.0
+    for best, sign, off in ((room + spare, 1.0, LEAST), (room - spare, -1.0, MOST)):
+        lack = np.clip((roomy - best) / (roomy - radius), 0.0, 1.0)
+        dear = np.where(best >= radius, costs.size * (1.0 + tightness * lack), np.inf)
+        # The goal's own cell is open in any case.
+        dear[source] = min(dear[source], costs.size * (1.0 + tightness))
+        expected = off * spelled_out(costs, dear, source)
+        # More room nowhere makes a way dearer.
+        assert (sign * costs.cost >= sign * expected - SINGLE * np.where(np.isfinite(expected), expected, 0.0))[
+            np.isfinite(costs.cost) | np.isfinite(expected)
+        ].all()
+
+
+def test_what_is_closed_off_is_infinitely_far() -> None:
+    walls = (Rectangle((10.0, 10.0), 1.0, 20.0),)
+    checker = StateChecker(World("wall", (0, 0, 20, 20), walls), Robot.rectangle(1.0, 0.6))
+    costs = CostToGo.of(checker, np.array([4.0, 10.0, 0.0]), 900)
+    assert np.isfinite(at(costs, 2.0, 2.0))
+    assert at(costs, 16.0, 10.0) == np.inf
+    assert at(costs, 10.0, 10.0) == np.inf
+
+
+def test_a_goal_where_there_is_no_room_to_spare_still_counts() -> None:
+    # In contact with two bounds, and in a slot just as wide as the robot.
+    walls = (Rectangle((10.0, 4.5), 4.0, 9.0), Rectangle((10.0, 15.5), 4.0, 9.0))
+    checker = StateChecker(World("slot", (0, 0, 20, 20), walls), Robot.disc(1.0))
+    corner, slot = (CostToGo.of(checker, np.array(goal), 1600) for goal in ((1.0, 1.0, 0.0), (10.0, 10.0, 0.0)))
+    assert at(corner, 1.0, 1.0) == 0.0
+    assert LEAST * 3.0 * math.sqrt(2.0) <= at(corner, 4.0, 4.0) < np.inf
+    assert at(slot, 10.0, 10.0) == 0.0
+
+
+def test_tight_places_are_dearer() -> None:
+    # A gap that the robot hardly fits on the straight way, one with room farther off.
+    walls = (
+        Rectangle((10.0, 4.425), 1.0, 8.85),
+        Rectangle((10.0, 12.075), 1.0, 3.85),
+        Rectangle((10.0, 19.5), 1.0, 1.0),
+    )
+    robot = Robot.rectangle(2.0, 1.2)
+    checker = StateChecker(World("gaps", (0, 0, 20, 20), walls), robot, cell=0.04)
+    goal = np.array([17.0, 9.5, 0.0])
+    plain, shy = (CostToGo.of(checker, goal, 1600, tightness) for tightness in (0.0, 6.0))
+    assert at(plain, 3.0, 9.5) == pytest.approx(14.0, abs=2.0 * plain.size)
+    # Around through the other gap, not seven times as dear through this one.
+    assert 14.0 + 2.0 < at(shy, 3.0, 9.5) < 30.0
+    reached = np.isfinite(plain.cost)
+    assert np.array_equal(reached, np.isfinite(shy.cost))
+    assert (shy.cost[reached] >= plain.cost[reached]).all()
+    # Not of what is left of a diagonal step once it is floored.
+    assert (DIAGONAL * shy.cost[reached] <= (7.0 + SINGLE) * plain.cost[reached]).all()
+
+
+def test_there_and_back_cost_the_same() -> None:
+    for seed in range(4):
+        world = random_world(seed, 30, size=30.0, radii=(0.5, 3.0), discs=0.3)
+        checker = StateChecker(world, ROBOTS["offset"])
+        q = np.random.default_rng(seed).uniform((0, 0, -math.pi), (30, 30, math.pi), (100, 3))
+        a, b = q[checker.valid(q)][:2]
+        there, back = (CostToGo.of(checker, end, 2000) for end in (b, a))
+        p, q0 = (middle(checker.robot, end) for end in (a, b))
+        # Integers do not mind in which order they are added.
+        assert there.cost[cell_of(there, p)] == back.cost[cell_of(back, q0)] > 0.0
+
+
+def test_straight_costs_hold_nothing() -> None:
+    assert CostToGo.straight().cost.size == 0

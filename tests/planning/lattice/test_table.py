@@ -1,0 +1,143 @@
+"""The table of a lattice search against a dict: what was taken down is found, what was not is not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from trailmark.planning.lattice.table import CHECKED, DONE, FEWEST, SEATED, VALID, Tree, entry_of, grown, new_tree
+
+Known = dict[int, tuple[int, float, int]]
+"""Of each node: what is known, cost, move."""
+
+BITS = 24
+
+nodes = st.one_of(
+    st.integers(0, 40),
+    st.integers(0, 2**63 - 2),
+    # As a lattice numbers them: heading, row, column.
+    st.builds(
+        lambda k, row, column: (k << 2 * BITS) + (row << BITS) + column,
+        st.integers(0, 63),
+        st.integers(0, 9),
+        st.integers(0, 9),
+    ),
+)
+entries = st.tuples(
+    st.sampled_from([0, CHECKED, DONE, CHECKED | VALID, CHECKED | VALID | DONE]),
+    st.floats(0.0, 1e6, width=32),
+    st.integers(0, 255),
+)
+
+
+def take_down(tree: Tree, node: int, entry: tuple[int, float, int]) -> None:
+    where = entry_of(tree, node)
+    assert tree.node[where] in (0, node + 1)
+    tree.node[where], tree.known[where], tree.cost[where], tree.move[where] = node + 1, *entry
+
+
+def contents(tree: Tree) -> Known:
+    """What a table holds, entry by entry."""
+    used = np.flatnonzero(tree.node)
+    found = {int(tree.node[i]) - 1: (int(tree.known[i]), float(tree.cost[i]), int(tree.move[i])) for i in used}
+    assert len(found) == len(used)
+    return found
+
+
+def room_for_one(tree: Tree, used: int) -> Tree:
+    """The table, grown if half of it would be used otherwise."""
+    return grown(tree) if 2 * (used + 1) > len(tree.node) else tree
+
+
+def agree(tree: Tree, known: Known) -> None:
+    assert contents(tree) == known
+    for node in known:
+        assert tree.node[entry_of(tree, node)] == node + 1
+
+
+@settings(max_examples=200)
+@given(written=st.lists(st.tuples(nodes, entries), max_size=60), others=st.lists(nodes, max_size=20))
+def test_the_table_is_a_dict(written: list[tuple[int, tuple[int, float, int]]], others: list[int]) -> None:
+    tree, known = new_tree(4), Known()
+    for node, entry in written:
+        tree = room_for_one(tree, len(known))
+        take_down(tree, node, entry)
+        known[node] = entry
+    agree(tree, known)
+    larger = grown(tree)
+    assert len(larger.node) == 2 * len(tree.node)
+    agree(larger, known)
+    # The old one is as it was.
+    agree(tree, known)
+    for table in (tree, larger):
+        for node in others:
+            where = entry_of(table, node)
+            assert table.node[where] == (node + 1 if node in known else 0)
+            if node not in known:
+                assert (table.known[where], table.cost[where], table.move[where]) == (0, 0.0, 0)
+        # Asking takes nothing down.
+        assert contents(table) == known
+
+
+def test_a_new_table_is_empty() -> None:
+    for tree, length in ((new_tree(), 1 << FEWEST), (new_tree(16), 16)):
+        assert {len(column) for column in tree[:-1]} == {length}
+        assert tree.retract.shape == (0, 3)
+        assert new_tree(length, True).retract.shape == (length, 3)
+        assert contents(tree) == {}
+        assert tree.node[entry_of(tree, 0)] == tree.node[entry_of(tree, 2**62)] == 0
+
+
+@pytest.mark.parametrize("place", [0, 5, 15])
+def test_nodes_that_collide_are_kept_apart(place: int) -> None:
+    # Eight that belong at the same place, the last one too, from where it goes on at the first.
+    empty = new_tree(16)
+    colliding = [node for node in range(10_000) if entry_of(empty, node) == place][:9]
+    tree, known = new_tree(16), Known()
+    for i, node in enumerate(colliding[:8]):
+        take_down(tree, node, (CHECKED, float(i), i))
+        known[node] = (CHECKED, float(i), i)
+        agree(tree, known)
+    assert sorted(np.flatnonzero(tree.node)) == sorted((place + i) % 16 for i in range(8))
+    # One that is not there is not taken for any of them.
+    assert entry_of(tree, colliding[8]) == (place + 8) % 16
+    agree(grown(tree), known)
+
+
+def test_what_is_known_are_bits() -> None:
+    bits = (CHECKED, VALID, DONE, SEATED)
+    assert len(set(bits)) == 4
+    assert all(bit and bit & (bit - 1) == 0 for bit in bits)
+
+
+def test_seats_move_with_their_nodes_when_the_table_grows() -> None:
+    tree = new_tree(16, True)
+    retracts = {node: np.array([float(node), -1.0, 0.5]) for node in (3, 40, 1 << 50)}
+    for node, q in retracts.items():
+        take_down(tree, node, (VALID | SEATED, 1.0, 2))
+        tree.retract[entry_of(tree, node)] = q
+    larger = grown(tree)
+    assert larger.retract.shape == (32, 3)
+    for node, q in retracts.items():
+        assert (larger.retract[entry_of(larger, node)] == q).all()
+
+
+@pytest.mark.parametrize("headings", [1, 8, 16, 64])
+@pytest.mark.parametrize("entries", [1 << FEWEST, 1 << 12, 1 << 16])
+def test_nodes_of_a_lattice_are_found_where_they_belong_or_nearly(headings: int, entries: int) -> None:
+    # A square of positions in all headings, as many as a table is to hold.
+    side = math.isqrt(entries // 2 // headings)
+    empty, tree, away = new_tree(entries), new_tree(entries), []
+    for row in range(700, 700 + side):
+        for column in range(1000, 1000 + side):
+            for k in range(headings):
+                node = (k << 2 * BITS) + (row << BITS) + column
+                where = entry_of(tree, node)
+                tree.node[where] = node + 1
+                away.append((where - entry_of(empty, node)) % entries)
+    # By chance it would be half an entry, at half of the entries in use.
+    assert np.mean(away) < 1.0

@@ -1,0 +1,85 @@
+"""Proofs in the background: found, not found, cancelled; threads that end."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from trailmark.collision import StateChecker
+from trailmark.planning import LandmarkPlanner, rounds
+from trailmark.planning.proofs import enclosed
+from trailmark.planning.proofs.background import BackgroundProof
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+ROD = Robot.rectangle(2.0, 0.2)
+SLIT = World(
+    "slit",
+    (0, 0, 8, 6),
+    (
+        Rectangle((4.0, 1.4), 0.5, 2.8),
+        Rectangle((4.0, 4.6), 0.5, 2.8),
+    ),
+    ROD,
+)
+"""A wall with a gap 0.4 m wide, which the rod gets through straight on."""
+SHUT = World("shut", (0, 0, 8, 6), (*SLIT.obstacles, Rectangle((3.2, 3.0), 0.2, 1.8)), ROD)
+"""The same gap with a pillar before it, which the inscribed disc gets around."""
+
+ENDS = (np.array([1.5, 3.0, 1.5]), np.array([6.5, 3.0, 1.5]))
+
+
+def others() -> int:
+    return sum(thread.name == "proof of infeasibility" for thread in threading.enumerate())
+
+
+def test_a_proof_is_found() -> None:
+    proof = BackgroundProof(StateChecker(SHUT), *ENDS, 60.0)
+    proof.begin()
+    proof.wait(60.0)
+    assert proof.found
+    proof.end()
+    assert others() == 0
+
+
+def test_nothing_is_found_where_there_is_a_path() -> None:
+    assert LandmarkPlanner(SLIT, seed=0).plan(*ENDS, 20.0, max_iterations=4).status == "solved"
+    proof = BackgroundProof(StateChecker(SLIT), *ENDS, 0.3)
+    proof.begin()
+    proof.wait(60.0)
+    assert not proof.found
+    assert others() == 0
+
+
+def test_what_is_no_longer_wanted_ends_soon() -> None:
+    enclosed(StateChecker(SHUT), *ENDS)
+    proof = BackgroundProof(StateChecker(SLIT), *ENDS, 600.0)
+    proof.begin()
+    begin = time.perf_counter()
+    proof.cancel()
+    proof.end()
+    assert time.perf_counter() - begin < 60.0  # of 600 s that it was given
+    assert not proof.found
+    assert others() == 0
+
+
+def test_planning_ends_with_the_proof_and_leaves_no_thread() -> None:
+    result = LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0)
+    assert result.status == "infeasible"
+    assert others() == 0
+    # Asked for rounds instead of time, the same.
+    assert LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0, max_iterations=2).status == "infeasible"
+
+
+def test_an_error_ends_the_thread_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(self: rounds.Rounds, *arguments: object) -> None:
+        assert others() == 1
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(rounds.Rounds, "_refine", fail)
+    with pytest.raises(KeyboardInterrupt):
+        LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0)
+    assert others() == 0

@@ -1,0 +1,280 @@
+"""Many queries on one roadmap: paths judged by shapely alone, the same whoever asks, and nothing left behind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+from numpy.typing import NDArray
+
+from trailmark import LandmarkPlanner
+from trailmark.errors import ConfigurationError, TrailmarkError
+from trailmark.landmarks import free_samples
+from trailmark.motion.translation import turned_evenly
+from trailmark.planning.batch import each
+from trailmark.planning.growth import grow_general
+from trailmark.roadmap import Roadmap
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+Judge = Callable[..., float]
+
+WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
+
+
+def planner_for(name: str) -> LandmarkPlanner:
+    return LandmarkPlanner(WORLD, ROBOTS[name], seed=4)
+
+
+def queries(planner: LandmarkPlanner, n: int, seed: int = 8) -> tuple[FloatArray, FloatArray]:
+    """Return starts and goals in one part of the world, some of them at any heading for a disc too."""
+    ends = free_samples(planner.checker, 4 * n, random_state=seed)
+    reached = planner.relaxation.component(ends[0])
+    ends = ends[reached[planner.relaxation.cells(planner.relaxation.disc_centers(ends))]][: 2 * n]
+    if not planner.checker.footprint.disc_radius < 0.0:
+        ends[:, 2] = np.random.default_rng(seed).uniform(-3.0, 3.0, len(ends))
+    return ends[::2], ends[1::2]
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
+def test_paths_are_valid_bounded_and_leave_nothing_behind(name: str, judge: Judge) -> None:
+    planner = planner_for(name)
+    planner.build(1500)
+    starts, goals = queries(planner, 40)
+    # Here what is new to the roadmap is learnt.
+    assert {r.status for r in planner.plan_many(starts, goals, time_limit=20.0, max_iterations=4)} == {"solved"}
+    nodes, edges = len(planner.roadmap), len(planner.roadmap.edges)
+    seen: list[tuple[int, int]] = []
+    results = planner.plan_many(starts, goals, on_progress=lambda done, of: seen.append((done, of)))
+    assert seen == [(i + 1, 40) for i in range(40)]
+    assert [r.status for r in results] == ["solved"] * 40
+    assert (len(planner.roadmap), len(planner.roadmap.edges)) == (nodes, edges)
+    for start, goal, result in zip(starts, goals, results, strict=True):
+        assert result.path is not None
+        cost = judge(WORLD, planner.robot, start, goal, result.path.states)
+        assert result.path.cost == pytest.approx(cost, abs=1e-9)
+        assert result.lower_bound is not None
+        assert result.first_cost is not None
+        straight = math.dist(start[:2], goal[:2])
+        assert straight - 1e-9 <= result.lower_bound <= cost + 1e-9
+        costs = [c for _, c in result.history]
+        assert costs[0] == result.first_cost
+        assert costs == sorted(costs, reverse=True)
+        assert costs[-1] == pytest.approx(cost)
+        times = [t for t, _ in result.history]
+        assert times == sorted(times)
+        assert result.time["first_solution"] == times[0]
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle"])
+def test_paths_are_nearly_as_short_as_plans(name: str) -> None:
+    planner = planner_for(name)
+    starts, goals = queries(planner, 12)
+    many = np.array([r.cost for r in planner.plan_many(starts, goals)], dtype=np.float64)
+    one = LandmarkPlanner(WORLD, ROBOTS[name], seed=5, checker=planner.checker)
+    single = [one.plan(a, b, time_limit=30.0, max_iterations=3).cost for a, b in zip(starts, goals, strict=True)]
+    ratio = many / np.minimum(many, np.array(single, dtype=np.float64))
+    assert np.median(ratio) < 1.03
+    assert ratio.max() < 1.5
+
+
+def test_answers_do_not_depend_on_the_number_of_threads() -> None:
+    answers = []
+    for workers in (1, 2, 5):
+        planner = planner_for("rectangle")
+        planner.build(800)
+        starts, goals = queries(planner, 40)
+        # One query is planned until it settles, which takes a minute on a busy machine.
+        answers.append(planner.plan_many(starts, goals, time_limit=600.0, workers=workers))
+    for other in answers[1:]:
+        for a, b in zip(answers[0], other, strict=True):
+            assert (a.status, a.lower_bound, a.first_cost) == (b.status, b.lower_bound, b.first_cost)
+            assert a.path == b.path
+
+
+def test_many_threads_ask_one_planner_while_it_grows() -> None:
+    planner = planner_for("L")
+    planner.build(6000)
+    starts, goals = queries(planner, 40)
+    # What the roadmap does not answer, it would learn.
+    known = [planner._ready().find_path(a.copy(), b.copy()) is not None for a, b in zip(starts, goals, strict=True)]
+    starts, goals = starts[known], goals[known]
+    assert len(starts) > 30
+    nodes = len(planner.roadmap)
+    expected = planner.plan_many(starts, goals, time_limit=60.0)
+
+    def ask(_: int) -> bool:
+        found = planner.plan_many(starts, goals, time_limit=60.0, workers=2)
+        return all(a.path == b.path for a, b in zip(expected, found, strict=True))
+
+    def grow(i: int) -> bool:
+        # What is known already adds nothing.
+        with planner._growing:
+            planner.roadmap.add(free_samples(planner.checker, 20, random_state=i))
+        return planner.plan(starts[i], goals[i], time_limit=60.0, max_iterations=1).status == "solved"
+
+    with ThreadPoolExecutor(4) as threads:
+        growing = [threads.submit(grow, i) for i in range(2)]
+        asking = [threads.submit(ask, i) for i in range(4)]
+        assert all(task.result() for task in [*asking, *growing])
+    assert nodes < len(planner.roadmap) < 1.1 * nodes
+
+
+def test_what_the_roadmap_does_not_answer_is_planned() -> None:
+    # Ten landmarks in a world of sixty obstacles answer next to nothing.
+    planner = planner_for("rectangle")
+    planner.build(10)
+    starts, goals = queries(planner, 6)
+    results = planner.plan_many(starts, goals, time_limit=20.0, max_iterations=8)
+    assert {r.status for r in results} == {"solved"}
+    assert len(planner.roadmap) > 10
+
+
+def test_infeasible_queries_are_proven_so() -> None:
+    walled = World("walled", (0, 0, 10, 6), (Rectangle((5, 3), 0.5, 6.0),))
+    planner = LandmarkPlanner(walled, Robot.rectangle(1.0, 0.5), seed=1)
+    results = planner.plan_many([(1, 1, 0), (1, 1, 0)], [(9, 1, 0), (2, 5, 1)])
+    assert [r.status for r in results] == ["infeasible", "solved"]
+    assert results[0].path is None
+
+
+def test_a_car_is_planned_one_by_one() -> None:
+    world = World("open", (0, 0, 20, 20), (Rectangle((10, 10), 1.0, 4.0),))
+    planner = LandmarkPlanner(world, Robot.rectangle(1.0, 0.5).steered(1.0), seed=1)
+    results = planner.plan_many([(2, 2, 0), (2, 5, 1)], [(18, 18, 0), (15, 5, 1)], max_iterations=2, time_limit=30.0)
+    assert [r.status for r in results] == ["solved"] * 2
+
+
+def test_no_queries() -> None:
+    assert planner_for("disc").plan_many(np.empty((0, 3)), np.empty((0, 3))) == []
+
+
+def test_without_bounds_the_straight_distance_is_reported() -> None:
+    planner = planner_for("disc")
+    planner.build(300)
+    starts, goals = queries(planner, 5)
+    for start, goal, result in zip(starts, goals, planner.plan_many(starts, goals, bounds=False), strict=True):
+        turn = abs(math.atan2(math.sin(goal[2] - start[2]), math.cos(goal[2] - start[2])))
+        assert result.lower_bound == pytest.approx(math.dist(start[:2], goal[:2]) + 0.5 * turn)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"time_limit": 0.0}, r"time limit: expected more than 0, got 0\.0 s"),
+        ({"workers": 0}, "workers: expected a whole number, 1 or more, got 0"),
+        ({"max_iterations": 0}, "max iterations: expected a whole number, 1 or more, got 0"),
+        ({"starts": [(1, 1)]}, r"starts: expected shape \(3,\) or \(n, 3\) for x, y, theta, got \(1, 2\)"),
+        ({"starts": [(5, 5, 0)] * 3}, "3 starts and 2 goals given, allowed: as many"),
+        ({"goals": [(9, 9, 0), (-1, 5, 0)]}, r"goal 1 \(-1, 5, 0\) is not valid"),
+    ],
+)
+def test_bad_arguments(change: dict[str, object], message: str) -> None:
+    open_world = World("open", (0, 0, 10, 10))
+    planner = LandmarkPlanner(open_world, Robot.disc(0.3), seed=0)
+    arguments: dict[str, object] = {"starts": [(1, 1, 0), (2, 2, 0)], "goals": [(9, 9, 0), (5, 5, 0)], **change}
+    with pytest.raises(ConfigurationError, match=message):
+        planner.plan_many(**arguments)  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_a_general_roadmap_stops_where_more_would_not_help() -> None:
+    planner = LandmarkPlanner(World("open", (0, 0, 10, 10)), Robot.disc(0.3), seed=0)
+    told: list[int] = []
+    roadmap = Roadmap(planner.checker)
+    rounds, graph, whole = grow_general(
+        roadmap, planner.relaxation, np.random.default_rng(0), told=lambda: told.append(len(roadmap))
+    )
+    assert whole
+    assert len(graph) == len(roadmap) == told[-1]
+    assert len(told) == 8
+    assert [r.solved for r in rounds] == [r.probes for r in rounds]
+    assert len(rounds) == 2
+    full = LandmarkPlanner(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4.0, 4.0),)), Robot.disc(0.5), seed=0)
+    with pytest.raises(TrailmarkError, match="no free place for the robot was found"):
+        full._ready()
+
+
+def test_building_keeps_to_the_time_and_goes_on_later() -> None:
+    planner = planner_for("rectangle")
+    left = iter([0.0])
+    rounds, graph, whole = grow_general(
+        planner.roadmap, planner.relaxation, np.random.default_rng(0), seconds_left=lambda: next(left)
+    )
+    # One part, then the time was up.
+    assert not rounds
+    assert not whole
+    assert 10 <= len(planner.roadmap) <= 16
+    assert len(graph) == len(planner.roadmap)
+    seen: list[tuple[int, int]] = []
+    starts, goals = queries(planner, 8)
+    results = planner.plan_many(starts, goals, 60.0, on_progress=lambda done, of: seen.append((done, of)))
+    assert {r.status for r in results} == {"solved"}
+    # Reports while it is built, then for each query.
+    building = [entry for entry in seen if entry == (0, 8)]
+    assert len(building) >= 4
+    assert seen[len(building) :] == [(i + 1, 8) for i in range(8)]
+    assert len(planner.roadmap) > 1_000
+
+
+def test_many_queries_can_be_stopped() -> None:
+    planner = planner_for("rectangle")
+    starts, goals = queries(planner, 8)
+    results = planner.plan_many(starts, goals, 60.0, stop=lambda: True)
+    assert [r.status for r in results] == ["timeout"] * 8
+    assert all(
+        r.path is None and r.lower_bound == pytest.approx(math.dist(a[:2], b[:2]), abs=2.0)
+        for r, a, b in zip(results, starts, goals, strict=True)
+    )
+    # Hardly anything was built; the next call goes on with it.
+    assert len(planner.roadmap) <= 16
+    asked = [0]
+
+    def later() -> bool:
+        asked[0] += 1
+        return asked[0] > 40
+
+    some = planner.plan_many(starts, goals, 60.0, stop=later)
+    assert len(some) == 8
+    assert {r.status for r in planner.plan_many(starts, goals, 60.0)} == {"solved"}
+
+
+def test_landmarks_that_were_asked_for_keep_to_half_of_the_limit() -> None:
+    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=100_000)
+    starts, goals = queries(planner, 1)
+    result = planner.plan(starts[0], goals[0], 0.5)
+    assert result.status == "solved"
+    assert 16 <= result.landmarks < 100_000
+    before = planner._to_place
+    assert 0 < before < 100_000
+    planner.plan(starts[0], goals[0], 0.5)
+    assert planner._to_place < before
+
+
+def test_each_stops_at_the_first_exception() -> None:
+    done: list[int] = []
+
+    def work(i: int) -> None:
+        if i == 3:
+            raise KeyboardInterrupt
+        done.append(i)
+
+    for workers in (1, 2):
+        done.clear()
+        with pytest.raises(KeyboardInterrupt):
+            each(work, 10_000, workers, None)
+        assert len(done) < 10_000
+
+
+def test_a_disc_turns_evenly() -> None:
+    states = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 3.0, 0.0]])
+    turned = turned_evenly(states, np.array([0.0, 0.0, 3.0]), np.array([1.0, 3.0, -3.0]))
+    step = 2.0 * math.pi - 6.0
+    assert turned[:, 2] == pytest.approx([3.0, 3.0 + 0.25 * step, -3.0])
+    assert np.array_equal(turned[:, :2], states[:, :2])
+    still = turned_evenly(np.zeros((2, 3)), np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    assert still[:, 2].tolist() == [0.0, 1.0]

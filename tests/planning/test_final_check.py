@@ -1,0 +1,243 @@
+"""The last look: it finds the paths that collide, by shapely's word, and lets those pass that do not."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+import shapely
+from benchmarks.random_worlds import ROBOTS, random_world
+
+from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2
+from trailmark.errors import InternalErrorWarning
+from trailmark.planning import solve as solving
+from trailmark.planning.final_check import RIM, FinalCheck
+from trailmark.planning.proofs import LowerBound
+from trailmark.planning.query import Query
+from trailmark.planning.result import PlanProgress, Status
+from trailmark.shapes import Rectangle
+
+KINDS = ["disc", "rectangle", "L", "thin"]
+
+
+def obstacles_of(world: World) -> shapely.Geometry:
+    """Return all that blocks, discs as polygons that lie within them by up to 1e-4 of their radius."""
+    shapes = [
+        shapely.Point(s.center).buffer(s.radius, quad_segs=64) if isinstance(s, Disc) else s.polygon().shapely()
+        for s in world.obstacles
+    ]
+    xmin, ymin, xmax, ymax = world.bounds
+    frame = shapely.box(xmin - 99, ymin - 99, xmax + 99, ymax + 99)
+    shapes.append(shapely.difference(frame, shapely.box(*world.bounds)))
+    if world.boundary is not None:
+        shapes.append(shapely.difference(shapely.box(*world.bounds), world.boundary.shapely()))
+    return shapely.union_all(shapes)
+
+
+def depths(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
+    """Return how far (metres) the robot reaches into obstacles at each state, 0 where it is free."""
+    blocked = obstacles_of(world)
+    shapely.prepare(blocked)
+    if isinstance(robot.footprint, Disc):
+        r = robot.footprint.radius
+        return np.asarray(np.maximum(0.0, r - shapely.distance(shapely.points(states[:, :2]), blocked)))
+    bodies = shapely.polygons(se2.transform(states, robot.outline.vertices))
+    hit = shapely.intersects(blocked, bodies)
+    found = np.zeros(len(states))
+    for i in np.flatnonzero(hit):
+        overlap = shapely.intersection(blocked, bodies[i])
+        # At least the radius of the largest disc in the overlap.
+        found[i] = shapely.length(shapely.maximum_inscribed_circle(overlap)) if overlap.area > 0.0 else 0.0
+    return found
+
+
+def look(world: World, robot: Robot, states: np.ndarray) -> str | None:
+    path = Path(states)
+    return FinalCheck(world, robot).fault(path, path.states[0], path.states[-1])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("offset", [0.0, 1e6])
+def test_random_motions_agree_with_dense_sampling(kind: str, offset: float) -> None:
+    robot = ROBOTS[kind]
+    origin = (offset, -offset)
+    world = random_world(5, 25, size=30.0, radii=(0.3, 2.0), discs=0.3, holes=0.4, boundary=True, origin=origin)
+    rng = np.random.default_rng(2)
+    faulty = free = 0
+    final = FinalCheck(world, robot)
+    for _ in range(80):
+        states = np.empty((2, 3))
+        states[0] = *rng.uniform(3, 27, 2), rng.uniform(-np.pi, np.pi)
+        states[1] = states[0] + rng.normal(0, (2, 2, 1.5))
+        states[:, :2] += origin
+        path = Path(states)
+        depth = depths(world, robot, path.resample(0.02).states).max()
+        fault = final.fault(path, path.states[0], path.states[-1])
+        # Discs are polygons here; what overlaps by less is left open.
+        if depth > 1e-3:
+            assert fault is not None
+            faulty += 1
+        elif fault is None:
+            free += 1
+        else:
+            # Sampling may have missed a corner, by less than a corner of 45 degrees moves between two samples.
+            assert depths(world, robot, path.resample(2e-4).states).max() > 0.0
+    assert faulty > 10
+    assert free > 5
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("depth", [3e-6, 1e-5, 1e-3, 0.1])
+def test_an_obstacle_pushed_into_a_path_is_found(kind: str, depth: float) -> None:
+    """Grazing from all sides: a disc is put beside a swept path and pushed in by a little more than the rim."""
+    robot = ROBOTS[kind]
+    rng = np.random.default_rng(3)
+    for _ in range(12):
+        states = np.array([[10, 10, rng.uniform(-3, 3)], [*rng.uniform(11, 15, 2), rng.uniform(-3, 3)]])
+        path = Path(states)
+        fine = path.resample(1e-3).states
+        if isinstance(robot.footprint, Disc):
+            reach, bodies = robot.footprint.radius, shapely.points(fine[:, :2])
+        else:
+            reach, bodies = 0.0, shapely.polygons(se2.transform(fine, robot.outline.vertices))
+        at = path.at(0.5)[:2] + 8.0 * np.array([np.cos(a := rng.uniform(-3, 3)), np.sin(a)])
+        gap = float(shapely.distance(shapely.Point(at), bodies).min()) - reach
+        for radius, expected in ((gap - depth, False), (gap + depth + 2 * RIM, True)):
+            world = World("graze", (-20, -20, 40, 40), (Disc((float(at[0]), float(at[1])), radius),))
+            assert (look(world, robot, states) is not None) == expected
+
+
+def test_what_lies_inside_is_found_without_an_edge_being_met() -> None:
+    robot = Robot.rectangle(4.0, 4.0)
+    inside = World("in", (0, 0, 20, 20), (Rectangle((10.0, 10.0), 0.1, 0.1),))
+    assert look(inside, robot, np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
+    within = World("out", (0, 0, 20, 20), (Rectangle((10.0, 10.0), 12.0, 12.0),))
+    assert look(within, robot, np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
+    assert look(within, Robot.disc(1.0), np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
+    around = World("disc", (0, 0, 20, 20), (Disc((10.0, 10.0), 0.1),))
+    assert look(around, robot, np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
+    lake = World("lake", (0, 0, 20, 20), boundary=Polygon(np.array([[1, 1], [9, 1], [9, 9], [1, 9]])))
+    assert look(lake, robot, np.array([[15, 15, 0], [15.1, 15, 0]])) is not None
+    assert look(lake, robot, np.array([[5, 5, 0], [5.1, 5, 0]])) is None
+
+
+def test_a_path_of_other_ends_is_refused() -> None:
+    world, robot = World("w", (0, 0, 10, 10)), Robot.disc(0.5)
+    path = Path(np.array([[1.0, 1, 0], [2, 2, 0]]))
+    final = FinalCheck(world, robot)
+    assert final.fault(path, np.array([1, 1, 0]), np.array([2, 2, 0])) is None
+    assert "goal" in str(final.fault(path, np.array([1, 1, 0]), np.array([2, 2, 1e-9])))
+    assert "start" in str(final.fault(path, np.array([1, 1.1, 0]), np.array([2, 2, 0])))
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_curves_agree_with_dense_sampling(reverse: bool) -> None:
+    world = random_world(7, 20, size=30.0, radii=(0.3, 1.5), discs=0.3, holes=0.0, boundary=False)
+    robot = Robot.rectangle(2.0, 1.0).steered(2.0, reverse)
+    final, steering = FinalCheck(world, robot), Steering(2.0, reverse)
+    rng = np.random.default_rng(4)
+    faulty = free = 0
+    for _ in range(100):
+        knots = np.column_stack([rng.uniform(3, 27, (3, 2)), rng.uniform(-3, 3, 3)])
+        knots[1:, :2] = knots[0, :2] + rng.normal(0, 2, (2, 2))
+        path = CurvePath(knots, steering)
+        depth = depths(world, robot, path.resample(0.02).states).max()
+        fault = final.fault(path, path.states[0], path.states[-1])
+        if depth > 1e-3:
+            assert fault is not None
+            faulty += 1
+        elif fault is None:
+            free += 1
+        else:
+            assert depths(world, robot, path.resample(2e-4).states).max() > 0.0
+    assert faulty > 10
+    assert free > 5
+
+
+WALL = World("wall", (0, 0, 10, 4), (Rectangle((5.0, 1.0), 0.5, 2.0),))
+START, GOAL = (1.0, 1.0, 0.0), (9.0, 1.0, 0.0)
+
+
+def test_a_wrong_path_is_reported_and_planning_goes_on(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The search is made to return a path through the wall at first: nobody gets to see it."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    right = solving.solve
+    wrong: list[bool] = []
+
+    def solve(query: Query, bound: LowerBound | None) -> Status:
+        if not wrong:
+            wrong.append(True)
+            query.offer(np.array([START, GOAL]))
+            return "solved"
+        return right(query, bound)
+
+    planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
+    monkeypatch.setattr("trailmark.planning.planner.solve", solve)
+    seen: list[PlanProgress] = []
+    with pytest.warns(InternalErrorWarning, match="not free"):
+        result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1, on_progress=seen.append)
+    assert result.status == "solved"
+    assert result.path is not None
+    assert FinalCheck(WALL, Robot.disc(0.4)).fault(result.path, *np.array([START, GOAL])) is None
+    assert all(p.path is None or p.path.length > 8.1 for p in seen)
+    (file,) = tmp_path.glob("trailmark-internal-error-*.yaml")
+    again = World.load(file)
+    assert again.obstacles == WALL.obstacles
+    assert again.query("failed").goal == GOAL
+
+
+def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath) -> None:
+    from trailmark.planning.batch import BatchSolver
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    straight = np.array([START, GOAL])
+
+    def solve(query: Query, bound: LowerBound | None) -> Status:
+        query.offer(straight)
+        return "solved"
+
+    planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
+    monkeypatch.setattr("trailmark.planning.planner.solve", solve)
+    answer = BatchSolver.answer
+
+    def wrong(self: BatchSolver, *arguments: object) -> object:
+        found = answer(self, *arguments)  # type: ignore[arg-type]  # handed on as they came
+        found.states = straight
+        return found
+
+    monkeypatch.setattr(BatchSolver, "answer", wrong)
+    with pytest.warns(InternalErrorWarning):
+        result = planner.plan(START, GOAL, time_limit=1.0)
+    assert (result.status, result.path) == ("timeout", None)
+    with pytest.warns(InternalErrorWarning):
+        (result,) = planner.plan_many([START], [GOAL], time_limit=1.0)
+    assert (result.status, result.path) == ("timeout", None)
+
+
+@pytest.mark.parametrize("robot", [Robot.disc(0.4), Robot.rectangle(0.8, 0.4).steered(0.5)])
+def test_a_lower_bound_above_a_cost_is_not_told(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath, robot: Robot
+) -> None:
+    from trailmark.planning.proofs.bound import Bound, LowerBound
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    planner = LandmarkPlanner(WALL, robot, seed=0)
+    monkeypatch.setattr(LowerBound, "of", lambda *arguments: Bound(40.0, np.empty((0, 2))))
+    with pytest.warns(InternalErrorWarning, match="lower bound of 40"):
+        result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1)
+    assert result.status == "solved"
+    assert result.cost is not None
+    assert result.lower_bound == pytest.approx(8.0)
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_good_paths_cause_no_warning() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for robot in (Robot.disc(0.4), Robot.rectangle(0.8, 0.4), Robot.rectangle(0.8, 0.4).steered(0.5)):
+            result = LandmarkPlanner(WALL, robot, seed=0).plan(START, GOAL, time_limit=5.0)
+            assert result.status == "solved"

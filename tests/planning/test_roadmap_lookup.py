@@ -1,0 +1,132 @@
+"""A kept roadmap helps and never hinders: counted work on it against that of a fresh planner."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+from benchmarks.repeated import ask, random_pairs
+from numpy.typing import NDArray
+
+from trailmark import LandmarkPlanner
+from trailmark.collision import StateChecker
+from trailmark.planning.roadmap_lookup import AT_ONCE, RoadmapLookup
+from trailmark.planning.settings import PlannerSettings
+from trailmark.roadmap import Roadmap
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+FloatArray = NDArray[np.float64]
+Judge = Callable[..., float]
+
+LONG = 30.0
+
+WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
+
+MAX_KEPT = PlannerSettings().max_kept_nodes
+
+
+def planner_for(name: str = "rectangle", checker: StateChecker | None = None) -> LandmarkPlanner:
+    return LandmarkPlanner(WORLD, ROBOTS[name], seed=4, checker=checker)
+
+
+@pytest.mark.parametrize("name", ["rectangle"])
+def test_the_same_query_again_and_again_costs_no_more(name: str, judge: Judge) -> None:
+    kept = planner_for(name)
+    start, goal = random_pairs(kept, 1, 3)[0]
+    fresh = ask(planner_for(name, checker=kept.checker), start, goal, LONG, max_iterations=1)
+    sizes, efforts, costs = [], [], []
+    for _ in range(300):
+        result, effort = ask(kept, start, goal, LONG, max_iterations=1)
+        assert result.path is not None
+        sizes.append((len(kept.roadmap), len(kept.roadmap.edges)))
+        efforts.append(effort)
+        costs.append(result.path.cost)
+    # It hardly grows once it knows the query, and answers it at less cost than the first time.
+    assert sizes[-1][0] <= sizes[0][0] + 50
+    assert sizes[-1] == sizes[100]
+    assert max(efforts[1:]) <= max(fresh.effort, AT_ONCE + 24)
+    assert np.mean(efforts[1:]) <= fresh.effort
+    assert costs[-1] <= 1.03 * costs[0]
+    assert result.path is not None
+    judge(WORLD, kept.robot, start, goal, result.path.states)
+
+
+@pytest.mark.parametrize("name", ["rectangle", "disc"])
+def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> None:
+    kept = planner_for(name)
+    pairs = random_pairs(kept, 60, 5)
+    efforts: dict[str, list[int]] = {"kept": [], "fresh": []}
+    sizes = []
+    for i, (start, goal) in enumerate(pairs):
+        fresh = LandmarkPlanner(WORLD, kept.robot, seed=i, checker=kept.checker)
+        for which, planner in (("kept", kept), ("fresh", fresh)):
+            result, effort = ask(planner, start, goal, LONG, max_iterations=1)
+            assert result.status == "solved"
+            efforts[which].append(effort)
+        sizes.append(len(kept.roadmap))
+    for of_kept, of_fresh in zip(efforts["kept"], efforts["fresh"], strict=True):
+        # At worst what the first look took, and a share of what all else took besides.
+        assert of_kept <= 1.5 * of_fresh + AT_ONCE + 24
+    assert np.mean(efforts["kept"][30:]) <= np.mean(efforts["fresh"][30:]) + 0.5 * AT_ONCE
+    assert sizes[-1] <= MAX_KEPT
+    # What it grows by becomes less.
+    assert sizes[-1] - sizes[30] < sizes[30]
+
+
+def test_a_large_roadmap_grows_by_what_it_does_not_know_alone(judge: Judge) -> None:
+    planner = planner_for()
+    planner.build(MAX_KEPT + 500)
+    nodes, edges = len(planner.roadmap), len(planner.roadmap.edges)
+    assert nodes > MAX_KEPT
+    pairs = random_pairs(planner, 20, 6)
+    for start, goal in pairs:
+        result = planner.plan(start, goal, LONG, max_iterations=1)
+        assert result.path is not None
+        judge(WORLD, planner.robot, start, goal, result.path.states)
+    # No landmarks; a path here and there.
+    assert len(planner.roadmap) - nodes <= 5 * len(pairs)
+    assert len(planner.roadmap.edges) - edges <= 5 * len(pairs) * 40
+
+
+def test_a_query_that_nobody_can_answer_does_not_fill_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    # The way is barred to the robot, not to its disc, and no proof is sought.
+    walls = (Rectangle((5.0, 1.4), 0.4, 2.8), Rectangle((5.0, 6.2), 0.4, 5.6), Rectangle((4.3, 3.1), 0.2, 1.0))
+    world = World("barred", (0, 0, 10, 9), walls, Robot.rectangle(2.0, 0.4))
+    monkeypatch.setattr("trailmark.planning.proofs.prover.Prover.begin_in_background", lambda self: None)
+    planner = LandmarkPlanner(world, seed=0, settings=PlannerSettings(max_kept_nodes=600))
+    sizes = []
+    for _ in range(12):
+        result = planner.plan((2.0, 4.0, 1.5), (8.0, 4.0, 1.5), LONG, max_iterations=2)
+        assert result.path is None
+        sizes.append(len(planner.roadmap))
+    assert sizes[-1] == sizes[-4]
+    # One query may need more than there is room for; no other one goes on from there.
+    assert sizes[-1] < 5_000
+
+
+def test_looks_within_a_budget() -> None:
+    planner = planner_for()
+    planner.build(400)
+    (pair,) = random_pairs(planner, 1, 9)
+    lookup = RoadmapLookup(planner.roadmap, *pair)
+    nodes = len(planner.roadmap)
+    lookup.known_at_once()
+    assert lookup.taken <= AT_ONCE + 24
+    before = lookup.taken
+    if not lookup.complete:
+        # Too little more for a search to begin anew.
+        assert len(lookup.search(before + 1)) == 0 or lookup.complete
+    found = lookup.search(1e9)
+    assert lookup.complete
+    assert len(lookup.search(1e12)) == 0
+    if len(found):
+        assert np.array_equal(found[[0, -1]], pair)
+        assert planner.checker.motions_valid(found[:-1], found[1:]).all()
+    assert len(planner.roadmap) == nodes
+    nothing = RoadmapLookup(Roadmap(planner.checker), *pair)
+    assert nothing.complete
+    assert len(nothing.known_at_once()) == len(nothing.search(1e9)) == len(nothing.search_for_better(np.inf, 100)) == 0
+    assert nothing.taken == 0
