@@ -12,6 +12,8 @@ The exit status is 1 if memory grew by more than 20 MB after the warm-up, querie
 from __future__ import annotations
 
 import argparse
+import ctypes
+import gc
 import json
 import math
 import os
@@ -22,6 +24,8 @@ import time
 import traceback
 import warnings
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -103,7 +107,11 @@ def problems(seed: int) -> list[Problem]:
 
 
 def resident() -> float:
-    """Return the memory in use by this process, MB."""
+    """Return the memory that this process holds on to, MB: garbage collected, free pages given back."""
+    gc.collect()
+    if sys.platform == "linux":
+        # Each thread frees into a pool of its own, which the C library keeps.
+        ctypes.CDLL(None).malloc_trim(0)
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -123,6 +131,8 @@ class Soak:
         self.wrong: list[str] = []
         self._lock = threading.Lock()
         self._end = threading.Event()
+        self._idle = threading.Condition()
+        self._busy, self._paused = 0, False
 
     def start(self, threads: int) -> None:
         """Let threads begin."""
@@ -135,6 +145,17 @@ class Soak:
         self._end.set()
         for thread in self._threads:
             thread.join()
+
+    @contextmanager
+    def pause(self) -> Iterator[None]:
+        """Hold the threads between two actions, so that what is measured is what stays, not what they work on."""
+        with self._idle:
+            self._paused = True
+            self._idle.wait_for(lambda: self._busy == 0)
+        yield
+        with self._idle:
+            self._paused = False
+            self._idle.notify_all()
 
     def take(self) -> tuple[dict[str, float], dict[str, int]]:
         """Return the median processor time (ms) of a query of each kind since the last call, and all counts."""
@@ -150,11 +171,18 @@ class Soak:
         while not self._end.is_set():
             action = actions[int(rng.choice(len(actions), p=(0.6, 0.2, 0.1, 0.05, 0.05)))]
             problem = self.problems[int(rng.integers(len(self.problems)))]
+            with self._idle:
+                self._idle.wait_for(lambda: not self._paused)
+                self._busy += 1
             try:
                 action(problem, rng)
             except Exception:
                 with self._lock:
                     self.wrong.append(f"{problem.name}: {traceback.format_exc(limit=-3)}")
+            finally:
+                with self._idle:
+                    self._busy -= 1
+                    self._idle.notify_all()
 
     def _plan(self, problem: Problem, rng: np.random.Generator, again: bool = False) -> None:
         i, j = (0, 1) if again else rng.choice(len(problem.states), 2, replace=False)
@@ -236,10 +264,12 @@ def measure(minutes: float, threads: int, seed: int) -> dict[str, Any]:
         for k in range(1, SAMPLES + 1):
             while time.perf_counter() - begin < 60.0 * minutes * k / SAMPLES:
                 time.sleep(0.2)
+            with soak.pause():
+                memory = resident()
             medians, counts = soak.take()
             row = {
                 "minutes": (time.perf_counter() - begin) / 60.0,
-                "memory": resident(),
+                "memory": memory,
                 "queries": float(counts.get("plan", 0) + counts.get("again", 0) + counts.get("many", 0)),
                 "nodes": float(sum(len(p.planner.roadmap) for p in soak.problems)),
                 "edges": float(sum(len(p.planner.roadmap.edges) for p in soak.problems)),
@@ -315,7 +345,8 @@ def text(record: dict[str, Any]) -> str:
             "",
             f"The first {WARM_UP:.0%} are warm-up. `ms`: processor time of the asking thread for a query, median since",
             "the row before; random and repeated queries end with their first path, of `plan_many` each has its whole",
-            "answer. `nodes`, `edges`: of all roadmaps together.",
+            "answer. `nodes`, `edges`: of all roadmaps together. Memory is read while all threads wait between two",
+            "queries, garbage is collected and free pages are given back.",
         ]
     )
 
