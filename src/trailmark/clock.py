@@ -14,7 +14,10 @@ from numba.core import types
 
 from trailmark.compiled import njit
 
-__all__ = ["Deadline", "now"]
+__all__ = ["CLOCK_EVERY", "Deadline", "now"]
+
+CLOCK_EVERY = 32
+"""Nodes that a search takes between two looks at the clock: certifying their motions takes far longer than a look."""
 
 KIND: int = 8 if sys.platform == "darwin" else 1
 """What ``time.perf_counter`` reads, as ``clock_gettime`` numbers it: CLOCK_UPTIME_RAW on macOS or CLOCK_MONOTONIC."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.clock import CLOCK_EVERY, Deadline, now
 from trailmark.collision.certify import curve_motion
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
@@ -63,6 +64,7 @@ def hybrid_astar(
     most: int,
     landmarks: int,
     rng: np.random.Generator,
+    seconds: float = np.inf,
 ) -> Reached:
     """Return landmarks among what drives from the sources reach, and what leads there.
 
@@ -79,7 +81,9 @@ def hybrid_astar(
         most: configurations reached at most.
         landmarks: about so many of them are kept.
         rng: source of randomness.
+        seconds: that the drives may take.
     """
+    deadline = Deadline.after(seconds)
     checker, radius = motions.checker, motions.radius
     directions = np.array([-1.0 if reverse else 1.0] if motions.directed else [1.0, -1.0])
     m = len(sources)
@@ -98,8 +102,9 @@ def hybrid_astar(
             relaxation.size,
             relaxation.center,
             most,
+            deadline,
         )
-        if len(q) >= m + most or step <= FINEST * radius:
+        if len(q) >= m + most or step <= FINEST * radius or now(deadline.kind) >= deadline.seconds:
             break
         # All cells that these drives lead to are entered: smaller ones may lead farther.
         step *= 0.5
@@ -182,6 +187,7 @@ def _grow(
     size: float,
     center: se2.FloatArray,
     most: int,
+    deadline: Deadline,
 ) -> tuple[se2.FloatArray, NDArray[np.int64], se2.FloatArray, se2.FloatArray]:
     """Return the tree: nodes (sources first), parents, controls (side, way in metres), and relaxed costs to go."""
     m = len(sources)
@@ -209,7 +215,11 @@ def _grow(
                 keys, values = heap_grow(keys, values)
             waiting = heap_push(keys, values, waiting, GREED * to_go[i], i)
     n = m
+    expanded = 0
     while waiting > 0 and n < capacity:
+        expanded += 1
+        if expanded % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+            break
         waiting = heap_pop(keys, values, waiting)
         at = values[waiting]
         for side in (0.0, 1.0, -1.0):

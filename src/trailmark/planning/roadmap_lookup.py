@@ -27,9 +27,8 @@ AT_LEISURE = 1_000
 LONGER = 1.3
 """Times the best path's cost that a path may cost before it is shortened."""
 
-MOST_AGAIN, AGAIN_SHARE, SECONDS_A_NODE = 20_000, 0.05, 5e-6
-"""Nodes and edges looked at for a better path at most, the share of the time left that this may take, and what one
-may take."""
+MAX_AGAIN, AGAIN_SHARE = 20_000, 0.05
+"""Nodes and edges looked at for a better path at most, and the share of the time left that this may take."""
 
 AT_LENGTH = 64
 """Nodes near an end that are tried before the roadmap is said to know no way."""
@@ -87,9 +86,15 @@ class RoadmapLookup:
 
         It may be longer at first, since it is shortened; and it may take only a share of the time left.
         """
-        limit, budget = LONGER * cost, int(min(MOST_AGAIN, max(0.0, AGAIN_SHARE * seconds_left / SECONDS_A_NODE)))
-        if len(self.roadmap) == 0 or budget <= 0:
+        if len(self.roadmap) == 0 or seconds_left <= 0.0:
             return np.empty((0, 3))
-        found = self.roadmap.find_path(self.start, self.goal, limit=limit, budget=budget, near=AT_LENGTH)
+        found = self.roadmap.find_path(
+            self.start,
+            self.goal,
+            limit=LONGER * cost,
+            budget=MAX_AGAIN,
+            seconds=AGAIN_SHARE * seconds_left,
+            near=AT_LENGTH,
+        )
         self.taken, self.complete = self.taken + found.taken, found.complete
         return found.states

@@ -28,9 +28,6 @@ WIDENINGS = (0.02, 0.05, 0.12, 0.3, 0.7, 1.5)
 FINER = 5.0
 """Times as long as before the relaxed problem takes on cells half as large."""
 
-SECONDS_A_DRIVE = 1e-4
-"""What a configuration reached by a car's drive may take."""
-
 
 class Rounds:
     """Looks for a first path by landmarks.
@@ -44,6 +41,7 @@ class Rounds:
 
     Attributes:
         count: rounds so far.
+        landmarks: that the next round places.
     """
 
     def __init__(
@@ -51,7 +49,7 @@ class Rounds:
     ) -> None:
         self.query, self.proofs, self.placement, self.lattices = query, proofs, placement, lattices
         self.band: Band = placement.band
-        self.count = 0
+        self.count, self.landmarks = 0, query.settings.first_landmarks
         self._refining = refining
         # What is tried for this query alone would hold up others in a roadmap that is large already.
         large = len(query.roadmap) >= query.settings.max_kept_nodes
@@ -66,19 +64,22 @@ class Rounds:
         query, settings = self.query, self.query.settings
         nodes = self.roadmap.ends(query.ends)
         while self.may_succeed() and query.begin_round("placing landmarks"):
+            if len(self.roadmap) > settings.max_query_nodes:
+                self.roadmap = Roadmap(query.checker, query.motion)
+                nodes = self.roadmap.ends(query.ends)
             guides = self._guides()
             if not self.may_succeed():
                 return
             self.placement.add(self.roadmap, guides)
             widening = WIDENINGS[self.count] if self.count < len(WIDENINGS) else np.inf
-            landmarks = int(settings.first_landmarks * settings.landmark_growth**self.count)
-            self.placement.place(self.roadmap, widening, landmarks)
+            self.placement.place(self.roadmap, widening, self.landmarks)
             self.placement.search(self.roadmap, nodes)
             if query.motion.moves_anywhere:
                 self._bridge(nodes)
             else:
                 self._drive(nodes)
             self.count += 1
+            self.landmarks = int(min(self.landmarks * settings.landmark_growth, settings.max_query_nodes))
             if query.solved:
                 return
             query.incumbent.nearest = self._nearest_approach(nodes)
@@ -123,7 +124,6 @@ class Rounds:
                 return
             query.report("driving")
             band.widen(np.inf)
-            most = int(min(most, max(0.0, query.seconds_left()) / SECONDS_A_DRIVE))
             reached = np.flatnonzero(roadmap.reached(int(nodes[int(reverse)]), reverse=reverse))
             found = hybrid_astar(
                 query.motion,
@@ -135,6 +135,7 @@ class Rounds:
                 most=most,
                 landmarks=settings.drive_landmarks,
                 rng=query.rng,
+                seconds=query.seconds_left(),
             )
             parents = np.concatenate([reached, len(roadmap) + np.arange(len(found.parents))])[found.parents]
             roadmap.add_tree(found.configurations, parents, reverse=reverse)

@@ -32,6 +32,8 @@ class PlannerSettings:
         rounds_per_grid: rounds without a path after which the relaxed problem is looked at on cells half as large.
         max_kept_nodes: nodes up to which the planner's own roadmap takes in what queries bring that it might answer
             without; the memory of a planner that answers for hours stays bounded by it.
+        max_query_nodes: nodes that the rounds of one query place before they begin anew in an empty roadmap; else a
+            query that cannot be answered would take memory as long as it has time.
         sweeps: sweeps of shortening at most, for a promising path.
         first_sweeps: sweeps that show whether a path is promising.
         promising: a path gets all sweeps only if the first few bring it within this factor of the best path's cost.
@@ -53,6 +55,7 @@ class PlannerSettings:
     lloyd_steps: int = _counted(3, "steps")
     rounds_per_grid: int = _counted(2, "rounds")
     max_kept_nodes: int = _counted(2_000, "nodes")
+    max_query_nodes: int = _counted(20_000, "nodes")
     sweeps: int = _counted(40, "sweeps")
     first_sweeps: int = _counted(5, "sweeps")
     promising: float = _factor(1.03, "ratio", 1.0)

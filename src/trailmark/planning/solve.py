@@ -12,6 +12,7 @@ from trailmark.landmarks.band import Band
 from trailmark.planning.disc_path import shortest_disc_path
 from trailmark.planning.improvement import improve
 from trailmark.planning.lattice.schedule import AT_FIRST, AT_MOST, AT_SECOND, LatticeSchedule
+from trailmark.planning.pace import Pace
 from trailmark.planning.placement import Placement
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.proofs.prover import Prover
@@ -26,8 +27,8 @@ __all__ = ["solve"]
 SHORT = 200
 """Cells of a relaxed path up to which it counts as short: a close look at each costs less than larger lattices."""
 
-SECONDS_A_CELL = 1.5e-6
-"""What a cell of the relaxed problem may take."""
+RELAXING = Pace(1.5e-6)
+"""For each cell of the relaxed problem."""
 
 AS_GOOD = 1.03
 """Times the best path's cost up to which a path that the planner's own roadmap knows is about as good."""
@@ -63,8 +64,10 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
             return _answer(query, kept)
         begin = perf_counter()
         band = Band(query.checker, query.relaxation, *query.ends)
+        taken = perf_counter() - begin
+        RELAXING.note(query.relaxation.rows * query.relaxation.columns, taken)
         placement = Placement(query, band)
-        rounds = Rounds(query, proofs, placement, lattices, perf_counter() - begin)
+        rounds = Rounds(query, proofs, placement, lattices, taken)
         if rounds.may_succeed():
             _search_closely(query, rounds, lattices, kept, proofs)
             rounds.run()
@@ -80,7 +83,7 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         if not (known or rounds.count or query.close_enough):
             _consult_roadmap(query, kept, placement)
         if not shortest_disc_path(query, proofs):
-            improve(query, placement, lattices, int(settings.first_landmarks * settings.landmark_growth**rounds.count))
+            improve(query, placement, lattices, rounds.landmarks)
         proofs.bound_below(settings.last_proof_share)
         return _answer(query, kept)
 
@@ -99,7 +102,7 @@ def _time_for_relaxed_problem(
     query: Query, lattices: LatticeSchedule | None, kept: RoadmapLookup, proofs: Prover
 ) -> bool:
     """Return whether there is time to look at the relaxed problem; spend it on other lattices if not."""
-    needed = SECONDS_A_CELL * query.relaxation.rows * query.relaxation.columns
+    needed = RELAXING.seconds(query.relaxation.rows * query.relaxation.columns)
     if query.seconds_left() > needed:
         return True
     if lattices is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path as FilePath
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
@@ -406,6 +407,7 @@ class Roadmap:
         weight: float = 1.0,
         limit: float = np.inf,
         budget: int = UNBOUNDED,
+        seconds: float = np.inf,
         checking: bool = True,
         near: int = NEAR,
     ) -> FoundPath:
@@ -417,6 +419,7 @@ class Roadmap:
             weight: how many times as long as the shortest over the nodes the path may be, >= 1: sooner, if it may.
             limit: longest cost of interest, metres; of a weighted one.
             budget: nodes and undecided edges taken from the queue at most.
+            seconds: that the search may take.
             checking: whether edges that nobody has checked yet are checked; else they are not used.
             near: nodes near an end that are tried until enough are joined to it.
         """
@@ -430,8 +433,10 @@ class Roadmap:
         if not checking and not self._together(first[0], last[0]):
             return FoundPath(q[:0], tried, complete=False)
         to_go = weight * np.hypot(*(q[:, :2] - goal[:2]).T)
-        found = self._search(first, last, to_go, limit=limit, budget=budget, checking=checking)
-        complete = len(found.nodes) > 0 or (checking and found.taken < budget)
+        begin = perf_counter()
+        found = self._search(first, last, to_go, limit=limit, budget=budget, seconds=seconds, checking=checking)
+        ended = found.taken < budget and perf_counter() - begin < seconds
+        complete = len(found.nodes) > 0 or (checking and ended)
         states = np.vstack([start, q[found.nodes], goal]) if len(found.nodes) else q[:0]
         # An end may be a node.
         return FoundPath(_once(states), tried + found.taken, complete)

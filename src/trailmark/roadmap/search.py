@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import Deadline, now
+from trailmark.clock import CLOCK_EVERY, Deadline, now
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.compiled import njit
@@ -22,9 +22,6 @@ from trailmark.nearest import Forest, nearest_in
 from trailmark.se2 import FloatArray
 
 __all__ = ["edge_costs", "expand", "joined", "lazy_shortest_path", "nodes_back"]
-
-CLOCK_EVERY = 32
-"""Entries of the queue after which the clock is looked at."""
 
 
 @njit(cache=True, nogil=True)

@@ -14,11 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from trailmark.clock import CLOCK_EVERY
 from trailmark.collision import StateChecker
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.lattice import schedule
 from trailmark.planning.lattice.schedule import LEVELS, LatticeSchedule
-from trailmark.planning.lattice.search import CLOCK_EVERY, Lattice
+from trailmark.planning.lattice.search import Lattice
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from trailmark.collision import StateChecker
 from trailmark.motion import StraightMotion, TranslationMotion
 from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice.search import Lattice
+from trailmark.planning.pace import Pace
 from trailmark.planning.straightening import straighten
 from trailmark.se2 import FloatArray
 
@@ -23,8 +25,8 @@ WEIGHT = 2.0
 PATIENCE = 24
 """Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
 
-SECONDS_A_CELL = 2.5e-7
-"""What a cell of the costs to go may take."""
+GUIDING = Pace(2.5e-7)
+"""For each cell of the costs to go."""
 
 
 class Level(NamedTuple):
@@ -205,7 +207,7 @@ class LatticeSchedule:
     def _has_time(self, cells: int, forward: bool, tightness: float) -> bool:
         """Return whether there is time for the costs to go, and some of it left for a search."""
         known = (cells, forward, tightness) in self._guided
-        return self.seconds_left() > (0.0 if known else SECONDS_A_CELL * min(cells, self.cells))
+        return self.seconds_left() > (0.0 if known else GUIDING.seconds(min(cells, self.cells)))
 
     def _straightened(self, way: FloatArray, forward: bool) -> FloatArray:
         """Return a way from start to goal that does without what it can; (0, 3) if there is none."""
@@ -221,4 +223,7 @@ class LatticeSchedule:
         if cells == 0:
             return CostToGo.straight()
         self._guided.add((cells, forward, tightness))
-        return CostToGo.of(self.checker, self.ends[int(forward)], min(cells, self.cells), tightness)
+        begin, count = perf_counter(), min(cells, self.cells)
+        to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness)
+        GUIDING.note(count, perf_counter() - begin)
+        return to_go

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.clock import Deadline, now
+from trailmark.clock import CLOCK_EVERY, Deadline, now
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import motion
 from trailmark.collision.field import ClearanceField
@@ -51,9 +51,6 @@ __all__ = ["Lattice"]
 
 AHEAD_EVERY = 16
 """Nodes after which the straight motion to the goal is tried once more."""
-
-CLOCK_EVERY = 32
-"""Nodes after which the clock is looked at: 0.3 to 3 ms."""
 
 MOST = 18
 """Nodes that are taken down on the way from one, at most."""

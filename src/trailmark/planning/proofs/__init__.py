@@ -1,6 +1,6 @@
 """Proven lower bounds on a path's cost, by the robot's inscribed disc, and proofs that there is none, with headings."""
 
-from trailmark.planning.proofs.bound import SECONDS_A_WAY, LowerBound
+from trailmark.planning.proofs.bound import LowerBound
 from trailmark.planning.proofs.enclosure import enclosed
 
-__all__ = ["SECONDS_A_WAY", "LowerBound", "enclosed"]
+__all__ = ["LowerBound", "enclosed"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
+from trailmark.planning.pace import Pace
 from trailmark.planning.proofs.grown import QUARTER
 from trailmark.planning.proofs.mesh import Mesh, locate, triangulated
 from trailmark.planning.proofs.polyanya import shortest_point_path
@@ -20,7 +22,7 @@ from trailmark.planning.proofs.separation import Separation
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
-__all__ = ["SECONDS_A_WAY", "Bound", "LowerBound"]
+__all__ = ["Bound", "LowerBound"]
 
 ROUNDING = 1e-9
 """Relative error that lengths may have; taken off."""
@@ -34,11 +36,14 @@ LARGE = 20_000
 MANY = 150_000
 """Vertices of a region for each of which it takes twice as long as in a small one."""
 
-SECONDS_A_VERTEX, SECONDS_A_WAY = 2.2e-5, 0.003
-"""What cutting a region into triangles takes, and a query once that is done, with some to spare."""
+CUTTING = Pace(2.2e-5)
+"""For each vertex: cutting a region into triangles, and proving that they fill it."""
 
-SECONDS_AN_OBSTACLE = 5e-6
-"""What it takes to tell whether an obstacle lies near a query."""
+ASKING = Pace(0.003)
+"""For each query, once the region is cut."""
+
+NEARNESS = 0.25
+"""Vertices whose cutting takes as long as telling whether an obstacle lies near a query."""
 
 FloatArray = NDArray[np.float64]
 
@@ -55,9 +60,9 @@ class Bound(NamedTuple):
     way: FloatArray
 
 
-def _seconds(vertices: float) -> float:
-    """Return how long cutting a region into triangles, and a way over them, are expected to take."""
-    return SECONDS_A_VERTEX * vertices * (1.0 + vertices / MANY)
+def _work(vertices: float) -> float:
+    """Return how much work cutting a region into triangles is, in vertices of a small one."""
+    return vertices * (1.0 + vertices / MANY)
 
 
 class LowerBound:
@@ -86,12 +91,22 @@ class LowerBound:
             goal: valid, shape (3,).
             most: cost (metres) of a path that is known; in a large world only ways no longer than that are looked at.
         """
+        work, begin = self._cutting(start, goal, most), perf_counter()
+        found = self._found(start, goal, most)
+        if work > 0.0:
+            CUTTING.note(work, perf_counter() - begin)
+        else:
+            ASKING.note(1.0, perf_counter() - begin)
+        return found
+
+    def _found(self, start: FloatArray, goal: FloatArray, most: float) -> Bound:
+        """Return what :meth:`of` does."""
         straight = Bound(self._in_the_open(start, goal), np.empty((0, 2)))
         center, offset = self._center
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
         # What a path of that cost can make the disc's centre go at most; longer ways are no rivals.
         longest = most * self._stretch
-        if self._whole or self._size <= LARGE or not np.isfinite(longest):
+        if self.ready or self._size <= LARGE or not np.isfinite(longest):
             found = self._way(a, b)
         else:
             found = self._way_within(a, b, longest)
@@ -106,14 +121,21 @@ class LowerBound:
 
     def seconds(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> float:
         """Return how long :meth:`of` is expected to take."""
-        if self._whole or self._size <= LARGE or not np.isfinite(most):
-            return SECONDS_A_WAY if self._whole else _seconds(self._size)
+        work = self._cutting(start, goal, most)
+        return CUTTING.seconds(work) if work > 0.0 else ASKING.seconds(1.0)
+
+    def _cutting(self, start: FloatArray, goal: FloatArray, most: float) -> float:
+        """Return how much of the region :meth:`of` will have to cut, in vertices of a small one."""
+        if self.ready:
+            return 0.0
+        if self._size <= LARGE or not np.isfinite(most):
+            return _work(self._size)
         xmin, ymin, xmax, ymax = self.world.bounds
         center = self._center[0]
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
         longest = most * self._stretch
         share = min(1.0, ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
-        return _seconds(share * self._size) + SECONDS_AN_OBSTACLE * len(self.world.obstacles)
+        return _work(share * self._size) + NEARNESS * len(self.world.obstacles)
 
     def _in_the_open(self, start: FloatArray, goal: FloatArray) -> float:
         """Return what the way would cost without obstacles, metres."""
@@ -144,8 +166,8 @@ class LowerBound:
         return corners + 4
 
     @property
-    def _whole(self) -> bool:
-        """Whether the region of the whole world is there already."""
+    def ready(self) -> bool:
+        """Whether the region of the whole world is cut already, so that a bound takes little."""
         return "_parts" in self.__dict__ and bool(self._meshes)
 
     def _way_within(self, a: FloatArray, b: FloatArray, longest: float) -> tuple[float, FloatArray] | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from trailmark.landmarks.band import Band
 from trailmark.motion import TranslationMotion
-from trailmark.planning.proofs import SECONDS_A_WAY, LowerBound
+from trailmark.planning.proofs import LowerBound
 from trailmark.planning.proofs.background import BackgroundProof
 from trailmark.planning.proofs.claims import grid_separates
 from trailmark.planning.query import Query
@@ -45,7 +45,7 @@ class Prover:
         if self.bound is not None:
             seconds = self.bound.seconds(incumbent.start, incumbent.goal, incumbent.whole_cost)
             # The better the path, the less there is to do. Once it is done, what it took is known no more.
-            self._seconds = seconds if seconds > SECONDS_A_WAY else max(self._seconds, seconds)
+            self._seconds = max(self._seconds, seconds) if self.bound.ready else seconds
         return self._seconds
 
     def bound_below(self, share: float) -> None:

@@ -1,0 +1,23 @@
+"""Pace: expectations follow what was measured, whatever was guessed."""
+
+from __future__ import annotations
+
+import pytest
+
+from trailmark.planning.pace import Pace
+
+
+def test_a_guess_is_for_this_machine_and_in_proportion_to_the_work() -> None:
+    pace = Pace(1e-6)
+    assert 0.0 < pace.seconds(1.0) < 1e-3
+    assert pace.seconds(10.0) == pytest.approx(10.0 * pace.seconds(1.0))
+
+
+@pytest.mark.parametrize("guess", [1e-9, 1.0])
+def test_expectations_come_to_what_is_measured(guess: float) -> None:
+    pace = Pace(guess)
+    for _ in range(60):
+        pace.note(100.0, 0.5)
+    assert pace.seconds(200.0) == pytest.approx(1.0, rel=1e-3)
+    pace.note(0.0, 5.0)
+    assert pace.seconds(200.0) == pytest.approx(1.0, rel=1e-3)
