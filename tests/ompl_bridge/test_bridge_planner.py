@@ -45,6 +45,25 @@ tell(sizes=sizes, costs=costs, words=words, names=names, again=again, cleared=fr
     assert found["cleared"]
 
 
+def test_settings_reach_the_planning(run_ompl: Any) -> None:
+    found = run_ompl("""
+from trailmark.planning import LandmarkPlanner as Own
+from trailmark.planning import PlannerSettings
+problem = SE2Problem(shipped("environment2"))
+sizes = []
+for settings in (None, PlannerSettings(first_landmarks=20), PlannerSettings(first_landmarks=60)):
+    planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0, settings=settings))
+    problem.solve(20.0)
+    own = Own(problem.checker.world, checker=problem.checker, seed=0, settings=settings)
+    own.plan(problem.start, problem.goal, 20.0)
+    sizes.append([len(planner.roadmap), len(own.roadmap)])
+    problem.setup.clear()
+tell(sizes=sizes)
+""")
+    assert all(bridged == own for bridged, own in found["sizes"])
+    assert len({own for _, own in found["sizes"]}) == 3
+
+
 def test_it_ends_with_the_termination_condition(run_ompl: Any) -> None:
     found = run_ompl("""
 import time

@@ -28,7 +28,7 @@ from trailmark.ompl_bridge.sparse_path import sparse_path
 from trailmark.ompl_bridge.states import path_to_ompl, start_and_goal
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner as Planner
-from trailmark.planning import PlanProgress, PlanResult
+from trailmark.planning import PlannerSettings, PlanProgress, PlanResult
 from trailmark.planning.warmup import warm_up
 
 __all__ = ["LandmarkPlanner"]
@@ -58,6 +58,8 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         seed: the same seed gives the same paths, as long as the termination condition does not end the query.
         keep_roadmap: whether ``clear`` keeps the roadmap. Give False in a benchmark, where each run is to start
             from nothing.
+        settings: the planner's numbers. They are given here since OMPL's own parameters (``params()``) cannot be
+            declared from Python.
 
     Attributes:
         result: the last query's :class:`~trailmark.planning.PlanResult`; None if it was cut short.
@@ -75,6 +77,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         *,
         seed: int | None = None,
         keep_roadmap: bool = True,
+        settings: PlannerSettings | None = None,
     ) -> None:
         space = space_of(information)
         super().__init__(information, "landmark")
@@ -88,6 +91,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         self._curves = None if steering is None else OmplCurves(information, self.checker, steering)
         self._seed = None if seed is None else whole(seed, "seed:", 0)
         self._keep = truth(keep_roadmap, "keep_roadmap:")
+        self._settings = PlannerSettings() if settings is None else one_of(settings, PlannerSettings, "settings:")
         self._planner: Planner | None = None
         self._work: _Work | None = None
         self.result: PlanResult | None = None
@@ -128,7 +132,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         if goal is None or not self.checker.valid(goal):
             return ob.PlannerStatus(status.INVALID_GOAL)
         if self._planner is None:
-            self._planner = Planner(self.checker.world, checker=self.checker, seed=self._seed)
+            self._planner = Planner(self.checker.world, checker=self.checker, seed=self._seed, settings=self._settings)
         self._work = work = _Work(self._planner, start, goal)
         try:
             while not work.done.wait(POLL):
