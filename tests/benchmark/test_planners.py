@@ -12,6 +12,7 @@ from trailmark.benchmark import planners
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.planners import known_planners, read_planners, settings_of
 from trailmark.ompl_bridge import planner_names
+from trailmark.planning.methods import METHODS
 
 
 @pytest.fixture
@@ -20,8 +21,8 @@ def no_native(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("no_native")
-def test_all_is_landmark_and_ompls_in_both_baselines() -> None:
-    wanted = {"landmark", *planner_names(), *(f"{name}+certified" for name in planner_names())}
+def test_all_are_trailmarks_and_ompls_in_both_baselines() -> None:
+    wanted = {*METHODS, *planner_names(), *(f"{name}+certified" for name in planner_names())}
     assert set(read_planners(["all"])) == set(known_planners()) == wanted
     assert {"PRM", "RRTstar+certified"} <= wanted
 
@@ -67,14 +68,16 @@ def test_a_function_of_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_settings_tell_the_baselines_apart() -> None:
-    texts = {settings_of(name) for name in ("landmark", "PRM", "PRM+certified", "native:PRM", "my:plan")}
-    assert len(texts) == 5
+    texts = {settings_of(name) for name in (*METHODS, "PRM", "PRM+certified", "native:PRM", "my:plan")}
+    assert len(texts) == len(METHODS) + 4
 
 
-def test_the_native_program_does_not_plan_for_cars(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_native_program_and_lattices_do_not_plan_for_cars(monkeypatch: pytest.MonkeyPatch) -> None:
     module = SimpleNamespace(native_planners=lambda: ["native:PRM"], __spec__=SimpleNamespace())
     monkeypatch.setitem(sys.modules, "trailmark.benchmark.native", module)
     assert "native:PRM" in read_planners(["all"])
     assert "native:PRM" not in read_planners(["all"], cars=True)
-    with pytest.raises(SuiteError, match="expected one that plans for cars, got 'native:PRM'"):
-        read_planners(["native:PRM"], cars=True)
+    for name in ("native:PRM", "lattice"):
+        with pytest.raises(SuiteError, match=f"expected one that plans for cars, got '{name}'"):
+            read_planners([name], cars=True)
+    assert read_planners(["roadmap", "paper"], cars=True) == ["roadmap", "paper"]

@@ -1,4 +1,4 @@
-"""Planners by name: landmark, OMPL's in two baselines, native ones, and functions of the user's own."""
+"""Planners by name: trailmark's own, OMPL's in two baselines, native ones, and functions of the user's own."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ CERTIFIED = "+certified"
 
 
 def known_planners() -> list[str]:
-    """Return the names of all planners: landmark, OMPL's as they are and certified, native ones where built."""
+    """Return the names of all planners: trailmark's, OMPL's as they are and certified, native ones where built."""
     from trailmark.ompl_bridge.planners import planner_names
+    from trailmark.planning.methods import METHODS
 
-    names = ["landmark"]
+    names = list(METHODS)
     for name in planner_names():
         names += [name, name + CERTIFIED]
     return names + _native()
@@ -32,12 +33,12 @@ def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
     Args:
         given: names, in upper or lower case; ``all`` for all that are known; ``module:function`` for one of the user's
             own.
-        cars: whether some of the robots are cars, whose curves the native program does not know.
+        cars: whether some of the robots are cars, whose curves neither the native program nor a lattice knows.
 
     Raises:
         SuiteError: a name that is none of them, or no name at all.
     """
-    known = [name for name in known_planners() if not (cars and name.startswith("native:"))]
+    known = [name for name in known_planners() if not (cars and _moves_straight(name))]
     spelt = {name.lower(): name for name in known}
     chosen: dict[str, None] = {}
     for name in given:
@@ -45,7 +46,7 @@ def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
             chosen |= dict.fromkeys(known)
         elif name.lower() in spelt:
             chosen[spelt[name.lower()]] = None
-        elif name.startswith("native:") and cars:
+        elif cars and _moves_straight(name.lower()):
             raise SuiteError(f"planner: expected one that plans for cars, got {name!r}, which moves straight")
         elif name.startswith("native:") and not any(other.startswith("native:") for other in known):
             raise SuiteError(f"planner {name!r} given, but the native program is not built (see benchmarks/native)")
@@ -68,19 +69,24 @@ def settings_of(name: str, *, first: bool = False) -> str:
     """
     if first:
         return f"{settings_of(name)}; ends at its first path"
-    if name == "landmark":
-        from trailmark.planning import PlannerSettings
-
-        chosen = ", ".join(f"{setting}={value}" for setting, value in PlannerSettings().to_dict().items())
-        return f"trailmark's LandmarkPlanner, default settings; motions certified; {chosen}"
     if name.startswith("native:"):
         native = importlib.import_module("trailmark.benchmark.native")
         made = ", ".join(f"{what} {version}" for what, version in native.native_versions().items())
         return f"OMPL in C++, default settings; states and motions checked by FCL in C++, discretely; {made}"
     if ":" in name:
         return "a function of the user's own"
+    from trailmark.planning.methods import METHODS
+
+    if name in METHODS:
+        chosen = ", ".join(f"{setting}={value}" for setting, value in METHODS[name].to_dict().items())
+        return f"trailmark's LandmarkPlanner, method {name}; motions certified; {chosen}"
     motions = "certified by trailmark" if name.endswith(CERTIFIED) else "discrete, at the experiment's resolution"
     return f"OMPL from Python, default settings; states checked by trailmark; motions {motions}"
+
+
+def _moves_straight(name: str) -> bool:
+    """Return whether a planner knows no motions but straight ones."""
+    return name.startswith("native:") or name == "lattice"
 
 
 def _native() -> list[str]:

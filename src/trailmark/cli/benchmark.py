@@ -50,8 +50,8 @@ def benchmark(
         option(
             "--planner",
             "NAME",
-            "landmark, one of OMPL's (PRM, RRTstar …), the same with certified motions (PRM+certified), "
-            "native:NAME, module:function of your own, or all; repeat it for more.",
+            "landmark, roadmap, roadmap-uniform, lattice, paper, one of OMPL's (PRM, RRTstar …), the same with "
+            "certified motions (PRM+certified), native:NAME, module:function of your own, or all; repeat it for more.",
             "-p",
         ),
     ] = None,

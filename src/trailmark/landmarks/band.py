@@ -35,6 +35,7 @@ class Band:
         relaxation: its grid.
         start: configuration, shape (3,).
         goal: configuration, shape (3,).
+        retracts: whether some of the configurations are pushed towards more clearance.
 
     Attributes:
         shortest: cost (metres) of the relaxed shortest way; infinite if there is none, which proves that the
@@ -42,9 +43,15 @@ class Band:
     """
 
     def __init__(
-        self, checker: StateChecker, relaxation: Relaxation, start: se2.FloatArray, goal: se2.FloatArray
+        self,
+        checker: StateChecker,
+        relaxation: Relaxation,
+        start: se2.FloatArray,
+        goal: se2.FloatArray,
+        *,
+        retracts: bool = True,
     ) -> None:
-        self.checker = checker
+        self.checker, self.retracts = checker, retracts
         self.relaxation = relaxation
         self.start, self.goal = start, goal
         self._compute(FIRST_REACH)
@@ -147,7 +154,8 @@ class Band:
         # Half of the tries stay: the field's idea of the middle may be off by its slack.
         tight = self.relaxation.clearance(cells)[tries] < 1.5 * self.checker.footprint.circumradius
         tight[::2] = False
-        q[tight] = retract_all(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
+        if self.retracts:
+            q[tight] = retract_all(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
         room = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
         room[~self.checker.valid(q)] = -1.0
         return tries, q, room
@@ -189,7 +197,8 @@ class Band:
         known = np.isfinite(from_start + to_goal)
         cells, share = cells[known], from_start[known] / np.maximum(from_start[known] + to_goal[known], 1e-9)
         found = np.vstack([self._place(cells, self._headings_along(cells), share, rng), moved])
-        found[::2] = retract_all(self.checker, found[::2], 0.25 * reach, rng)
+        if self.retracts:
+            found[::2] = retract_all(self.checker, found[::2], 0.25 * reach, rng)
         return np.asarray(found[self.checker.valid(found)])
 
     def _moved(self, q: se2.FloatArray, reach: float, rng: np.random.Generator) -> se2.FloatArray:

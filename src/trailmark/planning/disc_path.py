@@ -36,6 +36,8 @@ def shortest_disc_path(query: Query, proofs: Prover) -> bool:
     incumbent = query.incumbent
     if not isinstance(query.motion, TranslationMotion) or proofs.bound is None or query.close_enough:
         return False
+    if not query.settings.uses("disc-path"):
+        return False
     # Its region takes longer to make than the bound's, which has fewer corners.
     if 1.2 * proofs.seconds() > query.seconds_left():
         return False

@@ -31,7 +31,7 @@ def improve(query: Query, placement: Placement, lattices: LatticeSchedule | None
     on_best, without_gain = np.zeros(0, dtype=np.int64), 0
     while without_gain < settings.patience and not query.close_enough and query.begin_round("improving"):
         before = incumbent.cost
-        if lattices is not None:
+        if lattices is not None and settings.uses("other-ways"):
             _another_way_around(query, roadmap, lattices)
         placement.place(roadmap, placement.widening(), landmarks)
         # Once without the best path's own vertices, for the other ways around the obstacles ...

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trailmark.landmarks import k_means_landmarks
 from trailmark.landmarks.band import Band
+from trailmark.planning.published import published_landmarks
 from trailmark.planning.query import Query
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
@@ -37,24 +38,39 @@ class Placement:
         roadmap.add(roadmap.fresh(q, apart))
 
     def place(self, roadmap: Roadmap, widening: float, count: int) -> None:
-        """Cluster samples of the band into landmarks and join them to a roadmap, if there is time for it.
+        """Join landmarks to a roadmap, if there is time for it.
 
         Args:
             roadmap: to add them to.
             widening: how much longer than the relaxed shortest path the band's paths may be, as a share of it.
             count: landmarks.
         """
-        query, settings = self.query, self.query.settings
-        if self._seconds * count > query.seconds_left():
+        # The more landmarks, the longer each takes.
+        if self._seconds * self.query.settings.landmark_growth * count > self.query.seconds_left():
             return
         begin = perf_counter()
-        samples = self.band.samples(settings.samples_per_landmark * count, widening, query.rng)
-        if len(samples):
-            centres = k_means_landmarks(
-                samples, count, radius=query.motion.radius, steps=settings.lloyd_steps, random_state=query.rng
-            )
-            self.add(roadmap, centres)
+        self.add(roadmap, self._landmarks(widening, count))
         self._seconds = (perf_counter() - begin) / count
+
+    def _landmarks(self, widening: float, count: int) -> FloatArray:
+        """Return so many valid configurations, shape (n, 3), or fewer."""
+        query, settings = self.query, self.query.settings
+        if settings.placement == "none":
+            return np.empty((0, 3))
+        samples = settings.samples_per_landmark * count
+        if settings.placement == "paper":
+            return published_landmarks(query.checker, query.ends[0], samples, count, query.rng)
+        if not settings.uses("bands"):
+            widening = np.inf
+        if settings.placement == "samples":
+            return self.band.samples(count, widening, query.rng)
+        return k_means_landmarks(
+            self.band.samples(samples, widening, query.rng),
+            count,
+            radius=query.motion.radius,
+            steps=settings.lloyd_steps,
+            random_state=query.rng,
+        )
 
     def widening(self) -> float:
         """Return how much longer than the relaxed shortest path the paths may be that better the best one."""

@@ -137,6 +137,8 @@ class Query:
 
     def shortened(self, states: FloatArray, sweeps: int | None = None, *, splitting: bool = False) -> FloatArray:
         """Return a path made shorter, as far as there is time: with added vertices, but for a car, or without."""
+        if not self.settings.uses("shortening"):
+            return states
         # A vertex more costs a curve more than it gains.
         splitting = splitting and self.motion.moves_anywhere
         last: float | None = None

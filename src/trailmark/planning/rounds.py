@@ -67,17 +67,10 @@ class Rounds:
             if len(self.roadmap) > settings.max_query_nodes:
                 self.roadmap = Roadmap(query.checker, query.motion)
                 nodes = self.roadmap.ends(query.ends)
-            guides = self._guides()
-            if not self.may_succeed():
+            if settings.placement != "none":
+                self._place_landmarks(nodes)
+            elif self.lattices is None or self.lattices.exhausted:
                 return
-            self.placement.add(self.roadmap, guides)
-            widening = WIDENINGS[self.count] if self.count < len(WIDENINGS) else np.inf
-            self.placement.place(self.roadmap, widening, self.landmarks)
-            self.placement.search(self.roadmap, nodes)
-            if query.motion.moves_anywhere:
-                self._bridge(nodes)
-            else:
-                self._drive(nodes)
             self.count += 1
             self.landmarks = int(min(self.landmarks * settings.landmark_growth, settings.max_query_nodes))
             if query.solved:
@@ -90,6 +83,22 @@ class Rounds:
                 self._refine()
             if self.lattices is not None:
                 query.take(self.lattices.first_path())
+
+    def _place_landmarks(self, nodes: NDArray[np.int64]) -> None:
+        """Let the roadmap grow by landmarks of all kinds, and search it for a path between two nodes."""
+        query, settings = self.query, self.query.settings
+        if settings.uses("guides"):
+            guides = self._guides()
+            if not self.may_succeed():
+                return
+            self.placement.add(self.roadmap, guides)
+        widening = WIDENINGS[self.count] if self.count < len(WIDENINGS) else np.inf
+        self.placement.place(self.roadmap, widening, self.landmarks)
+        self.placement.search(self.roadmap, nodes)
+        if query.motion.moves_anywhere and settings.uses("bridges"):
+            self._bridge(nodes)
+        if not query.motion.moves_anywhere and settings.uses("hybrid-astar"):
+            self._drive(nodes)
 
     def _guides(self) -> FloatArray:
         """Return valid configurations along the relaxed shortest path, shape (n, 3)."""

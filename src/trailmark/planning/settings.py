@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from trailmark.arguments import number, whole
-from trailmark.errors import ConfigurationError, FormatError
+from trailmark.arguments import each_of, number, one_of, whole
+from trailmark.errors import ConfigurationError, FormatError, expected_name
+from trailmark.planning.mechanisms import MECHANISMS, PLACEMENTS, Placement
 
 __all__ = ["PlannerSettings"]
 
@@ -47,6 +49,10 @@ class PlannerSettings:
             each time.
         drives: configurations that drives from one part of a car's roadmap reach at first.
         drive_landmarks: landmarks kept of them.
+        placement: what landmarks are: ``k-means`` centres, as many plain ``samples``, those of the source method as
+            published (``paper``), or ``none``.
+        without: names of mechanisms (:data:`trailmark.planning.mechanisms.MECHANISMS`) that are switched off, to see
+            what each is good for.
     """
 
     first_landmarks: int = _counted(120, "landmarks")
@@ -68,13 +74,25 @@ class PlannerSettings:
     longest_drive: float = _factor(0.1, "turning radii")
     drives: int = _counted(6_000, "configurations")
     drive_landmarks: int = _counted(80, "landmarks")
+    placement: Placement = field(default="k-means", metadata={"unit": "name"})
+    without: tuple[str, ...] = field(default=(), metadata={"unit": "names"})
 
     def __post_init__(self) -> None:
         for setting in fields(self):
+            if "least" not in setting.metadata:
+                continue
             value, name, least = getattr(self, setting.name), f"{setting.name}:", setting.metadata["least"]
             counted = isinstance(setting.default, int)
             checked = whole(value, name, 1) if counted else number(value, name, minimum=least)
             object.__setattr__(self, setting.name, checked)
+        _require_name(self.placement, "placement:", PLACEMENTS)
+        object.__setattr__(self, "without", each_of(self.without, str, "without"))
+        for mechanism in self.without:
+            _require_name(mechanism, "without:", MECHANISMS)
+
+    def uses(self, mechanism: str) -> bool:
+        """Return whether a mechanism, one of :data:`~trailmark.planning.mechanisms.MECHANISMS`, is not switched off."""
+        return mechanism not in self.without
 
     @classmethod
     def load(cls, path: str | Path) -> PlannerSettings:
@@ -102,6 +120,11 @@ class PlannerSettings:
         except ConfigurationError as error:
             raise FormatError(Path(path), str(error)) from None
 
-    def to_dict(self) -> dict[str, float]:
-        """Return all settings by name."""
-        return {setting.name: getattr(self, setting.name) for setting in fields(self)}
+    def to_dict(self) -> dict[str, Any]:
+        """Return all settings by name, as JSON has them."""
+        return asdict(self) | {"without": list(self.without)}
+
+
+def _require_name(name: str, what: str, allowed: Iterable[str]) -> None:
+    if one_of(name, str, what) not in allowed:
+        raise ConfigurationError(f"{what} {expected_name(name, allowed)}")

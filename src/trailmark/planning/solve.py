@@ -43,10 +43,10 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
     """
     kept = RoadmapLookup(query.roadmap, *query.ends)
     lattices = None
-    if query.motion.moves_anywhere:
+    if query.motion.moves_anywhere and query.settings.uses("lattice"):
         # A lattice's steps are not a car's.
         lattices = LatticeSchedule(
-            query.checker, query.ends[0], query.ends[1], query.relaxation.size, query.seconds_left
+            query.checker, query.ends, query.relaxation.size, query.seconds_left, query.settings.without
         )
     query.expanded = lambda: kept.taken + (0 if lattices is None else lattices.taken)
     with Prover(query, bound) as proofs:
@@ -63,7 +63,8 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         if not _time_for_relaxed_problem(query, lattices, kept, proofs):
             return _answer(query, kept)
         begin = perf_counter()
-        band = Band(query.checker, query.relaxation, *query.ends)
+        retracts = query.settings.uses("landmark-retraction")
+        band = Band(query.checker, query.relaxation, *query.ends, retracts=retracts)
         taken = perf_counter() - begin
         RELAXING.note(query.relaxation.rows * query.relaxation.columns, taken)
         placement = Placement(query, band)
@@ -82,7 +83,7 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         proofs.bound_below(settings.proof_share)
         if not (known or rounds.count or query.close_enough):
             _consult_roadmap(query, kept, placement)
-        if not shortest_disc_path(query, proofs):
+        if not shortest_disc_path(query, proofs) and settings.uses("improvement"):
             improve(query, placement, lattices, rounds.landmarks)
         proofs.bound_below(settings.last_proof_share)
         return _answer(query, kept)

@@ -35,7 +35,7 @@ def check_curve(answer: dict[str, Any]) -> None:
     assert answer["solution_length"] == costs[-1]
 
 
-@pytest.mark.parametrize("planner", ["landmark", "PRM", "RRTConnect+certified", "BITstar+certified"])
+@pytest.mark.parametrize("planner", ["landmark", "lattice", "PRM", "RRTConnect+certified", "BITstar+certified"])
 def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: Problem) -> None:
     answer = worker.run(job(around, planner, seed=5, limit=0.6))
     assert (answer["status"], answer["solved"], answer["seed"]) == (Status.EXACT_SOLUTION, True, 5), answer
@@ -51,7 +51,7 @@ def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: P
     assert 0.0 < answer["overhead"] < 5.0
 
 
-@pytest.mark.parametrize("planner", ["landmark", "RRTstar+certified", "native:RRTstar"])
+@pytest.mark.parametrize("planner", ["landmark", "roadmap-uniform", "paper", "RRTstar+certified", "native:RRTstar"])
 def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: Problem) -> None:
     if planner.startswith("native:") and native_program() is None:
         pytest.skip("native program not built (see benchmarks/native/README.md)")
@@ -63,7 +63,7 @@ def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: P
 
 
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
-@pytest.mark.parametrize("planner", ["landmark", "RRTConnect", "BITstar+certified"])
+@pytest.mark.parametrize("planner", ["landmark", "roadmap", "RRTConnect", "BITstar+certified"])
 def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, around: Problem) -> None:
     car = Problem(around.world.with_robot(Robot.rectangle(0.8, 0.4).steered(0.6, reverse)))
     # The first job of a worker compiles what cars need, if no cache holds it.

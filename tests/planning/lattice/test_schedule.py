@@ -34,7 +34,7 @@ ACROSS = np.array([[5.0, 10.0, 0.0], [15.0, 10.0, 0.0]])
 
 
 def scheduled(checker: StateChecker, ends: FloatArray, cell: float = 0.5, seconds: float = math.inf) -> LatticeSchedule:
-    return LatticeSchedule(checker, ends[0], ends[1], cell, lambda: seconds)
+    return LatticeSchedule(checker, np.array(ends), cell, lambda: seconds)
 
 
 def cost(states: FloatArray) -> float:
@@ -236,7 +236,7 @@ def test_a_search_that_the_time_ends_does_not_count_as_exhausted(
     # Two levels in turn that look over the same lattice.
     monkeypatch.setattr(schedule, "LEVELS", (LEVELS[-1], LEVELS[-1]))
     seconds = iter([math.inf, 0.0, 0.0])
-    lattices = LatticeSchedule(StateChecker(WALL, CAR), ACROSS[0], ACROSS[1], 0.5, lambda: next(seconds, math.inf))
+    lattices = LatticeSchedule(StateChecker(WALL, CAR), np.array(ACROSS), 0.5, lambda: next(seconds, math.inf))
     # Time to begin, none to search: too few nodes to come around the wall.
     assert lattices._search(LEVELS[-1], True).shape == (0, 3)
     assert lattices.taken == CLOCK_EVERY

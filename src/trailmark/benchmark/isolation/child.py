@@ -21,6 +21,7 @@ from trailmark.benchmark.status import Status
 from trailmark.curves import CurvePath
 from trailmark.motion import kind_of
 from trailmark.path import Path
+from trailmark.planning.methods import METHODS
 
 if TYPE_CHECKING:
     from trailmark.planning import PlanProgress
@@ -57,7 +58,7 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
     if name.startswith("native:"):
         yield _native(prepared, job)
         return
-    run = _landmark if name == "landmark" else _own if ":" in name else _ompl
+    run = _landmark if name in METHODS else _own if ":" in name else _ompl
     if run is not _own:
         _plan_small_problem(prepared, job)
     answer, graph = run(prepared, job)
@@ -80,8 +81,9 @@ def _plan_small_problem(prepared: Prepared, job: Mapping[str, Any]) -> None:
     from trailmark.planning.warmup import ROBOTS, SMALL
 
     (world, (start, goal)), robot = SMALL, ROBOTS[kind_of(prepared.problem.robot)]
-    if job["planner"] == "landmark":
-        LandmarkPlanner(world, robot, seed=0, warm=False).plan(start, goal, time_limit=1.0, max_iterations=1)
+    if settings := METHODS.get(str(job["planner"])):
+        planner = LandmarkPlanner(world, robot, seed=0, settings=settings, warm=False)
+        planner.plan(start, goal, time_limit=1.0, max_iterations=1)
         return
     from trailmark.ompl_bridge import measured
     from trailmark.ompl_bridge.problem import SE2Problem
@@ -146,7 +148,9 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
 
     checker = CountingChecker(prepared.checker)
     begin = perf_counter()
-    planner = LandmarkPlanner(prepared.problem.world, seed=int(job["seed"]), checker=checker, warm=False)
+    settings = METHODS[str(job["planner"])]
+    seed = int(job["seed"])
+    planner = LandmarkPlanner(prepared.problem.world, seed=seed, checker=checker, settings=settings, warm=False)
     before = perf_counter() - begin
     result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress, stop=stop)
     time = perf_counter() - begin

@@ -2,7 +2,7 @@
 
 The colour (and, after eight, the mark) tells the algorithm, the dash tells which of the baselines it runs in. The
 colours are of the palettes by Okabe & Ito and by Paul Tol, chosen for readers with any kind of colour vision and for
-white paper; landmark is black.
+white paper; trailmark's own planners are black, grey and brown.
 """
 
 # Tested by tests/benchmark/report/test_report_summary.py.
@@ -13,6 +13,13 @@ from dataclasses import dataclass
 
 __all__ = ["FAMILIES", "Style", "algorithm_of", "family_of", "styles_of"]
 
+OWN = {
+    "landmark": "#111111",
+    "roadmap": "#5a5a5a",
+    "roadmap-uniform": "#9a9a9a",
+    "lattice": "#6d4c41",
+    "paper": "#a1887f",
+}
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#aa4499", "#b8860b", "#4aa3df", "#882255", "#7a7a1f")
 DASHES = {"landmark": "", "certified": "", "discrete": "6 3", "native": "1.5 3", "own": "9 2 2 2"}
 
@@ -60,7 +67,7 @@ def family_of(planner: str) -> str:
     """Return the group of a planner, a key of :data:`FAMILIES`."""
     if planner.startswith("native:"):
         return "native"
-    if planner.split(" ")[0] == "landmark":
+    if planner.split(" ")[0] in OWN:
         return "landmark"
     if ":" in planner:
         return "own"
@@ -79,7 +86,7 @@ def styles_of(planners: Sequence[str]) -> dict[str, Style]:
     for number, planner in enumerate(planners):
         family = family_of(planner)
         if family == "landmark":
-            found[planner] = Style("#111111", "", False, 2.6, number)
+            found[planner] = Style(OWN[planner.split(" ")[0]], "", False, 2.6, number)
             continue
         place = algorithms.index(algorithm_of(planner))
         hollow = (place // len(COLOURS)) % 2 == 1

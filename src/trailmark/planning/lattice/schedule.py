@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import lru_cache
 from time import perf_counter
 from typing import NamedTuple
@@ -37,32 +37,32 @@ class Level(NamedTuple):
         fineness: by how much positions lie closer than the relaxation's cells.
         headings: how many.
         nodes: taken from the queue at most.
-        retracts: whether nodes that collide by little are pushed off the obstacles.
+        group: the mechanism (:mod:`trailmark.planning.mechanisms`) that it belongs to.
     """
 
     cells: int
     fineness: float
     headings: int
     nodes: int
-    retracts: bool
+    group: str
 
 
 LEVELS = (
-    Level(0, 0.35, 8, 64, retracts=False),
-    Level(1 << 14, 0.7, 8, 800, retracts=True),
-    Level(1 << 16, 1.0, 8, 1_000, retracts=True),
-    Level(1 << 16, 0.5, 8, 1_000, retracts=True),
-    Level(1 << 16, 0.6, 10, 1_000, retracts=True),
-    Level(1 << 16, 1.0, 16, 2_000, retracts=True),
-    Level(1 << 16, 0.4, 12, 2_000, retracts=True),
-    Level(1 << 16, 0.5, 8, 10_000, retracts=True),
-    Level(1 << 16, 1.0, 8, 10_000, retracts=True),
-    Level(1 << 16, 1.4, 8, 10_000, retracts=True),
-    Level(1 << 16, 0.5, 16, 20_000, retracts=True),
-    Level(1 << 16, 2.0, 16, 25_000, retracts=True),
-    Level(1 << 16, 1.0, 32, 40_000, retracts=True),
-    Level(1 << 16, 2.0, 32, 100_000, retracts=True),
-    Level(1 << 16, 4.0, 64, 1_000_000, retracts=True),
+    Level(0, 0.35, 8, 64, "straight-level"),
+    Level(1 << 14, 0.7, 8, 800, "coarse-level"),
+    Level(1 << 16, 1.0, 8, 1_000, "small-levels"),
+    Level(1 << 16, 0.5, 8, 1_000, "small-levels"),
+    Level(1 << 16, 0.6, 10, 1_000, "small-levels"),
+    Level(1 << 16, 1.0, 16, 2_000, "small-levels"),
+    Level(1 << 16, 0.4, 12, 2_000, "small-levels"),
+    Level(1 << 16, 0.5, 8, 10_000, "large-levels"),
+    Level(1 << 16, 1.0, 8, 10_000, "large-levels"),
+    Level(1 << 16, 1.4, 8, 10_000, "large-levels"),
+    Level(1 << 16, 0.5, 16, 20_000, "largest-levels"),
+    Level(1 << 16, 2.0, 16, 25_000, "largest-levels"),
+    Level(1 << 16, 1.0, 32, 40_000, "largest-levels"),
+    Level(1 << 16, 2.0, 32, 100_000, "largest-levels"),
+    Level(1 << 16, 4.0, 64, 1_000_000, "largest-levels"),
 )
 """Looked at in turn: small searches first, since which lattice leads through soon is a matter of luck."""
 
@@ -108,10 +108,10 @@ class LatticeSchedule:
 
     Args:
         checker: decides what is valid.
-        start: valid configuration, shape (3,).
-        goal: valid configuration, shape (3,).
+        ends: start and goal, valid configurations, shape (2, 3).
         cell: metres between neighbouring positions of the coarsest lattice.
         seconds_left: asked before each search.
+        without: mechanisms that are switched off.
 
     Attributes:
         taken: nodes taken from queues so far.
@@ -120,12 +120,12 @@ class LatticeSchedule:
     def __init__(
         self,
         checker: StateChecker,
-        start: FloatArray,
-        goal: FloatArray,
+        ends: FloatArray,
         cell: float,
         seconds_left: Callable[[], float],
+        without: Collection[str] = (),
     ) -> None:
-        self.checker, self.ends = checker, (start, goal)
+        self.checker, self.ends, self.without = checker, ends, without
         self.motion = StraightMotion(checker) if checker.footprint.disc_radius < 0.0 else TranslationMotion(checker)
         self.turning = checker.footprint.disc_radius < 0.0
         # Without headings to tell apart, closer positions cost little.
@@ -138,10 +138,17 @@ class LatticeSchedule:
         self.level = self.views = self.taken = 0
         self._exhausted: set[tuple[float, int, bool, bool]] = set()
 
+    @property
+    def exhausted(self) -> bool:
+        """Whether all levels have been looked at."""
+        return self.level >= len(LEVELS)
+
     def first_path(self, levels: int = 1) -> FloatArray:
         """Return a path of certified motions, shape (n, 3), sought on the next levels; (0, 3) if none was found."""
         for level in LEVELS[self.level : self.level + levels]:
             self.level += 1
+            if level.group in self.without:
+                continue
             # Who is shut in is found out soonest from inside.
             for forward in (True, False) if level.cells else (True,):
                 way = self._search(level, forward)
@@ -171,14 +178,14 @@ class LatticeSchedule:
             weight=view.weight,
             budget=view.nodes,
             limit=DETOUR * limit,
-            retracts=True,
+            retracts="node-retraction" not in self.without,
             seconds=self.seconds_left(),
         )
         self.taken += taken
         return self._straightened(way, forward)
 
     def _search(self, level: Level, forward: bool) -> FloatArray:
-        kind = (level.fineness, level.headings if self.turning else 1, level.retracts, forward)
+        kind = (level.fineness, level.headings if self.turning else 1, level.cells > 0, forward)
         if kind in self._exhausted or not self._has_time(level.cells, forward, TIGHTNESS):
             return np.empty((0, 3))
         lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
@@ -192,8 +199,8 @@ class LatticeSchedule:
             weight=WEIGHT,
             budget=level.nodes,
             patience=None if level.cells else PATIENCE,
-            multi_steps=True,
-            retracts=level.retracts,
+            multi_steps="multi-steps" not in self.without,
+            retracts=level.cells > 0 and "node-retraction" not in self.without,
             seconds=seconds,
         )
         self.taken += taken

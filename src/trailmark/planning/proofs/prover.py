@@ -61,6 +61,8 @@ class Prover:
         query = self.query
         if query.solved or self._background is not None or isinstance(query.motion, TranslationMotion):
             return
+        if not query.settings.uses("background-proof"):
+            return
         if self.bound is not None:
             incumbent = query.incumbent
             # Known first, so that an exception in between does not leave it running.

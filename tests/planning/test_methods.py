@@ -1,0 +1,114 @@
+"""Planning methods and mechanisms by name: each plans, with every kind of robot; wrong names are refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trailmark import LandmarkPlanner
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.planning import PlannerSettings, PlanResult
+from trailmark.planning.mechanisms import MECHANISMS
+from trailmark.planning.methods import METHODS
+from trailmark.planning.published import published_landmarks
+from trailmark.shapes import Polygon, Rectangle
+from trailmark.world import Robot, World
+
+WALLS = (Rectangle((4.0, 1.5), 0.5, 3.0), Rectangle((8.0, 4.5), 0.5, 3.0))
+WORLD = World("two-walls", (0, 0, 12, 6), WALLS)
+START, GOAL = (1.0, 1.0, 0.0), (11.0, 5.0, 0.0)
+ROBOTS = {
+    "disc": Robot.disc(0.3),
+    "rectangle": Robot.rectangle(0.8, 0.4),
+    "car": Robot.rectangle(0.8, 0.4).steered(0.6),
+    "dubins": Robot.rectangle(0.8, 0.4).steered(0.6, reverse=False),
+}
+
+
+def plan(robot: str, settings: PlannerSettings, rounds: int = 6) -> PlanResult:
+    planner = LandmarkPlanner(WORLD, ROBOTS[robot], seed=1, settings=settings)
+    return planner.plan(START, GOAL, 60.0, max_iterations=rounds)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "lattice"])
+def test_every_method_finds_a_path(method: str, robot: str) -> None:
+    result = plan(robot, METHODS[method])
+    assert result.path is not None
+    # It ends where it should, and goes through both gaps.
+    assert np.allclose(result.path.states[[0, -1]], [START, GOAL])
+    states = result.path.resample(0.05).states
+    assert states[np.argmin(np.abs(states[:, 0] - 4.0)), 1] > 3.0
+    assert states[np.argmin(np.abs(states[:, 0] - 8.0)), 1] < 3.0
+
+
+@pytest.mark.parametrize("robot", ["disc", "rectangle"])
+def test_lattices_alone_find_a_path_without_landmarks(robot: str) -> None:
+    result = plan(robot, METHODS["lattice"])
+    assert result.path is not None
+    # The path's own states are all that its roadmap keeps.
+    assert result.landmarks <= len(result.path.states) + 2
+
+
+def test_lattices_alone_end_where_none_leads_through() -> None:
+    shut = World("shut", (0, 0, 12, 6), (Rectangle((6.0, 3.0), 0.5, 6.0),))
+    planner = LandmarkPlanner(shut, ROBOTS["rectangle"], seed=0, settings=METHODS["lattice"])
+    result = planner.plan(START, GOAL, 60.0)
+    assert result.path is None
+    assert (result.time["total"] or 0.0) < 60.0
+
+
+def test_the_published_method_answers_by_its_roadmap_alone() -> None:
+    published, full = (plan("rectangle", METHODS[name]).cost for name in ("paper", "landmark"))
+    assert published is not None
+    assert full is not None
+    assert published > full
+
+
+def test_published_landmarks_are_valid_and_none_where_boxes_cover_all() -> None:
+    rng = np.random.default_rng(0)
+    checker = StateChecker(WORLD, ROBOTS["rectangle"])
+    found = published_landmarks(checker, np.array(START), 1000, 12, rng)
+    assert found.shape == (12, 3)
+    assert checker.valid(found).all()
+    outline, hole = Rectangle((6.0, 3.0), 12.0, 6.0), Rectangle((6.0, 3.0), 11.0, 5.0)
+    ring = Polygon(outline.polygon().vertices, (hole.polygon().vertices,))
+    covered = StateChecker(World("ring", (0, 0, 12, 6), (ring,)), ROBOTS["rectangle"])
+    assert published_landmarks(covered, np.array(START), 1000, 12, rng).shape == (0, 3)
+
+
+def test_plain_samples_take_the_place_of_centres() -> None:
+    nodes = [
+        LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=1, settings=METHODS[name])
+        for name in ("roadmap", "roadmap-uniform")
+    ]
+    for planner in nodes:
+        planner.plan(START, GOAL, 60.0, max_iterations=1)
+    first, second = (planner.roadmap.configurations for planner in nodes)
+    # As many are asked for, other ones.
+    assert abs(len(first) - len(second)) <= 20
+    assert not any((second == q).all(axis=1).any() for q in first[2:])
+
+
+@pytest.mark.parametrize("robot", ["rectangle", "disc", "car"])
+@pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_the_planner_does_without_any_one_mechanism(mechanism: str, robot: str) -> None:
+    assert plan(robot, PlannerSettings(without=(mechanism,)), rounds=3).status == "solved"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "match"),
+    [
+        ({"without": ("latice",)}, "without: expected .*lattice.*, got 'latice' .did you mean 'lattice'"),
+        ({"without": (3,)}, "without"),
+        ({"without": "lattice"}, "without"),
+        ({"placement": "kmeans"}, "placement: expected k-means, none, paper, samples, got 'kmeans'"),
+        ({"placement": None}, "placement"),
+    ],
+)
+def test_wrong_names_are_refused(wrong: dict[str, Any], match: str) -> None:
+    with pytest.raises(ConfigurationError, match=match):
+        PlannerSettings(**wrong)
