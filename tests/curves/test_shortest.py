@@ -12,7 +12,7 @@ import pytest
 
 from trailmark import se2
 from trailmark.curves import Steering
-from trailmark.curves.shortest import MOST_WORDS, all_words, curve_states
+from trailmark.curves.shortest import MAX_WORDS, all_words, curve_states
 from trailmark.curves.words import reversed_word, unit_length
 
 ORACLE = """
@@ -98,7 +98,7 @@ def test_lengths_and_places_are_ompls(answers: dict[str, np.ndarray], reverse: b
     other = np.flatnonzero(np.abs(se2.difference(found, expected)).max(axis=1) > 1e-6)
     other = other[(other < 4200) | (other >= 5600)]
     assert len(other) < 0.02 * len(a)
-    words = np.empty((MOST_WORDS, 2, 5))
+    words = np.empty((MAX_WORDS, 2, 5))
     for i in other:
         n, swapped = all_words(a[i], b[i], steering.radius, reverse, words)
         alike = [word for word in words[:n] if steering.radius * unit_length(word) < lengths[i] + 1e-8]

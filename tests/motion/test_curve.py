@@ -16,7 +16,7 @@ from trailmark.collision import StateChecker
 from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
 from trailmark.motion import CurveMotion
-from trailmark.motion.pointwise_curves import PointwiseCurveChecker
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import Robot, World
 
@@ -61,7 +61,7 @@ def test_curves_in_random_worlds(world: str, name: str, steering: Steering) -> N
     assert not (clearance.min(axis=1) - half_step >= 1e-3).any()
 
     # One a call: the same answers.
-    single = PointwiseCurveChecker(checker, steering)
+    single = PointwiseChecker(checker, steering)
     alone = [single.motion_valid(tuple(p), tuple(q)) for p, q in zip(a.tolist(), b.tolist(), strict=True)]
     assert alone == accepted.tolist()
 
@@ -117,7 +117,7 @@ def test_no_needle_is_small_enough_to_be_missed(
     speck: Shape = Disc((x, y), size) if where[0] < 0.5 else box(x - size, y - size, x + size, y + size)
     checker = StateChecker(World("w", (-20.0, -20.0, 40.0, 40.0), (speck,)), robot, cell=0.25)
     assert not CurveMotion(checker, steering).motion_valid(a, b)
-    single = PointwiseCurveChecker(checker, steering)
+    single = PointwiseChecker(checker, steering)
     if checker.valid(a) and checker.valid(b):
         assert not single.motion_valid(a, b)
 
@@ -144,49 +144,6 @@ def test_a_curve_may_leave_contact_and_arrive_in_it() -> None:
     # Along the wall, touching it all the way, is not certified.
     assert not motions.motion_valid((5.0, 8.0, math.pi / 2), (5.0, 10.0, math.pi / 2))
     assert motions.motion_valid((4.99, 8.0, math.pi / 2), (4.99, 10.0, math.pi / 2))
-
-
-@pytest.mark.parametrize("steering", KINDS, ids=NAMES)
-def test_marks_lie_on_the_curves(steering: Steering) -> None:
-    single = PointwiseCurveChecker(StateChecker(World("free", (-60, -60, 60, 60)), Robot.disc(0.2)), steering)
-    rng = np.random.default_rng(2)
-    for _ in range(300):
-        p, q = rng.uniform((-9, -9, -math.pi), (9, 9, math.pi), (2, 3))
-        a, b = (p[0], p[1], p[2]), (q[0], q[1], q[2])
-        found = single.shortest(a, b)
-        assert found is not None
-        length, marks = found
-        assert length == pytest.approx(steering.lengths(a, b), abs=1e-12)
-        fraction, places = np.array(marks)[:, 0], np.array(marks)[:, 1:]
-        assert (np.diff(fraction) > 0.0).all()
-        assert fraction[-1] == pytest.approx(1.0, abs=1e-11)
-        assert np.abs(se2.difference(steering.states(a, b, fraction * length), places)).max() < 1e-9
-        for others in single.others(a, b, length):
-            # Another curve that is as long comes to the same end.
-            assert np.abs(se2.difference(np.array(others)[-1, 1:], b)).max() < 1e-6
-
-
-def test_of_several_shortest_curves_all_that_are_free_are_found() -> None:
-    # To turn round on the spot, four ways are as short; what blocks one of them lies off the others.
-    steering = Steering(2.0)
-    a, b = (10.0, 10.0, 0.0), (10.0, 10.0, math.pi)
-
-    def free_ones(obstacles: tuple[Shape, ...]) -> tuple[bool, int]:
-        single = PointwiseCurveChecker(StateChecker(World("w", (0, 0, 20, 20), obstacles), Robot.disc(0.2)), steering)
-        own = single.shortest(a, b)
-        length = steering.lengths(a, b)
-        # The same one may come as two words, with its pieces shared out in another way: told apart by their marks.
-        return own is not None, len({str(np.round(marks, 6)) for marks in single.others(a, b, length)})
-
-    mine = steering.states(a, b, np.linspace(0.0, steering.lengths(a, b), 200))
-    turned = np.column_stack([20.0 - mine[:, 0], 20.0 - mine[:, 1]])
-    far = turned[np.argmax(np.hypot(*(turned[:, None] - mine[None, :, :2]).transpose(2, 0, 1)).min(axis=1))]
-    own, others = free_ones(())
-    assert own
-    assert others >= 3
-    blocked_own, blocked_others = free_ones((Disc((far[0], far[1]), 0.05),))
-    assert blocked_own
-    assert 1 <= blocked_others < others
 
 
 def test_the_robots_own_steering_and_bad_input() -> None:

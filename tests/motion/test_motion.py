@@ -16,7 +16,7 @@ from trailmark.compiled import by_type
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError
 from trailmark.motion import CurveMotion, Motion, StraightMotion, TranslationMotion, kind_of, motion_of
-from trailmark.motion.base import cost, interpolate, least_cost, new_room
+from trailmark.motion.base import cost, interpolate, least_cost, new_scratch
 from trailmark.path import Path
 from trailmark.world import Robot, World
 
@@ -74,14 +74,14 @@ def test_costs_are_those_of_the_metric(seed: int) -> None:
 @pytest.mark.parametrize("name", MOTIONS)
 def test_what_is_interpolated_divides_the_cost(name: str) -> None:
     motion, (a, b) = MOTIONS[name], pairs(7)
-    room, q = new_room(motion.kind), np.empty(3)
+    scratch, q = new_scratch(motion.kind), np.empty(3)
     for p, r in zip(a, b, strict=True):
-        whole = cost(motion.kind, room, p, r)
+        whole = cost(motion.kind, scratch, p, r)
         assert least_cost(motion.kind, p, r) <= whole + 1e-9
         for share in (0.0, 0.3, 1.0):
-            interpolate(motion.kind, room, p, r, share * whole, q)
-            assert cost(motion.kind, room, p, q) == pytest.approx(share * whole, abs=1e-6)
-            assert cost(motion.kind, room, q, r) == pytest.approx((1.0 - share) * whole, abs=1e-6)
+            interpolate(motion.kind, scratch, p, r, share * whole, q)
+            assert cost(motion.kind, scratch, p, q) == pytest.approx(share * whole, abs=1e-6)
+            assert cost(motion.kind, scratch, q, r) == pytest.approx((1.0 - share) * whole, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", MOTIONS)

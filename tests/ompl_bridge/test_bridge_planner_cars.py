@@ -93,12 +93,13 @@ def test_curves_that_ompl_would_replace_are_divided(run_ompl: Any, reverse: bool
         SET_UP
         + f"""
 from trailmark import StateChecker
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 room = World("room", (-60.0, -60.0, 60.0, 60.0))
 car = Robot.rectangle(4.0, 1.8).steered(4.5, {reverse})
 problem = SE2Problem(room, car, ((0.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
 steering = Steering.of(car)
-curves = OmplCurves(problem.information, problem.checker, steering)
+curves = OmplCurves(problem.information, PointwiseChecker(problem.checker, steering))
 rng = np.random.default_rng(3)
 divided = refused = worse = longer = 0
 for _ in range(3000):

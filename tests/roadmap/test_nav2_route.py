@@ -175,31 +175,31 @@ def test_of_several_edges_the_cheapest_is_kept(order: tuple[int, ...], tmp_path:
 @pytest.mark.parametrize(
     ("features", "said"),
     [
-        ([point(1), line(2, 1, 5)], "features[1]: endid 5 given, allowed: the id of a Point feature"),
-        ([point(1), line(2, 5, 1)], "features[1]: startid 5 given, allowed: the id of a Point feature"),
-        ([point(1), point(1)], "features[1]: node id 1 is given more than once, allowed: once"),
-        ([point(1)], "1 nodes and 0 edges given, allowed: Point and LineString features, one or more of each"),
-        ([], "0 nodes and 0 edges given"),
-        ([3, None, "x"], "0 nodes and 0 edges given"),
-        ([point(-1)], "features[0]: id '-1' given, allowed: a whole number from 0 to 4294967295"),
-        ([point(2**32)], "features[0]: id '4294967296' given"),
-        ([point(1.5)], "features[0]: id '1.5' given"),
-        ([point("a\nb")], "features[0]: id 'a\\nb' given"),
-        ([point(True)], "features[0]: id 'True' given"),
-        ([point(None)], "features[0]: id 'None' given"),
-        ([point(1) | {"properties": None}], "features[0]: no object 'properties' given"),
-        ([point(1), line(None, 1, 1)], "features[1]: id 'None' given"),
-        ([point(1), line(2, 1, None)], "features[1]: endid 'None' given"),
-        ([point(1, "0")], "features[0]: coordinates: '0' given, allowed: a finite number"),
-        ([point(1, 0, 10**400)], "features[0]: coordinates: '1000"),
-        ([point(1, 0, float("inf"))], "features[0]: coordinates: 'inf' given"),
-        ([point(1, float("nan"))], "features[0]: coordinates: 'nan' given"),
-        ([point(1) | {"geometry": {"type": "Point"}}], "features[0]: coordinates None given, allowed: [x, y]"),
-        ([point(1), line(2, 1, 1, cost="low")], "features[1]: cost: 'low' given, allowed: a finite number"),
+        ([point(1), line(2, 1, 5)], "features[1]: endid: expected the id of a Point feature, got 5"),
+        ([point(1), line(2, 5, 1)], "features[1]: startid: expected the id of a Point feature, got 5"),
+        ([point(1), point(1)], "features[1]: expected each node id once, got 1 again"),
+        ([point(1)], "expected Point and LineString features, one or more of each, got 1 nodes and 0 edges"),
+        ([], "got 0 nodes and 0 edges"),
+        ([3, None, "x"], "got 0 nodes and 0 edges"),
+        ([point(-1)], "features[0]: id: expected a whole number from 0 to 4294967295, got '-1'"),
+        ([point(2**32)], "features[0]: id: expected a whole number from 0 to 4294967295, got '4294967296'"),
+        ([point(1.5)], "got '1.5'"),
+        ([point("a\nb")], "got 'a\\nb'"),
+        ([point(True)], "got 'True'"),
+        ([point(None)], "got 'None'"),
+        ([point(1) | {"properties": None}], "features[0]: expected an object 'properties' with an id, got none"),
+        ([point(1), line(None, 1, 1)], "got 'None'"),
+        ([point(1), line(2, 1, None)], "features[1]: endid: expected a whole number from 0 to 4294967295, got 'None'"),
+        ([point(1, "0")], "features[0]: coordinates: expected a finite number, got '0'"),
+        ([point(1, 0, 10**400)], "features[0]: coordinates: expected a finite number, got '1000"),
+        ([point(1, 0, float("inf"))], "got 'inf'"),
+        ([point(1, float("nan"))], "got 'nan'"),
+        ([point(1) | {"geometry": {"type": "Point"}}], "features[0]: coordinates: expected [x, y], got None"),
+        ([point(1), line(2, 1, 1, cost="low")], "features[1]: cost: expected a finite number, got 'low'"),
     ],
 )
 def test_files_that_are_no_route_graph(features: list[Any], said: str, tmp_path: Path) -> None:
-    assert problem(written(tmp_path, *features)).startswith(said)
+    assert said in problem(written(tmp_path, *features))
 
 
 @pytest.mark.parametrize(
@@ -207,14 +207,14 @@ def test_files_that_are_no_route_graph(features: list[Any], said: str, tmp_path:
     [
         ("", "1: not valid JSON: Expecting value"),
         ('{"features": [\n1,]}', "2: not valid JSON: "),
-        ("[]", "no list 'features' given, allowed: a GeoJSON FeatureCollection"),
-        ('{"features": {}}', "no list 'features' given"),
+        ("[]", "expected a GeoJSON FeatureCollection, got no list 'features'"),
+        ('{"features": {}}', "got no list 'features'"),
         ("[" * 100_000, "not valid JSON: nested too deeply"),
         (f'{{"features": [{"9" * 5000}]}}', "not valid JSON: nested too deeply or a number too long"),
-        ("\0", "not a text file; allowed: GeoJSON"),
+        ("\0", "not a text file; expected GeoJSON"),
     ],
 )
 def test_files_that_are_no_json(text: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "graph.geojson").write_text(text)
-    assert problem(tmp_path / "graph.geojson").startswith(said)
+    assert said in problem(tmp_path / "graph.geojson")
     assert problem(tmp_path / "none.geojson").startswith("cannot be read: No such file")

@@ -204,8 +204,8 @@ def test_invalid_nodes_are_refused_or_left_out_if_asked(roadmap: Roadmap, suffix
     assert 0 < np.count_nonzero(~valid) < len(valid)
     first = ", ".join(f"{v:g}" for v in roadmap.configurations[~valid][0])
     assert problem(file, changed) == (
-        f"{np.count_nonzero(~valid)} of 80 nodes are not valid for this robot in this world, the first at ({first}); "
-        "allowed: none, or drop_invalid to leave them out"
+        "expected nodes that are valid for this robot in this world (drop_invalid leaves the others out), "
+        f"got {np.count_nonzero(~valid)} of 80 that are not, the first at ({first})"
     )
     again = load_roadmap(file, changed, drop_invalid=True)
     assert np.array_equal(again.configurations, roadmap.configurations[valid])
@@ -267,7 +267,7 @@ def test_suffixes(roadmap: Roadmap, name: str, tmp_path: Path) -> None:
             roadmap.save(file)
         assert not file.exists()
     said = problem(file, roadmap.checker)
-    assert said.startswith(f"suffix {file.suffix!r} given, allowed: .graphml, .npz")
+    assert said.startswith(f"expected suffix .graphml or .npz, got {file.suffix!r}")
     assert ("read_route_graph" in said) == (name == "r.geojson")
 
 
@@ -328,32 +328,35 @@ def change(name: str, where: Any, value: Any) -> Change:
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
-        (without("edges"), "array 'edges' is missing, allowed: configurations, edges, status, fingerprint, checksum"),
-        (without("configurations"), "array 'configurations' is missing"),
-        (without("status"), "array 'status' is missing"),
-        (without("fingerprint"), "array 'fingerprint' is missing"),
-        (put("configurations", np.zeros((80, 2))), "configurations of shape (80, 2) given, allowed: (n, 3)"),
-        (put("configurations", np.zeros(3)), "configurations of shape (3,) given"),
-        (put("configurations", [["a"]]), "array 'configurations' of <U1 given, allowed: numbers"),
-        (put("configurations", np.zeros((4, 3), complex)), "array 'configurations' of complex128 given"),
-        (put("edges", np.zeros((5, 2))), "array 'edges' of float64 given, allowed: whole numbers"),
-        (put("edges", np.zeros((5, 3), int)), "edges of shape (5, 3) given, allowed: (m, 2)"),
-        (put("status", np.zeros(5, int)), "status of shape (5,) given, allowed: ("),
-        (put("status", 1), "status of shape () given"),
-        (put("checksum", 7), "array 'checksum' of int64 given, allowed: text"),
-        (change("configurations", (5, 1), np.nan), "configurations[5]: ["),
-        (change("configurations", (5, 1), -np.inf), "configurations[5]: ["),
-        (change("configurations", (5, 1), 1e300), "1 of 80 nodes are not valid"),
-        (change("edges", (2, 1), 80), "edges[2]: ["),
-        (change("edges", (2, 0), -1), "edges[2]: [-1, "),
-        (change("edges", 2, [4, 4]), "edges[2]: [4, 4] given, allowed: two different nodes"),
-        (change("status", 9, 3), "status[9]: 3 given, allowed: 0, 1, 2"),
+        (
+            without("edges"),
+            "expected arrays configurations, edges, status, fingerprint, checksum, got none named 'edges'",
+        ),
+        (without("configurations"), "got none named 'configurations'"),
+        (without("status"), "got none named 'status'"),
+        (without("fingerprint"), "got none named 'fingerprint'"),
+        (put("configurations", np.zeros((80, 2))), "configurations: expected shape (n, 3), got (80, 2)"),
+        (put("configurations", np.zeros(3)), "got (3,)"),
+        (put("configurations", [["a"]]), "array 'configurations': expected numbers, got <U1"),
+        (put("configurations", np.zeros((4, 3), complex)), "got complex128"),
+        (put("edges", np.zeros((5, 2))), "array 'edges': expected whole numbers, got float64"),
+        (put("edges", np.zeros((5, 3), int)), "edges: expected shape (m, 2), got (5, 3)"),
+        (put("status", np.zeros(5, int)), ", one for each edge, got (5,)"),
+        (put("status", 1), "got ()"),
+        (put("checksum", 7), "array 'checksum': expected text, got int64"),
+        (change("configurations", (5, 1), np.nan), "configurations[5]: expected finite numbers, got ["),
+        (change("configurations", (5, 1), -np.inf), "configurations[5]: expected finite numbers, got ["),
+        (change("configurations", (5, 1), 1e300), "got 1 of 80 that are not"),
+        (change("edges", (2, 1), 80), "edges[2]: expected nodes 0 to 79, got ["),
+        (change("edges", (2, 0), -1), "edges[2]: expected nodes 0 to 79, got [-1, "),
+        (change("edges", 2, [4, 4]), "edges[2]: expected two different nodes, got [4, 4]"),
+        (change("status", 9, 3), "status[9]: expected 0, 1, 2, got 3"),
     ],
 )
 def test_npz_that_is_no_roadmap(roadmap: Roadmap, damage: Change, said: str, tmp_path: Path) -> None:
     file = tmp_path / "r.npz"
     np.savez(file, **damage(arrays(roadmap, tmp_path)))
-    assert problem(file, roadmap.checker).startswith(said)
+    assert said in problem(file, roadmap.checker)
 
 
 def test_an_edge_given_twice(roadmap: Roadmap, tmp_path: Path) -> None:
@@ -362,7 +365,7 @@ def test_an_edge_given_twice(roadmap: Roadmap, tmp_path: Path) -> None:
     edges[6] = edges[2][::-1]
     np.savez(tmp_path / "r.npz", **(content | {"edges": edges}))
     assert problem(tmp_path / "r.npz", roadmap.checker).startswith(
-        f"edges[6]: {edges[6].tolist()} given, allowed: each"
+        f"edges[6]: expected each pair once, got {edges[6].tolist()}"
     )
 
 
@@ -392,7 +395,7 @@ def test_archives_that_unpack_to_too_much(roadmap: Roadmap, tmp_path: Path, monk
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("configurations.npy", bytes(2**27 + 1))
     assert file.stat().st_size < 2**18
-    assert problem(file, roadmap.checker) == "134,217,729 bytes unpacked, allowed: at most 134,217,728"
+    assert problem(file, roadmap.checker) == "expected at most 134,217,728 bytes unpacked, got 134,217,729"
     # A header that promises more than there is.
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**15, 3)})
@@ -416,17 +419,17 @@ EDGE = '<edge source="0" target="1"><data key="c">true</data></edge>'
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ({"theta": "nan"}, "configurations[0]: [5.0, 5.0, nan] given, allowed: finite numbers"),
-        ({"theta": "inf"}, "configurations[0]: [5.0, 5.0, inf] given, allowed: finite numbers"),
+        ({"theta": "nan"}, "configurations[0]: expected finite numbers, got [5.0, 5.0, nan]"),
+        ({"theta": "inf"}, "configurations[0]: expected finite numbers, got [5.0, 5.0, inf]"),
         ({"theta": "east"}, "not a readable GraphML file: could not convert string to float: 'east'"),
-        ({"kind": "string", "theta": "1"}, "node 0: theta '1' given, allowed: a finite number"),
-        ({"kind": "boolean", "theta": "true"}, "node 0: theta 'True' given, allowed: a finite number"),
-        ({"kind": "long", "theta": "9" * 400}, f"node 0: theta '{'9' * 60}' given, allowed: a finite number"),
+        ({"kind": "string", "theta": "1"}, "node 0: theta: expected a finite number, got '1'"),
+        ({"kind": "boolean", "theta": "true"}, "node 0: theta: expected a finite number, got 'True'"),
+        ({"kind": "long", "theta": "9" * 400}, f"node 0: theta: expected a finite number, got '{'9' * 60}'"),
         ({"second": "one"}, "not a readable GraphML file: invalid literal for int()"),
-        ({"edges": '<edge source="0" target="1"/>'}, "edge 0-1: certified 'None' given, allowed: true, false"),
-        ({"edges": '<edge source="0" target="2"/>'}, "node 2: x 'None' given, allowed: a finite number"),
-        ({"edges": EDGE + EDGE}, "edges[1]: [0, 1] given, allowed: each pair once"),
-        ({"edges": EDGE.replace('"1"', '"0"')}, "edges[0]: [0, 0] given, allowed: two different nodes"),
+        ({"edges": '<edge source="0" target="1"/>'}, "edge 0-1: certified: expected true or false, got 'None'"),
+        ({"edges": '<edge source="0" target="2"/>'}, "node 2: x: expected a finite number, got 'None'"),
+        ({"edges": EDGE + EDGE}, "edges[1]: expected each pair once, got [0, 1]"),
+        ({"edges": EDGE.replace('"1"', '"0"')}, "edges[0]: expected two different nodes, got [0, 0]"),
         ({"edges": "<edge"}, "not a readable GraphML file: not well-formed"),
     ],
 )

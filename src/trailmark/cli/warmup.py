@@ -44,19 +44,16 @@ def warmup(as_json: JsonOption = False) -> None:
 
 
 def _warm_up_pointwise() -> None:
-    """Run every kernel that answers for one configuration or motion a call."""
+    """Run every kernel that answers for one configuration or motion per call."""
     from trailmark.collision import StateChecker
+    from trailmark.curves import Steering
     from trailmark.motion.pointwise import PointwiseChecker
-    from trailmark.motion.pointwise_curves import PointwiseCurveChecker
     from trailmark.planning.warmup import ROBOTS, SMALL
 
     (world, ends), robot = SMALL, ROBOTS["straight"]
     a, b = (tuple(q) for q in ends.tolist())
-    for reverse in (None, True, False):
-        if reverse is None:
-            single = PointwiseChecker(StateChecker(world, robot))
-        else:
-            single = PointwiseCurveChecker(StateChecker(world, robot.steered(0.4, reverse)))
+    for steering in (None, Steering(0.4), Steering(0.4, reverse=False)):
+        single = PointwiseChecker(StateChecker(world, robot), steering)
         single.valid(*a)
         single.clearance(*a)
         single.motion_valid(a, b)

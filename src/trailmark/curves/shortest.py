@@ -23,7 +23,7 @@ __all__ = [
     "shortest_word",
 ]
 
-MOST_WORDS = 56
+MAX_WORDS = 56
 """Rows that either kind of car asks for at most."""
 
 
@@ -69,7 +69,7 @@ def shortest_word(a: FloatArray, b: FloatArray, radius: float, reverse: bool, wo
         b: to, shape (3,).
         radius: turning radius, metres.
         reverse: whether the car drives backwards too.
-        words: room, shape (MOST_WORDS, 2, 5).
+        words: room, shape (MAX_WORDS, 2, 5).
     """
     n, swapped = all_words(a, b, radius, reverse, words)
     best, _ = shortest_of(words, n)
@@ -97,7 +97,7 @@ def curve_length(a: FloatArray, b: FloatArray, radius: float, reverse: bool, wor
 @njit(cache=True, nogil=True)
 def curve_lengths(a: FloatArray, b: FloatArray, radius: float, reverse: bool) -> FloatArray:
     """Return the lengths (metres, shape (n,)) of the shortest curves from a to b, each of shape (n, 3)."""
-    words = np.empty((MOST_WORDS, 2, PIECES))
+    words = np.empty((MAX_WORDS, 2, PIECES))
     result = np.empty(len(a))
     for i in range(len(a)):
         result[i] = curve_length(a[i], b[i], radius, reverse, words)
@@ -107,7 +107,7 @@ def curve_lengths(a: FloatArray, b: FloatArray, radius: float, reverse: bool) ->
 @njit(cache=True, nogil=True)
 def curve_words(a: FloatArray, b: FloatArray, radius: float, reverse: bool) -> FloatArray:
     """Return the words, shape (n, 2, 5), of the shortest curves from a to b, each of shape (n, 3)."""
-    words = np.empty((MOST_WORDS, 2, PIECES))
+    words = np.empty((MAX_WORDS, 2, PIECES))
     result = np.empty((len(a), 2, PIECES))
     for i in range(len(a)):
         result[i] = shortest_word(a[i], b[i], radius, reverse, words)

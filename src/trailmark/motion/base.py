@@ -28,7 +28,7 @@ from trailmark.se2 import FloatArray
 
 __all__ = [
     "Motion",
-    "Room",
+    "Scratch",
     "certified",
     "cost",
     "costs",
@@ -36,12 +36,12 @@ __all__ = [
     "interpolate",
     "least_cost",
     "motions_free",
-    "new_room",
+    "new_scratch",
 ]
 
 
-class Room(NamedTuple):
-    """Room for one thread's compiled code to work in.
+class Scratch(NamedTuple):
+    """Memory for the compiled code of one thread to work in.
 
     Attributes:
         placed: (v, 2), the placed outline.
@@ -55,24 +55,24 @@ class Room(NamedTuple):
 
 
 @by_type
-def new_room(kind: Any) -> Room:
-    """Return room to work in."""
+def new_scratch(kind: Any) -> Scratch:
+    """Return memory for one thread to work in."""
     raise NotImplementedError
 
 
 @by_type
-def cost(kind: Any, room: Room, a: FloatArray, b: FloatArray) -> float:
+def cost(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     """Return what the motion from a to b, each of shape (3,), costs, metres."""
     raise NotImplementedError
 
 
 @by_type
-def certified(kind: Any, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
+def certified(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     """Return whether the motion from a to b, both valid, is certified free of collision.
 
     Args:
         kind: of motion.
-        room: to work in.
+        scratch: memory to work in.
         a: shape (3,).
         b: shape (3,).
         budget: configurations evaluated at most; a motion that needs more is not certified.
@@ -81,7 +81,7 @@ def certified(kind: Any, room: Room, a: FloatArray, b: FloatArray, budget: int) 
 
 
 @by_type
-def interpolate(kind: Any, room: Room, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
+def interpolate(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
     """Write the configuration at cost ``along`` (metres) on the motion from a to b into q."""
     raise NotImplementedError
 
@@ -101,18 +101,18 @@ def least_cost(kind: Any, a: FloatArray, b: FloatArray) -> float:
 @njit(cache=True, nogil=True)
 def costs(kind: Any, a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the costs (metres, shape (n,)) of the motions from a to b, each of shape (n, 3)."""
-    room, result = new_room(kind), np.empty(len(a))
+    scratch, result = new_scratch(kind), np.empty(len(a))
     for i in range(len(a)):
-        result[i] = cost(kind, room, a[i], b[i])
+        result[i] = cost(kind, scratch, a[i], b[i])
     return result
 
 
 @njit(cache=True, nogil=True)
 def motions_free(kind: Any, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
     """Return which motions between valid configurations, each of shape (n, 3), are certified, shape (n,)."""
-    room, result = new_room(kind), np.empty(len(a), np.bool_)
+    scratch, result = new_scratch(kind), np.empty(len(a), np.bool_)
     for i in range(len(a)):
-        result[i] = certified(kind, room, a[i], b[i], BUDGET)
+        result[i] = certified(kind, scratch, a[i], b[i], BUDGET)
     return result
 
 

@@ -15,18 +15,18 @@ from trailmark.collision.kernels import FREE, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit, variant_of
 from trailmark.curves import CurvePath, Steering
-from trailmark.curves.shortest import MOST_WORDS, curve_length, shortest_word
+from trailmark.curves.shortest import MAX_WORDS, curve_length, shortest_word
 from trailmark.curves.words import PIECES, walk
 from trailmark.errors import ConfigurationError
 from trailmark.motion.base import (
     Motion,
-    Room,
+    Scratch,
     certified,
     cost,
     embedding_radius,
     interpolate,
     least_cost,
-    new_room,
+    new_scratch,
 )
 from trailmark.se2 import FloatArray
 
@@ -96,30 +96,32 @@ class CurveMotion(Motion):
         return CurvePath(states, self.steering)
 
 
-@variant_of(new_room, Curve)
+@variant_of(new_scratch, Curve)
 @njit(cache=True)
-def _new_room(kind: Curve) -> Room:
-    return Room(workspace(kind.robot), new_queue(), np.empty((MOST_WORDS, 2, PIECES)))
+def _new_scratch(kind: Curve) -> Scratch:
+    return Scratch(workspace(kind.robot), new_queue(), np.empty((MAX_WORDS, 2, PIECES)))
 
 
 @variant_of(cost, Curve)
 @njit(cache=True)
-def _cost(kind: Curve, room: Room, a: FloatArray, b: FloatArray) -> float:
-    return float(curve_length(a, b, kind.radius, kind.reverse, room.words))
+def _cost(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
+    return float(curve_length(a, b, kind.radius, kind.reverse, scratch.words))
 
 
 @variant_of(certified, Curve)
 @njit(cache=True)
-def _certified(kind: Curve, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
-    word = shortest_word(a, b, kind.radius, kind.reverse, room.words)
-    answer = curve_motion(kind.grid, kind.field, kind.robot, room.placed, room.queue, a, word, kind.radius, budget)
+def _certified(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
+    word = shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
+    answer = curve_motion(
+        kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, a, word, kind.radius, budget
+    )
     return bool(answer == FREE)
 
 
 @variant_of(interpolate, Curve)
 @njit(cache=True)
-def _interpolate(kind: Curve, room: Room, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
-    walk(a, shortest_word(a, b, kind.radius, kind.reverse, room.words), kind.radius, along, q)
+def _interpolate(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
+    walk(a, shortest_word(a, b, kind.radius, kind.reverse, scratch.words), kind.radius, along, q)
 
 
 @variant_of(embedding_radius, Curve)

@@ -1,8 +1,10 @@
-"""PointwiseChecker: one configuration or motion a call, for callers that ask one at a time, such as OMPL's planners.
+"""PointwiseChecker: one configuration or motion per call, for callers that need one at a time, such as OMPL's planners.
 
-Handing the checker's arrays to compiled code costs more (4 µs) than most answers. Here they are handed over once, as
-addresses in one array of integers; a call then passes that array and the coordinates (less than 1 µs).
+To pass the checker's arrays to compiled code takes longer (4 µs) than most answers. Here they are passed once, as
+addresses in one array of integers; a call then passes the address of that array and the coordinates (less than 1 µs).
 """
+
+# Tested by tests/motion/test_pointwise.py and test_curve.py.
 
 from __future__ import annotations
 
@@ -14,58 +16,72 @@ from numba import carray, types  # type: ignore[attr-defined]  # numba does expo
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from trailmark.collision import certify, kernels
+from trailmark.collision import kernels
+from trailmark.collision.certify import BUDGET, new_queue
 from trailmark.collision.checker import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
+from trailmark.curves import Steering
+from trailmark.curves.shortest import MAX_WORDS
+from trailmark.curves.words import PIECES
+from trailmark.motion.base import Scratch, certified
+from trailmark.motion.curve import Curve
+from trailmark.motion.straight import Straight
 
-__all__ = ["PointwiseChecker", "given", "pointer", "room_at", "unpacked"]
+__all__ = ["Configuration", "PointwiseChecker", "is_configuration", "pointer", "scratch_at", "unpacked"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+Configuration = tuple[float, float, float]
 
 
 class PointwiseChecker:
-    """The answers of a StateChecker, one at a time and with little overhead.
+    """The answers of a StateChecker and of a motion, one at a time and with little overhead.
 
     Numbers that are no configuration (not finite, or a heading outside [-pi, pi]) are neither valid nor part of a
     certified motion. All that is compiled or built on first use is so on construction, before a planner's clock runs.
 
     Args:
         checker: whose answers these are; kept alive, since the addresses are those of its arrays.
+        steering: of a car whose shortest curves the motions are; None for straight motions.
+
+    Attributes:
+        checker: as given.
+        steering: as given.
     """
 
-    def __init__(self, checker: StateChecker) -> None:
-        self.checker = checker
+    def __init__(self, checker: StateChecker, steering: Steering | None = None) -> None:
+        self.checker, self.steering = checker, steering
         self._arrays = _arrays(checker)
         rows = [(array.ctypes.data, *array.shape, 1)[:3] for array in self._arrays]
-        # Room for the kernels to work in; one call at a time uses it, since none lets go of the interpreter's lock.
-        self._scratch = [kernels.workspace(checker.footprint), np.empty((128, 2)), np.empty((2, 3))]
+        # Memory for the kernels to work in. One call at a time uses it, since none releases the interpreter's lock.
+        words = np.empty((MAX_WORDS, 2, PIECES))
+        self._scratch = [kernels.workspace(checker.footprint), new_queue(), words, np.empty((2, 3))]
         self._numbers: FloatArray = np.array(_numbers(checker))
-        room = [len(self._scratch[0]), *(array.ctypes.data for array in (*self._scratch, self._numbers))]
+        scratch = [len(self._scratch[0]), *(array.ctypes.data for array in (*self._scratch, self._numbers))]
         self._places: IntArray = np.array(
-            [*np.ravel(rows), checker.grid.columns, checker.grid.rows, *room], dtype=np.int64
+            [*np.ravel(rows), checker.grid.columns, checker.grid.rows, *scratch], dtype=np.int64
         )
-        self._address: int = self._places.ctypes.data
+        self.address: int = self._places.ctypes.data
         self._by_fcl = checker.exact == "fcl"
         self._warm_up()
 
     def _warm_up(self) -> None:
-        """Call all that is compiled once, and have FCL's scene built."""
+        """Call every kernel once, and build FCL's scene."""
         inside = (float(self.checker.world.bounds[0]), float(self.checker.world.bounds[1]), 0.0)
-        _valid(self._address, *inside)
-        _clearance(self._address, *inside)
-        _motion(self._address, *inside, *inside)
-        _step(self._address, *inside, *inside)
+        _valid(self.address, *inside)
+        _clearance(self.address, *inside)
+        self.motion_valid(inside, inside)
+        self.step_valid(*inside, *inside)
         self.checker.scene.collides(np.array(inside))
 
     def valid(self, x: float, y: float, theta: float) -> bool:
         """Return whether a configuration is valid (metres, radians)."""
         if self._by_fcl:
-            return given(x, y, theta) and bool(self.checker.valid((x, y, theta)))
-        answer = _valid(self._address, x, y, theta)
+            return is_configuration(x, y, theta) and bool(self.checker.valid((x, y, theta)))
+        answer = _valid(self.address, x, y, theta)
         if answer == kernels.UNDECIDED:
             return not self.checker.scene.collides(np.array([x, y, theta]))
         return bool(answer == kernels.FREE)
@@ -73,21 +89,23 @@ class PointwiseChecker:
     def clearance(self, x: float, y: float, theta: float) -> float:
         """Return the distance (metres) to the nearest obstacle or bound; 0 on contact or overlap."""
         if self._by_fcl:
-            return float(self.checker.clearance((x, y, theta))) if given(x, y, theta) else 0.0
-        return float(_clearance(self._address, x, y, theta))
+            return float(self.checker.clearance((x, y, theta))) if is_configuration(x, y, theta) else 0.0
+        return float(_clearance(self.address, x, y, theta))
 
-    def motion_valid(self, a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
+    def motion_valid(self, a: Configuration, b: Configuration) -> bool:
         """Return whether the motion from a to b, both known to be valid, is certified free of collision."""
+        if self.steering is not None:
+            return bool(_curve(self.address, *a, *b, self.steering.radius, self.steering.reverse))
         if self._by_fcl:
-            if not (given(*a) and given(*b)):
+            if not (is_configuration(*a) and is_configuration(*b)):
                 return False
             return bool(self.checker.motions_between_valid(np.array([a]), np.array([b]))[0])
-        return bool(_motion(self._address, *a, *b) == kernels.FREE)
+        return bool(_straight(self.address, *a, *b))
 
     def step_valid(self, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> bool:
         """Return whether b is valid and the motion from a, known to be valid, to b is certified."""
-        if not self._by_fcl:
-            answer = _step(self._address, ax, ay, at, bx, by, bt)
+        if not self._by_fcl and self.steering is None:
+            answer = _step(self.address, ax, ay, at, bx, by, bt)
             if answer != kernels.UNDECIDED:
                 return bool(answer == kernels.FREE)
         return self.valid(bx, by, bt) and self.motion_valid((ax, ay, at), (bx, by, bt))
@@ -142,13 +160,13 @@ pointer: Any = intrinsic(_to_pointer)
 
 @njit(cache=True, inline="always")
 def _numbers_at(address: int) -> FloatArray:
-    return carray(pointer(carray(pointer(address), (37,), np.int64)[36]), (11,), np.float64)
+    return carray(pointer(carray(pointer(address), (38,), np.int64)[37]), (11,), np.float64)
 
 
 @njit(cache=True, inline="always")
 def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     """Return the kernels' arguments: of each array there are address, rows and columns, then the numbers' address."""
-    places, numbers = carray(pointer(address), (37,), np.int64), _numbers_at(address)
+    places, numbers = carray(pointer(address), (38,), np.int64), _numbers_at(address)
     grid = ObstacleGrid(
         carray(pointer(places[0]), (places[1], places[2]), np.float64),
         carray(pointer(places[3]), (places[4], places[5]), np.float64),
@@ -182,33 +200,34 @@ def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
 
 
 @njit(cache=True, inline="always")
-def room_at(address: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return room for the placed outline, for the queue of a motion's gaps, and for a motion's ends."""
-    places = carray(pointer(address), (37,), np.int64)
-    return (
+def scratch_at(address: int) -> tuple[Scratch, FloatArray]:
+    """Return memory to work in, and for a motion's ends, shape (2, 3)."""
+    places = carray(pointer(address), (38,), np.int64)
+    scratch = Scratch(
         carray(pointer(places[33]), (places[32], 2), np.float64),
         carray(pointer(places[34]), (128, 2), np.float64),
-        carray(pointer(places[35]), (2, 3), np.float64),
+        carray(pointer(places[35]), (MAX_WORDS, 2, PIECES), np.float64),
     )
+    return scratch, carray(pointer(places[36]), (2, 3), np.float64)
 
 
 @njit(cache=True, inline="always")
-def given(x: float, y: float, theta: float) -> bool:
-    """Return whether numbers are a configuration: the kernels take what compares false with everything for free."""
+def is_configuration(x: float, y: float, theta: float) -> bool:
+    """Return whether numbers are a configuration: kernels would take what compares false with everything for free."""
     return isfinite(x + y) and -pi <= theta <= pi
 
 
 @njit(cache=True)
 def _valid(address: int, x: float, y: float, theta: float) -> int:
-    if not given(x, y, theta):
+    if not is_configuration(x, y, theta):
         return kernels.BLOCKED
     grid, field, robot = unpacked(address)
-    return int(kernels.state(grid, field, robot, room_at(address)[0], x, y, theta))
+    return int(kernels.state(grid, field, robot, scratch_at(address)[0].placed, x, y, theta))
 
 
 @njit(cache=True)
 def _clearance(address: int, x: float, y: float, theta: float) -> float:
-    if not given(x, y, theta):
+    if not is_configuration(x, y, theta):
         return 0.0
     grid, field, robot = unpacked(address)
     q = np.empty((1, 3))
@@ -217,26 +236,46 @@ def _clearance(address: int, x: float, y: float, theta: float) -> float:
 
 
 @njit(cache=True)
-def _motion(address: int, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
-    if not (given(ax, ay, at) and given(bx, by, bt)):
-        return kernels.BLOCKED
+def _straight(address: int, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> bool:
+    """Return whether the straight motion from a to b is certified."""
+    if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
+        return False
     grid, field, robot = unpacked(address)
-    placed, queue, ends = room_at(address)
+    scratch, ends = scratch_at(address)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    return int(certify.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))
+    return certified(Straight(grid, field, robot), scratch, ends[0], ends[1], BUDGET)
+
+
+@njit(cache=True)
+def _curve(
+    address: int,
+    ax: float,
+    ay: float,
+    at: float,
+    bx: float,
+    by: float,
+    bt: float,
+    radius: float,
+    reverse: bool,
+) -> bool:
+    """Return whether the shortest curve from a to b is certified."""
+    if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
+        return False
+    grid, field, robot = unpacked(address)
+    scratch, ends = scratch_at(address)
+    ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
+    ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
+    return certified(Curve(grid, field, robot, radius, reverse), scratch, ends[0], ends[1], BUDGET)
 
 
 @njit(cache=True)
 def _step(address: int, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> int:
-    """Return FREE or BLOCKED for the end b and the motion to it; UNDECIDED where b is left to FCL."""
-    if not (given(ax, ay, at) and given(bx, by, bt)):
+    """Return FREE or BLOCKED for the end b and the straight motion to it; UNDECIDED where b is left to FCL."""
+    if not (is_configuration(ax, ay, at) and is_configuration(bx, by, bt)):
         return kernels.BLOCKED
     grid, field, robot = unpacked(address)
-    placed, queue, ends = room_at(address)
-    answer = int(kernels.state(grid, field, robot, placed, bx, by, bt))
+    answer = int(kernels.state(grid, field, robot, scratch_at(address)[0].placed, bx, by, bt))
     if answer != kernels.FREE:
         return answer
-    ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
-    ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    return int(certify.motion(grid, field, robot, placed, queue, ends[0], ends[1], True))
+    return kernels.FREE if _straight(address, ax, ay, at, bx, by, bt) else kernels.BLOCKED

@@ -20,18 +20,18 @@ from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn, wrapped
 from trailmark.motion.base import (
     Motion,
-    Room,
+    Scratch,
     certified,
     cost,
     embedding_radius,
     interpolate,
     least_cost,
-    new_room,
+    new_scratch,
 )
 from trailmark.path import Path
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
-__all__ = ["Straight", "StraightMotion", "straight_certified", "straight_room", "sweep_radius"]
+__all__ = ["Straight", "StraightMotion", "straight_certified", "straight_scratch", "sweep_radius"]
 
 
 class Straight(NamedTuple):
@@ -79,29 +79,29 @@ class StraightMotion(Motion):
         return Path(states)
 
 
-@variant_of(new_room, Straight)
+@variant_of(new_scratch, Straight)
 @njit(cache=True)
-def straight_room(kind: Any) -> Room:
-    """Return room for straight motions."""
-    return Room(workspace(kind.robot), new_queue(), np.empty((0, 2, 5)))
+def straight_scratch(kind: Any) -> Scratch:
+    """Return memory for straight motions."""
+    return Scratch(workspace(kind.robot), new_queue(), np.empty((0, 2, 5)))
 
 
 @variant_of(cost, Straight)
 @njit(cache=True)
-def _cost(kind: Straight, room: Room, a: FloatArray, b: FloatArray) -> float:
+def _cost(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     return float(hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2])))
 
 
 @variant_of(certified, Straight)
 @njit(cache=True)
-def straight_certified(kind: Any, room: Room, a: FloatArray, b: FloatArray, budget: int) -> bool:
+def straight_certified(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     """Return whether the straight motion from a to b, each of shape (3,) and valid, is certified."""
-    return bool(motion(kind.grid, kind.field, kind.robot, room.placed, room.queue, a, b, True, budget) == FREE)
+    return bool(motion(kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, a, b, True, budget) == FREE)
 
 
 @variant_of(interpolate, Straight)
 @njit(cache=True)
-def _interpolate(kind: Straight, room: Room, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
+def _interpolate(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
     length = hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2]))
     t = min(1.0, along / length) if length > 0.0 else 0.0
     q[0], q[1] = a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])

@@ -17,15 +17,15 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn
 from trailmark.motion.base import (
-    Room,
+    Scratch,
     certified,
     cost,
     embedding_radius,
     interpolate,
     least_cost,
-    new_room,
+    new_scratch,
 )
-from trailmark.motion.straight import StraightMotion, straight_certified, straight_room, sweep_radius
+from trailmark.motion.straight import StraightMotion, straight_certified, straight_scratch, sweep_radius
 from trailmark.se2 import FloatArray
 
 __all__ = ["Translation", "TranslationMotion"]
@@ -95,20 +95,22 @@ def turned_evenly(states: FloatArray, start: FloatArray, goal: FloatArray) -> Fl
 
 
 # A disc moves as any robot does, at another cost.
-variant_of(new_room, Translation)(straight_room)
+variant_of(new_scratch, Translation)(straight_scratch)
 variant_of(certified, Translation)(straight_certified)
 variant_of(embedding_radius, Translation)(sweep_radius)
 
 
 @variant_of(cost, Translation)
 @njit(cache=True)
-def _cost(kind: Translation, room: Room, a: FloatArray, b: FloatArray) -> float:
+def _cost(kind: Translation, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])
 
 
 @variant_of(interpolate, Translation)
 @njit(cache=True)
-def _interpolate(kind: Translation, room: Room, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
+def _interpolate(
+    kind: Translation, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray
+) -> None:
     length = hypot(b[0] - a[0], b[1] - a[1])
     t = min(1.0, along / length) if length > 0.0 else 0.0
     q[0], q[1], q[2] = a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2]

@@ -12,7 +12,7 @@ from ompl import base as ob
 from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
 from trailmark.heading import turn, wrapped
-from trailmark.motion.pointwise import PointwiseChecker
+from trailmark.motion.pointwise import Configuration, PointwiseChecker
 from trailmark.ompl_bridge.errors import BridgeError
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
@@ -20,8 +20,6 @@ from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.states import write_state
 
 __all__ = ["MotionValidator", "StateValidityChecker", "checker_in"]
-
-Configuration = tuple[float, float, float]
 
 LAST_PLACE = 1e-3
 """Metres that a point of the robot may move from the last place up to which a motion is certified to one beyond."""
@@ -95,8 +93,8 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
         self.checker = checker
         self.checked = 0
         self.steering = steering_of(information)
-        self._single = PointwiseChecker(checker)
-        self._curves = None if self.steering is None else OmplCurves(information, checker, self.steering)
+        self._single = PointwiseChecker(checker, self.steering)
+        self._curves = None if self.steering is None else OmplCurves(information, self._single)
 
     def checkMotion(self, first: Any, second: Any, last_valid: Any = None) -> bool:  # noqa: N802  # OMPL's name
         """Return whether a motion is certified, its end included; its start is known to be valid.

@@ -18,6 +18,7 @@ from ompl import geometric as og
 from ompl import util as ou
 
 from trailmark.curves import CurvePath
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import planning
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
@@ -140,7 +141,7 @@ def simplify(problem: SE2Problem, path: Path, limit: float) -> tuple[Path, float
     """
     states = path.states
     if isinstance(path, CurvePath):
-        certified = OmplCurves(problem.information, problem.checker, path.steering)
+        certified = OmplCurves(problem.information, PointwiseChecker(problem.checker, path.steering))
         found = certified.certified_states(problem.information, path)
         states = path.knots if found is None else found
     made = path_to_ompl(problem.information, states)

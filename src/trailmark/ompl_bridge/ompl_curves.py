@@ -1,4 +1,4 @@
-"""OmplCurves: the curves that OMPL's Dubins and Reeds-Shepp spaces drive, certified as they are driven."""
+"""OmplCurves: certifies the curves that OMPL's Dubins and Reeds-Shepp spaces follow, whichever those are."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from trailmark import se2
-from trailmark.collision import StateChecker
 from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.curves import CurvePath, Steering
-from trailmark.motion.pointwise_curves import TIE, PointwiseCurveChecker
+from trailmark.motion.pointwise import PointwiseChecker
+from trailmark.ompl_bridge.curve_marks import TIE, CurveMarks
 from trailmark.ompl_bridge.states import configuration, opened, state, states_of
 from trailmark.se2 import FloatArray
 
-__all__ = ["OmplCurves", "states_driven"]
+__all__ = ["OmplCurves", "followed_states"]
 
 PARTS = (1, 2, 3, 4, 5, 7, 9, 12, 16, 23, 32)
-"""Into how many parts a curve is divided, one number after the other, until OMPL follows it."""
+"""Numbers of parts that a curve is divided into, one after the other, until OMPL follows it."""
 
 LONGER = 1e-6
 """Metres that OMPL's curves may be longer than the path's by rounding."""
@@ -40,41 +40,40 @@ class OmplCurves:
 
     Args:
         information: the ``SpaceInformation`` of the space; only the space is stored.
-        checker: trailmark's checker for world and robot.
-        steering: of the cars that the space is for.
+        single: trailmark's checker for world and robot, with the steering of the cars that the space is for.
     """
 
-    def __init__(self, information: Any, checker: StateChecker, steering: Steering) -> None:
+    def __init__(self, information: Any, single: PointwiseChecker) -> None:
         self._space = information.getStateSpace()
         # OMPL 1.7 frees what is in a scoped state once nothing refers to that.
         self._made = state(information, (0.0, 0.0, 0.0)), state(information, (0.0, 0.0, 0.0))
         self._place, self._end = (opened(made) for made in self._made)
-        self._single = PointwiseCurveChecker(checker, steering)
-        self._reach = max(checker.footprint.sweep_radius, steering.radius)
-        self._bound = 1.0 + checker.footprint.sweep_radius / steering.radius
-        # What computes the same place in another order differs by rounding.
-        self._alike = TOUCHING_TOLERANCE + 2.0**-48 * max(abs(value) for value in checker.world.bounds)
+        self._single, self._marks = single, CurveMarks(single)
+        sweep_radius, radius = single.checker.footprint.sweep_radius, self._marks.steering.radius
+        self._reach, self._bound = max(sweep_radius, radius), 1.0 + sweep_radius / radius
+        # The same place computed in another order differs by rounding.
+        self._alike = TOUCHING_TOLERANCE + 2.0**-48 * max(abs(value) for value in single.checker.world.bounds)
 
     def certified(self, first: Any, second: Any) -> bool:
-        """Return whether the curve that OMPL drives between two states known to be valid is certified.
+        """Return whether the curve that OMPL follows between two states known to be valid is certified.
 
-        So is trailmark's own between them, which may be another one.
+        Trailmark's own curve between them, which may be another one, must be certified too.
         """
         a = (first.getX(), first.getY(), first.getYaw())
         b = (second.getX(), second.getY(), second.getYaw())
-        own = self._single.shortest(a, b)
+        own = self._marks.shortest(a, b)
         if own is None:
             return False
         length = self._space.distance(first, second)
         if abs(length - own[0]) <= TIE and self._passes(first, second, own[1]):
             return True
-        return any(self._passes(first, second, marks) for marks in self._single.others(a, b, length))
+        return any(self._passes(first, second, marks) for marks in self._marks.others(a, b, length))
 
     def certified_states(self, information: Any, path: CurvePath) -> FloatArray | None:
         """Return states on a path whose curves are certified, such that OMPL's curves from state to state are too.
 
-        These are the path's knots. Where OMPL drives another curve than the path's, which is longer or not certified,
-        they are so many states on the path's curve, evenly spread, that OMPL follows it.
+        These are the path's knots. Where OMPL follows another curve than the path's, which is longer or not certified,
+        they are as many states on the path's curve, evenly spread, as make OMPL follow it.
 
         Args:
             information: the ``SpaceInformation`` of the space, which makes states.
@@ -120,14 +119,14 @@ class OmplCurves:
             self._space.interpolate(first, second, fraction, place)
             turned = abs(place.getYaw() - theta)
             beside = hypot(place.getX() - x, place.getY() - y) + self._reach * min(turned, abs(turned - 2.0 * pi))
-            # With the comparison the other way round, NaN would pass.
+            # Written this way, NaN does not pass.
             if not beside <= self._alike:
                 return False
         return True
 
 
-def states_driven(information: Any, path: Any, steering: Steering) -> FloatArray:
-    """Return states, shape (n, 3), whose shortest curves are the curves that OMPL drives along a path.
+def followed_states(information: Any, path: Any, steering: Steering) -> FloatArray:
+    """Return states, shape (n, 3), whose shortest curves are the curves that OMPL follows along a path.
 
     These are the path's states, and more of them on curves where OMPL takes another one than trailmark.
 
@@ -139,7 +138,7 @@ def states_driven(information: Any, path: Any, steering: Steering) -> FloatArray
     space, held = information.getStateSpace(), state(information, (0.0, 0.0, 0.0))
     place = opened(held)
 
-    def driven(i: int, fractions: FloatArray) -> FloatArray:
+    def followed(i: int, fractions: FloatArray) -> FloatArray:
         rows = []
         for fraction in fractions.tolist():
             space.interpolate(path.getState(i), path.getState(i + 1), fraction, place)
@@ -151,8 +150,8 @@ def states_driven(information: Any, path: Any, steering: Steering) -> FloatArray
     for i, (a, b) in enumerate(pairwise(states)):
         length = float(space.distance(path.getState(i), path.getState(i + 1)))
         own = steering.states(a, b, COMPARED * steering.lengths(a, b))
-        if np.max(se2.distance(driven(i, COMPARED), own)) > LONGER * max(1.0, length):
+        if np.max(se2.distance(followed(i, COMPARED), own)) > LONGER * max(1.0, length):
             parts = int(np.ceil(length / (ARC * steering.radius)))
-            rows.append(driven(i, np.arange(1, parts) / parts))
+            rows.append(followed(i, np.arange(1, parts) / parts))
         rows.append(b[None])
     return np.concatenate(rows)

@@ -87,8 +87,8 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         self.checker = _steered(given, steering)
         # Compiled now, so that no query pays for it.
         warm_up(kind_of(self.checker.robot))
-        self._single = PointwiseChecker(self.checker)
-        self._curves = None if steering is None else OmplCurves(information, self.checker, steering)
+        self._single = PointwiseChecker(self.checker, steering)
+        self._curves = None if steering is None else OmplCurves(information, self._single)
         self._seed = None if seed is None else whole(seed, "seed:", 0)
         self._keep = truth(keep_roadmap, "keep_roadmap:")
         self._settings = PlannerSettings() if settings is None else one_of(settings, PlannerSettings, "settings:")

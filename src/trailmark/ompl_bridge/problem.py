@@ -18,7 +18,7 @@ from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import solve
-from trailmark.ompl_bridge.ompl_curves import states_driven
+from trailmark.ompl_bridge.ompl_curves import followed_states
 from trailmark.ompl_bridge.planners import planner_named
 from trailmark.ompl_bridge.spaces import space_for
 from trailmark.ompl_bridge.states import planner_data_graph, state, states_of
@@ -117,7 +117,7 @@ class SE2Problem:
         steering = Steering.of(self.checker.robot)
         if steering is None:
             return Path(states_of(path))
-        return CurvePath(states_driven(self.information, path, steering), steering)
+        return CurvePath(followed_states(self.information, path, steering), steering)
 
     def graph(self) -> Any:
         """Return the planner's roadmap or tree as a ``networkx.Graph``."""

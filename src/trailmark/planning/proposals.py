@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import wrapped
-from trailmark.motion.base import Room, cost, interpolate
+from trailmark.motion.base import Scratch, cost, interpolate
 from trailmark.motion.curve import Curve
 from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
@@ -35,7 +35,7 @@ def uniform(seed: NDArray[np.uint64]) -> float:
 @by_type
 def propose(
     kind: Any,
-    room: Room,
+    scratch: Scratch,
     path: FloatArray,
     i: int,
     share: float,
@@ -48,7 +48,7 @@ def propose(
 
     Args:
         kind: of motion.
-        room: to work in.
+        scratch: memory to work in.
         path: (n, 3).
         i: an inner vertex.
         share: of the cost from the vertex before to the one after, at which this one lies.
@@ -65,7 +65,7 @@ def propose(
 @njit(cache=True)
 def _propose_straight(
     kind: Any,
-    room: Room,
+    scratch: Scratch,
     path: FloatArray,
     i: int,
     share: float,
@@ -77,13 +77,13 @@ def _propose_straight(
     a, here, b = path[i - 1], path[i], path[i + 1]
     if attempt < (3 if has_heading(kind) else 2):
         straight = np.empty(3)
-        interpolate(kind, room, a, b, share * cost(kind, room, a, b), straight)
+        interpolate(kind, scratch, a, b, share * cost(kind, scratch, a, b), straight)
         if attempt == 2:
             q[:] = here
             q[2] = straight[2]
         else:
             t = 0.5 if attempt == 0 else 0.1
-            interpolate(kind, room, here, straight, t * cost(kind, room, here, straight), q)
+            interpolate(kind, scratch, here, straight, t * cost(kind, scratch, here, straight), q)
         return True
     angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
     q[0], q[1] = here[0] + step * cos(angle), here[1] + step * sin(angle)
@@ -95,7 +95,7 @@ def _propose_straight(
 @njit(cache=True)
 def _propose_curve(
     kind: Curve,
-    room: Room,
+    scratch: Scratch,
     path: FloatArray,
     i: int,
     share: float,
@@ -106,7 +106,7 @@ def _propose_curve(
 ) -> bool:
     a, here, b = path[i - 1], path[i], path[i + 1]
     if attempt == 0:
-        interpolate(kind, room, a, b, share * cost(kind, room, a, b), q)
+        interpolate(kind, scratch, a, b, share * cost(kind, scratch, a, b), q)
         return True
     angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
     if attempt == 1:

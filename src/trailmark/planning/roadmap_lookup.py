@@ -57,7 +57,7 @@ class RoadmapLookup:
         if self.complete:
             return np.empty((0, 3))
         found = self.roadmap.find_path(self.start, self.goal, weight=HASTE, budget=AT_ONCE, checking=False)
-        self.taken, self.complete = found.taken, found.complete
+        self.taken, self.complete = found.expanded, found.complete
         return found.states
 
     def search(self, budget: float) -> FloatArray:
@@ -70,7 +70,7 @@ class RoadmapLookup:
         if self.complete or left <= WORTHWHILE * self._last:
             return np.empty((0, 3))
         found = self.roadmap.find_path(self.start, self.goal, weight=HASTE, budget=left)
-        self.taken, self._last, self.complete = self.taken + found.taken, left, found.complete
+        self.taken, self._last, self.complete = self.taken + found.expanded, left, found.complete
         return found.states
 
     def search_beside(self, taken: int) -> FloatArray:
@@ -94,7 +94,7 @@ class RoadmapLookup:
             limit=LONGER * cost,
             budget=MAX_AGAIN,
             seconds=AGAIN_SHARE * seconds_left,
-            near=AT_LENGTH,
+            neighbours=AT_LENGTH,
         )
-        self.taken, self.complete = self.taken + found.taken, found.complete
+        self.taken, self.complete = self.taken + found.expanded, found.complete
         return found.states

@@ -17,7 +17,7 @@ from trailmark.collision.kernels import FREE, state
 from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import turn, wrapped
 from trailmark.motion import Motion
-from trailmark.motion.base import Room, certified, cost, interpolate, new_room
+from trailmark.motion.base import Scratch, certified, cost, interpolate, new_scratch
 from trailmark.motion.curve import Curve
 from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
@@ -70,11 +70,11 @@ def shorten(
 
 
 @njit(cache=True)
-def _costs(kind: Any, room: Room, path: FloatArray) -> FloatArray:
+def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
     """Return the costs of a path's motions, shape (n - 1,), metres."""
     result = np.empty(len(path) - 1)
     for i in range(len(result)):
-        result[i] = cost(kind, room, path[i], path[i + 1])
+        result[i] = cost(kind, scratch, path[i], path[i + 1])
     return result
 
 
@@ -83,26 +83,26 @@ def _sweep(
     kind: Any, path: FloatArray, seed: NDArray[np.uint64], scale: float, splitting: bool
 ) -> tuple[FloatArray, float, float]:
     """Return the path after one round of every kind of change, the step for the next one's moves, and its cost."""
-    room = new_room(kind)
-    costs = _costs(kind, room, path)
+    scratch = new_scratch(kind)
+    costs = _costs(kind, scratch, path)
     for _ in range(10 + 2 * len(path)):
-        path, costs = _shortcut(kind, room, path, costs, seed)
-    turn_evenly(kind, room, path, costs, seed)
-    path, costs = _drop(kind, room, path, costs)
+        path, costs = _shortcut(kind, scratch, path, costs, seed)
+    turn_evenly(kind, scratch, path, costs, seed)
+    path, costs = _drop(kind, scratch, path, costs)
     if splitting and len(path) > 2:
-        path = _split(kind, room, path, costs, seed, scale)
-        costs = _costs(kind, room, path)
+        path = _split(kind, scratch, path, costs, seed, scale)
+        costs = _costs(kind, scratch, path)
     moved = 0
     for _ in range(3):
-        moved += _move(kind, room, path, costs, seed, scale)
+        moved += _move(kind, scratch, path, costs, seed, scale)
     scale *= 1.2 if 4 * moved > len(path) else 0.6
-    path, costs = _drop(kind, room, path, costs)
+    path, costs = _drop(kind, scratch, path, costs)
     return path, scale, costs.sum()
 
 
 @njit(cache=True)
 def _locate(
-    kind: Any, room: Room, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
+    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, place: float, q: FloatArray
 ) -> tuple[int, float]:
     """Write the configuration at cost ``place`` along the path into q; return its motion and what lies before on it.
 
@@ -118,7 +118,7 @@ def _locate(
     if place > costs[i] - GAIN:
         q[:] = path[i + 1]
         return (i + 1, 0.0) if i < len(costs) - 1 else (i, costs[i])
-    interpolate(kind, room, path[i], path[i + 1], place, q)
+    interpolate(kind, scratch, path[i], path[i + 1], place, q)
     return i, place
 
 
@@ -132,7 +132,7 @@ def _random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[f
 
 @njit(cache=True)
 def _shortcut(
-    kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
+    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
 ) -> tuple[FloatArray, FloatArray]:
     """Join two random places of the path by a motion if that saves cost and is certified.
 
@@ -142,16 +142,16 @@ def _shortcut(
     n = len(path)
     low, high = _random_span(costs.sum(), n, seed)
     a, b = np.empty(3), np.empty(3)
-    i, before = _locate(kind, room, path, costs, low, a)
-    j, behind = _locate(kind, room, path, costs, high, b)
+    i, before = _locate(kind, scratch, path, costs, low, a)
+    j, behind = _locate(kind, scratch, path, costs, high, b)
     if i >= j or high - low - hypot(b[0] - a[0], b[1] - a[1]) < GAIN:
         return path, costs
-    if high - low - cost(kind, room, a, b) < GAIN or not certified(kind, room, a, b, EFFORT):
+    if high - low - cost(kind, scratch, a, b) < GAIN or not certified(kind, scratch, a, b, EFFORT):
         return path, costs
     keep_a, keep_b = before > 0.0, behind < costs[j]
-    if keep_a and not certified(kind, room, path[i], a, EFFORT):
+    if keep_a and not certified(kind, scratch, path[i], a, EFFORT):
         return path, costs
-    if keep_b and not certified(kind, room, b, path[j + 1], EFFORT):
+    if keep_b and not certified(kind, scratch, b, path[j + 1], EFFORT):
         return path, costs
     head, tail = path[: i + 1], path[j + 1 :]
     fresh = np.empty((len(head) + int(keep_a) + int(keep_b) + len(tail), 3))
@@ -164,11 +164,11 @@ def _shortcut(
         fresh[k] = b
         k += 1
     fresh[k:] = tail
-    return fresh, _costs(kind, room, fresh)
+    return fresh, _costs(kind, scratch, fresh)
 
 
 @by_type
-def turn_evenly(kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
+def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
     """Turn evenly between random vertices, in place, positions left alone, where that turns less and is certified."""
     raise NotImplementedError
 
@@ -176,13 +176,15 @@ def turn_evenly(kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed
 @variant_of(turn_evenly, Translation)
 @variant_of(turn_evenly, Curve)
 @njit(cache=True)
-def _as_it_is(kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
+def _as_it_is(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
     """Leave the headings: a disc has none, a car's follow from its curves."""
 
 
 @variant_of(turn_evenly, Straight)
 @njit(cache=True)
-def _turn_evenly(kind: Straight, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
+def _turn_evenly(
+    kind: Straight, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
+) -> None:
     n = len(path)
     if n < 3:
         return
@@ -204,36 +206,36 @@ def _turn_evenly(kind: Straight, room: Room, path: FloatArray, costs: FloatArray
             changed[k + 1 - i, 2] = wrapped(path[i, 2] + share * shorter)
         free = True
         for k in range(j - i):
-            if not certified(kind, room, changed[k], changed[k + 1], EFFORT):
+            if not certified(kind, scratch, changed[k], changed[k + 1], EFFORT):
                 free = False
                 break
         if free:
             path[i : j + 1] = changed
             for k in range(i, j):
-                costs[k] = cost(kind, room, path[k], path[k + 1])
+                costs[k] = cost(kind, scratch, path[k], path[k + 1])
 
 
 @njit(cache=True)
-def _drop(kind: Any, room: Room, path: FloatArray, costs: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _drop(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Leave out vertices that the path does without."""
     kept = np.empty_like(path)
     kept[0] = path[0]
     n = 1
     for i in range(1, len(path) - 1):
         a, b = kept[n - 1], path[i + 1]
-        around = cost(kind, room, a, path[i]) + costs[i]
-        if around - cost(kind, room, a, b) >= -1e-12 * around and certified(kind, room, a, b, EFFORT):
+        around = cost(kind, scratch, a, path[i]) + costs[i]
+        if around - cost(kind, scratch, a, b) >= -1e-12 * around and certified(kind, scratch, a, b, EFFORT):
             continue
         kept[n] = path[i]
         n += 1
     kept[n] = path[-1]
     shorter = kept[: n + 1].copy()
-    return shorter, _costs(kind, room, shorter)
+    return shorter, _costs(kind, scratch, shorter)
 
 
 @njit(cache=True)
 def _split(
-    kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
+    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
 ) -> FloatArray:
     """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
     n = len(path)
@@ -243,32 +245,34 @@ def _split(
     result[i + 1] = path[i]
     result[i + 3 :] = path[i + 1 :]
     before = min(0.45 * costs[i - 1], scale * uniform(seed))
-    interpolate(kind, room, path[i - 1], path[i], costs[i - 1] - before, result[i])
-    interpolate(kind, room, path[i], path[i + 1], min(0.45 * costs[i], scale * uniform(seed)), result[i + 2])
+    interpolate(kind, scratch, path[i - 1], path[i], costs[i - 1] - before, result[i])
+    interpolate(kind, scratch, path[i], path[i + 1], min(0.45 * costs[i], scale * uniform(seed)), result[i + 2])
     return result
 
 
 @njit(cache=True)
-def _move(kind: Any, room: Room, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float) -> int:
+def _move(
+    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
+) -> int:
     """Move every inner vertex, in place, towards the motion between its neighbours or at random; count what helped."""
     moved, q = 0, np.empty(3)
     for i in range(1, len(path) - 1):
         a, b = path[i - 1], path[i + 1]
         before = costs[i - 1] + costs[i]
         for attempt in range(5):
-            if not propose(kind, room, path, i, costs[i - 1] / max(before, 1e-12), attempt, seed, scale, q):
+            if not propose(kind, scratch, path, i, costs[i - 1] / max(before, 1e-12), attempt, seed, scale, q):
                 break
-            first = cost(kind, room, a, q)
+            first = cost(kind, scratch, a, q)
             if before - first < GAIN:
                 continue
-            second = cost(kind, room, q, b)
+            second = cost(kind, scratch, q, b)
             if before - first - second < GAIN:
                 continue
             if (
                 # One look at the new place is cheaper than two motions, and most fail there.
-                state(kind.grid, kind.field, kind.robot, room.placed, q[0], q[1], q[2]) == FREE
-                and certified(kind, room, a, q, EFFORT)
-                and certified(kind, room, q, b, EFFORT)
+                state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE
+                and certified(kind, scratch, a, q, EFFORT)
+                and certified(kind, scratch, q, b, EFFORT)
             ):
                 path[i] = q
                 costs[i - 1], costs[i] = first, second

@@ -8,7 +8,7 @@ import numpy as np
 
 from trailmark.collision.certify import BUDGET
 from trailmark.compiled import njit
-from trailmark.motion.base import certified, new_room
+from trailmark.motion.base import certified, new_scratch
 from trailmark.se2 import FloatArray
 
 __all__ = ["straighten", "without_needless"]
@@ -20,7 +20,7 @@ def straighten(kind: Any, path: FloatArray) -> FloatArray:
 
     From each vertex as far ahead as a certified motion leads, sought by doubling and halving.
     """
-    room = new_room(kind)
+    scratch = new_scratch(kind)
     kept = np.empty_like(path)
     kept[0], m, i, n = path[0], 1, 0, len(path)
     while i < n - 1:
@@ -30,7 +30,7 @@ def straighten(kind: Any, path: FloatArray) -> FloatArray:
             ahead = min(i + step, n - 1)
             if ahead >= bad:
                 break
-            if not certified(kind, room, path[i], path[ahead], BUDGET):
+            if not certified(kind, scratch, path[i], path[ahead], BUDGET):
                 bad = ahead
                 break
             good, step = ahead, 2 * step
@@ -38,7 +38,7 @@ def straighten(kind: Any, path: FloatArray) -> FloatArray:
             middle = (good + bad) // 2
             if middle >= n:
                 break
-            if certified(kind, room, path[i], path[middle], BUDGET):
+            if certified(kind, scratch, path[i], path[middle], BUDGET):
                 good = middle
             else:
                 bad = middle
@@ -55,7 +55,7 @@ def without_needless(kind: Any, path: FloatArray) -> FloatArray:
     None of what is left is needless: what lies beside a vertex left out is looked at again. By the triangle inequality
     the cost rises by no more than rounding.
     """
-    room = new_room(kind)
+    scratch = new_scratch(kind)
     n = len(path)
     before, after = np.arange(n) - 1, np.arange(n) + 1
     kept, waits = np.ones(n, np.bool_), np.ones(n, np.bool_)
@@ -68,7 +68,7 @@ def without_needless(kind: Any, path: FloatArray) -> FloatArray:
         if i == 0 or i == n - 1 or not kept[i]:
             continue
         a, b = before[i], after[i]
-        if certified(kind, room, path[a], path[b], BUDGET):
+        if certified(kind, scratch, path[a], path[b], BUDGET):
             kept[i] = False
             after[a], before[b] = b, a
             for j in (b, a):

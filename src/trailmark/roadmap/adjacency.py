@@ -1,9 +1,11 @@
-"""Adjacency: which edges lead on from a node, in lists that grow with the roadmap, and arrays with room to grow.
+"""Adjacency: the edges of each node as linked lists, and arrays that rows are appended to.
 
-An entry 2·edge + direction stands for an edge taken from its first node (direction 0) or from its second (1). Each
-node has its newest entry in ``heads``, each entry the next older one of the same node in ``following``: adding an
-edge takes the same time however many there are.
+An entry 2·edge + direction stands for an edge followed from its first node (direction 0) or from its second (1). Each
+node refers to its newest entry, each entry to the next older one of the same node: adding an edge takes the same time
+however many there are.
 """
+
+# Tested by tests/roadmap/test_changes.py.
 
 from __future__ import annotations
 
@@ -16,7 +18,7 @@ from trailmark.collision.kernels import FREE
 from trailmark.compiled import njit
 from trailmark.nearest import room_for
 
-__all__ = ["Rows", "find_edges", "link", "merge", "new_pairs", "part_of"]
+__all__ = ["Rows", "find_edges", "link", "new_pairs", "root_of", "unite"]
 
 
 class Rows:
@@ -53,42 +55,42 @@ class Rows:
 
 @njit(cache=True, nogil=True)
 def link(
-    heads: NDArray[np.int64],
-    into: NDArray[np.int64],
-    following: NDArray[np.int64],
+    outgoing: NDArray[np.int64],
+    incoming: NDArray[np.int64],
+    older: NDArray[np.int64],
     edges: NDArray[np.int32],
     first: int,
 ) -> None:
     """Enter the edges from ``first`` on into the lists of their nodes.
 
     Args:
-        heads: (n,) newest entry of each node, -1 for none, for the entries that lead on from it.
-        into: the same for the entries that lead to it; ``heads`` itself if edges lead both ways.
-        following: (2 m,) next older entry of the same node, -1 for none.
+        outgoing: (n,) newest entry of each node, -1 for none, among the entries that leave it.
+        incoming: the same for the entries that lead to it; the same array if edges lead both ways.
+        older: (2 m,) next older entry of the same node, -1 for none.
         edges: (m, 2) nodes joined.
         first: the first edge that is not entered yet.
     """
     for edge in range(first, len(edges)):
         a, b = edges[edge, 0], edges[edge, 1]
-        following[2 * edge] = heads[a]
-        heads[a] = 2 * edge
-        following[2 * edge + 1] = into[b]
-        into[b] = 2 * edge + 1
+        older[2 * edge] = outgoing[a]
+        outgoing[a] = 2 * edge
+        older[2 * edge + 1] = incoming[b]
+        incoming[b] = 2 * edge + 1
 
 
 @njit(cache=True, nogil=True)
 def find_edges(
-    heads: NDArray[np.int64], following: NDArray[np.int64], edges: NDArray[np.int32], pairs: NDArray[np.int64]
+    newest: NDArray[np.int64], older: NDArray[np.int64], edges: NDArray[np.int32], pairs: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Return which edge leads from the first to the second node of each pair (p, 2), shape (p,); -1 where none does."""
     found = np.full(len(pairs), -1, np.int64)
     for i in range(len(pairs)):
-        entry = heads[pairs[i, 0]]
+        entry = newest[pairs[i, 0]]
         while entry >= 0:
             if edges[entry >> 1, 1 - (entry & 1)] == pairs[i, 1]:
                 found[i] = entry >> 1
                 break
-            entry = following[entry]
+            entry = older[entry]
     return found
 
 
@@ -116,25 +118,25 @@ def new_pairs(found: NDArray[np.int64], first: int) -> NDArray[np.int64]:
 
 
 @njit(cache=True, nogil=True)
-def part_of(above: NDArray[np.int64], node: int) -> int:
-    """Return the node that stands for all that a node is joined to (Tarjan 1975), halving the ways to it."""
-    while above[node] != node:
-        above[node] = above[above[node]]
-        node = above[node]
+def root_of(parents: NDArray[np.int64], node: int) -> int:
+    """Return the node that represents a node's component, halving the path to it (union-find: Tarjan 1975)."""
+    while parents[node] != node:
+        parents[node] = parents[parents[node]]
+        node = parents[node]
     return node
 
 
 @njit(cache=True, nogil=True)
-def merge(above: NDArray[np.int64], edges: NDArray[np.int32], status: NDArray[np.uint8], first: int) -> None:
-    """Enter the edges from ``first`` on that are free into the parts of the roadmap.
+def unite(parents: NDArray[np.int64], edges: NDArray[np.int32], status: NDArray[np.uint8], first: int) -> None:
+    """Unite the components that the free edges from ``first`` on join.
 
     Args:
-        above: (n,) another node of the same part, itself for the one that stands for it.
+        parents: (n,) another node of the same component, or the node itself if it represents the component.
         edges: (m, 2) nodes joined.
-        status: (m,) of which FREE ones join.
-        first: the first edge to look at.
+        status: (m,) of which only FREE ones join.
+        first: the first edge to enter.
     """
     for edge in range(first, len(edges)):
         if status[edge] == FREE:
-            a, b = part_of(above, edges[edge, 0]), part_of(above, edges[edge, 1])
-            above[max(a, b)] = min(a, b)
+            a, b = root_of(parents, edges[edge, 0]), root_of(parents, edges[edge, 1])
+            parents[max(a, b)] = min(a, b)

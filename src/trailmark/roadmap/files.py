@@ -1,8 +1,8 @@
 """Roadmap files: ``.npz`` and GraphML, both ways, and nav2 route GeoJSON, out.
 
 A certificate holds for one world and one robot only. A file therefore carries a fingerprint of both, and a
-checksum over its nodes and edges: an edge comes back as checked only if both match. Otherwise (another world,
-another robot, a file edited since) every edge comes back as UNDECIDED, to be checked when a search needs it.
+checksum over its nodes and edges: the status of an edge is read only if both match. Otherwise (another world, another
+robot, a file edited since) every edge is UNDECIDED, to be checked when a search needs it.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
-from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.errors import FormatError, OutputError
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
 from trailmark.formats.outputs import require_not_an_input
 from trailmark.motion import CurveMotion, motion_of
 from trailmark.roadmap.nav2_route import route_text
 from trailmark.roadmap.roadmap import Roadmap
+from trailmark.roadmap.store import EdgeStatus
 
 if TYPE_CHECKING:
     from trailmark.collision import StateChecker
@@ -38,7 +38,7 @@ SAVED = (".geojson", ".graphml", ".npz")
 
 
 class _Content(NamedTuple):
-    """What a file says, nothing of it believed yet."""
+    """The content of a file, before any check."""
 
     configurations: NDArray[Any]
     edges: NDArray[Any]
@@ -54,8 +54,8 @@ def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
       and ``checksum``.
     - ``.graphml``: node attributes ``x``, ``y``, ``theta``, ``clearance``; edge attributes ``length``,
       ``certified``, ``clearance``; blocked edges are left out (:attr:`Roadmap.graph`).
-    - ``.geojson``: certified edges for nav2's route server (:mod:`trailmark.roadmap.nav2_route`); edges that
-      nobody has checked yet are checked first.
+    - ``.geojson``: certified edges for nav2's route server (:mod:`trailmark.roadmap.nav2_route`); undecided edges are
+      checked first.
 
     Args:
         roadmap: what to write.
@@ -72,7 +72,7 @@ def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
     if suffix == ".geojson":
         if isinstance(roadmap.motion, CurveMotion):
             raise OutputError(
-                f"{path}: a car's curves given, allowed in a route graph: straight motions (or .graphml, .npz)"
+                f"{path}: expected straight motions for a route graph, got a car's curves (.graphml and .npz take them)"
             )
         roadmap.certify_all()
         write_atomically(path, route_text(roadmap, path))
@@ -83,8 +83,8 @@ def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
 def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: bool = False) -> Roadmap:
     """Read a roadmap from a file written by :func:`save_roadmap`.
 
-    Which edges are certified is believed only of a file made for the checker's world and robot, and unchanged
-    since; otherwise all edges come back UNDECIDED. Lengths and clearances are computed anew.
+    The status of the edges is read only from a file made for the checker's world and robot and unchanged since;
+    otherwise all edges are UNDECIDED. Lengths and clearances are computed anew.
 
     Args:
         path: ``.npz`` or ``.graphml``.
@@ -100,16 +100,16 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
     suffix = path.suffix.lower()
     if suffix not in LOADED:
         hint = "; a route graph is read by read_route_graph" if suffix == ".geojson" else ""
-        raise FormatError(path, f"suffix {path.suffix!r} given, allowed: {', '.join(LOADED)}{hint}")
+        raise FormatError(path, f"expected suffix {' or '.join(LOADED)}, got {path.suffix!r}{hint}")
     data = read_bytes(path)
     content = _read_npz(data, path) if suffix == ".npz" else _read_graphml(data, path)
     directed = not checker.robot.reverse
     q, edges, status = _checked(content, path, directed)
     known = content.fingerprint == fingerprint(checker)
     if not known or content.checksum != _checksum(content.fingerprint, q, edges, status, directed):
-        status[:] = UNDECIDED
-    # Edges lead both ways, or one way only.
-    status[~motion_of(checker).reversible(q[edges[:, 0]], q[edges[:, 1]])] = BLOCKED
+        status[:] = EdgeStatus.UNDECIDED
+    # An edge without a direction stands for motions both ways.
+    status[~motion_of(checker).reversible(q[edges[:, 0]], q[edges[:, 1]])] = EdgeStatus.BLOCKED
     valid = checker.valid(q) if len(q) else np.ones(0, dtype=np.bool_)
     if not valid.all():
         if not drop_invalid:
@@ -117,16 +117,16 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
             where = ", ".join(f"{v:g}" for v in q[np.argmin(valid)])
             raise FormatError(
                 path,
-                f"{count} of {len(q)} nodes are not valid for this robot in this world, the first at ({where}); "
-                "allowed: none, or drop_invalid to leave them out",
+                f"expected nodes that are valid for this robot in this world (drop_invalid leaves the others out), "
+                f"got {count} of {len(q)} that are not, the first at ({where})",
             )
-        kept = valid[edges].all(axis=1)
-        q, edges, status = q[valid], (np.cumsum(valid) - 1)[edges[kept]].astype(np.int32), status[kept]
+        intact = valid[edges].all(axis=1)
+        q, edges, status = q[valid], (np.cumsum(valid) - 1)[edges[intact]].astype(np.int32), status[intact]
     return Roadmap.from_arrays(checker, q, edges, status)
 
 
 def fingerprint(checker: StateChecker) -> str:
-    """Return the SHA-256, in hexadecimal, of all that decides what is valid: bounds, obstacles, footprint, steering."""
+    """Return the SHA-256, in hexadecimal, of all that validity depends on: bounds, obstacles, footprint, steering."""
     robot = checker.footprint
     digest = hashlib.sha256(f"trailmark roadmap {VERSION}".encode())
     for array in (checker.world.bounds, checker.grid.segments, checker.grid.discs, robot.outline, robot.disc_radius):
@@ -177,9 +177,9 @@ def _graphml_bytes(roadmap: Roadmap) -> bytes:
     graph = roadmap.graph
     for _, attributes in graph.nodes(data=True):
         attributes["x"], attributes["y"], attributes["theta"] = attributes.pop("configuration")
-    world, kept = fingerprint(roadmap.checker), roadmap.status != BLOCKED
+    world, written = fingerprint(roadmap.checker), roadmap.status != EdgeStatus.BLOCKED
     directed = not roadmap.checker.robot.reverse
-    checksum = _checksum(world, roadmap.configurations, roadmap.edges[kept], roadmap.status[kept], directed)
+    checksum = _checksum(world, roadmap.configurations, roadmap.edges[written], roadmap.status[written], directed)
     graph.graph.update(trailmark_roadmap=VERSION, fingerprint=world, checksum=checksum)
     buffer = io.BytesIO()
     nx.write_graphml_xml(graph, buffer)
@@ -197,8 +197,8 @@ def _read_npz(data: bytes, path: FilePath) -> _Content:
     except Exception as error:  # zipfile, zlib and numpy each have their own exceptions for damaged data
         raise FormatError(path, f"not a readable .npz file: {_one_line(error)}") from None
     if unpacked > MAX_FILE_BYTES:
-        raise FormatError(path, f"{unpacked:,} bytes unpacked, allowed: at most {MAX_FILE_BYTES:,}")
-    for name, kinds, allowed in (
+        raise FormatError(path, f"expected at most {MAX_FILE_BYTES:,} bytes unpacked, got {unpacked:,}")
+    for name, kinds, expected in (
         ("configurations", "fiu", "numbers"),
         ("edges", "iu", "whole numbers"),
         ("status", "iu", "whole numbers"),
@@ -206,9 +206,9 @@ def _read_npz(data: bytes, path: FilePath) -> _Content:
         ("checksum", "U", "text"),
     ):
         if name not in arrays:
-            raise FormatError(path, f"array {name!r} is missing, allowed: {', '.join(_Content._fields)}")
+            raise FormatError(path, f"expected arrays {', '.join(_Content._fields)}, got none named {name!r}")
         if arrays[name].dtype.kind not in kinds:
-            raise FormatError(path, f"array {name!r} of {arrays[name].dtype} given, allowed: {allowed}")
+            raise FormatError(path, f"array {name!r}: expected {expected}, got {arrays[name].dtype}")
     texts = [str(arrays.pop(name)) for name in ("fingerprint", "checksum")]
     return _Content(**arrays, fingerprint=texts[0], checksum=texts[1])
 
@@ -220,7 +220,7 @@ def _read_graphml(data: bytes, path: FilePath) -> _Content:
 
     try:
         with warnings.catch_warnings():
-            # What networkx warns of (ports, undeclared keys) shows as a missing attribute below, or does not matter.
+            # Of what networkx warns of, ports do not matter; undeclared keys are reported as missing attributes below.
             warnings.simplefilter("ignore")
             graph = nx.read_graphml(io.BytesIO(data), node_type=int, edge_key_type=str)
     except Exception as error:  # networkx lets XML, key and number errors through as they come
@@ -232,9 +232,9 @@ def _read_graphml(data: bytes, path: FilePath) -> _Content:
     for u, v, attributes in graph.edges(data=True):
         certified = attributes.get("certified")
         if not isinstance(certified, bool):
-            raise FormatError(path, f"edge {u}-{v}: certified {str(certified)[:60]!r} given, allowed: true, false")
+            raise FormatError(path, f"edge {u}-{v}: certified: expected true or false, got {str(certified)[:60]!r}")
         edges.append((number[u], number[v]))
-        status.append(FREE if certified else UNDECIDED)
+        status.append(EdgeStatus.FREE if certified else EdgeStatus.UNDECIDED)
     texts = [str(graph.graph.get(name, "")) for name in ("fingerprint", "checksum")]
     return _Content(
         np.array(q, dtype=np.float64).reshape(-1, 3),
@@ -251,7 +251,7 @@ def _number(attributes: dict[str, Any], name: str, where: str, path: FilePath) -
             return float(value)
     except OverflowError:  # a whole number of hundreds of digits
         pass
-    raise FormatError(path, f"{where}: {name} {str(value)[:60]!r} given, allowed: a finite number")
+    raise FormatError(path, f"{where}: {name}: expected a finite number, got {str(value)[:60]!r}")
 
 
 def _checked(
@@ -260,25 +260,25 @@ def _checked(
     """Return configurations, edges and status, as far as a file alone can tell whether they make sense."""
     q, edges, status = content.configurations, content.edges, content.status
     if q.ndim != 2 or q.shape[1] != 3:
-        raise FormatError(path, f"configurations of shape {q.shape} given, allowed: (n, 3)")
+        raise FormatError(path, f"configurations: expected shape (n, 3), got {q.shape}")
     if edges.ndim != 2 or edges.shape[1] != 2:
-        raise FormatError(path, f"edges of shape {edges.shape} given, allowed: (m, 2)")
+        raise FormatError(path, f"edges: expected shape (m, 2), got {edges.shape}")
     if status.shape != (len(edges),):
-        raise FormatError(path, f"status of shape {status.shape} given, allowed: ({len(edges)},), one for each edge")
+        raise FormatError(path, f"status: expected shape ({len(edges)},), one for each edge, got {status.shape}")
     _refuse(~np.isfinite(q).all(axis=1), "configurations", q, "finite numbers", path)
     _refuse(np.any((edges < 0) | (edges >= len(q)), axis=1), "edges", edges, f"nodes 0 to {len(q) - 1}", path)
     _refuse(edges[:, 0] == edges[:, 1], "edges", edges, "two different nodes", path)
-    _refuse(~np.isin(status, (BLOCKED, FREE, UNDECIDED)), "status", status, "0, 1, 2", path)
+    _refuse(~np.isin(status, list(EdgeStatus)), "status", status, "0, 1, 2", path)
     _, first = np.unique(edges if directed else np.sort(edges, axis=1), axis=0, return_index=True)
     _refuse(~np.isin(np.arange(len(edges)), first), "edges", edges, "each pair once", path)
     return se2.configurations(q), edges.astype(np.int32), status.astype(np.uint8)
 
 
-def _refuse(bad: NDArray[Any], name: str, rows: NDArray[Any], allowed: str, path: FilePath) -> None:
+def _refuse(bad: NDArray[Any], name: str, rows: NDArray[Any], expected: str, path: FilePath) -> None:
     """Raise for the first bad row."""
     if bad.any():
         first = int(np.argmax(bad))
-        raise FormatError(path, f"{name}[{first}]: {rows[first].tolist()} given, allowed: {allowed}")
+        raise FormatError(path, f"{name}[{first}]: expected {expected}, got {rows[first].tolist()}")
 
 
 def _one_line(error: Exception) -> str:

@@ -35,7 +35,7 @@ MAX_ID = 2**32 - 1
 def route_text(roadmap: Roadmap, path: FilePath) -> str:
     """Return a roadmap's certified edges as GeoJSON, each once in either direction.
 
-    nav2 knows positions only: headings go along as ``metadata.theta`` (radians), beside ``metadata.clearance``
+    nav2 uses positions only: headings are written as ``metadata.theta`` (radians), beside ``metadata.clearance``
     (metres). An edge's ``cost`` is its length in the roadmap, ‖Δxy‖ + 0.5·|Δθ| metres. What is certified is the
     motion from heading to heading; a robot that nav2 turns along the edge first makes another one. Nodes that no
     certified edge joins are left out.
@@ -54,8 +54,8 @@ def route_text(roadmap: Roadmap, path: FilePath) -> str:
     q = roadmap.configurations[nodes]
     clearance = np.asarray(roadmap.checker.clearance(q))
     features: list[dict[str, Any]] = []
-    for node, (x, y, theta), room in zip(nodes.tolist(), q.tolist(), clearance.tolist(), strict=True):
-        metadata = {"theta": theta, "clearance": room}
+    for node, (x, y, theta), free in zip(nodes.tolist(), q.tolist(), clearance.tolist(), strict=True):
+        metadata = {"theta": theta, "clearance": free}
         features.append(_feature({"id": node, "frame": FRAME, "metadata": metadata}, "Point", [x, y]))
     number = len(roadmap)
     positions = roadmap.configurations[:, :2].tolist()
@@ -92,20 +92,20 @@ def read_route_graph(path: str | FilePath) -> nx.DiGraph:
             continue
         properties = feature.get("properties")
         if not isinstance(properties, dict):
-            raise FormatError(path, f"{where}: no object 'properties' given, allowed: an object with id")
+            raise FormatError(path, f"{where}: expected an object 'properties' with an id, got none")
         if kind != "Point":
             edges.append((where, properties))
             continue
         node = _id(properties, "id", where, path)
         if node in graph:
-            raise FormatError(path, f"{where}: node id {node} is given more than once, allowed: once")
+            raise FormatError(path, f"{where}: expected each node id once, got {node} again")
         extra = {key: properties[key] for key in ("frame", "metadata") if key in properties}
         graph.add_node(node, position=_position(geometry.get("coordinates"), where, path), **extra)
     for where, properties in edges:
         _add_edge(graph, properties, where, path)
     if graph.number_of_edges() == 0:
         raise FormatError(
-            path, f"{len(graph)} nodes and 0 edges given, allowed: Point and LineString features, one or more of each"
+            path, f"expected Point and LineString features, one or more of each, got {len(graph)} nodes and 0 edges"
         )
     return graph
 
@@ -115,7 +115,7 @@ def _feature(properties: dict[str, Any], kind: str, coordinates: list[Any]) -> d
 
 
 def _features(path: FilePath) -> list[Any]:
-    text = read_text(path, "allowed: GeoJSON")
+    text = read_text(path, "expected GeoJSON")
     try:
         document = json.loads(text)
     except json.JSONDecodeError as error:
@@ -124,7 +124,7 @@ def _features(path: FilePath) -> list[Any]:
         raise FormatError(path, "not valid JSON: nested too deeply or a number too long") from None
     features = document.get("features") if isinstance(document, dict) else None
     if not isinstance(features, list):
-        raise FormatError(path, "no list 'features' given, allowed: a GeoJSON FeatureCollection")
+        raise FormatError(path, "expected a GeoJSON FeatureCollection, got no list 'features'")
     return features
 
 
@@ -132,7 +132,7 @@ def _add_edge(graph: nx.DiGraph, properties: dict[str, Any], where: str, path: F
     edge, start, end = (_id(properties, key, where, path) for key in ("id", "startid", "endid"))
     for key, node in (("startid", start), ("endid", end)):
         if node not in graph:
-            raise FormatError(path, f"{where}: {key} {node} given, allowed: the id of a Point feature")
+            raise FormatError(path, f"{where}: {key}: expected the id of a Point feature, got {node}")
     length = math.dist(graph.nodes[start]["position"], graph.nodes[end]["position"])
     attributes = {"id": edge, "length": length}
     if "cost" in properties:
@@ -153,13 +153,13 @@ def _id(properties: dict[str, Any], key: str, where: str, path: FilePath) -> int
     if isinstance(value, float) and value.is_integer():
         value = int(value)
     if type(value) is not int or not 0 <= value <= MAX_ID:
-        raise FormatError(path, f"{where}: {key} {str(value)[:60]!r} given, allowed: a whole number from 0 to {MAX_ID}")
+        raise FormatError(path, f"{where}: {key}: expected a whole number from 0 to {MAX_ID}, got {str(value)[:60]!r}")
     return value
 
 
 def _position(coordinates: Any, where: str, path: FilePath) -> tuple[float, float]:
     if not isinstance(coordinates, list) or len(coordinates) < 2:
-        raise FormatError(path, f"{where}: coordinates {str(coordinates)[:60]} given, allowed: [x, y]")
+        raise FormatError(path, f"{where}: coordinates: expected [x, y], got {str(coordinates)[:60]}")
     x, y = (_finite(value, f"{where}: coordinates", path) for value in coordinates[:2])
     return x, y
 
@@ -170,4 +170,4 @@ def _finite(value: Any, what: str, path: FilePath) -> float:
             return float(value)
         except OverflowError:
             pass
-    raise FormatError(path, f"{what}: {str(value)[:60]!r} given, allowed: a finite number")
+    raise FormatError(path, f"{what}: expected a finite number, got {str(value)[:60]!r}")

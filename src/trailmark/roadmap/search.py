@@ -1,13 +1,16 @@
-"""Shortest paths over a roadmap whose edges are checked only when the search comes to need them.
+"""Shortest paths over a roadmap whose edges are checked only when the search needs them.
 
 Source: Cohen, Phillips & Likhachev, "Planning single-arm manipulations with n-arm robots", RSS 2014 (Lazy
-Weighted A*, here with weight 1): an edge is checked when the search pops it, not when it is put in the queue.
+Weighted A*, here with weight 1): an edge is checked when it leaves the queue, not when it enters it.
 """
+
+# Tested by tests/roadmap/test_roadmap.py and test_curve_roadmap.py.
 
 from __future__ import annotations
 
 from math import cos, sin
-from typing import Any
+from time import perf_counter
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,27 +19,195 @@ from trailmark.clock import CLOCK_EVERY, Deadline, now
 from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.compiled import njit
+from trailmark.errors import ConfigurationError
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.motion.base import certified, cost, embedding_radius, new_room
+from trailmark.motion.base import certified, embedding_radius, new_scratch
 from trailmark.nearest import Forest, nearest_in
+from trailmark.roadmap.adjacency import root_of
+from trailmark.roadmap.store import Store
 from trailmark.se2 import FloatArray
 
-__all__ = ["edge_costs", "expand", "joined", "lazy_shortest_path", "nodes_back"]
+__all__ = [
+    "UNBOUNDED",
+    "EndNodes",
+    "FoundPath",
+    "Search",
+    "join_end",
+    "joinable_nodes",
+    "only",
+    "search",
+    "search_between",
+    "without_repetitions",
+]
+
+UNBOUNDED = 1 << 62
+"""A budget without bounds."""
+
+JOINED = 3
+"""Nodes that an end of a query is joined to."""
+
+
+class Search(NamedTuple):
+    """The result of a search between nodes.
+
+    Attributes:
+        nodes: (p,) the path's nodes from start to goal; empty if there is none.
+        reached: (n,) bool, the nodes reached by certified motions from the start; without a path and a limit,
+            all that can be reached.
+        expanded: nodes and undecided edges that left the queue.
+    """
+
+    nodes: NDArray[np.int64]
+    reached: NDArray[np.bool_]
+    expanded: int
+
+
+class FoundPath(NamedTuple):
+    """The result of a search between configurations.
+
+    Attributes:
+        states: (p, 3) of a path of certified motions, ends included; (0, 3) if none was found.
+        expanded: motions checked, nodes and undecided edges that left the queue.
+        complete: whether a larger budget would have found no more.
+    """
+
+    states: FloatArray
+    expanded: int
+    complete: bool
+
+
+class EndNodes(NamedTuple):
+    """Nodes at which a path may begin, or end.
+
+    Attributes:
+        nodes: (e,).
+        costs: (e,) from the query's start to each, or from each to the query's goal, metres.
+    """
+
+    nodes: NDArray[np.int64]
+    costs: FloatArray
+
+
+def only(node: int | None) -> EndNodes:
+    """Return one node as the only end, at no cost; none for None."""
+    nodes = np.array([] if node is None else [node], dtype=np.int64)
+    return EndNodes(nodes, np.zeros(len(nodes)))
+
+
+def search(
+    store: Store,
+    starts: EndNodes,
+    goals: EndNodes,
+    to_go: FloatArray,
+    *,
+    banned: NDArray[np.bool_] | None = None,
+    limit: float = np.inf,
+    budget: int = UNBOUNDED,
+    seconds: float = np.inf,
+    checking: bool = True,
+    reverse: bool = False,
+) -> Search:
+    """Search a roadmap; the arguments are those of :func:`lazy_shortest_path`.
+
+    Raises:
+        ConfigurationError: ``to_go`` or ``banned`` of another length than there are nodes.
+    """
+    arrays = store.arrays()
+    n = len(arrays.configurations)
+    excluded = np.zeros(n, np.bool_) if banned is None else banned
+    # Compiled code would read beyond the end of a shorter array.
+    for name, rows in (("to_go", to_go), ("banned", excluded)):
+        if np.shape(rows) != (n,):
+            raise ConfigurationError(f"{name}: expected shape ({n},), one value for each node, got {np.shape(rows)}")
+    found = lazy_shortest_path(
+        store.motion.kind,
+        arrays.configurations,
+        arrays.incoming if reverse else arrays.outgoing,
+        arrays.older,
+        arrays.edges,
+        arrays.lengths,
+        arrays.status,
+        *starts,
+        *goals,
+        to_go,
+        excluded,
+        float(limit),
+        budget,
+        Deadline.after(seconds),
+        checking,
+    )
+    return Search(*found)
+
+
+def join_end(store: Store, q: FloatArray, neighbours: int, *, reverse: bool) -> EndNodes:
+    """Return the nodes near a configuration that certified motions join to it.
+
+    Args:
+        store: the roadmap's.
+        q: valid, shape (3,).
+        neighbours: how many nodes are tried until enough are joined.
+        reverse: whether the motions lead to ``q`` instead of from it.
+    """
+    nodes, motion = store.nodes.view, store.motion
+    neighbours = min(len(nodes), neighbours)
+    found = joinable_nodes(motion.kind, nodes, store.index().forest(), q, neighbours, JOINED, reverse)
+    return EndNodes(found, motion.costs(nodes[found], q) if reverse else motion.costs(q, nodes[found]))
+
+
+def search_between(
+    store: Store,
+    start: FloatArray,
+    goal: FloatArray,
+    weight: float,
+    limit: float,
+    budget: int,
+    seconds: float,
+    checking: bool,
+    neighbours: int,
+) -> FoundPath:
+    """Search between configurations, which are joined to nodes near them; the roadmap's method describes the arguments.
+
+    See :meth:`trailmark.roadmap.Roadmap.find_path`.
+    """
+    q = store.nodes.view
+    starts, goals = (
+        join_end(store, end, neighbours, reverse=reverse) for end, reverse in ((start, False), (goal, True))
+    )
+    tried = 2 * min(len(q), neighbours)
+    if len(starts.nodes) == 0 or len(goals.nodes) == 0:
+        return FoundPath(q[:0], tried, complete=True)
+    if not checking:
+        parents = store.component_parents()
+        if {root_of(parents, i) for i in starts.nodes}.isdisjoint(root_of(parents, i) for i in goals.nodes):
+            return FoundPath(q[:0], tried, complete=False)
+    to_go = weight * np.hypot(*(q[:, :2] - goal[:2]).T)
+    begin = perf_counter()
+    found = search(store, starts, goals, to_go, limit=limit, budget=budget, seconds=seconds, checking=checking)
+    ended = found.expanded < budget and perf_counter() - begin < seconds
+    complete = len(found.nodes) > 0 or (checking and ended)
+    states = np.vstack([start, q[found.nodes], goal]) if len(found.nodes) else q[:0]
+    # An end may be a node.
+    return FoundPath(without_repetitions(states), tried + found.expanded, complete)
+
+
+def without_repetitions(states: FloatArray) -> FloatArray:
+    """Return the states, shape (m, 3), without those that equal the one before."""
+    return states[np.append(True, (states[1:] != states[:-1]).any(axis=1))] if len(states) else states
 
 
 @njit(cache=True, nogil=True)
 def lazy_shortest_path(
     kind: Any,
     configurations: FloatArray,
-    heads: NDArray[np.int64],
-    following: NDArray[np.int64],
+    newest: NDArray[np.int64],
+    older: NDArray[np.int64],
     edges: NDArray[np.int32],
     cost: FloatArray,
     status: NDArray[np.uint8],
-    first: NDArray[np.int64],
-    before: FloatArray,
-    last: NDArray[np.int64],
-    behind: FloatArray,
+    starts: NDArray[np.int64],
+    start_costs: FloatArray,
+    goals: NDArray[np.int64],
+    goal_costs: FloatArray,
     to_go: FloatArray,
     banned: NDArray[np.bool_],
     limit: float,
@@ -44,46 +215,46 @@ def lazy_shortest_path(
     deadline: Deadline,
     checking: bool,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
-    """Return the nodes of the shortest certified path, which nodes the search reached, and what it took.
+    """Return the nodes of the shortest certified path, the nodes that were reached, and how many were expanded.
 
     The path is empty if there is none below ``limit``, or the budget or the time is used up.
 
     Args:
         kind: of motion that edges are (:mod:`trailmark.motion.base`).
         configurations: (n, 3) nodes.
-        heads: (n,) newest entry of each node (:mod:`trailmark.roadmap.adjacency`): of those that lead on from it; or of
-            those that lead to it, then the search goes against the edges.
-        following: (2 m,) next entry of the same node.
+        newest: (n,) newest entry of each node (:mod:`trailmark.roadmap.adjacency`): among those that leave it, or among
+            those that lead to it to search in the reverse direction.
+        older: (2 m,) next older entry of the same node.
         edges: (m, 2) nodes joined; of directed edges from, to.
         cost: (m,) length of each edge.
         status: (m,) FREE, BLOCKED or UNDECIDED; undecided edges that the search needs are checked and marked.
-        first: (f,) nodes that the path may begin at.
-        before: (f,) what it costs to be there.
-        last: (l,) nodes that it may end at; none reaches all that can be reached.
-        behind: (l,) what it costs from there on.
-        to_go: (n,) lower estimate of what is left from each node, ``behind`` included.
+        starts: (s,) nodes that the path may begin at.
+        start_costs: (s,) cost to reach each of them.
+        goals: (g,) nodes that it may end at; without any, the search reaches all that it can.
+        goal_costs: (g,) cost from each of them to the end.
+        to_go: (n,) lower estimate of the cost from each node to the end, ``goal_costs`` included.
         banned: (n,) nodes not to be used.
         limit: longest cost of interest.
-        budget: nodes and undecided edges taken from the queue at most.
-        deadline: ends the search too.
-        checking: whether undecided edges are checked; else only what is known to be free is used.
+        budget: maximum number of nodes and undecided edges that leave the queue.
+        deadline: when the search ends at the latest.
+        checking: whether undecided edges are checked; otherwise only edges known to be free are used.
     """
     n = len(configurations)
-    room = new_room(kind)
+    scratch = new_scratch(kind)
     done = np.zeros(n, np.bool_)
     best, parent = np.full(n, np.inf), np.full(n, -1, np.int64)
     left = np.full(n, np.inf)
-    for i in range(len(last)):
-        left[last[i]] = min(left[last[i]], behind[i])
+    for i in range(len(goals)):
+        left[goals[i]] = min(left[goals[i]], goal_costs[i])
     keys, values = np.empty(1024), np.empty(1024, np.int64)
-    # What waits is an entry, or -1 - i for the i-th of ``first``.
+    # A value in the queue is an entry, or -1 - i for the i-th of ``starts``.
     size = 0
-    for i in range(len(first)):
+    for i in range(len(starts)):
         if size == len(keys):
             keys, values = heap_grow(keys, values)
-        size = heap_push(keys, values, size, before[i] + to_go[first[i]], -1 - i)
-    end, total, taken, steps = -1, limit, 0, 0
-    while size > 0 and taken < budget:
+        size = heap_push(keys, values, size, start_costs[i] + to_go[starts[i]], -1 - i)
+    end, total, expanded, steps = -1, limit, 0, 0
+    while size > 0 and expanded < budget:
         steps += 1
         if steps % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
             break
@@ -93,7 +264,7 @@ def lazy_shortest_path(
             break
         node, reached, back = 0, 0.0, -1
         if entry < 0:
-            node, reached = first[-1 - entry], before[-1 - entry]
+            node, reached = starts[-1 - entry], start_costs[-1 - entry]
             if done[node]:
                 continue
         else:
@@ -102,70 +273,33 @@ def lazy_shortest_path(
             if done[node]:
                 continue
             if status[edge] == UNDECIDED:
-                taken += 1
+                expanded += 1
                 a, b = configurations[edges[edge, 0]], configurations[edges[edge, 1]]
-                status[edge] = FREE if certified(kind, room, a, b, BUDGET) else BLOCKED
+                status[edge] = FREE if certified(kind, scratch, a, b, BUDGET) else BLOCKED
             if status[edge] != FREE:
                 continue
             reached = best[back] + cost[edge]
-        taken += 1
+        expanded += 1
         parent[node], done[node], best[node] = back, True, reached
         if reached + left[node] < total:
             end, total = node, reached + left[node]
-        keys, values, size = expand(
-            heads[node],
-            reached,
-            following,
-            edges,
-            cost,
-            status,
-            to_go,
-            done,
-            banned,
-            total,
-            checking,
-            keys,
-            values,
-            size,
-        )
-    return nodes_back(parent, end), done, taken
-
-
-@njit(cache=True, nogil=True)
-def expand(
-    entry: int,
-    reached: float,
-    following: NDArray[np.int64],
-    edges: NDArray[np.int32],
-    cost: FloatArray,
-    status: NDArray[np.uint8],
-    to_go: FloatArray,
-    done: NDArray[np.bool_],
-    banned: NDArray[np.bool_],
-    limit: float,
-    checking: bool,
-    keys: FloatArray,
-    values: NDArray[np.int64],
-    size: int,
-) -> tuple[FloatArray, NDArray[np.int64], int]:
-    """Put a node's entries, from its newest one on, into the queue; return the queue and its size."""
-    while entry >= 0:
-        edge = entry >> 1
-        if status[edge] == FREE or (checking and status[edge] != BLOCKED):
-            other = edges[edge, 1 - (entry & 1)]
-            if not (done[other] or banned[other]):
+        entry = newest[node]
+        while entry >= 0:
+            edge = entry >> 1
+            if status[edge] == FREE or (checking and status[edge] != BLOCKED):
+                other = edges[edge, 1 - (entry & 1)]
                 key = reached + cost[edge] + to_go[other]
-                if key < limit:
+                if key < total and not (done[other] or banned[other]):
                     if size == len(keys):
                         keys, values = heap_grow(keys, values)
                     size = heap_push(keys, values, size, key, entry)
-        entry = following[entry]
-    return keys, values, size
+            entry = older[entry]
+    return trace_back(parent, end), done, expanded
 
 
 @njit(cache=True, nogil=True)
-def nodes_back(parent: NDArray[np.int64], end: int) -> NDArray[np.int64]:
-    """Return the nodes along the parents up to ``end``, from the first on; none for -1."""
+def trace_back(parent: NDArray[np.int64], end: int) -> NDArray[np.int64]:
+    """Return the nodes of the path that the parents describe, from its first to ``end``; none if ``end`` is -1."""
     length, node = 0, end
     while node >= 0:
         node, length = parent[node], length + 1
@@ -177,17 +311,8 @@ def nodes_back(parent: NDArray[np.int64], end: int) -> NDArray[np.int64]:
     return path
 
 
-@njit(cache=True)
-def edge_costs(kind: Any, configurations: FloatArray, edges: NDArray[np.int32]) -> FloatArray:
-    """Return the costs (metres, shape (m,)) of edges (m, 2)."""
-    room, result = new_room(kind), np.empty(len(edges))
-    for i in range(len(edges)):
-        result[i] = cost(kind, room, configurations[edges[i, 0]], configurations[edges[i, 1]])
-    return result
-
-
 @njit(cache=True, nogil=True)
-def joined(
+def joinable_nodes(
     kind: Any,
     configurations: FloatArray,
     forest: Forest,
@@ -196,25 +321,25 @@ def joined(
     enough: int,
     reverse: bool,
 ) -> NDArray[np.int64]:
-    """Return which of the k nodes nearest to q certified motions join to it, the first ``enough`` of them.
+    """Return those of the k nodes nearest to q that certified motions join to it, at most ``enough`` of them.
 
     Args:
         kind: of motion.
         configurations: (n, 3) nodes.
         forest: index over the nodes in the embedding.
         q: valid, shape (3,).
-        k: nodes that are tried at most.
-        enough: nodes joined at most.
-        reverse: whether the motions lead to q, not away from it.
+        k: maximum number of nodes that are tried.
+        enough: maximum number of nodes that are joined.
+        reverse: whether the motions lead to q instead of from it.
     """
     radius = embedding_radius(kind)
     point = np.array([q[0], q[1], radius * cos(q[2]), radius * sin(q[2])])
     distances, ids = np.empty(k), np.empty(k, np.int64)
     count = nearest_in(forest, point, -1, k, distances, ids)
-    room, found = new_room(kind), 0
+    scratch, found = new_scratch(kind), 0
     for i in range(count):
         node = configurations[ids[i]]
-        if certified(kind, room, node, q, BUDGET) if reverse else certified(kind, room, q, node, BUDGET):
+        if certified(kind, scratch, node, q, BUDGET) if reverse else certified(kind, scratch, q, node, BUDGET):
             ids[found] = ids[i]
             found += 1
             if found == enough:
