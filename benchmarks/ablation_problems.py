@@ -24,6 +24,9 @@ PASSAGES = 8
 MIXED, OBSTACLES = ("disc", "rectangle", "L", "thin", "star", "offset"), 250
 """Robots of the worlds of discs, holes and a curved boundary, one each, and how many obstacles those have."""
 
+RADIUS = 3.0
+"""Turning radius of the cars in random worlds, metres."""
+
 DENSE = 3
 """Random worlds of the highest clutter, beyond the first, in which first paths are hardest."""
 
@@ -32,7 +35,8 @@ def ablation_cases() -> list[Case]:
     """Return all cases, group by group in turns."""
     chosen: dict[str, Case] = {}
     for case in cases(1, data=True):
-        chosen.setdefault(case.kind, case)
+        # The queries of worlds without a way tell what proofs are good for.
+        chosen.setdefault(case.kind if case.feasible is not False else case.problem.key, case)
     dense = [case for case in random_cases(DENSE, FIRST_WORLD + 1) if case.kind.startswith("random 500")]
     groups = [list(chosen.values()), dense, list(_passages()), list(_mixed()), list(_cars())]
     total = sum(map(len, groups))
@@ -63,3 +67,8 @@ def _cars() -> Iterator[Case]:
     for problem in CARS:
         world = problem.load()
         yield Case("cars", "cars", Problem(replace(world, queries=(world.query(problem.query),))), feasible=True)
+    for case in random_cases(1):
+        world, robot = case.problem.world, case.problem.robot
+        if robot == ROBOTS["rectangle"]:
+            steered = replace(world, robot=robot.steered(RADIUS))
+            yield Case("cars", "cars", Problem(steered), feasible=None)
