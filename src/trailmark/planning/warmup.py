@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 
 import numpy as np
 
+from trailmark.compiled.side_by_side import compiled_side_by_side
 from trailmark.motion import Kind
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -22,59 +24,112 @@ ROBOTS: dict[Kind, Robot] = {
 }
 
 
+@lru_cache(maxsize=3)
 def warm_up(kind: Kind = "straight") -> None:
-    """Run every kernel that plans a kind of motion once: a minute or two on a machine's first use, else a second."""
-    _plan_once(kind)
-
-
-def warm_up_queries(kind: Kind = "straight") -> None:
-    """Run every kernel that only :meth:`LandmarkPlanner.plan_many` needs once, as :func:`warm_up` does the others."""
-    _plan_many_once(kind)
+    """Run every kernel that plans a kind of motion once: half a minute on a machine's first use, else a second."""
+    _run([partial(job, kind) for job in (_plan, _drive, _certify, _enclose, _shorten, _bound)])
 
 
 @lru_cache(maxsize=3)
-def _plan_once(kind: Kind) -> None:
-    from trailmark.collision import StateChecker
-    from trailmark.landmarks import Relaxation
-    from trailmark.planning.hybrid_astar import hybrid_astar
+def warm_up_queries(kind: Kind = "straight") -> None:
+    """Run every kernel that only :meth:`LandmarkPlanner.plan_many` needs once, as :func:`warm_up` does the others."""
+    _run([partial(job, kind) for job in (_plan_many, _certify)])
+
+
+def _run(jobs: Sequence[Callable[[], None]]) -> None:
+    with compiled_side_by_side(jobs):
+        for job in jobs:
+            job()
+
+
+def _plan(kind: Kind) -> None:
+    """Plan between a start and a goal."""
     from trailmark.planning.planner import LandmarkPlanner
-    from trailmark.planning.proofs import enclosed
-    from trailmark.planning.proofs.claims import grid_separates
 
     world, (start, goal) = SMALL
     planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
     found = planner.plan(start, goal, time_limit=600.0, max_iterations=1)
-    planner.roadmap.certify_all()
-    for checking in (True, False):
-        planner.roadmap.find_path(start, goal, checking=checking)
-    # Only what is hardly feasible, or not at all, asks for proofs.
-    shut = StateChecker(World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), ROBOTS["straight"])
-    ends = np.array([[0.6, 1.0, 0.0], [2.4, 1.0, 0.0]])
-    enclosed(shut, *ends)
-    relaxation = Relaxation(shut)
-    grid_separates(relaxation, relaxation.costs_from(ends[1], until=ends[0]), *ends)
-    if kind == "curve":
-        if found.path is not None:
-            found.path.at(0.5)
-        # Which queries need drives nobody knows beforehand.
-        hybrid_astar(
-            planner.motion,
-            planner.relaxation,
-            planner.relaxation.costs_from(goal),
-            start[None],
-            reverse=False,
-            step=0.1,
-            most=50,
-            landmarks=5,
-            rng=np.random.default_rng(0),
-        )
+    if kind == "curve" and found.path is not None:
+        found.path.at(0.5)
 
 
-@lru_cache(maxsize=3)
-def _plan_many_once(kind: Kind) -> None:
+def _plan_many(kind: Kind) -> None:
+    """Plan between many starts and goals."""
     from trailmark.planning.planner import LandmarkPlanner
 
     world, (start, goal) = SMALL
     planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
     planner.build(50)
     planner.plan_many([start, goal], [goal, start], time_limit=600.0)
+
+
+def _certify(kind: Kind) -> None:
+    """Certify the edges of a roadmap, and find paths with and without."""
+    from trailmark.planning.planner import LandmarkPlanner
+
+    world, (start, goal) = SMALL
+    planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
+    planner.build(50)
+    planner.roadmap.certify_all()
+    for checking in (True, False):
+        planner.roadmap.find_path(start, goal, checking=checking)
+
+
+def _drive(kind: Kind) -> None:
+    """Search for a car's path by hybrid A*: which queries need it nobody knows beforehand."""
+    if kind != "curve":
+        return
+    from trailmark.planning.hybrid_astar import hybrid_astar
+    from trailmark.planning.planner import LandmarkPlanner
+
+    world, (start, goal) = SMALL
+    planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
+    hybrid_astar(
+        planner.motion,
+        planner.relaxation,
+        planner.relaxation.costs_from(goal),
+        start[None],
+        reverse=False,
+        step=0.1,
+        most=50,
+        landmarks=5,
+        rng=np.random.default_rng(0),
+    )
+
+
+def _shorten(kind: Kind) -> None:
+    """Shorten a path."""
+    from trailmark.collision import StateChecker
+    from trailmark.motion import motion_of
+    from trailmark.planning.shortening import shorten
+    from trailmark.planning.straightening import straighten, without_needless
+
+    world, (start, goal) = SMALL
+    motion = motion_of(StateChecker(world, ROBOTS[kind]))
+    path = np.array([start, [3.0, 3.2, 0.0], goal])
+    for splitting in (False, True):
+        shorten(motion, path, np.random.default_rng(0), sweeps=1, splitting=splitting)
+    straighten(motion.kind, path)
+    without_needless(motion.kind, path)
+
+
+def _bound(kind: Kind) -> None:
+    """Prove a lower bound."""
+    from trailmark.planning.proofs.bound import LowerBound
+
+    world, (start, goal) = SMALL
+    LowerBound(world, ROBOTS[kind]).of(start, goal)
+
+
+def _enclose(kind: Kind) -> None:
+    """Prove that there is no path: only what is hardly feasible, or not at all, asks for that."""
+    from trailmark.collision import StateChecker
+    from trailmark.landmarks import Relaxation
+    from trailmark.planning.proofs import enclosed
+    from trailmark.planning.proofs.claims import grid_separates
+
+    shut = StateChecker(World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), ROBOTS["straight"])
+    ends = np.array([[0.6, 1.0, 0.0], [2.4, 1.0, 0.0]])
+    enclosed(shut, *ends)
+    relaxation = Relaxation(shut)
+    grid_separates(relaxation, relaxation.costs_from(ends[1], until=ends[0]), *ends)
