@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import networkx
 import pytest
 
 SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
@@ -106,6 +108,60 @@ def test_a_file_imports_only_what_lies_below_it(file: Path) -> None:
         homes = HOMES.get(names[0])
         if homes is not None:
             assert relative.as_posix() in homes or own in homes, f"{where}, allowed: {sorted(homes)}"
+
+
+TESTS = Path(__file__).resolve().parent
+NAMED = re.compile(r"^# Tested by (.*?)(?=^[^#]|\Z)", re.MULTILINE | re.DOTALL)
+
+
+def covering(file: Path) -> list[Path]:
+    """Return the test file with a module's name, or those that the module names: ``# Tested by a/test_b.py``.
+
+    A name without a folder is one of the folder named before it.
+    """
+    relative = file.relative_to(SOURCE)
+    namesake = TESTS / relative.parent / f"test_{relative.name}"
+    if namesake.exists():
+        return [namesake]
+    found: list[Path] = []
+    for comment in NAMED.findall(file.read_text(encoding="utf-8")):
+        for name in re.findall(r"[\w/]+\.py", comment):
+            found.append(TESTS.parent / name if "/" in name else found[-1].parent / name)
+    return found
+
+
+MODULES = [file for file in FILES if not file.stem.startswith("__")]
+
+
+@pytest.mark.parametrize("file", MODULES, ids=[str(file.relative_to(SOURCE)) for file in MODULES])
+def test_a_module_is_covered_by_a_test_file(file: Path) -> None:
+    found = covering(file)
+    assert found, f"expected tests/.../test_{file.name} or a line '# Tested by tests/...'"
+    assert [test for test in found if not test.exists()] == []
+
+
+def imports_when_loaded(file: Path) -> set[Path]:
+    """Return the files of the package that a file imports while it is itself imported."""
+    package = ["trailmark", *file.relative_to(SOURCE).parts[:-1]]
+    nodes = list(ast.parse(file.read_text(encoding="utf-8")).body)
+    found: set[Path] = set()
+    for node in nodes:  # grows by the blocks of conditions, but for those that only type checkers run
+        if isinstance(node, ast.If) and ast.unparse(node.test) != "TYPE_CHECKING":
+            nodes += [*node.body, *node.orelse]
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names = [module.split(".")[1:] for module, _ in imported_modules(ast.unparse(node), package)]
+            paths = [{SOURCE.joinpath(*n).with_suffix(".py"), SOURCE.joinpath(*n, "__init__.py")} for n in names if n]
+            there = [path for path in sorted(set().union(*paths)) if path.exists() and path.is_relative_to(SOURCE)]
+            # ``from package import module`` asks for the module; the package around it is being imported already.
+            found |= {path for path in there if path.name != "__init__.py" or len(there) == 1}
+    return found - {file}
+
+
+def test_no_files_import_each_other_in_a_circle() -> None:
+    graph = networkx.DiGraph((file, imported) for file in FILES for imported in imports_when_loaded(file))
+    assert graph.number_of_edges() > len(FILES)
+    circles = [[str(file.relative_to(SOURCE)) for file in circle] for circle in networkx.simple_cycles(graph)]
+    assert circles == []
 
 
 def test_the_public_names_are_imported_when_asked_for() -> None:

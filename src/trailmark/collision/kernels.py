@@ -6,6 +6,8 @@ cells; FCL, for configurations within DEEP_TOLERANCE of touching (:mod:`trailmar
 
 """
 
+# Tested by tests/collision/test_checker.py and test_motions.py.
+
 from __future__ import annotations
 
 from math import cos, floor, sin

@@ -1,7 +1,6 @@
-"""The exceptions of the estimators; all are :class:`trailmark.errors.TrailmarkError`.
+"""The exceptions of the estimators; all are :class:`trailmark.errors.TrailmarkError`."""
 
-Tests: tests/estimation/test_estimation_arguments.py.
-"""
+# Tested by tests/estimation/test_estimation_arguments.py.
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
 """One thread for scikit-learn, so that the same seed gives the same centres."""
 
+# Tested by tests/landmarks/test_kmeans.py.
+
 from __future__ import annotations
 
 from functools import lru_cache

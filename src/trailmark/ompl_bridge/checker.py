@@ -1,6 +1,6 @@
 """StateValidityChecker and MotionValidator: trailmark's collision checks as OMPL calls them."""
 
-# Tested by tests/ompl_bridge/test_bridge_checker.py and test_bridge_curves.py.
+# Tested by tests/ompl_bridge/test_checker.py and test_curves.py.
 
 from __future__ import annotations
 

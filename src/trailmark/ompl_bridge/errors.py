@@ -1,6 +1,6 @@
 """Errors of the parts that plug into an OMPL program."""
 
-# Tested by tests/ompl_bridge/test_bridge_arguments.py.
+# Tested by tests/ompl_bridge/test_arguments.py.
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """OMPL's planners by name, with whatever the installed OMPL binds."""
 
-# Tested by tests/ompl_bridge/test_bridge_planner.py.
+# Tested by tests/ompl_bridge/test_planner.py.
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Conversions between arrays and OMPL's states, paths and planner data."""
 
-# Tested by tests/ompl_bridge/test_bridge_states.py.
+# Tested by tests/ompl_bridge/test_states.py.
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
 """Incident: what was about to be claimed and is wrong is not claimed, but written down so that it can be mended."""
 
+# Tested by tests/planning/test_final_check.py and tests/planning/proofs/test_claims.py.
+
 from __future__ import annotations
 
 import json

@@ -1,6 +1,6 @@
 """Landmarks of one query: placed where short paths are likely, joined to a roadmap, and searched for a path."""
 
-# Tested by tests/planning/test_planner.py and test_recall.py.
+# Tested by tests/planning/test_planner.py and test_roadmap_lookup.py.
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Charts with a row for each planner: shares with their intervals, and boxes."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 import math

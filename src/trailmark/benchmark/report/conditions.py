@@ -1,6 +1,6 @@
 """The conditions of the runs: versions, processor, settings, limits, seeds and hashes."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 import json

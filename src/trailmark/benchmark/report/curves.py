@@ -1,6 +1,6 @@
 """Cost against time: what share of a planner's runs has reached which cost by when."""
 
-# Tested by tests/benchmark/report/test_report_summary.py.
+# Tested by tests/benchmark/report/test_summary.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Results: the content of a results database as arrays, problem by problem."""
 
-# Tested by tests/benchmark/report/test_report_data.py.
+# Tested by tests/benchmark/report/test_data.py.
 from __future__ import annotations
 
 import json

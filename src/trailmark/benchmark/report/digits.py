@@ -1,6 +1,6 @@
 """How a report writes numbers: three significant digits, thousands separated, a dash for what is not known."""
 
-# Tested by tests/benchmark/report/test_report_summary.py.
+# Tested by tests/benchmark/report/test_summary.py.
 from __future__ import annotations
 
 import math

@@ -1,6 +1,6 @@
 """The figures of a report: which planners share a chart, and what each chart shows."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence

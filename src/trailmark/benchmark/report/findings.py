@@ -1,6 +1,6 @@
 """What a benchmark shows, in a few sentences, each with its certainty."""
 
-# Tested by tests/benchmark/report/test_report_summary.py.
+# Tested by tests/benchmark/report/test_summary.py.
 from __future__ import annotations
 
 import math

@@ -1,6 +1,6 @@
 """How a report's numbers are computed, and what cannot be concluded from them."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Charts of lines over time: how many runs have a path, and what the best path costs, by when."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 import math

@@ -1,6 +1,6 @@
 """The report's tables as Markdown, to be committed beside the code that made them."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 from trailmark.benchmark.report.conditions import conditions_table, hash_table, settings_table

@@ -1,6 +1,6 @@
 """The page: one HTML file with everything in it, that asks for nothing else and runs no script."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 import itertools

@@ -5,7 +5,7 @@ colours are of the palettes by Okabe & Ito and by Paul Tol, chosen for readers w
 white paper; trailmark's own planners are black, grey and brown.
 """
 
-# Tested by tests/benchmark/report/test_report_summary.py.
+# Tested by tests/benchmark/report/test_summary.py.
 from __future__ import annotations
 
 from collections.abc import Sequence

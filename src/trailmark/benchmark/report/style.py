@@ -1,6 +1,6 @@
 """The page's style: dark on white, one column on a phone, tables that scroll, and what printing needs."""
 
-# Tested by tests/benchmark/report/test_report_browser.py.
+# Tested by tests/benchmark/report/test_browser.py.
 __all__ = ["STYLE"]
 
 STYLE = """

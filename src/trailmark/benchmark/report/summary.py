@@ -1,6 +1,6 @@
 """Summary: the figures of each planner over all its runs, and which planner is ahead of which, how certainly."""
 
-# Tested by tests/benchmark/report/test_report_summary.py.
+# Tested by tests/benchmark/report/test_summary.py.
 from __future__ import annotations
 
 import math

@@ -1,6 +1,6 @@
 """Small pieces of SVG: elements, scales with round ticks, lines of few characters."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 import math

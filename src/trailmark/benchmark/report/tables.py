@@ -1,6 +1,6 @@
 """Tables of a report: the same cells as HTML and as Markdown."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 import math

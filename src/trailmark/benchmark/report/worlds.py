@@ -1,6 +1,6 @@
 """Pictures of worlds: obstacles, start and goal with the robot's outline and heading, a path of each planner."""
 
-# Tested by tests/benchmark/report/test_report_page.py.
+# Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
 import math

@@ -1,8 +1,7 @@
 # ruff: noqa: N803, N806 # the names are the filter's own symbols: P, W
-"""Covariance matrices: what is taken for one, and how one shrinks without losing its symmetry.
+"""Covariance matrices: what is taken for one, and how one shrinks without losing its symmetry."""
 
-Tests: tests/estimation/filter/test_ekf.py.
-"""
+# Tested by tests/estimation/filter/test_ekf.py.
 
 from __future__ import annotations
 

@@ -3,9 +3,9 @@
 
 x is the robot's pose (x, y, theta), l a feature of the world, z the reading of it and v the sensor's noise. All
 functions broadcast over leading dimensions, so that one call predicts the readings of many features.
-
-Tests: tests/estimation/filter/test_sensors.py.
 """
+
+# Tested by tests/estimation/filter/test_sensors.py.
 
 from __future__ import annotations
 

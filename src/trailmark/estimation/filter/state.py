@@ -1,8 +1,7 @@
 # ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P, R, G, H
-"""The state of a SLAM filter: the robot's pose and features, whose number grows and shrinks.
+"""The state of a SLAM filter: the robot's pose and features, whose number grows and shrinks."""
 
-Tests: tests/estimation/filter/test_ekf.py.
-"""
+# Tested by tests/estimation/filter/test_ekf.py.
 
 from __future__ import annotations
 

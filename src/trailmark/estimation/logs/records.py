@@ -2,9 +2,9 @@
 
 All lengths are metres, angles radians counter-clockwise, times seconds of one clock. Covariances are those of the
 sensor's noise, where the log states them; None leaves them to the model's settings.
-
-Tests: tests/estimation/logs/test_jsonl.py.
 """
+
+# Tested by tests/estimation/logs/test_jsonl.py.
 
 from __future__ import annotations
 

@@ -2,9 +2,9 @@
 
 Strict: a number is not given as text or boolean, NaN and infinity are refused (but for the word ``"inf"`` where a range
 may be infinite), and so are unknown fields. What may be left out may be null, too.
-
-Tests: tests/estimation/logs/test_jsonl.py.
 """
+
+# Tested by tests/estimation/logs/test_jsonl.py.
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""What the readers of text logs share: lines of a file, gzipped or not, tables of numbers, and bad records.
+"""What the readers of text logs share: lines of a file, gzipped or not, tables of numbers, and bad records."""
 
-Tests: tests/estimation/logs/test_load_log.py.
-"""
+# Tested by tests/estimation/logs/test_source.py.
 
 from __future__ import annotations
 

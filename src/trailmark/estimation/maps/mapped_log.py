@@ -1,7 +1,6 @@
-"""What a log was turned into: the world, where the robot went, and the figures that say how far to trust both.
+"""What a log was turned into: the world, where the robot went, and the figures that say how far to trust both."""
 
-Tests: tests/estimation/maps/test_log_map.py.
-"""
+# Tested by tests/estimation/maps/test_log_map.py.
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""The settings by which single scans are taken apart, with every default in sight.
+"""The settings by which single scans are taken apart, with every default in sight."""
 
-Tests: tests/estimation/scans/test_scan_features.py.
-"""
+# Tested by tests/estimation/scans/test_scan_features.py.
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
-"""Simulated sensors: a detector of point-like discs, and a laser scanner.
+"""Simulated sensors: a detector of point-like discs, and a laser scanner."""
 
-Tests: tests/estimation/simulation/test_simulator.py.
-"""
+# Tested by tests/estimation/simulation/test_simulator.py.
 
 from __future__ import annotations
 

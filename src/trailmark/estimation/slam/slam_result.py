@@ -1,7 +1,6 @@
-"""What a run over a log gives: trajectory, features, and what happened to the records.
+"""What a run over a log gives: trajectory, features, and what happened to the records."""
 
-Tests: tests/estimation/slam/test_ekf_slam.py.
-"""
+# Tested by tests/estimation/slam/test_ekf_slam.py.
 
 from __future__ import annotations
 

@@ -6,6 +6,8 @@ the robot moves within the cell, is covered throughout the cell; if it meets an 
 is not settled so is divided, and with it the centres grow dense just where a way might be.
 """
 
+# Tested by tests/planning/proofs/test_claims.py.
+
 from __future__ import annotations
 
 from collections.abc import Callable
