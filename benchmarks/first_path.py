@@ -42,12 +42,15 @@ def answer(worlds: int) -> None:
         planner = LandmarkPlanner(problem.world, problem.robot, seed=seed)
         result = planner.plan(problem.query.start, problem.query.goal, time_limit=limit)
         row: dict[str, Any] = {"first": result.time["first_solution"], "cost": result.cost}
-        if result.path is not None and hasattr(planner, "_last_look"):
+        # By its name in either checkout.
+        own = getattr(planner, "_verification", None)
+        check: Any = getattr(planner, "_last_look", None) if own is None else own.final_check
+        if result.path is not None:
             # The median of three, since a cold cache is the last plan's fault.
             times = []
             for _ in range(3):
                 begin = perf_counter()
-                planner._last_look.fault(result.path, result.path.states[0], result.path.states[-1])
+                check.fault(result.path, result.path.states[0], result.path.states[-1])
                 times.append(perf_counter() - begin)
             row["look"] = float(np.median(times))
         print(json.dumps(row), flush=True)

@@ -33,9 +33,11 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+import shapely
 
 from benchmarks.age import describe_code
 from benchmarks.mutant_cases import Case, cases
+from trailmark.world import Robot
 
 __all__ = ["Mutant", "main", "mutants_of", "table"]
 
@@ -209,6 +211,51 @@ def _accepts_in_haste(checker: Any, a: np.ndarray, b: np.ndarray) -> bool:
     )
 
 
+def _footprint_fault(robot: Robot) -> tuple[str, str] | None:
+    """Return what a footprint's parts would do wrong, ``accepts`` or ``refuses``, and which; None if they are right."""
+    from trailmark.collision import footprint as module
+
+    made, outline = module.build_footprint(robot), robot.outline.rings()[0]
+    region = shapely.Polygon(outline)
+    edge = shapely.segmentize(region.exterior, float(region.exterior.length) / 500.0)
+    points = shapely.get_coordinates(edge)
+    inside = points[:, None] + np.linspace(0.0, 1.0, 20)[:, None] * (made.inner[0, :2] - points[:, None])
+    inside = inside.reshape(-1, 2)
+    inside = np.vstack([points, inside[shapely.contains_xy(region, *inside.T)]])
+    away = np.hypot(*(inside[:, None] - made.cover[:, :2]).transpose(2, 0, 1)) - made.cover[:, 2]
+    if (away.min(axis=1) > 1e-12).any():
+        return "accepts", "a point that no disc covers"
+    centres = shapely.points(made.inner[:, :2])
+    if (
+        not shapely.contains(region, centres).all()
+        or (shapely.distance(centres, edge) < made.inner[:, 2] - 1e-12).any()
+    ):
+        return "refuses", "an inner disc that sticks out"
+    core = shapely.Polygon(made.core)
+    if len(made.core) and shapely.distance(shapely.points(made.core), region.exterior).min() < 2e-7:
+        return "refuses", "a core that touches the edge"
+    if len(made.core) and shapely.distance(shapely.points(points), core).max() > made.core_gap * (1.0 + 1e-9):
+        return "accepts", "a point farther from the core than is said"
+    parts = module.overlap_core(np.array(outline))
+    if not parts or shapely.distance(shapely.points(points), shapely.union_all(parts)).max() > 1.001e-7:
+        return "accepts", "a point of the footprint that may meet an obstacle"
+    if shapely.distance(shapely.union_all(parts), region.exterior) <= 0.0:
+        return "refuses", "an edge that may not touch"
+    return None
+
+
+FOOTPRINTS = {
+    "square": Robot.polygon([(-1, -1), (1, -1), (1, 1), (-1, 1)]),
+    "long": Robot.rectangle(3.0, 0.2),
+    "L": Robot.polygon([(0, 0), (2, 0), (2, 0.5), (0.5, 0.5), (0.5, 2), (0, 2)]),
+    "needle": Robot.polygon([(-1, -0.02), (1, 0), (-1, 0.02)]),
+    "dart": Robot.polygon([(-1, -1), (2, 0), (-1, 1), (-0.2, 0)]),
+    "notch": Robot.polygon([(-1, -1), (1, -1), (1, 1), (0.01, 1), (0, -0.5), (-0.01, 1), (-1, 1)]),
+    "small": Robot.rectangle(1e-3, 7e-4),
+}
+"""Robots whose footprints' parts are looked at by themselves: too thin for cases, or wrong by less than 1e-7 m."""
+
+
 def verdict(made: list[Case]) -> tuple[str, str, list[tuple[int, int]]]:
     """Return what the code as it is imported now does: ``accepts``, ``refuses`` or ``same``, where, and counts."""
     from trailmark.collision import StateChecker, kernels
@@ -216,6 +263,10 @@ def verdict(made: list[Case]) -> tuple[str, str, list[tuple[int, int]]]:
     from trailmark.motion import CurveMotion
 
     checkers = [StateChecker(case.world, case.robot, cell=case.cell) for case in made]
+    for name, robot in FOOTPRINTS.items():
+        fault = _footprint_fault(robot)
+        if fault is not None and fault[0] == "accepts":
+            return "accepts", f"{name}: {fault[1]}", []
     cars = [CurveMotion(checker, Steering(case.radius)) for checker, case in zip(checkers, made, strict=True)]
     for checker, car, case in zip(checkers, cars, made, strict=True):
         if checker.valid(case.hit).any():
@@ -235,6 +286,10 @@ def verdict(made: list[Case]) -> tuple[str, str, list[tuple[int, int]]]:
             return "accepts", f"{case.name}: motion with a small budget", []
         if car.motions_between_valid(case.bad_curves[:, 0].copy(), case.bad_curves[:, 1].copy()).any():
             return "accepts", f"{case.name}: curve", []
+    for name, robot in FOOTPRINTS.items():
+        fault = _footprint_fault(robot)
+        if fault is not None:
+            return "refuses", f"{name}: {fault[1]}", []
     counts = []
     for checker, car, case in zip(checkers, cars, made, strict=True):
         if not checker.valid(case.free).all():

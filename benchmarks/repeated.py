@@ -123,7 +123,7 @@ def _run(kept: LandmarkPlanner, pairs: FloatArray) -> list[dict[str, Any]]:
     for i, (start, goal) in enumerate(pairs):
         fresh = LandmarkPlanner(kept.world, kept.robot, seed=i, checker=kept.checker)
         # The grid of the relaxed problem belongs to the world, as the checker does.
-        fresh.bound, fresh._relaxation = kept.bound, kept.relaxation
+        fresh.bound, fresh.relaxation = kept.bound, kept.relaxation
         # By turns: whoever comes first finds the caches cold.
         order = [("kept", kept), ("fresh", fresh)][:: 1 if i % 2 else -1]
         asked = {name: ask(planner, start, goal, LIMIT) for name, planner in order}

@@ -15,8 +15,9 @@ from trailmark import LandmarkPlanner
 from trailmark.errors import ConfigurationError, TrailmarkError
 from trailmark.landmarks import free_samples
 from trailmark.motion.translation import turned_evenly
-from trailmark.planning.batch import each
+from trailmark.planning.batch import for_each
 from trailmark.planning.growth import grow_general
+from trailmark.planning.settings import PlannerSettings
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -102,7 +103,8 @@ def test_many_threads_ask_one_planner_while_it_grows() -> None:
     planner.build(6000)
     starts, goals = queries(planner, 40)
     # What the roadmap does not answer, it would learn.
-    known = [planner._ready().find_path(a.copy(), b.copy()) is not None for a, b in zip(starts, goals, strict=True)]
+    snapshot = planner._shared.snapshot(lambda: planner.relaxation)
+    known = [snapshot.find_path(a.copy(), b.copy()) is not None for a, b in zip(starts, goals, strict=True)]
     starts, goals = starts[known], goals[known]
     assert len(starts) > 30
     nodes = len(planner.roadmap)
@@ -114,7 +116,7 @@ def test_many_threads_ask_one_planner_while_it_grows() -> None:
 
     def grow(i: int) -> bool:
         # What is known already adds nothing.
-        with planner._growing:
+        with planner._shared.lock:
             planner.roadmap.add(free_samples(planner.checker, 20, random_state=i))
         return planner.plan(starts[i], goals[i], time_limit=60.0, max_iterations=1).status == "solved"
 
@@ -170,7 +172,7 @@ def test_without_bounds_the_straight_distance_is_reported() -> None:
         ({"workers": 0}, "workers: expected a whole number, 1 or more, got 0"),
         ({"max_iterations": 0}, "max iterations: expected a whole number, 1 or more, got 0"),
         ({"starts": [(1, 1)]}, r"starts: expected shape \(3,\) or \(n, 3\) for x, y, theta, got \(1, 2\)"),
-        ({"starts": [(5, 5, 0)] * 3}, "3 starts and 2 goals given, allowed: as many"),
+        ({"starts": [(5, 5, 0)] * 3}, "goals: expected 3, as many as starts, got 2"),
         ({"goals": [(9, 9, 0), (-1, 5, 0)]}, r"goal 1 \(-1, 5, 0\) is not valid"),
     ],
 )
@@ -184,26 +186,34 @@ def test_bad_arguments(change: dict[str, object], message: str) -> None:
 
 def test_a_general_roadmap_stops_where_more_would_not_help() -> None:
     planner = LandmarkPlanner(World("open", (0, 0, 10, 10)), Robot.disc(0.3), seed=0)
-    told: list[int] = []
+    sizes: list[int] = []
     roadmap = Roadmap(planner.checker)
     rounds, graph, whole = grow_general(
-        roadmap, planner.relaxation, np.random.default_rng(0), told=lambda: told.append(len(roadmap))
+        roadmap,
+        planner.relaxation,
+        np.random.default_rng(0),
+        PlannerSettings(),
+        report=lambda: sizes.append(len(roadmap)),
     )
     assert whole
-    assert len(graph) == len(roadmap) == told[-1]
-    assert len(told) == 8
+    assert len(graph) == len(roadmap) == sizes[-1]
+    assert len(sizes) == 8
     assert [r.solved for r in rounds] == [r.probes for r in rounds]
     assert len(rounds) == 2
     full = LandmarkPlanner(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4.0, 4.0),)), Robot.disc(0.5), seed=0)
     with pytest.raises(TrailmarkError, match="no free place for the robot was found"):
-        full._ready()
+        full._shared.snapshot(lambda: full.relaxation)
 
 
 def test_building_keeps_to_the_time_and_goes_on_later() -> None:
     planner = planner_for("rectangle")
     left = iter([0.0])
     rounds, graph, whole = grow_general(
-        planner.roadmap, planner.relaxation, np.random.default_rng(0), seconds_left=lambda: next(left)
+        planner.roadmap,
+        planner.relaxation,
+        np.random.default_rng(0),
+        PlannerSettings(),
+        seconds_left=lambda: next(left),
     )
     # One part, then the time was up.
     assert not rounds
@@ -249,10 +259,10 @@ def test_landmarks_that_were_asked_for_keep_to_half_of_the_limit() -> None:
     result = planner.plan(starts[0], goals[0], 0.5)
     assert result.status == "solved"
     assert 16 <= result.landmarks < 100_000
-    before = planner._to_place
+    before = planner._shared.to_place
     assert 0 < before < 100_000
     planner.plan(starts[0], goals[0], 0.5)
-    assert planner._to_place < before
+    assert planner._shared.to_place < before
 
 
 def test_each_stops_at_the_first_exception() -> None:
@@ -266,7 +276,7 @@ def test_each_stops_at_the_first_exception() -> None:
     for workers in (1, 2):
         done.clear()
         with pytest.raises(KeyboardInterrupt):
-            each(work, 10_000, workers, None)
+            for_each(work, 10_000, workers, None)
         assert len(done) < 10_000
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
-from trailmark.planning.roadmap_lookup import AT_ONCE, RoadmapLookup
+from trailmark.planning.roadmap_lookup import FIRST_BUDGET, RoadmapLookup
 from trailmark.planning.settings import PlannerSettings
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Rectangle
@@ -47,7 +47,7 @@ def test_the_same_query_again_and_again_costs_no_more(name: str, judge: Judge) -
     # It hardly grows once it knows the query, and answers it at less cost than the first time.
     assert sizes[-1][0] <= sizes[0][0] + 50
     assert sizes[-1] == sizes[100]
-    assert max(efforts[1:]) <= max(fresh.effort, AT_ONCE + 24)
+    assert max(efforts[1:]) <= max(fresh.effort, FIRST_BUDGET + 24)
     assert np.mean(efforts[1:]) <= fresh.effort
     assert costs[-1] <= 1.03 * costs[0]
     assert result.path is not None
@@ -69,8 +69,8 @@ def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> N
         sizes.append(len(kept.roadmap))
     for of_kept, of_fresh in zip(efforts["kept"], efforts["fresh"], strict=True):
         # At worst what the first look took, and a share of what all else took besides.
-        assert of_kept <= 1.5 * of_fresh + AT_ONCE + 24
-    assert np.mean(efforts["kept"][30:]) <= np.mean(efforts["fresh"][30:]) + 0.5 * AT_ONCE
+        assert of_kept <= 1.5 * of_fresh + FIRST_BUDGET + 24
+    assert np.mean(efforts["kept"][30:]) <= np.mean(efforts["fresh"][30:]) + 0.5 * FIRST_BUDGET
     assert sizes[-1] <= MAX_KEPT
     # What it grows by becomes less.
     assert sizes[-1] - sizes[30] < sizes[30]
@@ -113,9 +113,9 @@ def test_looks_within_a_budget() -> None:
     (pair,) = random_pairs(planner, 1, 9)
     lookup = RoadmapLookup(planner.roadmap, *pair)
     nodes = len(planner.roadmap)
-    lookup.known_at_once()
-    assert lookup.taken <= AT_ONCE + 24
-    before = lookup.taken
+    lookup.search_free_edges()
+    assert lookup.expanded <= FIRST_BUDGET + 24
+    before = lookup.expanded
     if not lookup.complete:
         # Too little more for a search to begin anew.
         assert len(lookup.search(before + 1)) == 0 or lookup.complete
@@ -128,5 +128,6 @@ def test_looks_within_a_budget() -> None:
     assert len(planner.roadmap) == nodes
     nothing = RoadmapLookup(Roadmap(planner.checker), *pair)
     assert nothing.complete
-    assert len(nothing.known_at_once()) == len(nothing.search(1e9)) == len(nothing.search_for_better(np.inf, 100)) == 0
-    assert nothing.taken == 0
+    assert len(nothing.search_free_edges()) == len(nothing.search(1e9)) == 0
+    assert len(nothing.search_for_better(np.inf, 100)) == 0
+    assert nothing.expanded == 0

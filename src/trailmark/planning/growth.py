@@ -18,28 +18,17 @@ from trailmark import se2
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
 from trailmark.nearest import near_to_near
+from trailmark.planning.settings import PlannerSettings
 from trailmark.roadmap import Roadmap
 from trailmark.roadmap.snapshot import RoadmapSnapshot
 
-__all__ = ["SAMPLES_PER_LANDMARK", "Grown", "Growth", "grow_general", "spread_landmarks"]
+__all__ = ["Grown", "Growth", "grow_general", "spread_landmarks"]
 
-SPREAD_STEPS = 5
-"""Steps of K-means: samples are then on the mean at most a thousandth farther from their centres than where it ends."""
-
-SAMPLES_PER_LANDMARK = 5
-"""Of the samples that are clustered; one in so many is left as a landmark."""
-
-SMALLEST, FIRST, MOST = 16, 1_024, 16_000
-"""Landmarks of the first part, when random queries are asked first, and at last: each part doubles them."""
+SMALLEST, FIRST = 16, 1_024
+"""Landmarks of the first part, and when random queries are asked first: each part doubles them."""
 
 NEXT = 2.5
 """Times as long as a part of landmarks the next one may take, twice as large."""
-
-PROBES = 200
-"""Queries that tell whether more landmarks are worth their time."""
-
-WORTHWHILE = 0.02
-"""Share by which a round must shorten the probes' paths for another one to follow."""
 
 
 class Grown(NamedTuple):
@@ -78,9 +67,10 @@ def grow_general(
     roadmap: Roadmap,
     relaxation: Relaxation,
     rng: np.random.Generator,
+    settings: PlannerSettings,
     *,
     seconds_left: Callable[[], float] = _forever,
-    told: Callable[[], object] | None = None,
+    report: Callable[[], object] | None = None,
 ) -> Growth:
     """Add landmarks until random queries find their paths, and no much shorter ones when landmarks are doubled.
 
@@ -88,25 +78,26 @@ def grow_general(
         roadmap: what is there already is kept.
         relaxation: the relaxed problem's grid.
         rng: source of randomness.
+        settings: numbers that a person may change.
         seconds_left: asked before each part of the landmarks, which begins only if it is expected to come to its end.
-        told: called after each part.
+        report: called after each part.
 
     Raises:
         ConfigurationError: no free place for the robot.
     """
     checker = roadmap.checker
-    radius, rounds = roadmap.motion.radius, list[Grown]()
+    rounds = list[Grown]()
     probes, before = np.empty((0, 2, 3)), np.empty(0)
     placed, part = 0, SMALLEST
     while True:
         begin = perf_counter()
-        _spread(roadmap, radius, part, rng)
+        _spread(roadmap, part, rng, settings)
         placed, part = placed + part, placed + part
         graph = RoadmapSnapshot(roadmap)
-        if told is not None:
-            told()
+        if report is not None:
+            report()
         if placed == FIRST:
-            ends = free_samples(checker, 2 * PROBES, random_state=rng)
+            ends = free_samples(checker, 2 * settings.probes, random_state=rng)
             probes = ends[: len(ends) // 2 * 2].reshape(-1, 2, 3)
             probes = probes[_joined(relaxation, probes, seconds_left)]
             before = np.full(len(probes), np.inf)
@@ -121,9 +112,9 @@ def grow_general(
                 common = solved & np.isfinite(before)
                 shorter = 1.0 - costs[common].sum() / max(before[common].sum(), 1e-9) if common.any() else 0.0
                 settled = bool(solved.all()) or rounds[-1].solved == rounds[-2].solved
-                if settled and shorter < WORTHWHILE:
+                if settled and shorter < settings.least_probe_gain:
                     return Growth(rounds, graph, whole=True)
-            if len(roadmap) + len(roadmap) > 1.1 * MOST:
+            if 2 * len(roadmap) > 1.1 * settings.max_spread_landmarks:
                 return Growth(rounds, graph, whole=True)
             before = costs
         if NEXT * (perf_counter() - begin) > seconds_left():
@@ -132,12 +123,12 @@ def grow_general(
 
 def spread_landmarks(
     roadmap: Roadmap,
-    radius: float,
     count: int,
     rng: np.random.Generator,
+    settings: PlannerSettings,
     *,
     seconds_left: Callable[[], float] = _forever,
-    told: Callable[[], object] | None = None,
+    report: Callable[[], object] | None = None,
 ) -> int:
     """Add landmarks spread evenly over all free space: K-means centres of a Halton sequence's valid samples.
 
@@ -146,11 +137,11 @@ def spread_landmarks(
 
     Args:
         roadmap: to add them to.
-        radius: R of the embedding, metres.
         count: how many.
         rng: source of randomness.
+        settings: numbers that a person may change.
         seconds_left: asked before each part, which begins only if it is expected to come to its end.
-        told: called after each part.
+        report: called after each part.
 
     Returns:
         How many of ``count`` were dealt with; fewer if the time was up.
@@ -162,24 +153,24 @@ def spread_landmarks(
     while placed < count:
         begin = perf_counter()
         part = min(part, count - placed)
-        _spread(roadmap, radius, part, rng)
+        _spread(roadmap, part, rng, settings)
         placed += part
-        if told is not None:
-            told()
+        if report is not None:
+            report()
         took, part = (perf_counter() - begin) / part, placed
         if placed < count and 0.5 * NEXT * took * min(part, count - placed) > seconds_left():
             break
     return placed
 
 
-def _spread(roadmap: Roadmap, radius: float, count: int, rng: np.random.Generator) -> None:
-    checker = roadmap.checker
-    samples = free_samples(checker, SAMPLES_PER_LANDMARK * count, method="halton", random_state=rng)
+def _spread(roadmap: Roadmap, count: int, rng: np.random.Generator, settings: PlannerSettings) -> None:
+    checker, radius = roadmap.checker, roadmap.motion.radius
+    samples = free_samples(checker, settings.samples_per_landmark * count, method="halton", random_state=rng)
     if len(samples) == 0:
         raise ConfigurationError(f"world {checker.world.name!r}: no free place for the robot was found")
     # Landmarks come in the samples' order, and what is near in space is looked at together from here on.
     samples = samples[near_to_near(se2.embed(samples, radius))]
-    roadmap.add(k_means_landmarks(samples, count, radius=radius, steps=SPREAD_STEPS, random_state=rng))
+    roadmap.add(k_means_landmarks(samples, count, radius=radius, steps=settings.spread_steps, random_state=rng))
 
 
 def _joined(relaxation: Relaxation, pairs: se2.FloatArray, seconds_left: Callable[[], float]) -> np.ndarray:
@@ -191,7 +182,7 @@ def _joined(relaxation: Relaxation, pairs: se2.FloatArray, seconds_left: Callabl
         if part[i] < 0 and seconds_left() > 0.0:
             reached = relaxation.component(pairs[i, 0])
             part[(part < 0) & reached[cells[:, 0]]] = i
-            # Pairs of this part are told at once: hardly any world has more than a few.
+            # Pairs of this part are decided at once: hardly any world has more than a few.
             of_part = part == i
             joined[of_part] = reached[cells[of_part, 1]]
             part[i] = i

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sized
-from dataclasses import replace
 from functools import cached_property
-from threading import RLock
 from time import perf_counter
 
 import numpy as np
@@ -14,25 +12,20 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.arguments import callback, number, one_of, truth, whole
 from trailmark.collision import StateChecker
-from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError, WorldError, as_raised
 from trailmark.landmarks import Relaxation
 from trailmark.motion import kind_of, motion_of
-from trailmark.path import Path
-from trailmark.planning.batch import BatchSolver, each
-from trailmark.planning.error_report import report_error
-from trailmark.planning.final_check import FinalCheck
-from trailmark.planning.growth import grow_general, spread_landmarks
+from trailmark.planning.batch import BatchSolver, for_each
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.proofs import LowerBound
-from trailmark.planning.proofs.claims import contradicted
 from trailmark.planning.query import Clock, OnProgress, Query
-from trailmark.planning.result import PlanProgress, PlanResult, Status
+from trailmark.planning.result import PlanResult
 from trailmark.planning.settings import PlannerSettings
+from trailmark.planning.shared_roadmap import SharedRoadmap
 from trailmark.planning.solve import solve
+from trailmark.planning.verification import Verification
 from trailmark.planning.warmup import warm_up, warm_up_queries
 from trailmark.roadmap import Roadmap
-from trailmark.roadmap.snapshot import RoadmapSnapshot
 from trailmark.world import Robot, World
 
 __all__ = ["LandmarkPlanner"]
@@ -49,17 +42,8 @@ MAX_WORKERS = 1024
 GAP = 1e-4
 """A path within a ten-thousandth of the optimum is as good as any."""
 
-BUILD_SHARE = 0.5
-"""Of the time limit: what spreading landmarks over all free space may take of it."""
-
 PROOF_SHARE = 0.25
 """Of the time left: what making lower bounds ready for many queries may take of it."""
-
-FEW = 50
-"""Places along a path at which its clearance is looked at first."""
-
-OUTGROWN = 1.1
-"""Times as many nodes as when it was made ready for queries, and the roadmap is made ready anew."""
 
 
 class LandmarkPlanner:
@@ -124,21 +108,16 @@ class LandmarkPlanner:
         self.checker = StateChecker(world, robot) if checker is None else checker
         self.robot = self.checker.robot
         self.motion = motion_of(self.checker)
-        self._last_look = FinalCheck(world, self.robot)
-        self.roadmap = self._new_roadmap()
-        self._build_time = perf_counter() - begin
+        self._verification = Verification(self.checker, self.motion, self.seed)
         self._landmarks = landmarks
-        # Of those given, how many are not spread yet.
-        self._to_place = landmarks or 0
         self._rng = np.random.default_rng(self.seed)
-        self._relaxation: Relaxation | None = None
-        # Held by whoever lets the roadmap grow; those who only read do without.
-        self._growing = RLock()
-        # What they read, and whether the roadmap has learnt since what it did not know.
-        self._kept: RoadmapSnapshot | None = None
-        self._learnt = False
-        # Whether landmarks have been spread over all free space.
-        self._spread = False
+        self._shared = SharedRoadmap(self.motion, self._rng, self.settings, landmarks or 0)
+        self._shared.build_seconds = perf_counter() - begin
+
+    @property
+    def roadmap(self) -> Roadmap:
+        """The roadmap of the queries so far; ``roadmap.graph`` is a networkx graph."""
+        return self._shared.roadmap
 
     @as_raised
     def build(self, landmarks: int | None = None) -> Roadmap:
@@ -151,19 +130,9 @@ class LandmarkPlanner:
             ConfigurationError: ``landmarks`` below 1, or no free space to place them in.
         """
         k = self._landmarks or 200 if landmarks is None else whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
-        with self._growing:
-            self._place(k)
+        with self._shared.lock:
+            self._shared.place(k)
         return self.roadmap
-
-    def _place(
-        self, k: int, seconds_left: Callable[[], float] = lambda: np.inf, told: Callable[[], object] | None = None
-    ) -> None:
-        """Spread landmarks over all free space, as many as there is time for; some more the next time."""
-        begin = perf_counter()
-        placed = spread_landmarks(self.roadmap, self.motion.radius, k, self._rng, seconds_left=seconds_left, told=told)
-        self._to_place = max(0, self._to_place - placed)
-        self._spread |= placed == k
-        self._build_time += perf_counter() - begin
 
     @as_raised
     def plan(
@@ -198,7 +167,7 @@ class LandmarkPlanner:
         time_limit, max_iterations = _limits(time_limit, max_iterations)
         callback(on_progress, "on_progress:")
         callback(stop, "stop:")
-        with self._growing:
+        with self._shared.lock:
             return self._plan(start, goal, time_limit, max_iterations, on_progress, stop, gap)
 
     def _plan(
@@ -213,11 +182,10 @@ class LandmarkPlanner:
     ) -> PlanResult:
         begin = perf_counter()
         ends = self._valid_pair(start, goal)
-        build = self._build_time
-        if self._to_place > 0:
-            by = begin + BUILD_SHARE * time_limit
-            self._place(self._to_place, lambda: -np.inf if stop is not None and stop() else by - perf_counter())
-            build = self._build_time
+        shared = self._shared
+        if shared.to_place > 0:
+            by = begin + self.settings.build_share * time_limit
+            shared.place(shared.to_place, lambda: -np.inf if stop is not None and stop() else by - perf_counter())
         for _ in range(TRIES):
             incumbent = Incumbent(self.motion, ends[0], ends[1], begin)
             query = Query(
@@ -229,45 +197,16 @@ class LandmarkPlanner:
                 self.settings,
                 gap=gap,
                 max_rounds=max_iterations,
-                on_progress=None if on_progress is None else self._looked_at(on_progress, ends),
+                on_progress=None if on_progress is None else self._verification.progress(on_progress, ends),
             )
             status, path = solve(query, self.bound), incumbent.path()
-            if path is None or self._is_certified(path, ends):
+            if path is None or self._verification.certified(path, ends):
                 break
             # Whatever is wrong may be in the roadmap.
-            self.roadmap, self._kept, self._spread = self._new_roadmap(), None, False
+            shared.reset()
             status, path = "timeout", None
-        self._build_time = 0.0
-        return self._result(incumbent, status, path, build)
-
-    def _new_roadmap(self) -> Roadmap:
-        return Roadmap(self.checker, self.motion)
-
-    def _is_certified(self, path: Path, ends: se2.FloatArray) -> bool:
-        """Return whether a path stands the last look; report it as trailmark's own error if it does not."""
-        fault = self._last_look.fault(path, *ends)
-        if fault is not None:
-            states = path.knots if isinstance(path, CurvePath) else path.states
-            details = {"seed": self.seed, "states": states.tolist()}
-            report_error(f"a path that was found is not free: {fault}", self.world, self.robot, *ends, **details)
-        return fault is None
-
-    def _looked_at(self, on_progress: OnProgress, ends: se2.FloatArray) -> OnProgress:
-        """Return a callback that hands on paths only once they stood the last look."""
-        passed: Path | None = None
-
-        def hand_on(progress: PlanProgress) -> None:
-            nonlocal passed
-            path = progress.path
-            if path is not None and path != passed:
-                if self._last_look.fault(path, *ends) is None:
-                    passed = path
-                else:
-                    # At the end it is reported, unless a better path has taken its place.
-                    progress = replace(progress, path=None, cost=None)
-            on_progress(progress)
-
-        return hand_on
+        build, shared.build_seconds = shared.build_seconds, 0.0
+        return self._verification.result(incumbent, status, path, self.roadmap, build)
 
     @as_raised
     def plan_many(
@@ -326,33 +265,34 @@ class LandmarkPlanner:
         def seconds_left() -> float:
             return -np.inf if stop is not None and stop() else deadline - perf_counter()
 
-        def told() -> None:
+        def report() -> None:
             if on_progress is not None:
                 on_progress(0, count)
 
         if count:
-            later = (1.0 - BUILD_SHARE) * time_limit * count
-            graph = self._ready(lambda: seconds_left() - later, told)
-            kept = BatchSolver(graph, self._bound_of_all(ends[0], seconds_left()) if bounds else None, self.seed)
+            later = (1.0 - self.settings.build_share) * time_limit * count
+            snapshot = self._shared.snapshot(lambda: self.relaxation, lambda: seconds_left() - later, report)
+            bound = self._bound_of_all(ends[0], seconds_left()) if bounds else None
+            solver = BatchSolver(snapshot, bound, self.settings, self.seed)
 
             def answer(i: int) -> None:
                 if (left := seconds_left()) <= 0.0:
                     return
-                found = kept.answer(i, ends[i, 0], ends[i, 1], min(time_limit, left))
+                found = solver.answer(i, ends[i, 0], ends[i, 1], min(time_limit, left))
                 path = found.path()
-                if path is not None and self._is_certified(path, ends[i]):
-                    results[i] = self._result(found, "solved", path, 0.0)
+                if path is not None and self._verification.certified(path, ends[i]):
+                    results[i] = self._verification.result(found, "solved", path, self.roadmap, 0.0)
 
-            each(answer, count, workers, on_progress)
+            for_each(answer, count, workers, on_progress)
         for i, (start, goal) in enumerate(ends):
             if results[i] is None:
                 left, nodes = seconds_left(), len(self.roadmap)
                 if left <= 0.0:
                     nothing = Incumbent(self.motion, start, goal, perf_counter())
-                    results[i] = self._result(nothing, "timeout", None, 0.0)
+                    results[i] = self._verification.result(nothing, "timeout", None, self.roadmap, 0.0)
                     continue
                 results[i] = self.plan(start, goal, min(time_limit, left), max_iterations=max_iterations, stop=stop)
-                self._learnt |= len(self.roadmap) > nodes
+                self._shared.learnt |= len(self.roadmap) > nodes
         return [result for result in results if result is not None]
 
     def _valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
@@ -367,41 +307,17 @@ class LandmarkPlanner:
         """Return starts and goals, shape (n, 2, 3), all valid."""
         rows = [np.atleast_2d(se2.configurations(q, name=name)) for q, name in ((starts, "starts"), (goals, "goals"))]
         if rows[0].shape != rows[1].shape:
-            raise ConfigurationError(f"{len(rows[0])} starts and {len(rows[1])} goals given, allowed: as many")
+            raise ConfigurationError(f"goals: expected {len(rows[0])}, as many as starts, got {len(rows[1])}")
         # FCL, which decides what touches, is one thread's at a time.
-        with self._growing:
+        with self._shared.lock:
             for states, name in zip(rows, ("start", "goal"), strict=True):
                 for i in np.flatnonzero(~self.checker.valid(states)):
                     self.checker.require_valid(states[i], f"{name} {i}")
         return np.stack(rows, axis=1)
 
-    def _ready(
-        self, seconds_left: Callable[[], float] = lambda: np.inf, told: Callable[[], object] | None = None
-    ) -> RoadmapSnapshot:
-        """Return the roadmap made ready for queries, as it is now or was not long ago; build one if there is none."""
-        if (kept := self._kept) is not None and not self._outgrown(kept):
-            return kept
-        with self._growing:
-            if self._kept is None or self._outgrown(self._kept):
-                begin, graph = perf_counter(), None
-                if self._to_place > 0:
-                    self._place(self._to_place, seconds_left, told)
-                    begin = perf_counter()
-                elif not self._spread:
-                    _, graph, self._spread = grow_general(
-                        self.roadmap, self.relaxation, self._rng, seconds_left=seconds_left, told=told
-                    )
-                self._kept = RoadmapSnapshot(self.roadmap) if graph is None else graph
-                self._learnt = False
-                self._build_time += perf_counter() - begin
-            return self._kept
-
-    def _outgrown(self, kept: RoadmapSnapshot) -> bool:
-        return self._learnt or not self._spread or len(self.roadmap) > OUTGROWN * len(kept)
-
     def _bound_of_all(self, ends: se2.FloatArray, seconds: float) -> LowerBound | None:
         """Return what proves lower bounds, with all computed that queries share; None if that may take too long."""
-        with self._growing:
+        with self._shared.lock:
             if self.bound.seconds(*ends) > PROOF_SHARE * seconds:
                 return None
             self.bound.of(*ends)
@@ -412,57 +328,10 @@ class LandmarkPlanner:
         """Proves lower bounds; what it computes is kept from query to query."""
         return LowerBound(self.world, self.robot, self.checker.grid)
 
-    @property
+    @cached_property
     def relaxation(self) -> Relaxation:
         """The relaxed problem's grid, kept from query to query."""
-        if self._relaxation is None:
-            self._relaxation = Relaxation(self.checker)
-        return self._relaxation
-
-    def _nearest(self, incumbent: Incumbent) -> Path | None:
-        """Return the path that ends nearest to the goal, if one was found and it stands the last look."""
-        if incumbent.nearest is None:
-            return None
-        path = self.motion.path(incumbent.nearest)
-        return path if self._is_certified(path, np.array([incumbent.start, path.states[-1]])) else None
-
-    def _lower_bound(self, incumbent: Incumbent, path: Path | None) -> float:
-        """Return the bound that was proven; one above a path's cost is reported as an error instead."""
-        if path is None or not contradicted(incumbent.lower_bound, path.cost):
-            return incumbent.lower_bound
-        ends = np.array([incumbent.start, incumbent.goal])
-        problem = f"a lower bound of {incumbent.lower_bound:g} m is above the cost of a path, {path.cost:g} m"
-        states = path.knots if isinstance(path, CurvePath) else path.states
-        report_error(problem, self.world, self.robot, *ends, seed=self.seed, states=states.tolist())
-        return self.motion.least_cost(*ends)
-
-    def _result(self, incumbent: Incumbent, status: Status, path: Path | None, build: float) -> PlanResult:
-        clearance = None
-        if path is not None:
-            # Between the states too: as fine as a tenth of the inscribed disc, at most 2,000 places.
-            step = max(0.1 * self.robot.inscribed_disc.radius, path.cost / 2000.0)
-            places = path.resample(step).states
-            # Only what is nearer than at the first few of them matters elsewhere, which is sooner told.
-            some = float(np.min(self.checker.clearance(places[:: max(1, len(places) // FEW)])))
-            clearance = float(np.min(self.checker.clearance(places, cap=some)))
-        return PlanResult(
-            status=status,
-            path=path,
-            seed=self.seed,
-            lower_bound=None if status == "infeasible" else self._lower_bound(incumbent, path),
-            first_cost=incumbent.first_cost,
-            min_clearance=clearance,
-            landmarks=len(self.roadmap),
-            edges=int(np.count_nonzero(self.roadmap.status)),
-            nearest=None if path is not None else self._nearest(incumbent),
-            history=tuple(incumbent.history),
-            time={
-                "load": 0.0,
-                "build": build,
-                "first_solution": incumbent.history[0][0] if incumbent.history else None,
-                "total": perf_counter() - incumbent.begin,
-            },
-        )
+        return Relaxation(self.checker)
 
 
 def _limits(time_limit: float, max_iterations: int | None) -> tuple[float, int | None]:

@@ -43,6 +43,16 @@ class PlannerSettings:
         patience: rounds of improvement in a row that gain less than ``least_gain``, after which a path is settled.
         least_gain: share of the cost that a round has to gain to count as one that helped.
         duplicate: shares of the inscribed disc's radius: a landmark nearer than that to a joined node is not added.
+        worth_shortening: a path of the roadmap is worth shortening if it costs at most so many times the best one.
+        spread_steps: steps of K-means for landmarks over all free space: samples are then on the mean at most a
+            thousandth farther from their centres than where it ends.
+        probes: random queries that tell whether a roadmap over all free space is dense enough.
+        least_probe_gain: share by which doubling its landmarks must shorten the probes' paths to be done again.
+        max_spread_landmarks: landmarks over all free space up to which they are doubled.
+        build_share: share of the time limit that spreading landmarks over all free space may take.
+        first_batch_sweeps: sweeps of shortening in ``plan_many`` before other paths are looked for.
+        other_paths: paths looked for in ``plan_many`` that avoid the tightest places of those before.
+        close_to_optimal: share of the optimum: to a path proven to be as near as that, ``plan_many`` seeks no other.
         proof_share: share of the time left that a proof may be expected to take while much else is left to do.
         last_proof_share: the same after all else.
         longest_drive: turning radii: a car's first drives in a tight place; those of later rounds are half as long
@@ -69,6 +79,15 @@ class PlannerSettings:
     patience: int = _counted(16, "rounds")
     least_gain: float = _factor(3e-4, "share")
     duplicate: float = _factor(0.05, "share of the inscribed radius")
+    worth_shortening: float = _factor(1.3, "ratio", 1.0)
+    spread_steps: int = _counted(5, "steps")
+    probes: int = _counted(200, "queries")
+    least_probe_gain: float = _factor(0.02, "share")
+    max_spread_landmarks: int = _counted(16_000, "landmarks")
+    build_share: float = _factor(0.5, "share of the time limit")
+    first_batch_sweeps: int = _counted(3, "sweeps")
+    other_paths: int = _counted(2, "paths")
+    close_to_optimal: float = _factor(0.01, "share")
     proof_share: float = _factor(0.25, "share of the time left")
     last_proof_share: float = _factor(0.6, "share of the time left")
     longest_drive: float = _factor(0.1, "turning radii")

@@ -30,7 +30,7 @@ SHORT = 200
 RELAXING = Pace(1.5e-6)
 """For each cell of the relaxed problem."""
 
-AS_GOOD = 1.03
+ABOUT_AS_GOOD = 1.03
 """Times the best path's cost up to which a path that the planner's own roadmap knows is about as good."""
 
 
@@ -41,27 +41,27 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         query: with valid ends.
         bound: proves lower bounds; None proves none.
     """
-    kept = RoadmapLookup(query.roadmap, *query.ends)
+    lookup = RoadmapLookup(query.roadmap, *query.ends)
     lattices = None
     if query.motion.moves_anywhere and query.settings.uses("lattice"):
         # A lattice's steps are not a car's.
         lattices = LatticeSchedule(
             query.checker, query.ends, query.relaxation.size, query.seconds_left, query.settings.without
         )
-    query.expanded = lambda: kept.taken + (0 if lattices is None else lattices.taken)
+    query.expanded = lambda: lookup.expanded + (0 if lattices is None else lattices.taken)
     with Prover(query, bound) as proofs:
         if query.motion.motions_between_valid(query.ends[:1], query.ends[1:])[0]:
             # Nothing is cheaper.
             query.offer(query.ends)
             query.known_cost = query.incumbent.cost
-            return _answer(query, kept)
-        query.take_known(kept.known_at_once())
+            return _answer(query, lookup)
+        query.take_known(lookup.search_free_edges())
         known = query.solved
         if not known and lattices is not None:
             query.report("looking for a first path")
-            _search_lattices(lattices, AT_FIRST, query, kept, proofs)
-        if not _time_for_relaxed_problem(query, lattices, kept, proofs):
-            return _answer(query, kept)
+            _search_lattices(lattices, AT_FIRST, query, lookup, proofs)
+        if not _time_for_relaxed_problem(query, lattices, lookup, proofs):
+            return _answer(query, lookup)
         begin = perf_counter()
         retracts = query.settings.uses("landmark-retraction")
         band = Band(query.checker, query.relaxation, *query.ends, retracts=retracts)
@@ -70,75 +70,79 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         placement = Placement(query, band)
         rounds = Rounds(query, proofs, placement, lattices, taken)
         if rounds.may_succeed():
-            _search_closely(query, rounds, lattices, kept, proofs)
+            _search_closely(query, rounds, lattices, lookup, proofs)
             rounds.run()
         proofs.conclude(band)
         if not query.solved:
-            return _answer(query, kept)
+            return _answer(query, lookup)
         if not np.isfinite(band.shortest):
             # The grid claims that there is no path, which is thereby refuted; it is no guide.
             query.incumbent.claim(np.inf)
-            return _answer(query, kept)
+            return _answer(query, lookup)
         settings = query.settings
         proofs.bound_below(settings.proof_share)
         if not (known or rounds.count or query.close_enough):
-            _consult_roadmap(query, kept, placement)
+            _consult_roadmap(query, lookup, placement)
         if not shortest_disc_path(query, proofs) and settings.uses("improvement"):
             improve(query, placement, lattices, rounds.landmarks)
         proofs.bound_below(settings.last_proof_share)
-        return _answer(query, kept)
+        return _answer(query, lookup)
 
 
-def _search_lattices(lattices: LatticeSchedule, levels: int, query: Query, kept: RoadmapLookup, proofs: Prover) -> None:
+def _search_lattices(
+    lattices: LatticeSchedule, levels: int, query: Query, lookup: RoadmapLookup, proofs: Prover
+) -> None:
     """Look for a first path over lattices, level by level, and over the planner's own roadmap beside them."""
     for _ in range(levels):
         if query.solved or query.clock.is_up() or proofs.infeasible():
             return
         query.take(lattices.first_path())
         if not query.solved:
-            query.take_known(kept.search_beside(lattices.taken))
+            query.take_known(lookup.search_beside(lattices.taken))
 
 
 def _time_for_relaxed_problem(
-    query: Query, lattices: LatticeSchedule | None, kept: RoadmapLookup, proofs: Prover
+    query: Query, lattices: LatticeSchedule | None, lookup: RoadmapLookup, proofs: Prover
 ) -> bool:
     """Return whether there is time to look at the relaxed problem; spend it on other lattices if not."""
     needed = RELAXING.seconds(query.relaxation.rows * query.relaxation.columns)
     if query.seconds_left() > needed:
         return True
     if lattices is not None:
-        _search_lattices(lattices, AT_MOST - lattices.level, query, kept, proofs)
+        _search_lattices(lattices, AT_MOST - lattices.level, query, lookup, proofs)
     # Without a path, and with time for nothing else, it is looked at all the same if the limit allows for it.
     return not query.solved and not query.clock.is_up() and needed <= query.clock.limit
 
 
 def _search_closely(
-    query: Query, rounds: Rounds, lattices: LatticeSchedule | None, kept: RoadmapLookup, proofs: Prover
+    query: Query, rounds: Rounds, lattices: LatticeSchedule | None, lookup: RoadmapLookup, proofs: Prover
 ) -> None:
     """Look for a first path without landmarks: over finer lattices on a long way, and where a disc's shortest is."""
     far = lattices is not None and rounds.band.shortest > SHORT * rounds.band.relaxation.size
     if far and lattices is not None:
         proofs.begin_in_background()
-        _search_lattices(lattices, AT_SECOND - AT_FIRST, query, kept, proofs)
+        _search_lattices(lattices, AT_SECOND - AT_FIRST, query, lookup, proofs)
     if not query.solved:
         proofs.bound_below(query.settings.proof_share)
     if far and lattices is not None and rounds.may_succeed():
-        _search_lattices(lattices, AT_MOST - AT_SECOND, query, kept, proofs)
+        _search_lattices(lattices, AT_MOST - AT_SECOND, query, lookup, proofs)
     if rounds.may_succeed():
         shortest_disc_path(query, proofs)
     if not query.solved:
-        query.take_known(kept.search_before_landmarks())
+        query.take_known(lookup.search_before_landmarks())
 
 
-def _consult_roadmap(query: Query, kept: RoadmapLookup, placement: Placement) -> None:
+def _consult_roadmap(query: Query, lookup: RoadmapLookup, placement: Placement) -> None:
     """See whether the planner's own roadmap knows a path about as good; let it grow there if it knows none at all."""
-    query.take_known(kept.search_for_better(query.incumbent.cost, query.seconds_left()))
+    # A path of the roadmap may cost more at first, since it is shortened.
+    limit = query.settings.worth_shortening * query.incumbent.cost
+    query.take_known(lookup.search_for_better(limit, query.seconds_left()))
     room = len(query.roadmap) < query.settings.max_kept_nodes
-    if query.known_cost == np.inf and kept.complete and room and not query.clock.is_up():
+    if query.known_cost == np.inf and lookup.complete and room and not query.clock.is_up():
         placement.place(query.roadmap, placement.widening(), query.settings.first_landmarks)
 
 
-def _answer(query: Query, kept: RoadmapLookup) -> Status:
+def _answer(query: Query, lookup: RoadmapLookup) -> Status:
     """Return the status; leave out needless vertices, and have the planner's own roadmap learn what it did not know."""
     incumbent = query.incumbent
     if incumbent.states is None:
@@ -147,8 +151,8 @@ def _answer(query: Query, kept: RoadmapLookup) -> Status:
     query.offer(fewer)
     incumbent.states = fewer
     # Once it is large, it only learns paths where it knows none at all.
-    unknown = query.known_cost == np.inf and kept.complete
+    unknown = query.known_cost == np.inf and lookup.complete
     room = len(query.roadmap) < query.settings.max_kept_nodes
-    if query.known_cost > AS_GOOD * incumbent.cost and (room or unknown):
+    if query.known_cost > ABOUT_AS_GOOD * incumbent.cost and (room or unknown):
         query.roadmap.add_path(fewer)
     return "solved"

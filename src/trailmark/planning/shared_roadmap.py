@@ -1,0 +1,103 @@
+"""SharedRoadmap: a planner's own roadmap, which queries let grow one at a time and many threads read at once."""
+
+# Tested by tests/planning/test_batch.py and test_planner.py.
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from threading import RLock
+from time import perf_counter
+
+import numpy as np
+
+from trailmark.landmarks import Relaxation
+from trailmark.motion import Motion
+from trailmark.planning.growth import grow_general, spread_landmarks
+from trailmark.planning.settings import PlannerSettings
+from trailmark.roadmap import Roadmap
+from trailmark.roadmap.snapshot import RoadmapSnapshot
+
+__all__ = ["SharedRoadmap"]
+
+OUTGROWN = 1.1
+"""Times as many nodes as a snapshot has, and another one is made."""
+
+
+def _forever() -> float:
+    return np.inf
+
+
+class SharedRoadmap:
+    """A roadmap, what it still has to be given, and a snapshot of it for many queries.
+
+    Args:
+        motion: that its edges are.
+        rng: source of randomness.
+        settings: numbers that a person may change.
+        to_place: landmarks asked for that are to be spread over all free space.
+
+    Attributes:
+        roadmap: the roadmap itself.
+        lock: held by whoever lets the roadmap grow; those who only read a snapshot do without.
+        to_place: landmarks asked for that are not placed yet.
+        learnt: whether a query added since the last snapshot what the roadmap did not know.
+        build_seconds: spent on growing it and not yet reported with a result.
+    """
+
+    def __init__(self, motion: Motion, rng: np.random.Generator, settings: PlannerSettings, to_place: int) -> None:
+        self.motion, self.to_place, self._rng, self.settings = motion, to_place, rng, settings
+        self.lock = RLock()
+        self.build_seconds = 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew with an empty roadmap."""
+        self.roadmap = Roadmap(self.motion.checker, self.motion)
+        self._snapshot: RoadmapSnapshot | None = None
+        # Whether landmarks have been spread over all free space.
+        self._spread, self.learnt = False, False
+
+    def place(
+        self, count: int, seconds_left: Callable[[], float] = _forever, report: Callable[[], object] | None = None
+    ) -> None:
+        """Spread landmarks over all free space, as many as there is time for; the others the next time."""
+        begin = perf_counter()
+        placed = spread_landmarks(
+            self.roadmap, count, self._rng, self.settings, seconds_left=seconds_left, report=report
+        )
+        self.to_place = max(0, self.to_place - placed)
+        self._spread |= placed == count
+        self.build_seconds += perf_counter() - begin
+
+    def snapshot(
+        self,
+        relaxation: Callable[[], Relaxation],
+        seconds_left: Callable[[], float] = _forever,
+        report: Callable[[], object] | None = None,
+    ) -> RoadmapSnapshot:
+        """Return the roadmap ready for many queries, as it is now or was not long ago; build one if there is none.
+
+        Args:
+            relaxation: makes the relaxed problem's grid, if it is needed.
+            seconds_left: asked before each part of the landmarks.
+            report: called after each part.
+        """
+        if (snapshot := self._snapshot) is not None and not self._outgrown(snapshot):
+            return snapshot
+        with self.lock:
+            if self._snapshot is None or self._outgrown(self._snapshot):
+                begin, made = perf_counter(), None
+                if self.to_place > 0:
+                    self.place(self.to_place, seconds_left, report)
+                    begin = perf_counter()
+                elif not self._spread:
+                    _, made, self._spread = grow_general(
+                        self.roadmap, relaxation(), self._rng, self.settings, seconds_left=seconds_left, report=report
+                    )
+                self._snapshot = RoadmapSnapshot(self.roadmap) if made is None else made
+                self.learnt = False
+                self.build_seconds += perf_counter() - begin
+            return self._snapshot
+
+    def _outgrown(self, snapshot: RoadmapSnapshot) -> bool:
+        return self.learnt or not self._spread or len(self.roadmap) > OUTGROWN * len(snapshot)

@@ -1,0 +1,133 @@
+"""Verification: what leaves the planner, paths and bounds, is checked in the form in which it is returned."""
+
+# Tested by tests/planning/test_final_check.py, test_planner.py and proofs/test_claims.py.
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from trailmark.collision import StateChecker
+from trailmark.curves import CurvePath
+from trailmark.motion import Motion
+from trailmark.path import Path
+from trailmark.planning.error_report import report_error
+from trailmark.planning.final_check import FinalCheck
+from trailmark.planning.incumbent import Incumbent
+from trailmark.planning.proofs.claims import contradicted
+from trailmark.planning.query import OnProgress
+from trailmark.planning.result import PlanProgress, PlanResult, Status
+from trailmark.roadmap import Roadmap
+from trailmark.se2 import FloatArray
+
+__all__ = ["Verification"]
+
+FEW = 50
+"""Places along a path at which its clearance is computed first."""
+
+MAX_PLACES = 2_000
+"""Places along a path at which its clearance is computed at most."""
+
+
+class Verification:
+    """Checks what is about to be returned, and makes the results.
+
+    Args:
+        checker: of the planner; gives world and robot, and clearances.
+        motion: that paths are made of.
+        seed: of the planner, for reports of errors.
+    """
+
+    def __init__(self, checker: StateChecker, motion: Motion, seed: int) -> None:
+        self.checker, self.motion, self.seed = checker, motion, seed
+        self.world, self.robot = checker.world, checker.robot
+        self.final_check = FinalCheck(self.world, self.robot)
+
+    def certified(self, path: Path, ends: FloatArray) -> bool:
+        """Return whether a path passes the final check; report it as trailmark's own error if it does not.
+
+        Args:
+            path: to be returned.
+            ends: its start and goal, shape (2, 3).
+        """
+        fault = self.final_check.fault(path, *ends)
+        if fault is not None:
+            self._report(f"a path that was found is not free: {fault}", path, ends)
+        return fault is None
+
+    def progress(self, on_progress: OnProgress, ends: FloatArray) -> OnProgress:
+        """Return a callback that hands on paths between the ends (2, 3) only once they passed the final check."""
+        passed: Path | None = None
+
+        def hand_on(progress: PlanProgress) -> None:
+            nonlocal passed
+            path = progress.path
+            if path is not None and path != passed:
+                if self.final_check.fault(path, *ends) is None:
+                    passed = path
+                else:
+                    # At the end it is reported, unless a better path has taken its place.
+                    progress = replace(progress, path=None, cost=None)
+            on_progress(progress)
+
+        return hand_on
+
+    def result(
+        self, incumbent: Incumbent, status: Status, path: Path | None, roadmap: Roadmap, build: float
+    ) -> PlanResult:
+        """Return the result of a query.
+
+        Args:
+            incumbent: what is known of it.
+            status: of the query.
+            path: that passed the final check, if there is one.
+            roadmap: of the planner, to be counted.
+            build: seconds that were spent on what other queries use as well.
+        """
+        return PlanResult(
+            status=status,
+            path=path,
+            seed=self.seed,
+            lower_bound=None if status == "infeasible" else self._lower_bound(incumbent, path),
+            first_cost=incumbent.first_cost,
+            min_clearance=None if path is None else self._min_clearance(path),
+            landmarks=len(roadmap),
+            edges=int(np.count_nonzero(roadmap.status)),
+            nearest=None if path is not None else self._nearest(incumbent),
+            history=tuple(incumbent.history),
+            time={
+                "load": 0.0,
+                "build": build,
+                "first_solution": incumbent.history[0][0] if incumbent.history else None,
+                "total": perf_counter() - incumbent.begin,
+            },
+        )
+
+    def _min_clearance(self, path: Path) -> float:
+        """Return the smallest clearance along a path: between its states too, a tenth of the inscribed disc apart."""
+        places = path.resample(max(0.1 * self.robot.inscribed_disc.radius, path.cost / MAX_PLACES)).states
+        # Elsewhere only what is nearer than at the first few places matters, and that is computed sooner.
+        some = float(np.min(self.checker.clearance(places[:: max(1, len(places) // FEW)])))
+        return float(np.min(self.checker.clearance(places, cap=some)))
+
+    def _nearest(self, incumbent: Incumbent) -> Path | None:
+        """Return the path that ends nearest to the goal, if one was found and it passes the final check."""
+        if incumbent.nearest is None:
+            return None
+        path = self.motion.path(incumbent.nearest)
+        return path if self.certified(path, np.array([incumbent.start, path.states[-1]])) else None
+
+    def _lower_bound(self, incumbent: Incumbent, path: Path | None) -> float:
+        """Return the bound that was proven; one above the path's cost is reported as an error instead."""
+        if path is None or not contradicted(incumbent.lower_bound, path.cost):
+            return incumbent.lower_bound
+        ends = np.array([incumbent.start, incumbent.goal])
+        problem = f"a lower bound of {incumbent.lower_bound:g} m is above the cost of a path, {path.cost:g} m"
+        self._report(problem, path, ends)
+        return self.motion.least_cost(*ends)
+
+    def _report(self, problem: str, path: Path, ends: FloatArray) -> None:
+        states = path.knots if isinstance(path, CurvePath) else path.states
+        report_error(problem, self.world, self.robot, *ends, seed=self.seed, states=states.tolist())
