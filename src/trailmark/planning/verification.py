@@ -1,6 +1,6 @@
 """Verification: what leaves the planner, paths and bounds, is checked in the form in which it is returned."""
 
-# Tested by tests/planning/test_final_check.py, test_planner.py and proofs/test_claims.py.
+# Tested by tests/planning/test_final_check.py, test_planner.py and tests/planning/proofs/test_claims.py.
 
 from __future__ import annotations
 
