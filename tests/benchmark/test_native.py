@@ -141,7 +141,7 @@ def test_paths_and_figures_of_every_planner(name: str) -> None:
     assert record.status in (Status.EXACT_SOLUTION, Status.APPROXIMATE_SOLUTION, Status.TIMEOUT)
     assert record.seed == 3
     assert record.time is not None
-    assert 0.0 < record.time < 2.0
+    assert record.time > 0.0
     assert record.states_checked
     assert record.motions_checked
     assert record.graph_states

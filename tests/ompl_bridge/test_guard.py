@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 
+LONG = "3600.0"
+"""Seconds that nothing here may last: what runs a program ends it long before."""
+
 BREAKING = """
-import time
 class Odd(Exception):
     pass
 class Breaking:
@@ -24,26 +26,23 @@ problem = SE2Problem(shipped("maze"))
 problem.set_planner(name)
 single = problem.motions._single
 problem.motions._single = problem.validity._single = Breaking(single)
-begin = time.perf_counter()
 try:
-    raised = problem.solve(20.0).asString()
+    raised = problem.solve(LONG).asString()
 except Odd as error:
     raised = str(error)
-seconds = time.perf_counter() - begin
 # The same parts plan again.
 problem.motions._single = problem.validity._single = single
 problem.setup.clear()
-tell(**{name: [raised, seconds, problem.solve(0.1).asString()]})
+tell(**{name: [raised, problem.solve(0.1).asString()]})
 """
 
 
 def test_an_error_in_a_callback_ends_the_planning_and_is_raised(run_ompl: Any) -> None:
     # A process for each: what OMPL's BFMT leaves of the heap has taken down the planner after the next.
     for name in run_ompl("tell(names=planner_names())")["names"]:
-        found = run_ompl(f"name = {name!r}" + BREAKING)
-        raised, seconds, again = found[name]
+        found = run_ompl(f"name = {name!r}" + BREAKING.replace("LONG", LONG))
+        raised, again = found[name]
         assert raised == "callback", name
-        assert seconds < 15.0, name
         assert again, name
 
 
@@ -51,7 +50,7 @@ def test_an_error_in_a_callback_ends_the_planning_and_is_raised(run_ompl: Any) -
 def test_ctrl_c_ends_the_planning_and_is_raised(run_ompl: Any, planner: str) -> None:
     # A robot too long for the corner, which its inscribed disc gets around: no planner ends by itself.
     found = run_ompl(f"""
-import signal, subprocess, time
+import signal, subprocess
 from trailmark.ompl_bridge import LandmarkPlanner
 from trailmark.shapes import Rectangle
 world = World("corner", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.3, 5.3), 9.4, 9.4),))
@@ -59,26 +58,23 @@ problem = SE2Problem(world, Robot.rectangle(2.0, 0.5), ((8.0, 0.3, 0.0), (0.3, 8
 problem.set_planner(LandmarkPlanner(problem.information) if {planner!r} == "landmark" else {planner!r})
 problem.solve(0.01)
 problem.setup.clear()
-begin = time.perf_counter()
 try:
     killer = subprocess.Popen([sys.executable, "-c",
         f"import os, signal, time; time.sleep(0.4); os.kill({{os.getpid()}}, signal.SIGINT)"])
-    tell(raised=problem.solve(30.0).asString())
+    tell(raised=problem.solve({LONG}).asString())
 except KeyboardInterrupt:
     tell(raised="KeyboardInterrupt")
-tell(seconds=time.perf_counter() - begin)
 killer.wait()
 tell(handler=signal.getsignal(signal.SIGINT) is signal.default_int_handler)
 """)
     assert found["raised"] == "KeyboardInterrupt"
-    assert found["seconds"] < 25.0
     assert found["handler"]
 
 
 @pytest.mark.parametrize("what", ["solve", "simplify"])
 def test_a_second_ctrl_c_gets_through_to_what_heeds_no_condition(run_ompl: Any, what: str) -> None:
     found = run_ompl(f"""
-import signal, subprocess, time
+import signal, subprocess, tempfile, time
 from trailmark.ompl_bridge import planning
 problem = SE2Problem(shipped("maze"))
 problem.set_planner("RRTstar")
@@ -94,26 +90,27 @@ class Endless:
         return self.valid(*ends[3:]) and self.single.step_valid(*ends)
 if {what!r} == "simplify":
     problem.motions._single = Endless(problem.motions._single)
-begin = time.perf_counter()
+sent = tempfile.TemporaryFile()
 killer = subprocess.Popen([sys.executable, "-c",
-    f"import os, signal, time; [(time.sleep(0.5), os.kill({{os.getpid()}}, signal.SIGINT)) for _ in range(2)]"])
+    "import os, signal, time\\n"
+    "for _ in range(2):\\n"
+    f"    time.sleep(0.5), print('x', flush=True), os.kill({{os.getpid()}}, signal.SIGINT)"], stdout=sent)
 try:
     with planning():
         if {what!r} == "solve":
-            problem.setup.getPlanner().solve(ob.timedPlannerTerminationCondition(60.0))
+            problem.setup.getPlanner().solve(ob.timedPlannerTerminationCondition({LONG}))
         else:
             og.PathSimplifier(problem.information).reduceVertices(problem.setup.getSolutionPath(), 10**7, 10**7)
     tell(raised="nothing")
 except KeyboardInterrupt:
-    tell(raised="KeyboardInterrupt")
-tell(seconds=time.perf_counter() - begin)
+    tell(raised="KeyboardInterrupt", sent=os.fstat(sent.fileno()).st_size // 2)
 killer.wait()
 tell(handler=signal.getsignal(signal.SIGINT) is signal.default_int_handler)
 os._exit(0)
 """)
     assert found["raised"] == "KeyboardInterrupt"
-    # The first one has not ended it, the second one has: long before the time is up.
-    assert 0.9 < found["seconds"] < 30.0
+    # The first one has not ended it, the second one has.
+    assert found["sent"] == 2
     assert found["handler"]
 
 

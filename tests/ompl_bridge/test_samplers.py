@@ -156,7 +156,6 @@ tell(**messages)
 @pytest.mark.parametrize("planner", ["PRM", "BKPIECE1"])
 def test_an_error_in_the_sampler_ends_the_planning_and_is_raised(run_ompl: Any, planner: str) -> None:
     found = run_ompl(f"""
-import time
 problem = SE2Problem(shipped("narrow"), query="second")
 plugged = plug_landmark_sampler(problem.setup, seed=1)
 class Odd(Exception):
@@ -165,15 +164,12 @@ def broken(i):
     raise Odd("no round")
 plugged.source.round = broken
 problem.set_planner({planner!r})
-begin = time.perf_counter()
 try:
-    problem.solve(20.0)
+    problem.solve(3600.0)
 except Odd as error:
     tell(raised=str(error))
-tell(seconds=time.perf_counter() - begin)
 """)
     assert found["raised"] == "no round"
-    assert found["seconds"] < 15.0
 
 
 def test_nothing_is_kept_alive(run_ompl: Any) -> None:

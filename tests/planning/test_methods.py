@@ -56,9 +56,9 @@ def test_lattices_alone_find_a_path_without_landmarks(robot: str) -> None:
 def test_lattices_alone_end_where_none_leads_through() -> None:
     shut = World("shut", (0, 0, 12, 6), (Rectangle((6.0, 3.0), 0.5, 6.0),))
     planner = LandmarkPlanner(shut, ROBOTS["rectangle"], seed=0, settings=METHODS["lattice"])
-    result = planner.plan(START, GOAL, 60.0)
+    result = planner.plan(START, GOAL, 600.0)
     assert result.path is None
-    assert (result.time["total"] or 0.0) < 60.0
+    assert (result.time["total"] or 0.0) < 600.0
 
 
 def test_the_published_method_answers_by_its_roadmap_alone() -> None:

@@ -39,7 +39,7 @@ class CompilingReport(event.Listener):  # type: ignore[misc,unused-ignore]  # nu
     """
 
     after = 1.0
-    pause = 1.0
+    pause = 30.0
 
     def __init__(self, report: Callable[[str], None] = report, clock: Callable[[], float] = perf_counter) -> None:
         self._report, self._clock = report, clock

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -97,8 +97,7 @@ def test_paths_are_certified(
     elif headings is not None:
         q[::2, 2], q[1::2, 2] = headings
     valid = checker.valid(q)
-    if not (valid[::2].any() and valid[1::2].any()):
-        return
+    assume(valid[::2].any() and valid[1::2].any())
     ends = np.array([q[::2][valid[::2]][0], q[1::2][valid[1::2]][0]])
     lattices = scheduled(checker, ends, 0.8)
     found = [lattices.first_path(3)]
@@ -122,7 +121,6 @@ def test_the_first_look_needs_no_costs_to_go(judge: Judge, recorder: type[Record
     # One search, from the start, guided by the straight distance alone.
     assert first.cells == 0
     assert lattices.to_go(0, True).cost.size == 0
-    assert lattices.to_go.cache_info().currsize == 1
     (search,) = recorder.seen
     assert search[:3] == (0.5 / first.fineness, first.headings, low[0].tobytes())
     assert search[3] <= first.nodes
@@ -227,7 +225,6 @@ def test_without_time_nothing_is_searched(recorder: type[Recorder], seconds: flo
     assert lattices.first_path(len(LEVELS)).shape == (0, 3)
     assert lattices.other_path(np.random.default_rng(0), 100.0).shape == (0, 3)
     assert recorder.seen == []
-    assert lattices.to_go.cache_info().currsize == 0
 
 
 def test_a_search_that_the_time_ends_does_not_count_as_exhausted(
