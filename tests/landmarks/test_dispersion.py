@@ -115,11 +115,11 @@ def test_certain_positions_are_free_and_no_free_one_is_impossible(name: str) -> 
 
 
 def test_bad_input() -> None:
-    with pytest.raises(ConfigurationError, match="dispersion: no nodes given, allowed: 1 or more"):
+    with pytest.raises(ConfigurationError, match="dispersion: expected 1 node or more, got none"):
         dispersion(np.empty((0, 3)), FREE)
-    with pytest.raises(ConfigurationError, match="cells: 0 given, allowed: 1 to 4194304"):
+    with pytest.raises(ConfigurationError, match="cells: expected 1 to 4194304, got 0"):
         free_positions(OPEN, cells=0)
-    with pytest.raises(ConfigurationError, match="headings: 0 given, allowed: 1 or more"):
+    with pytest.raises(ConfigurationError, match="headings: expected 1 or more, got 0"):
         free_positions(OPEN, headings=0)
     full = StateChecker(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4, 4),)), Robot.disc(0.5))
     with pytest.raises(ConfigurationError, match="world 'full': no free place for the robot was found"):

@@ -106,13 +106,13 @@ def test_no_room() -> None:
     full = StateChecker(FULL)
     with pytest.raises(ConfigurationError, match="world 'full': empty free space: no place for the robot was found"):
         execute_paper(full, 100, 3, random_state=0)
-    with pytest.raises(ConfigurationError, match="k: 3 given, empty free space: 0 of 100 samples drawn are valid"):
+    with pytest.raises(ConfigurationError, match="k: empty free space: 0 of 100 samples drawn are valid"):
         execute_se2(full, 100, 3, random_state=0)
 
 
 def test_counts_out_of_range(checker: StateChecker) -> None:
     for method in (execute_paper, execute_se2):
-        with pytest.raises(ConfigurationError, match="n: 0 given, allowed: 1 or more"):
+        with pytest.raises(ConfigurationError, match="n: expected 1 or more, got 0"):
             method(checker, 0, 3, random_state=0)
-        with pytest.raises(ConfigurationError, match=r"k: 101 given, allowed: 1 to \d+: \d+ of 100"):
+        with pytest.raises(ConfigurationError, match=r"k: expected 1 to \d+, got 101: \d+ of 100"):
             method(checker, 100, 101, random_state=0)

@@ -68,7 +68,7 @@ def test_every_sample_is_a_landmark_where_there_are_no_more(k: int) -> None:
 
 @pytest.mark.parametrize("k", [0, -3])
 def test_too_few_landmarks_is_an_error(k: int) -> None:
-    with pytest.raises(ConfigurationError, match=f"{k} given, allowed: 1 or more"):
+    with pytest.raises(ConfigurationError, match=f"expected 1 or more, got {k}"):
         k_means_landmarks(samples(20, 1), k, radius=1.0)
 
 

@@ -69,5 +69,5 @@ def test_algorithm_2_takes_mini_batches_where_there_is_much(monkeypatch: pytest.
 
 
 def test_too_many_clusters() -> None:
-    with pytest.raises(ConfigurationError, match="k: 11 given, allowed: 1 to 10, the number of samples"):
+    with pytest.raises(ConfigurationError, match="k: expected 1 to 10, the number of samples, got 11"):
         mini_batch_clusters(uniform(10), 11)

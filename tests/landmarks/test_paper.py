@@ -151,12 +151,12 @@ def test_k_means_plus_plus_starts_better_than_chance() -> None:
 @pytest.mark.parametrize(
     ("samples", "k", "init", "problem"),
     [
-        (np.zeros((5, 2)), 2, "forgy", "k: 2 given, allowed: 1 to 1, the number of different samples"),
-        (np.eye(3), 4, "forgy", "k: 4 given, allowed: 1 to 3, the number of samples"),
-        (np.eye(3), 0, "forgy", "k: 0 given, allowed: 1 to 3"),
-        (np.empty((0, 2)), 1, "forgy", "k: 1 given, allowed: 1 to 0"),
-        (np.eye(3), 2, "frogy", "init: 'frogy' given; did you mean 'forgy'"),
-        (np.array([1.0, 2.0]), 1, "forgy", r"samples: shape \(2,\) given"),
+        (np.zeros((5, 2)), 2, "forgy", "k: expected 1 to 1, the number of different samples, got 2"),
+        (np.eye(3), 4, "forgy", "k: expected 1 to 3, the number of samples, got 4"),
+        (np.eye(3), 0, "forgy", "k: expected 1 to 3, the number of samples, got 0"),
+        (np.empty((0, 2)), 1, "forgy", "k: expected 1 to 0, the number of samples, got 1"),
+        (np.eye(3), 2, "frogy", "got 'frogy' \\(did you mean 'forgy'\\?\\)"),
+        (np.array([1.0, 2.0]), 1, "forgy", r"got \(2,\)"),
         (np.array([[1.0, np.nan]]), 1, "forgy", "samples: hold a value that is not a finite number"),
     ],
 )
@@ -238,16 +238,19 @@ def test_what_obstacles_enclose_is_occupied() -> None:
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        ({"n": 0}, "n: 0 given, allowed: 1 or more"),
-        ({"k": 0}, "k: 0 given, allowed: 1 or more"),
-        ({"k": 101}, "k: 101 given, allowed: 1 to 100: 100 of 100 points drawn are valid"),
-        ({"readings": [[(-1, -1), (11, 7)]]}, "k: 3 given, empty free space: 0 of 100 points drawn are valid"),
-        ({"rectangle": (0.0, 0.0, 0.0, 6.0)}, "rectangle: 0, 0, 0, 6 given, allowed: xmin, ymin, xmax, ymax"),
-        ({"rectangle": (0.0, 6.0, 10.0, 0.0)}, "rectangle: 0, 6, 10, 0 given"),
-        ({"rectangle": (0.0, 0.0, math.inf, 6.0)}, "rectangle: 0, 0, inf, 6 given"),
-        ({"readings": [[(1, 1, 1)]]}, r"readings\[0\]: shape \(1, 3\) given"),
-        ({"readings": [[(1, math.nan)]]}, r"readings\[0\]: shape \(1, 2\) given, allowed: \(r, 2\), finite"),
-        ({"init": "partition"}, "init: 'partition' given; did you mean 'random-partition'"),
+        ({"n": 0}, "n: expected 1 or more, got 0"),
+        ({"k": 0}, "k: expected 1 or more, got 0"),
+        ({"k": 101}, "k: expected 1 to 100, got 101: 100 of 100 points drawn are valid"),
+        ({"readings": [[(-1, -1), (11, 7)]]}, "k: empty free space: 0 of 100 points drawn are valid"),
+        (
+            {"rectangle": (0.0, 0.0, 0.0, 6.0)},
+            "rectangle: expected xmin, ymin, xmax, ymax with min < max, got 0, 0, 0, 6",
+        ),
+        ({"rectangle": (0.0, 6.0, 10.0, 0.0)}, "got 0, 6, 10, 0"),
+        ({"rectangle": (0.0, 0.0, math.inf, 6.0)}, "got 0, 0, inf, 6"),
+        ({"readings": [[(1, 1, 1)]]}, r"got \(1, 3\)"),
+        ({"readings": [[(1, math.nan)]]}, r"readings\[0\]: expected shape \(r, 2\), finite numbers, got \(1, 2\)"),
+        ({"init": "partition"}, "got 'partition' \\(did you mean 'random-partition'\\?\\)"),
         ({"robot": (math.nan, 0.0)}, "robot: hold a value"),
     ],
 )

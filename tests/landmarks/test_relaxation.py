@@ -19,7 +19,7 @@ from scipy.sparse import csgraph
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation, free_samples
-from trailmark.landmarks.relaxation import CORNER_FACTOR, UNSURE_FACTOR
+from trailmark.landmarks.grid_search import CORNER_FACTOR, UNSURE_FACTOR
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
@@ -188,7 +188,7 @@ def test_costs_are_dijkstras(name: str, seed: int) -> None:
     assert (way[0], way[-1]) == (end, start)
     assert np.asarray(graph[way[1:], way[:-1]]).sum() == pytest.approx(forth[end], rel=1e-12)
 
-    near = relaxation.costs_from(source, until=target, widening=0.2)
+    near = relaxation.costs_from(source, target=target, widening=0.2)
     assert forth[end] * 1.2 <= near.limit < forth[end] * 1.2 + 10.0 * relaxation.size
     # What is left out lies so far off that no way by it to the target keeps within the limit.
     places = centres(relaxation)
@@ -198,7 +198,7 @@ def test_costs_are_dijkstras(name: str, seed: int) -> None:
     # Cells by which no way to the target keeps within the limit may be left out, none other.
     ahead = relaxation.costs_from(target)
     assert ahead.cost.ravel() == pytest.approx(back, rel=1e-12)
-    onward = relaxation.costs_from(source, limit=near.limit, onward=ahead)
+    onward = relaxation.costs_from(source, limit=near.limit, remaining=ahead)
     needed = forth + back <= near.limit - 1e-9
     assert needed.any()
     assert onward.cost.ravel()[needed] == pytest.approx(forth[needed], rel=1e-12)

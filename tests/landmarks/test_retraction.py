@@ -9,7 +9,7 @@ from benchmarks.random_worlds import ROBOTS, random_states, random_world
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.landmarks.retraction import LEASH, retract_all
+from trailmark.landmarks.retraction import MAX_DISPLACEMENT, retract_all
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -31,7 +31,7 @@ def test_more_become_valid_and_none_goes_far(name: str) -> None:
         moved = retract_all(checker, q, reach, np.random.default_rng(2))
         assert np.array_equal(q, before)
         assert moved.shape == q.shape
-        assert np.abs(moved[:, :2] - q[:, :2]).max() <= LEASH * reach + 1e-12
+        assert np.abs(moved[:, :2] - q[:, :2]).max() <= MAX_DISPLACEMENT * reach + 1e-12
         assert (np.abs(moved[:, 2]) <= np.pi).all()
         assert (~oracle.collides(moved)).sum() > (~oracle.collides(q)).sum()
         assert np.array_equal(moved, retract_all(checker, q, reach, np.random.default_rng(2)))

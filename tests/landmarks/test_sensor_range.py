@@ -219,7 +219,7 @@ def test_walls_cost_landmarks_only_where_they_hide_something() -> None:
 
 @pytest.mark.parametrize("reach", [0.0, -1.0, math.nan, math.inf])
 def test_bad_ranges(reach: float) -> None:
-    message = r"^sensor range: \S+ m given, allowed: a finite number above 0$"
+    message = r"^sensor range: expected a finite number of metres above 0, got \S+$"
     with pytest.raises(ConfigurationError, match=message):
         landmarks_for_area(1.0, reach)
     with pytest.raises(ConfigurationError, match=message):
@@ -228,7 +228,7 @@ def test_bad_ranges(reach: float) -> None:
 
 @pytest.mark.parametrize("probability", [0.0, 1.0, -0.1, 1.1, math.nan])
 def test_bad_probabilities(probability: float) -> None:
-    message = r"^probability: \S+ given, allowed: above 0 and below 1$"
+    message = r"^probability: expected above 0 and below 1, got \S+$"
     with pytest.raises(ConfigurationError, match=message):
         landmarks_for_area(1.0, 1.0, probability)
     with pytest.raises(ConfigurationError, match=message):
@@ -237,17 +237,17 @@ def test_bad_probabilities(probability: float) -> None:
 
 def test_other_bad_arguments() -> None:
     checker = OPEN
-    with pytest.raises(ConfigurationError, match="area: 0 m² given, allowed: a finite number above 0"):
+    with pytest.raises(ConfigurationError, match="area: expected a finite number of m² above 0, got 0"):
         landmarks_for_area(0, 1.0)
-    with pytest.raises(ConfigurationError, match="sensor range: 1e-200 m given, too small for 1 m²"):
+    with pytest.raises(ConfigurationError, match="sensor range: expected a larger one for 1 m², got 1e-200 m"):
         landmarks_for_area(1.0, 1e-200)
-    with pytest.raises(ConfigurationError, match=r"probability: 0.99999 given, allowed: above 0 and at most 0.9999"):
+    with pytest.raises(ConfigurationError, match=r"probability: expected above 0 and at most 0.9999, got 0.99999"):
         landmarks_for_range(checker, 1.0, 0.99999)
-    with pytest.raises(ConfigurationError, match="samples: 0 given, allowed: 1 or more"):
+    with pytest.raises(ConfigurationError, match="samples: expected 1 or more, got 0"):
         landmarks_for_range(checker, 1.0, samples=0)
-    with pytest.raises(ConfigurationError, match=f"0.01 m given, too small .*: {MAX_LANDMARKS} landmarks, the limit"):
+    with pytest.raises(ConfigurationError, match=f"where {MAX_LANDMARKS} landmarks, the limit, .* got 0.01 m"):
         landmarks_for_range(checker, 0.01)
-    with pytest.raises(ConfigurationError, match="landmarks: none given, allowed: 1 or more"):
+    with pytest.raises(ConfigurationError, match="landmarks: expected 1 or more, got none"):
         distances_to_landmarks(checker, np.zeros((3, 2)), np.empty((0, 3)))
 
 

@@ -81,7 +81,7 @@ def test_warm_up_compiles_each_entrance_once(report: dict[str, dict[str, int]]) 
         "trailmark.collision.kernels.states_free": 1,
         "trailmark.collision.kernels.clearances": 1,
         "trailmark.collision.certify.motions_certified": 1,
-        "trailmark.landmarks.relaxation._dijkstra": 1,
+        "trailmark.landmarks.grid_search.grid_costs": 1,
         # For each kind of motion.
         "trailmark.roadmap.search.lazy_shortest_path": 2,
         "trailmark.planning.shortening._sweep": 2,

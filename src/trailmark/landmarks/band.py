@@ -1,4 +1,6 @@
-"""Samples where a short path is likely: in the band of cells through which the relaxed problem's good ways go."""
+"""Band: samples where a short path is likely, in the cells on short paths of the relaxed problem."""
+
+# Tested by tests/landmarks/test_band.py.
 
 from __future__ import annotations
 
@@ -12,33 +14,35 @@ from trailmark.landmarks.retraction import retract_all
 
 __all__ = ["Band"]
 
-# Shares of the headings that are drawn along the way, against it, between the ends' headings; the rest uniform.
-ALONG, AGAINST, BETWEEN = 0.3, 0.1, 0.3
+FORWARD, BACKWARD, BETWEEN = 0.3, 0.1, 0.3
+"""Shares of the headings drawn along the relaxed path, opposite to it, and between the headings of the ends; the rest
+are uniform."""
+
 SPREAD = 0.3
 """Largest standard deviation (radians) of the headings that are not uniform."""
 
-AHEAD = 4
-"""Cells by which the direction of the relaxed way is told."""
+LOOKAHEAD = 4
+"""Cells along the relaxed path over which its direction is measured."""
 
-FIRST_REACH, LATER_REACH = 0.15, 0.8
-"""Widths of the bands whose cells are found at first, and when those are used up; after that, all cells."""
+FIRST_WIDENING, LATER_WIDENING = 0.15, 0.8
+"""Width of the band whose cells are found at first, and when a wider one is needed; after that, all cells."""
 
 GUIDE_TRIES, GAP_TRIES = 12, 48
-"""Configurations tried in each cell of the relaxed shortest way, and again where they leave a gap."""
+"""Configurations tried in each cell of the relaxed shortest path, and again where they leave a gap."""
 
 
 class Band:
-    """The cells that lie on ways from start to goal at most (1 + ε) times as long as the shortest.
+    """The cells on paths from start to goal whose cost is at most (1 + ε) times the lowest.
 
     Args:
         checker: decides what is valid.
         relaxation: its grid.
         start: configuration, shape (3,).
         goal: configuration, shape (3,).
-        retracts: whether some of the configurations are pushed towards more clearance.
+        retracts: whether some of the configurations are moved towards more clearance.
 
     Attributes:
-        shortest: cost (metres) of the relaxed shortest way; infinite if there is none, which proves that the
+        shortest: cost (metres) of the relaxed shortest path; infinite if there is none, which proves that the
             robot cannot get from start to goal.
     """
 
@@ -54,52 +58,52 @@ class Band:
         self.checker, self.retracts = checker, retracts
         self.relaxation = relaxation
         self.start, self.goal = start, goal
-        self._compute(FIRST_REACH)
+        self._compute(FIRST_WIDENING)
 
     def refine(self) -> bool:
-        """Look at the relaxed problem again, on cells half as large; return False if the grid is the finest."""
+        """Solve the relaxed problem again, on cells half as large; return False if the grid is the finest."""
         finer = self.relaxation.finer()
         if finer is None:
             return False
         self.relaxation = finer
-        self._compute(FIRST_REACH)
+        self._compute(FIRST_WIDENING)
         return True
 
     def _compute(self, widening: float) -> None:
         """Find the cells of all bands up to a width."""
         relaxation = self.relaxation
-        to_goal = relaxation.costs_from(self.goal, until=self.start, widening=widening)
+        to_goal = relaxation.costs_from(self.goal, target=self.start, widening=widening)
         self.to_goal: CostMap = to_goal
-        self.shortest = float(to_goal.cost.ravel()[relaxation.cells(relaxation.disc_centers(self.start))])
+        self.shortest = float(relaxation.cost_at(to_goal, self.start))
         if not np.isfinite(self.shortest):
             return
-        self.from_start = from_start = relaxation.costs_from(self.start, limit=to_goal.limit, onward=to_goal)
+        self.from_start = from_start = relaxation.costs_from(self.start, limit=to_goal.limit, remaining=to_goal)
         total = from_start.cost.ravel() + to_goal.cost.ravel()
         self._cells = (
             np.flatnonzero(total <= to_goal.limit) if np.isfinite(to_goal.limit) else np.flatnonzero(np.isfinite(total))
         )
         self._total = total[self._cells]
         self._share = from_start.cost.ravel()[self._cells] / np.maximum(self._total, 1e-9)
-        # The tighter a place, the more landmarks it needs: K-means would thin out just these.
-        room = np.maximum(relaxation.clearance(self._cells) - relaxation.radius, 0.0)
-        self._weight = 1.0 / (room + 0.25 * self.checker.footprint.circumradius)
-        self._along = self._headings_along(self._cells)
+        # A tighter place needs more landmarks, and K-means leaves out tight places first.
+        spare = np.maximum(relaxation.clearance(self._cells) - relaxation.radius, 0.0)
+        self._weight = 1.0 / (spare + 0.25 * self.checker.footprint.circumradius)
+        self._directions = self._path_directions(self._cells)
 
-    def _headings_along(self, cells: NDArray[np.int64]) -> se2.FloatArray:
-        """Return the heading (radians) of the relaxed way to the goal in each cell, shape (n,)."""
-        ahead = self.relaxation.onward(self.to_goal, cells, AHEAD)
-        way = self.relaxation.cell_centers(ahead) - self.relaxation.cell_centers(cells)
-        return np.asarray(np.where(ahead == cells, self.goal[2], np.arctan2(way[:, 1], way[:, 0])))
+    def _path_directions(self, cells: NDArray[np.int64]) -> se2.FloatArray:
+        """Return the heading (radians) of the relaxed path to the goal in each cell, shape (n,)."""
+        later = self.relaxation.follow(self.to_goal, cells, LOOKAHEAD)
+        step = self.relaxation.cell_centers(later) - self.relaxation.cell_centers(cells)
+        return np.asarray(np.where(later == cells, self.goal[2], np.arctan2(step[:, 1], step[:, 0])))
 
     def widen(self, widening: float) -> None:
-        """Make sure that all cells of the band of width ε = ``widening`` are known."""
+        """Find the cells of the band of width ε = ``widening`` if they are not known yet."""
         if (1.0 + widening) * self.shortest > self.to_goal.limit:
-            self._compute(LATER_REACH if widening <= LATER_REACH else np.inf)
+            self._compute(LATER_WIDENING if widening <= LATER_WIDENING else np.inf)
 
     def costs_to_goal(self, q: se2.FloatArray) -> se2.FloatArray:
         """Return an estimate (metres) of the cost from configurations (n, 3) to the goal, shape (n,).
 
-        It guides and proves nothing: ways through cells that are tight for the disc are dearer than they are long.
+        It guides the search and proves nothing: cells that are tight for the disc cost more than their length.
         """
         return self._estimate(self.to_goal, q, self.goal)
 
@@ -108,24 +112,24 @@ class Band:
         return self._estimate(self.from_start, q, self.start)
 
     def _estimate(self, costs: CostMap, q: se2.FloatArray, end: se2.FloatArray) -> se2.FloatArray:
-        relaxed = costs.cost.ravel()[self.relaxation.cells(self.relaxation.disc_centers(q))]
-        # Eight directions overestimate lengths by up to 8.3 %, cells by up to a diagonal at either end.
+        relaxed = self.relaxation.cost_at(costs, q)
+        # Eight directions overestimate lengths by up to 8.3 %, and cells by up to a diagonal at either end.
         estimate = np.where(np.isfinite(relaxed), relaxed / 1.0824 - 3.0 * self.relaxation.size, 0.0)
         return np.asarray(np.maximum(estimate, np.hypot(*(q[:, :2] - end[:2]).T)))
 
     def guides(self, rng: np.random.Generator) -> tuple[se2.FloatArray, bool]:
-        """Return valid configurations along the relaxed shortest way, shape (n, 3), and whether they are a path.
+        """Return valid configurations along the relaxed shortest path, shape (n, 3), and whether they form a path.
 
-        One in every stretch as long as the clearance, each the one with most clearance among several tries in its
-        cell; and where two of them are not joined by a certified motion, every valid try between them.
+        They are about as far apart as their clearance, each the one with the largest clearance among several tries in
+        its cell; where two of them are not joined by a certified motion, all valid tries between them are returned too.
         """
         cells = self.relaxation.shortest_path(self.to_goal, self.start)
         every = np.arange(len(cells))
-        tries, q, room = self._tries(cells, every, GUIDE_TRIES, rng)
-        best = np.lexsort((room, tries)).reshape(len(cells), GUIDE_TRIES)[:, -1]
+        tries, q, clearance = self._tries(cells, every, GUIDE_TRIES, rng)
+        best = np.lexsort((clearance, tries)).reshape(len(cells), GUIDE_TRIES)[:, -1]
         chain: list[int] = []
-        for i in best[room[best] >= 0.0]:
-            if not chain or np.hypot(*(q[i, :2] - q[chain[-1], :2])) >= min(room[i], room[chain[-1]]):
+        for i in best[clearance[best] >= 0.0]:
+            if not chain or np.hypot(*(q[i, :2] - q[chain[-1], :2])) >= min(clearance[i], clearance[chain[-1]]):
                 chain.append(int(i))
         if not chain:
             return np.empty((0, 3)), False
@@ -133,39 +137,39 @@ class Band:
         gap = np.zeros(len(cells), dtype=np.bool_)
         for a, b in zip(tries[chain[:-1]][~joined], tries[chain[1:]][~joined], strict=True):
             gap[max(0, a - 1) : b + 2] = True
-        # Between them: what was tried already, and a second, closer look.
-        there = q[gap[tries] & (room >= 0.0)]
-        where, again, space = self._tries(cells, every[gap], GAP_TRIES, rng)
-        again, where = again[space >= 0.0], where[space >= 0.0]
+        # In the gaps, the valid tries so far, and some of a second, larger number of tries.
+        earlier = q[gap[tries] & (clearance >= 0.0)]
+        where, more, clearance = self._tries(cells, every[gap], GAP_TRIES, rng)
+        more, where = more[clearance >= 0.0], where[clearance >= 0.0]
         few = np.arange(len(where)) - np.searchsorted(where, where) < GAP_TRIES // 8
-        return np.vstack([q[chain], there, again[few]]), bool(joined.all())
+        return np.vstack([q[chain], earlier, more[few]]), bool(joined.all())
 
     def _tries(
         self, cells: NDArray[np.int64], chosen: NDArray[np.int64], count: int, rng: np.random.Generator
     ) -> tuple[NDArray[np.int64], se2.FloatArray, se2.FloatArray]:
-        """Try ``count`` configurations in each of the chosen cells of a way.
+        """Try ``count`` configurations in each of the chosen cells of a path.
 
         Returns:
             Which cell each lies in (n,), the configurations (n, 3), and their clearance (n,), -1 if invalid.
         """
         tries = np.repeat(chosen, count)
         share = tries / max(1, len(cells) - 1)
-        q = self._place(cells[tries], self._headings_along(cells)[tries], share, rng)
-        # Half of the tries stay: the field's idea of the middle may be off by its slack.
+        q = self._place(cells[tries], self._path_directions(cells)[tries], share, rng)
+        # Only half of the tries: the field's clearances may be wrong by its slack.
         tight = self.relaxation.clearance(cells)[tries] < 1.5 * self.checker.footprint.circumradius
         tight[::2] = False
         if self.retracts:
             q[tight] = retract_all(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
-        room = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
-        room[~self.checker.valid(q)] = -1.0
-        return tries, q, room
+        clearance = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
+        clearance[~self.checker.valid(q)] = -1.0
+        return tries, q, clearance
 
     def samples(self, n: int, widening: float, rng: np.random.Generator) -> se2.FloatArray:
         """Return up to n valid configurations from the band, shape (m, 3).
 
         Args:
             n: how many are wanted.
-            widening: ε; infinite takes in every cell that the disc can reach.
+            widening: ε; infinity includes every cell that the disc can reach.
             rng: source of randomness.
         """
         self.widen(widening)
@@ -175,7 +179,7 @@ class Band:
         for _ in range(8):
             draws = max(64, 2 * (n - have))
             picked = chosen[np.searchsorted(cumulative, rng.random(draws) * cumulative[-1], side="right")]
-            q = self._place(self._cells[picked], self._along[picked], self._share[picked], rng)
+            q = self._place(self._cells[picked], self._directions[picked], self._share[picked], rng)
             q = q[self.checker.valid(q)]
             found.append(q)
             have += len(q)
@@ -187,8 +191,8 @@ class Band:
         """Return valid configurations, shape (m, 3), m <= 2 n, near q, shape (3,).
 
         Half of the tries put the disc within ``reach`` metres of q's, in cells of the band and with the band's
-        headings; half move q itself a little, at all scales below ``reach``, which is what gets on in a passage
-        hardly wider than the robot.
+        headings; half move q itself, at all scales below ``reach``, since in a passage hardly wider than the robot only
+        small moves succeed.
         """
         moved = self._moved(np.repeat(q[None], n, axis=0), reach, rng)
         around = self.relaxation.disc_centers(q) + rng.uniform(-reach, reach, (n, 2))
@@ -196,7 +200,7 @@ class Band:
         from_start, to_goal = self.from_start.cost.ravel()[cells], self.to_goal.cost.ravel()[cells]
         known = np.isfinite(from_start + to_goal)
         cells, share = cells[known], from_start[known] / np.maximum(from_start[known] + to_goal[known], 1e-9)
-        found = np.vstack([self._place(cells, self._headings_along(cells), share, rng), moved])
+        found = np.vstack([self._place(cells, self._path_directions(cells), share, rng), moved])
         if self.retracts:
             found[::2] = retract_all(self.checker, found[::2], 0.25 * reach, rng)
         return np.asarray(found[self.checker.valid(found)])
@@ -213,17 +217,17 @@ class Band:
         return np.asarray(moved)
 
     def nearest_to_goal(self, q: se2.FloatArray) -> int:
-        """Return which of the configurations (n, 3) is nearest to the goal on the relaxed way."""
-        return int(np.argmin(self.to_goal.cost.ravel()[self.relaxation.cells(self.relaxation.disc_centers(q))]))
+        """Return which of the configurations (n, 3) is nearest to the goal along relaxed paths."""
+        return int(np.argmin(self.relaxation.cost_at(self.to_goal, q)))
 
     def nearest_to_start(self, q: se2.FloatArray) -> int:
-        """Return which of the configurations (n, 3) is nearest to the start on the relaxed way."""
-        return int(np.argmin(self.from_start.cost.ravel()[self.relaxation.cells(self.relaxation.disc_centers(q))]))
+        """Return which of the configurations (n, 3) is nearest to the start along relaxed paths."""
+        return int(np.argmin(self.relaxation.cost_at(self.from_start, q)))
 
     def _place(
         self,
         cells: NDArray[np.int64],
-        along: se2.FloatArray,
+        directions: se2.FloatArray,
         share: se2.FloatArray,
         rng: np.random.Generator,
     ) -> se2.FloatArray:
@@ -234,10 +238,10 @@ class Band:
         if self.checker.footprint.disc_radius > 0.0 and self.checker.robot.turning_radius is None:
             return relaxation.references(centers, np.zeros(n))
         headings = rng.uniform(-np.pi, np.pi, n)
-        # At all scales up to SPREAD: tight passages leave little play, wide ones some.
+        # Deviations at all scales up to SPREAD: tight passages allow only small ones.
         kind, noise = rng.random(n), SPREAD * rng.standard_normal(n) * 2.0 ** -rng.uniform(0.0, 4.0, n)
         between = se2.interpolate(self.start, self.goal, share)[:, 2] + noise
-        headings = np.where(kind < ALONG + AGAINST + BETWEEN, between, headings)
-        headings = np.where(kind < ALONG + AGAINST, along + np.pi + noise, headings)
-        headings = np.where(kind < ALONG, along + noise, headings)
+        headings = np.where(kind < FORWARD + BACKWARD + BETWEEN, between, headings)
+        headings = np.where(kind < FORWARD + BACKWARD, directions + np.pi + noise, headings)
+        headings = np.where(kind < FORWARD, directions + noise, headings)
         return relaxation.references(centers, np.asarray(se2.wrap(headings)))

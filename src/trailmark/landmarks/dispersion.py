@@ -1,8 +1,10 @@
-"""How well do nodes fill free space? Dispersion: the largest empty disc. Coverage: what sees a node.
+"""How well nodes fill free space: dispersion, the largest empty disc, and coverage, the share that sees a node.
 
 Source of both measures: LaValle, "Planning Algorithms" (2006), section 5.2.3 (dispersion), and Hsu, Latombe &
 Motwani, "Path planning in expansive configuration spaces", ICRA 1997 (what a set of configurations sees).
 """
+
+# Tested by tests/landmarks/test_dispersion.py.
 
 from __future__ import annotations
 
@@ -20,10 +22,10 @@ from trailmark.world import Robot
 __all__ = ["Dispersion", "FreePositions", "coverage", "dispersion", "free_positions"]
 
 MAX_CELLS = 1 << 22
-"""Most cells that may be asked for: more would not fit into the memory of a small machine."""
+"""Maximum number of cells: more would not fit into the memory of a small machine."""
 
 SPECK = 1e-9
-"""Radius (metres) of a disc that stands for a point."""
+"""Radius (metres) of a disc in place of a point."""
 
 
 class FreePositions(NamedTuple):
@@ -43,7 +45,7 @@ class FreePositions(NamedTuple):
 
 
 class Dispersion(NamedTuple):
-    """The radius of the largest disc that holds no node and whose centre is a free position.
+    """The radius of the largest disc that contains no node and whose centre is a free position.
 
     Attributes:
         lower: metres; a free position this far from every node was found.
@@ -60,21 +62,21 @@ def free_positions(checker: StateChecker, *, cells: int = 1 << 16, headings: int
     """Return where the robot's reference point may be.
 
     A cell is possible unless the disc about the reference point inside the footprint
-    (:attr:`trailmark.world.Robot.reference_radius`) fits nowhere in it, at no heading. That tells little where the
-    disc is smaller than a cell or the reference point lies outside of the footprint: then every cell is possible.
+    (:attr:`trailmark.world.Robot.reference_radius`) fits nowhere in it. That excludes little where the disc is smaller
+    than a cell, and nothing if the reference point lies outside of the footprint: then every cell is possible.
 
     Args:
         checker: decides what is valid.
-        cells: how many the grid has about, 1 to MAX_CELLS.
+        cells: approximate number of cells, 1 to MAX_CELLS.
         headings: tried at each centre, evenly spaced, >= 1; a disc robot needs only one.
 
     Raises:
         ConfigurationError: ``cells`` or ``headings`` out of range, or no valid configuration was found.
     """
     if not 1 <= cells <= MAX_CELLS:
-        raise ConfigurationError(f"cells: {cells} given, allowed: 1 to {MAX_CELLS}")
+        raise ConfigurationError(f"cells: expected 1 to {MAX_CELLS}, got {cells}")
     if headings < 1:
-        raise ConfigurationError(f"headings: {headings} given, allowed: 1 or more")
+        raise ConfigurationError(f"headings: expected 1 or more, got {headings}")
     centers, size = _grid(checker, cells)
     reach = size * np.sqrt(0.5)
     q = np.column_stack([centers, np.zeros(len(centers))])
@@ -85,7 +87,7 @@ def free_positions(checker: StateChecker, *, cells: int = 1 << 16, headings: int
         certain[rest] = checker.valid(q[rest])
     if not certain.any():
         raise ConfigurationError(f"world {checker.world.name!r}: no free place for the robot was found")
-    # Contact is allowed up to 1e-7 m; ten times that is left open.
+    # Contact is allowed up to 1e-7 m; ten times that counts as possible.
     least = checker.robot.reference_radius - reach - 1e-6
     possible = np.ones(len(q), dtype=np.bool_)
     if least > 0.0:
@@ -110,12 +112,12 @@ def dispersion(nodes: se2.FloatArray, free: FreePositions) -> Dispersion:
     from scipy.spatial import cKDTree
 
     if len(nodes) == 0:
-        raise ConfigurationError("dispersion: no nodes given, allowed: 1 or more")
+        raise ConfigurationError("dispersion: expected 1 node or more, got none")
     tree = cKDTree(nodes[:, :2])
     gaps = np.asarray(tree.query(free.certain)[0])
     widest = int(np.argmax(gaps))
-    beyond = float(np.max(tree.query(free.possible)[0]))
-    return Dispersion(float(gaps[widest]), beyond + free.reach, free.certain[widest])
+    largest = float(np.max(tree.query(free.possible)[0]))
+    return Dispersion(float(gaps[widest]), largest + free.reach, free.certain[widest])
 
 
 def coverage(checker: StateChecker, nodes: se2.FloatArray, q: se2.FloatArray) -> NDArray[np.bool_]:
@@ -123,7 +125,7 @@ def coverage(checker: StateChecker, nodes: se2.FloatArray, q: se2.FloatArray) ->
 
     Args:
         checker: decides which motions are certified.
-        nodes: valid configurations, shape (n, 3); a disc robot's headings do not count.
+        nodes: valid configurations, shape (n, 3); a disc robot's headings do not matter.
         q: valid configurations, shape (m, 3).
 
     Returns:
@@ -137,14 +139,14 @@ def coverage(checker: StateChecker, nodes: se2.FloatArray, q: se2.FloatArray) ->
     radius = checker.footprint.sweep_radius
     tree, points = cKDTree(se2.embed(nodes, radius)), se2.embed(q, radius)
     # Near nodes first: hardly any configuration needs them all.
-    asked, count = 0, 1
-    while asked < len(nodes) and not seen.all():
+    tried, count = 0, 1
+    while tried < len(nodes) and not seen.all():
         count = min(count, len(nodes))
         rest = np.flatnonzero(~seen)
-        nearest = np.asarray(tree.query(points[rest], count)[1]).reshape(len(rest), count)[:, asked:]
+        nearest = np.asarray(tree.query(points[rest], count)[1]).reshape(len(rest), count)[:, tried:]
         starts, ends = np.repeat(q[rest], nearest.shape[1], axis=0), nodes[nearest.ravel()]
         seen[rest] = checker.motions_between_valid(starts, ends).reshape(nearest.shape).any(axis=1)
-        asked, count = count, 4 * count
+        tried, count = count, 4 * count
     return seen
 
 
@@ -156,7 +158,7 @@ def _grid(checker: StateChecker, cells: int) -> tuple[se2.FloatArray, float]:
     xmin, ymin, xmax, ymax = np.array(checker.world.bounds) + margin * np.array([-1.0, -1.0, 1.0, 1.0])
     size = float(np.sqrt((xmax - xmin) * (ymax - ymin) / cells))
     columns, rows = max(1, int(np.ceil((xmax - xmin) / size))), max(1, int(np.ceil((ymax - ymin) / size)))
-    # Centred, so that what the last row and column reach too far lies on either side.
+    # Centred, so that the excess of whole cells over the bounds is the same on either side.
     x = 0.5 * (xmin + xmax) + (np.arange(columns) - 0.5 * (columns - 1)) * size
     y = 0.5 * (ymin + ymax) + (np.arange(rows) - 0.5 * (rows - 1)) * size
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), size

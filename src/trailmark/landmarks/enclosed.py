@@ -1,5 +1,7 @@
 """Regions that occupied cells enclose completely: the robot cannot reach them, so they count as occupied."""
 
+# Tested by tests/landmarks/test_enclosed.py.
+
 from __future__ import annotations
 
 import numpy as np
@@ -13,18 +15,18 @@ Rectangle = tuple[float, float, float, float]
 """xmin, ymin, xmax, ymax in metres."""
 
 MAX_LINES = 4096
-"""Most lines of a grid made of the edges of boxes, along either axis; more are replaced by so many, equally spaced."""
+"""Maximum number of grid lines at the edges of boxes, along either axis; more are replaced by equally spaced lines."""
 
 
 def enclosed_cells(occupied: NDArray[np.bool_], robot: tuple[int, int] | None = None) -> NDArray[np.bool_]:
     """Return which free or unknown cells are enclosed by occupied ones.
 
-    Cells join over their sides only: where two occupied cells meet in a corner, nothing gets through.
+    Cells are connected by their sides only: between two occupied cells that meet in a corner there is no passage.
 
     Args:
         occupied: shape (rows, columns); all other cells are free or unknown.
-        robot: the robot's row and column. The robot does not leave the grid, so whatever its cell is not joined to
-            is enclosed. Where this is None, or the cell is occupied, regions that reach the grid's edge are not.
+        robot: the robot's row and column. The robot does not leave the grid, so that every cell not connected to its
+            own is enclosed. If this is None, or the cell is occupied, regions at the grid's edge are not enclosed.
 
     Returns:
         Shape (rows, columns), True only where ``occupied`` is False.
@@ -47,12 +49,12 @@ def enclosed_points(
 ) -> NDArray[np.bool_]:
     """Return which points lie in regions of a rectangle that boxes enclose.
 
-    The grid's lines are the edges of the boxes, so that its cells are covered by them wholly or not at all: there is
-    no resolution to choose. Boxes that meet within a billionth of the rectangle close.
+    The grid's lines are the edges of the boxes, so that boxes cover its cells completely or not at all: there is no
+    resolution to choose. Boxes less than a billionth of the rectangle apart leave no gap.
 
     Args:
         points: shape (n, 2), metres, in the rectangle.
-        boxes: shape (m, 4), rows xmin, ymin, xmax, ymax in metres; they may overlap and reach out of the rectangle.
+        boxes: shape (m, 4), rows xmin, ymin, xmax, ymax in metres; they may overlap and extend beyond the rectangle.
         rectangle: the region that the robot does not leave.
         robot: its position, shape (2,); see :func:`enclosed_cells`.
 

@@ -1,4 +1,6 @@
-"""Executions of the source method, and of trailmark's own, in a world: from sensing to landmarks the robot can use."""
+"""Executions of the source method, and of trailmark's own, in a world: from sensing to usable landmarks."""
+
+# Tested by tests/landmarks/test_executions.py.
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.estimation import RangeBearing, sense_obstacles
 from trailmark.landmarks.kmeans import k_means_landmarks
-from trailmark.landmarks.paper import Initialisation, algorithm_2
+from trailmark.landmarks.paper import Initialisation, algorithm_2, require_count
 from trailmark.landmarks.relaxation import Relaxation
 from trailmark.landmarks.repair import repair_centres
 from trailmark.landmarks.sampling import RandomState, draw, free_samples, generator
@@ -25,39 +27,39 @@ from trailmark.world import World
 __all__ = ["Execution", "execute_paper", "execute_se2", "readings_in"]
 
 SENSOR_RANGE = 12.0
-"""Metres that the sensor reaches by default: a common small laser scanner's."""
+"""Range of the sensor in metres by default: that of a common small laser scanner."""
 
 SIGMA_RANGE, SIGMA_BEARING = 0.05, 0.01
 """Standard deviations (metres, radians) of a reading by default."""
 
 POSES = (100, 2000)
-"""Fewest and most places that the robot senses from."""
+"""Minimum and maximum number of places that the robot senses from."""
 
 POINTS, POINT_SPACING = (24, 240), 3.0
-"""Fewest and most points read of an outline; between them, one every so many metres of the world's longest."""
+"""Minimum and maximum number of points read of an outline, and the metres of the longest outline for each of them."""
 
 AREA_PER_POSE = 20.0
-"""Square metres of the bounds per such place: in reach of every obstacle there are several."""
+"""Square metres of the bounds for each such place: several are within range of every obstacle."""
 
 
 class Execution(NamedTuple):
-    """One execution: what was drawn, what was clustered, what it came to. Metres and radians.
+    """One execution: what was drawn, what was clustered, and the result. Metres and radians.
 
     Attributes:
         samples: all that was drawn: points (n, 2), or configurations (n, 3) of trailmark's own method.
         forbidden: shape (n,), which of them were not clustered.
-        enclosed: shape (n,), those of them that are free, but out of the robot's reach.
-        boxes: shape (m, 4), the obstacles as the source method has them; none in trailmark's own.
+        enclosed: shape (n,), those of them that are free but out of the robot's reach.
+        boxes: shape (m, 4), the source method's obstacles; none in trailmark's own method.
         centres: the landmarks, shape (k, 2) or (k, 3).
         labels: shape (v,), the landmark of each of the v valid samples.
         inertia: sum of the squared distances of the valid samples to their landmarks, square metres; trailmark's own
             in its embedding (:func:`trailmark.se2.embed`).
-        iterations: steps of Lloyd's algorithm, or mini-batches; None where that is not known.
-        mini_batches: whether it were mini-batches.
+        iterations: steps of Lloyd's algorithm, or number of mini-batches; None if unknown.
+        mini_batches: whether mini-batches were used.
         in_obstacle: shape (k,), see :class:`~trailmark.landmarks.repair.Repair`.
         invalid: shape (k,), see there.
         repaired: valid configurations in the centres' place, shape (k, 3).
-        seconds: from readings to landmarks, once scikit-learn is loaded.
+        seconds: time from readings to landmarks, without loading scikit-learn.
     """
 
     samples: se2.FloatArray
@@ -89,19 +91,19 @@ def execute_paper(
 ) -> Execution:
     """Return one execution of Algorithm 2 in the checker's world; the rectangle is the world's bounds.
 
-    The obstacles are sensed (:func:`readings_in`), Algorithm 2 makes landmarks of the readings, and the checker says
-    what they are worth.
+    The obstacles are sensed (:func:`readings_in`), Algorithm 2 computes landmarks from the readings, and the checker
+    finds which of them the robot can use.
 
     Args:
-        checker: world and robot; Algorithm 2 itself knows nothing of the robot but where it starts.
+        checker: world and robot; Algorithm 2 itself uses only where the robot starts.
         n: how many points to draw, >= 1.
         k: how many landmarks.
         init: the first centres, see :func:`~trailmark.landmarks.paper.initial_centres`.
         random_state: seed or generator; the same one gives the same execution.
-        start: where the robot starts, shape (3,); what it cannot reach from there is occupied. Without it, or where
-            it is not valid, only what obstacles cut off from the bounds is.
+        start: where the robot starts, shape (3,); what it cannot reach from there counts as occupied. Without a valid
+            one, only what obstacles separate from the bounds does.
         sensor: its noise; by default SIGMA_RANGE and SIGMA_BEARING.
-        sensor_range: metres that it reaches.
+        sensor_range: metres.
         on_progress: see :func:`~trailmark.landmarks.paper.algorithm_2`.
 
     Raises:
@@ -128,15 +130,15 @@ def readings_in(
 ) -> list[se2.FloatArray]:
     """Return the refined readings of each obstacle, shape (r, 2): Algorithm 2's first step, in a known world.
 
-    The robot reads the obstacles' outlines from random valid configurations that it can reach, and the EKF refines
-    the readings (:func:`trailmark.estimation.sense_obstacles`).
+    The robot senses the obstacles' outlines from random valid configurations that it can reach, and the EKF refines the
+    readings (:func:`trailmark.estimation.sense_obstacles`).
 
     Args:
         checker: world and robot.
         random_state: seed or generator.
-        start: valid configuration, shape (3,), from where the robot reaches the others; None lets it be anywhere.
+        start: valid configuration, shape (3,), from which the robot reaches the others; None for anywhere.
         sensor: its noise; by default SIGMA_RANGE and SIGMA_BEARING.
-        sensor_range: metres that it reaches.
+        sensor_range: metres.
 
     Raises:
         ConfigurationError: no place for the robot.
@@ -171,9 +173,9 @@ def execute_se2(
     Args:
         checker: decides what is valid.
         n: how many configurations to draw, >= 1.
-        k: how many landmarks; fewer come back where two centres have the same nearest sample.
+        k: how many landmarks; fewer are returned where two centres have the same nearest sample.
         random_state: seed or generator.
-        start: configuration, shape (3,); what the robot cannot reach from there is left out. Not if it is not valid.
+        start: configuration, shape (3,); if it is valid, what the robot cannot reach from there is left out.
 
     Raises:
         ConfigurationError: an argument out of range, or fewer valid samples than k.
@@ -181,7 +183,7 @@ def execute_se2(
     from scipy.spatial import cKDTree
 
     if n < 1:
-        raise ConfigurationError(f"n: {n} given, allowed: 1 or more")
+        raise ConfigurationError(f"n: expected 1 or more, got {n}")
     _load()
     begin, rng = perf_counter(), generator(random_state)
     samples = draw(checker.world.bounds, n, random_state=rng)
@@ -192,40 +194,38 @@ def execute_se2(
     if start is not None and checker.valid(start):
         relaxation = Relaxation(checker)
         enclosed = valid & ~relaxation.component(start)[relaxation.cells(relaxation.disc_centers(samples))]
-    kept = samples[valid & ~enclosed]
-    if not 1 <= k <= len(kept):
-        room = "empty free space" if len(kept) == 0 else f"allowed: 1 to {len(kept)}"
-        raise ConfigurationError(f"k: {k} given, {room}: {len(kept)} of {n} samples drawn are valid")
+    usable = samples[valid & ~enclosed]
+    require_count(k, len(usable), f"{n} samples")
     radius = checker.footprint.sweep_radius
-    landmarks = k_means_landmarks(kept, k, radius=radius, random_state=rng)
-    found = cKDTree(se2.embed(landmarks, radius)).query(se2.embed(kept, radius))
+    landmarks = k_means_landmarks(usable, k, radius=radius, random_state=rng)
+    found = cKDTree(se2.embed(landmarks, radius)).query(se2.embed(usable, radius))
     distance, labels = np.asarray(found[0]), np.asarray(found[1], dtype=np.int32)
     seconds = perf_counter() - begin
     invalid = ~np.asarray(checker.valid(landmarks))
     return Execution(
         samples,
-        ~valid | enclosed,
-        enclosed,
-        np.empty((0, 4)),
-        landmarks,
-        labels,
-        float(distance @ distance),
-        None,
-        False,
-        invalid,
-        invalid,
-        landmarks,
-        seconds,
+        forbidden=~valid | enclosed,
+        enclosed=enclosed,
+        boxes=np.empty((0, 4)),
+        centres=landmarks,
+        labels=labels,
+        inertia=float(distance @ distance),
+        iterations=None,
+        mini_batches=False,
+        in_obstacle=invalid,
+        invalid=invalid,
+        repaired=landmarks,
+        seconds=seconds,
     )
 
 
 def _outline_points(world: World) -> int:
-    """Return how many points of each outline are read: a large obstacle takes more to be seen from everywhere."""
+    """Return how many points of each outline are read: a large obstacle needs more to be sensed from everywhere."""
     longest = max((shape.polygon(1e-2).shapely().length for shape in world.obstacles), default=0.0)
     return int(np.clip(longest / POINT_SPACING, *POINTS))
 
 
 @cache
 def _load() -> None:
-    """Load scikit-learn and scipy, which takes a second or two: a first execution's time is not to count them."""
+    """Load scikit-learn and scipy, which takes a second or two that a first execution's time must not include."""
     algorithm_2([[[0.4, 0.4], [0.6, 0.6]]], (0.0, 0.0, 1.0, 1.0), 50, 2, random_state=0)

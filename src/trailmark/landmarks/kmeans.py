@@ -1,4 +1,6 @@
-"""Landmarks: K-means centres of valid configurations, repaired so that each is valid itself."""
+"""Landmarks: K-means centres of valid configurations, each replaced by the sample nearest to it."""
+
+# Tested by tests/landmarks/test_kmeans.py.
 
 from __future__ import annotations
 
@@ -29,15 +31,14 @@ def k_means_landmarks(
 
     Lloyd's K-means (Lloyd 1982) in the embedding (x, y, R·cos θ, R·sin θ) of :func:`trailmark.se2.embed`, started
     from k of the samples (Forgy 1965). A centre may lie in an obstacle, so each is replaced by the sample nearest
-    to it: landmarks are samples, and no two of them are the same one.
+    to it: landmarks are samples, and all different.
 
     Args:
         samples: valid configurations, shape (n, 3).
         k: how many landmarks, >= 1; with k >= n every sample is a landmark.
         radius: R of the embedding, metres; 0 leaves headings out.
-        steps: None iterates until no sample changes its cluster (scikit-learn). A number does so many steps and no
-            more (:func:`lloyd`): the first few bring most of what there is to gain, and a planner's rounds cannot
-            wait for the rest.
+        steps: maximum number of steps (:func:`lloyd`); the first few bring most of the improvement. None iterates until
+            no sample changes its cluster (scikit-learn).
         random_state: seed or generator; the same one gives the same landmarks.
 
     Raises:
@@ -46,7 +47,7 @@ def k_means_landmarks(
     from scipy.spatial import cKDTree
 
     if k < 1:
-        raise ConfigurationError(f"landmarks: {k} given, allowed: 1 or more")
+        raise ConfigurationError(f"landmarks: expected 1 or more, got {k}")
     if k >= len(samples):
         return np.array(samples)
     points = se2.embed(samples, radius)
@@ -59,12 +60,12 @@ def k_means_landmarks(
 def lloyd(points: FloatArray, centres: FloatArray, steps: int) -> FloatArray:
     """Return the centres, shape (k, d), after some steps of Lloyd's algorithm.
 
-    The same steps as scikit-learn's, whose import takes longer than most queries; its distances to all k centres,
-    which a k-d tree spares, would be the larger part of a planning round.
+    These are scikit-learn's steps. Its import takes longer than most queries, and the distances to all k centres, which
+    a k-d tree makes unnecessary here, would take most of a planning round.
 
     Args:
         points: shape (n, d).
-        centres: shape (k, d), those to start from; one that no point is nearest to stays where it is.
+        centres: shape (k, d), at the start; a centre that is nearest to no point is not moved.
         steps: how many, >= 0.
     """
     from scipy.spatial import cKDTree
@@ -73,10 +74,10 @@ def lloyd(points: FloatArray, centres: FloatArray, steps: int) -> FloatArray:
     for _ in range(steps):
         owner = np.asarray(cKDTree(centres, balanced_tree=False).query(points)[1])
         count = np.bincount(owner, minlength=len(centres))
-        taken = count > 0
+        used = count > 0
         for axis in range(points.shape[1]):
             total = np.bincount(owner, weights=points[:, axis], minlength=len(centres))
-            centres[taken, axis] = total[taken] / count[taken]
+            centres[used, axis] = total[used] / count[used]
     return centres
 
 
@@ -85,7 +86,7 @@ def _converged(points: FloatArray, first: FloatArray) -> FloatArray:
     from sklearn.exceptions import ConvergenceWarning
 
     with one_thread(), warnings.catch_warnings():
-        # A cluster too many for the data is no fault here: it only means one landmark less.
+        # Fewer distinct samples than clusters are no fault here: there are fewer landmarks then.
         warnings.simplefilter("ignore", ConvergenceWarning)
         k_means = KMeans(len(first), init=first, n_init=1, max_iter=300, tol=0.0, algorithm="lloyd").fit(points)
     return np.asarray(k_means.cluster_centers_)

@@ -1,4 +1,6 @@
-"""K-means of very many samples: by mini-batches, in bounded memory, with progress."""
+"""K-means of very many samples by mini-batches, in bounded memory, with progress."""
+
+# Tested by tests/landmarks/test_mini_batches.py.
 
 from __future__ import annotations
 
@@ -17,10 +19,10 @@ if TYPE_CHECKING:
 __all__ = ["mini_batch_clusters"]
 
 BATCH = 10_000
-"""Samples taken at a time; the largest array that is made holds so many distances to all centres."""
+"""Samples processed at a time; the largest array holds their distances to all centres."""
 
 FIRST = 100_000
-"""Samples that the first centres are chosen from, at most."""
+"""Maximum number of samples that the first centres are chosen from."""
 
 
 def mini_batch_clusters(
@@ -33,14 +35,14 @@ def mini_batch_clusters(
 ) -> Clusters:
     """Return k clusters by mini-batches (Sculley 2010; scikit-learn): one pass over the samples in random order.
 
-    This is no fixed point of Lloyd's algorithm: its inertia is some percents larger.
+    The result is no fixed point of Lloyd's algorithm: its inertia is a few per cent larger.
 
     Args:
         samples: shape (n, d).
         k: how many clusters, 1 to the number of different samples.
         init: see :func:`~trailmark.landmarks.paper.initial_centres`; on a part of the samples where they are many.
         random_state: seed or generator; the same one gives the same clusters.
-        on_progress: called after every batch with the number of samples taken and the number of all.
+        on_progress: called after every batch with the number of samples processed and of all.
 
     Raises:
         ConfigurationError: as :func:`~trailmark.landmarks.paper.algorithm_1`.

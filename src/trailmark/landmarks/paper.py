@@ -1,8 +1,10 @@
 """The source method as published: Algorithm 1 (K-means) and Algorithm 2 (landmarks from refined readings).
 
-It is kept to the letter, weaknesses included: obstacles count as boxes, a centre may lie in one, headings and the
-robot's shape count for nothing. :func:`trailmark.landmarks.k_means_landmarks` is what the planner uses instead.
+It is implemented to the letter, weaknesses included: obstacles count as boxes, a centre may lie in one, and headings
+and the robot's shape play no part. The planner uses :func:`trailmark.landmarks.k_means_landmarks` instead.
 """
+
+# Tested by tests/landmarks/test_paper.py.
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trailmark.errors import ConfigurationError, did_you_mean
+from trailmark.errors import ConfigurationError, expected_name
 from trailmark.landmarks.enclosed import Rectangle, enclosed_points
 from trailmark.landmarks.sampling import RandomState, generator
 from trailmark.landmarks.threads import one_thread
@@ -27,6 +29,7 @@ __all__ = [
     "boxes_of",
     "initial_centres",
     "points_in_boxes",
+    "require_count",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -34,15 +37,15 @@ FloatArray = NDArray[np.float64]
 Initialisation = Literal["forgy", "random-partition", "k-means++"]
 INITIALISATIONS: tuple[Initialisation, ...] = get_args(Initialisation)
 
-MOST_ITERATIONS = 100_000
-"""More than Lloyd's algorithm takes on any data but constructed ones; a bound only so that it ends."""
+MAX_ITERATIONS = 100_000
+"""More than Lloyd's algorithm needs on any data but constructed ones; a bound so that it always ends."""
 
 MINI_BATCHES_FROM = 20_000_000
-"""Algorithm 2 takes mini-batches where points times clusters are more than this: Lloyd would take minutes."""
+"""Algorithm 2 uses mini-batches for more points times clusters than this: Lloyd's algorithm would take minutes."""
 
 
 class Clusters(NamedTuple):
-    """What K-means comes to.
+    """The result of K-means.
 
     Attributes:
         centres: shape (k, d).
@@ -58,18 +61,18 @@ class Clusters(NamedTuple):
 
 
 class PaperLandmarks(NamedTuple):
-    """What Algorithm 2 comes to; metres.
+    """The result of Algorithm 2; metres.
 
     Attributes:
         samples: shape (n, 2), all points drawn, forbidden ones too.
-        forbidden: shape (n,), which of them K-means does not get: those in boxes and the enclosed ones.
+        forbidden: shape (n,), which of them are not clustered: those in boxes and the enclosed ones.
         enclosed: shape (n,), those in no box, but in a region that boxes enclose.
         boxes: shape (m, 4), rows xmin, ymin, xmax, ymax; obstacles without a reading have none.
         centres: shape (k, 2), the landmarks.
         labels: shape (v,), the cluster of each of the v valid samples.
         inertia: sum of their squared distances to their centres, square metres.
         iterations: steps of Lloyd's algorithm, or batches.
-        mini_batches: whether Lloyd's algorithm gave way to mini-batches.
+        mini_batches: whether mini-batches were used instead of Lloyd's algorithm.
     """
 
     samples: FloatArray
@@ -88,8 +91,8 @@ def algorithm_1(
 ) -> Clusters:
     """Return k clusters by Lloyd's algorithm, run until no sample changes its cluster (Lloyd 1982).
 
-    scikit-learn does the iterations; a cluster that loses all its samples restarts at the sample that is farthest
-    from its centre.
+    The iterations are scikit-learn's; a cluster that loses all its samples restarts at the sample farthest from its
+    centre.
 
     Args:
         samples: shape (n, d).
@@ -105,7 +108,7 @@ def algorithm_1(
     points = _points(samples, "samples")
     first = initial_centres(points, k, init, random_state)
     with one_thread():
-        lloyd = KMeans(k, init=first, n_init=1, max_iter=MOST_ITERATIONS, tol=0.0, algorithm="lloyd").fit(points)
+        lloyd = KMeans(k, init=first, n_init=1, max_iter=MAX_ITERATIONS, tol=0.0, algorithm="lloyd").fit(points)
     return Clusters(lloyd.cluster_centers_, lloyd.labels_, float(lloyd.inertia_), int(lloyd.n_iter_))
 
 
@@ -127,22 +130,22 @@ def initial_centres(
     """
     points = _points(samples, "samples")
     if init not in INITIALISATIONS:
-        raise ConfigurationError(f"init: {init!r} given; {did_you_mean(str(init), INITIALISATIONS)}")
+        raise ConfigurationError(f"init: {expected_name(str(init), INITIALISATIONS)}")
     if not 1 <= k <= len(points):
-        raise ConfigurationError(f"k: {k} given, allowed: 1 to {len(points)}, the number of samples")
+        raise ConfigurationError(f"k: expected 1 to {len(points)}, the number of samples, got {k}")
     rng = generator(random_state)
-    # Equal samples cannot be told apart by any centres. A few samples show mostly that there is enough to tell apart.
+    # Equal samples always share a cluster. A few samples mostly show that there are enough different ones.
     different = _different(points[: 4 * k])
     if len(different) < k:
         different = _different(points)
     if len(different) < k:
-        raise ConfigurationError(f"k: {k} given, allowed: 1 to {len(different)}, the number of different samples")
+        raise ConfigurationError(f"k: expected 1 to {len(different)}, the number of different samples, got {k}")
     if init == "random-partition":
         return _centroids(points, _partition(len(points), k, rng), k)
     if init == "k-means++":
         from sklearn.cluster import kmeans_plusplus
 
-        # About their mean, since its distances lose digits far from the origin.
+        # Relative to their mean, since distances lose digits far from the origin.
         middle = points.mean(axis=0)
         with one_thread():
             chosen = kmeans_plusplus(points - middle, k, random_state=int(rng.integers(2**31)))[1]
@@ -167,8 +170,8 @@ def algorithm_2(
 ) -> PaperLandmarks:
     """Return k landmarks: the centres of the points of a rectangle that lie in no obstacle's box.
 
-    The readings are refined already, as by :func:`trailmark.estimation.refine_points`. Where points times clusters are
-    more than MINI_BATCHES_FROM, mini-batches do what Algorithm 1 does otherwise.
+    The readings are refined already, as by :func:`trailmark.estimation.refine_points`. For more points times clusters
+    than MINI_BATCHES_FROM, mini-batches replace Algorithm 1.
 
     Args:
         readings: the refined readings of each obstacle, shape (r, 2), r >= 0; metres.
@@ -177,18 +180,18 @@ def algorithm_2(
         k: how many landmarks, 1 to the number of valid points.
         init: see :func:`initial_centres`.
         random_state: seed or generator; the same one gives the same landmarks.
-        robot: where the robot stands, shape (2,). What boxes cut off from there is enclosed; without it, only what
-            boxes cut off from the rectangle's edge.
-        on_progress: called with the number of points that mini-batches have taken, and that they will have taken.
+        robot: where the robot stands, shape (2,). What boxes separate from there is enclosed; without it, only what
+            boxes separate from the rectangle's edge.
+        on_progress: called with the number of points that mini-batches have processed, and of all points.
 
     Raises:
         ConfigurationError: an argument out of range, or fewer valid points than k.
     """
     low, high = _corners(rectangle)
     if n < 1:
-        raise ConfigurationError(f"n: {n} given, allowed: 1 or more")
+        raise ConfigurationError(f"n: expected 1 or more, got {n}")
     if k < 1:
-        raise ConfigurationError(f"k: {k} given, allowed: 1 or more")
+        raise ConfigurationError(f"k: expected 1 or more, got {k}")
     position = None if robot is None else _points(np.atleast_2d(np.asarray(robot, dtype=np.float64)), "robot")[0, :2]
     rng = generator(random_state)
 
@@ -198,9 +201,7 @@ def algorithm_2(
     enclosed = ~inside & enclosed_points(samples, boxes, rectangle, position)
     forbidden = inside | enclosed
     valid = samples[~forbidden]
-    if k > len(valid):
-        room = "empty free space" if len(valid) == 0 else f"allowed: 1 to {len(valid)}"
-        raise ConfigurationError(f"k: {k} given, {room}: {len(valid)} of {n} points drawn are valid")
+    require_count(k, len(valid), f"{n} points")
     mini_batches = len(valid) * k > MINI_BATCHES_FROM
     if mini_batches:
         from trailmark.landmarks.mini_batches import mini_batch_clusters
@@ -215,7 +216,7 @@ def boxes_of(readings: Sequence[ArrayLike]) -> FloatArray:
     """Return the smallest and largest x and y of each obstacle's readings.
 
     Args:
-        readings: shape (r, 2) each, metres; obstacles without readings are passed over.
+        readings: shape (r, 2) each, metres; obstacles without readings have no box.
 
     Returns:
         Shape (m, 4), rows xmin, ymin, xmax, ymax.
@@ -227,7 +228,7 @@ def boxes_of(readings: Sequence[ArrayLike]) -> FloatArray:
     for i, obstacle in enumerate(readings):
         points = np.asarray(obstacle, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2 or not np.isfinite(points).all():
-            raise ConfigurationError(f"readings[{i}]: shape {points.shape} given, allowed: (r, 2), finite numbers")
+            raise ConfigurationError(f"readings[{i}]: expected shape (r, 2), finite numbers, got {points.shape}")
         if len(points):
             boxes.append([*points.min(axis=0), *points.max(axis=0)])
     return np.array(boxes, dtype=np.float64).reshape(-1, 4)
@@ -244,6 +245,13 @@ def points_in_boxes(points: FloatArray, boxes: FloatArray) -> NDArray[np.bool_]:
     found = np.empty_like(hit)
     found[order] = hit
     return found
+
+
+def require_count(k: int, valid: int, drawn: str) -> None:
+    """Raise a ConfigurationError unless there are k valid samples or more among those drawn."""
+    if not 1 <= k <= valid:
+        expected = f"expected 1 to {valid}, got {k}" if valid else "empty free space"
+        raise ConfigurationError(f"k: {expected}: {valid} of {drawn} drawn are valid")
 
 
 def _partition(n: int, k: int, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -270,7 +278,7 @@ def _different(points: FloatArray) -> FloatArray:
 def _points(values: ArrayLike, name: str) -> FloatArray:
     points = np.asarray(values, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] < 1:
-        raise ConfigurationError(f"{name}: shape {points.shape} given, allowed: (n, d)")
+        raise ConfigurationError(f"{name}: expected shape (n, d), got {points.shape}")
     if not np.isfinite(points).all():
         raise ConfigurationError(f"{name}: hold a value that is not a finite number")
     return np.ascontiguousarray(points)
@@ -279,6 +287,6 @@ def _points(values: ArrayLike, name: str) -> FloatArray:
 def _corners(rectangle: Rectangle) -> tuple[FloatArray, FloatArray]:
     values = np.asarray(rectangle, dtype=np.float64)
     if values.shape != (4,) or not (np.isfinite(values).all() and (values[:2] < values[2:]).all()):
-        given = ", ".join(f"{v:g}" for v in values.ravel()[:8])
-        raise ConfigurationError(f"rectangle: {given} given, allowed: xmin, ymin, xmax, ymax with min < max")
+        got = ", ".join(f"{v:g}" for v in values.ravel()[:8])
+        raise ConfigurationError(f"rectangle: expected xmin, ymin, xmax, ymax with min < max, got {got}")
     return values[:2], values[2:]

@@ -1,4 +1,6 @@
-"""Centres that the robot cannot use, and what stands in for them: K-means knows no obstacles."""
+"""Centres that the robot cannot use, and what replaces them: K-means takes no account of obstacles."""
+
+# Tested by tests/landmarks/test_repair.py.
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ BATCH = 1000
 
 
 class Repair(NamedTuple):
-    """What K-means centres are worth to a robot, and valid configurations in their place.
+    """Which K-means centres a robot can use, and valid configurations in their place.
 
     Attributes:
         in_obstacle: shape (k,), whether the centre itself lies in an obstacle or out of bounds or boundary.
@@ -48,38 +50,39 @@ def repair_centres(checker: StateChecker, centres: ArrayLike, samples: ArrayLike
     Args:
         checker: decides what is valid.
         centres: shape (k, 2), metres.
-        samples: places that may stand in for them, shape (n, 2), metres.
+        samples: places that may replace them, shape (n, 2), metres.
 
     Raises:
         ConfigurationError: other shapes, or no sample at which the robot can stand though a centre needs one.
     """
     from scipy.spatial import cKDTree
 
-    places, stand_ins = _places(centres, "centres"), _places(samples, "samples")
+    places, replacements = _places(centres, "centres"), _places(samples, "samples")
     at_zero = np.ascontiguousarray(np.column_stack([places, np.zeros(len(places))]))
     speck = build_footprint(Robot.disc(SPECK))
     in_obstacle = np.asarray(states_free(checker.grid, checker.field, speck, at_zero) != FREE)
     q, valid = widest_headings(checker, places)
-    tree = cKDTree(stand_ins)
+    tree = cKDTree(replacements)
     for i in np.flatnonzero(~valid):
-        # The nearest few will mostly do.
-        for count in (16, 256, len(stand_ins)):
-            nearest = np.asarray(tree.query(places[i], np.arange(1, min(count, len(stand_ins)) + 1))[1])
-            found, standing = widest_headings(checker, stand_ins[nearest])
+        # Mostly one of the nearest few is suitable.
+        for count in (16, 256, len(replacements)):
+            nearest = np.asarray(tree.query(places[i], np.arange(1, min(count, len(replacements)) + 1))[1])
+            found, standing = widest_headings(checker, replacements[nearest])
             if standing.any():
                 q[i] = found[np.argmax(standing)]
                 break
         else:
             raise ConfigurationError(
-                f"samples: at none of {len(stand_ins)} can the robot ({checker.robot.describe()}) stand"
+                f"samples: expected one at which the robot ({checker.robot.describe()}) can stand, "
+                f"got {len(replacements)} at which it cannot"
             )
     return Repair(in_obstacle, ~valid, q)
 
 
 def widest_headings(checker: StateChecker, places: se2.FloatArray) -> tuple[se2.FloatArray, NDArray[np.bool_]]:
-    """Return for each place (n, 2) the configuration with most clearance, shape (n, 3), and whether it is valid, (n,).
+    """Return the configuration with the largest clearance at each place (n, 2), shape (n, 3), and whether it is valid.
 
-    HEADINGS headings are tried, for a disc only 0.
+    HEADINGS headings are tried; for a disc only 0.
     """
     count = 1 if isinstance(checker.robot.footprint, Disc) else HEADINGS
     headings = np.asarray(se2.wrap(2.0 * np.pi * np.arange(count) / count))
@@ -89,16 +92,16 @@ def widest_headings(checker: StateChecker, places: se2.FloatArray) -> tuple[se2.
         part = slice(begin, begin + BATCH)
         at = np.repeat(places[part], count, axis=0)
         q = np.column_stack([at, np.tile(headings, len(places[part]))])
-        room = np.where(checker.valid(q), checker.clearance(q, cap=cap), -1.0).reshape(-1, count)
-        widest = np.argmax(room, axis=1)
+        clearance = np.where(checker.valid(q), checker.clearance(q, cap=cap), -1.0).reshape(-1, count)
+        widest = np.argmax(clearance, axis=1)
         rows = np.arange(len(widest))
         best[part] = q.reshape(-1, count, 3)[rows, widest]
-        valid[part] = room[rows, widest] >= 0.0
+        valid[part] = clearance[rows, widest] >= 0.0
     return best, valid
 
 
 def _places(values: ArrayLike, name: str) -> se2.FloatArray:
     places = np.asarray(values, dtype=np.float64)
     if places.ndim != 2 or places.shape[1] != 2 or not len(places) or not np.isfinite(places).all():
-        raise ConfigurationError(f"{name}: shape {places.shape} given, allowed: (n, 2), n >= 1, finite numbers")
+        raise ConfigurationError(f"{name}: expected shape (n, 2), n >= 1, of finite numbers, got {places.shape}")
     return np.ascontiguousarray(places)

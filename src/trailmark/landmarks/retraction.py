@@ -1,9 +1,11 @@
-"""Retraction: configurations pushed away from the obstacles, towards the middle of the free space around them.
+"""Retraction: configurations moved away from the obstacles, towards the middle of the free space around them.
 
-In a passage hardly wider than the robot next to no random configuration is valid, but many are nearly so. Pushing
-them towards more clearance aligns them with the passage. After MAPRM (Wilmarth, Amato & Stiller, ICRA 1999), with
-the clearance field and the footprint's covering discs in place of exact penetration depths.
+In a passage hardly wider than the robot almost no random configuration is valid, but many are nearly valid. Moves
+towards more clearance align them with the passage. After MAPRM (Wilmarth, Amato & Stiller, ICRA 1999), with the
+clearance field and the footprint's covering discs instead of exact penetration depths.
 """
+
+# Tested by tests/landmarks/test_retraction.py.
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ from trailmark.heading import wrapped
 
 __all__ = ["retract_all"]
 
-LEASH = 1.5
+MAX_DISPLACEMENT = 1.5
 """How far a configuration may be moved along either axis, in units of ``reach``."""
 
 
@@ -30,11 +32,11 @@ def retract_all(
     """Return the configurations, valid or not, moved to places with more clearance; shape (n, 3).
 
     Args:
-        checker: gives the field and the footprint.
+        checker: its field and footprint.
         q: shape (n, 3).
-        reach: metres, size of the first steps; places move by at most LEASH times as much.
+        reach: metres, size of the first moves; the sum of all moves is at most MAX_DISPLACEMENT times as large.
         rng: source of randomness.
-        steps: moves tried for each.
+        steps: number of moves tried for each.
     """
     moves = rng.standard_normal((max(1, len(q)), steps, 3))
     turning = checker.footprint.sweep_radius
@@ -45,24 +47,24 @@ def retract_all(
 def _climb(
     field: ClearanceField, robot: Footprint, q: se2.FloatArray, moves: se2.FloatArray, reach: float, turning: float
 ) -> se2.FloatArray:
-    """Try random moves and keep those that gain clearance; steps grow with success and shrink without."""
+    """Try random moves and make those that increase the clearance; moves grow with success and shrink without."""
     for i in range(len(q)):
-        best = _room(field, robot, q[i, 0], q[i, 1], q[i, 2])
+        best = _field_clearance(field, robot, q[i, 0], q[i, 1], q[i, 2])
         scale = reach
         x0, y0 = q[i, 0], q[i, 1]
         for k in range(moves.shape[1]):
-            # As much room as its own size: a robot that can turn freely is in no passage.
+            # A robot that can turn freely is in no passage.
             if best > robot.circumradius:
                 break
             x, y = q[i, 0] + scale * moves[i, k, 0], q[i, 1] + scale * moves[i, k, 1]
-            # Farther off it would leave the passage for the open.
-            if abs(x - x0) > LEASH * reach or abs(y - y0) > LEASH * reach:
+            # A larger displacement could leave the passage.
+            if abs(x - x0) > MAX_DISPLACEMENT * reach or abs(y - y0) > MAX_DISPLACEMENT * reach:
                 scale *= 0.85
                 continue
             theta = q[i, 2]
             if turning > 0.0:
                 theta += scale / turning * moves[i, k, 2]
-            value = _room(field, robot, x, y, theta)
+            value = _field_clearance(field, robot, x, y, theta)
             if value > best:
                 best = value
                 q[i, 0], q[i, 1] = x, y
@@ -74,7 +76,7 @@ def _climb(
 
 
 @njit(cache=True)
-def _room(field: ClearanceField, robot: Footprint, x: float, y: float, theta: float) -> float:
+def _field_clearance(field: ClearanceField, robot: Footprint, x: float, y: float, theta: float) -> float:
     """Return the least of the covering discs' clearances by the field, interpolated; negative in an obstacle."""
     c, s = cos(theta), sin(theta)
     least = np.inf

@@ -1,4 +1,6 @@
-"""Configurations drawn over a world: uniform or Halton, valid ones only, and where the robot can get."""
+"""Configurations drawn over a world: uniform or Halton, all or only those that are valid and within reach."""
+
+# Tested by tests/landmarks/test_sampling.py.
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError, did_you_mean
+from trailmark.errors import ConfigurationError, expected_name
 from trailmark.landmarks.relaxation import Relaxation
 from trailmark.shapes import Disc
 
@@ -71,16 +73,16 @@ def free_samples(
 ) -> se2.FloatArray:
     """Return up to n valid configurations, shape (m, 3), m <= n.
 
-    A disc robot's headings are all 0, unless it is a car: it looks the same at every heading.
+    A disc robot's headings are all 0, unless it is a car.
 
     Args:
         checker: decides what is valid.
         n: how many are wanted, >= 0.
         method: see :func:`draw`.
-        reachable_from: shape (3,): leave out what obstacles wholly enclose, seen from this configuration (on the
-            relaxation's grid: what is left out is proven out of reach).
+        reachable_from: shape (3,): leave out what obstacles separate from this configuration (on the relaxation's
+            grid: all that is left out is proven to be out of reach).
         random_state: seed or generator.
-        max_draws: configurations drawn at most, by default 50 n; fewer than n come back when that is not enough.
+        max_draws: maximum number of configurations drawn, by default 50 n; fewer than n are returned if it is reached.
 
     Raises:
         ConfigurationError: an unknown method or a negative n.
@@ -108,6 +110,6 @@ def free_samples(
 
 def _check(n: int, method: str) -> None:
     if method not in METHODS:
-        raise ConfigurationError(f"method: {method!r} given; {did_you_mean(str(method), METHODS)}")
+        raise ConfigurationError(f"method: {expected_name(str(method), METHODS)}")
     if n < 0:
-        raise ConfigurationError(f"n: {n} given, allowed: 0 or more")
+        raise ConfigurationError(f"n: expected 0 or more, got {n}")

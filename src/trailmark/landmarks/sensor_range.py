@@ -1,4 +1,6 @@
-"""How many landmarks does a sensor need, so that wherever the robot is, one of them is likely within its range?"""
+"""How many landmarks a sensor needs so that, wherever the robot is, one of them is likely to be within range."""
+
+# Tested by tests/landmarks/test_sensor_range.py.
 
 from __future__ import annotations
 
@@ -19,20 +21,20 @@ from trailmark.world import Robot
 __all__ = ["MAX_LANDMARKS", "distances_to_landmarks", "landmarks_for_area", "landmarks_for_range"]
 
 MAX_LANDMARKS = 10_000
-"""Most landmarks that are looked for: clustering more takes longer than anybody waits."""
+"""Maximum number of landmarks: clustering more takes minutes."""
 
 MAX_PROBABILITY = 0.9999
-"""Higher ones would take millions of places to tell from one another."""
+"""A higher probability could only be measured with millions of places."""
 
 SAMPLES, SAMPLES_PER_LANDMARK = 1000, 10
-"""Samples that are clustered if the caller does not say how many: n as published, or so many for each landmark."""
+"""Samples that are clustered by default: n as published, or so many for each landmark if that is more."""
 
 STEPS = 20
-"""Steps of K-means in a trial. Iterating on would spread the landmarks a little better: the count errs upwards."""
+"""Steps of K-means in a trial. More would spread the landmarks a little better: the count may be slightly too large."""
 
 TRIALS, FEW_TRIALS, MANY = 8, 3, 500
-"""Clusterings, each with its own samples and places, that a count must convince in: few ones where landmarks are MANY,
-whose share varies from clustering to clustering by less than by the choice of places."""
+"""Clusterings, each with samples and places of its own, that a count is tried with; fewer from MANY landmarks on, where
+the share varies less between clusterings than with the choice of places."""
 
 PLACES = 8_000
 """Places at which the range is tested in all trials together; more where the probability is close to 1."""
@@ -44,10 +46,10 @@ GROWTH = 1.5
 """Largest factor between a count that was too small and the next."""
 
 SPECK = 1e-6
-"""Radius (metres) of the disc that stands for a line of sight: what it passes closer by, it does not see past."""
+"""Radius (metres) of the disc in place of a line of sight: closer obstacles hide what lies behind them."""
 
 VISIBLE = 8
-"""Nearest landmarks that are looked for along a line of sight."""
+"""Nearest landmarks that are tried along a line of sight."""
 
 
 def landmarks_for_area(area: float, sensor_range: float, probability: float = 0.95) -> int:
@@ -83,11 +85,11 @@ def landmarks_for_area(area: float, sensor_range: float, probability: float = 0.
     """
     _check(sensor_range, probability)
     if not (isfinite(area) and area > 0.0):
-        raise ConfigurationError(f"area: {area} m² given, allowed: a finite number above 0")
+        raise ConfigurationError(f"area: expected a finite number of m² above 0, got {area}")
     # The quotient of lengths first: it may be too large for a float, its square even more so.
     lengths = sqrt(area) * _hexagon_quantile(probability) / sensor_range
     if lengths > 1e100:
-        raise ConfigurationError(f"sensor range: {sensor_range:g} m given, too small for {area:g} m²")
+        raise ConfigurationError(f"sensor range: expected a larger one for {area:g} m², got {sensor_range:g} m")
     return max(1, ceil(lengths**2))
 
 
@@ -136,9 +138,9 @@ def landmarks_for_range(
     """
     _check(sensor_range, probability)
     if probability > MAX_PROBABILITY:
-        raise ConfigurationError(f"probability: {probability} given, allowed: above 0 and at most {MAX_PROBABILITY}")
+        raise ConfigurationError(f"probability: expected above 0 and at most {MAX_PROBABILITY}, got {probability}")
     if samples is not None and samples < 1:
-        raise ConfigurationError(f"samples: {samples} given, allowed: 1 or more")
+        raise ConfigurationError(f"samples: expected 1 or more, got {samples}")
     trials = _Trials(
         checker,
         probability,
@@ -158,8 +160,8 @@ def landmarks_for_range(
         too_few, k = k, max(k + 1, ceil(k * min(max(excess, 1.01), GROWTH)))
     what = "samples" if limit == samples else "landmarks, the limit,"
     raise ConfigurationError(
-        f"sensor range: {sensor_range:g} m given, too small for world {checker.world.name!r}: {limit} {what} do not "
-        f"bring a place within range of one with probability {probability:g}"
+        f"sensor range: expected a larger one for world {checker.world.name!r}, where {limit} {what} do not bring a "
+        f"place within range of one with probability {probability:g}, got {sensor_range:g} m"
     )
 
 
@@ -191,7 +193,7 @@ def distances_to_landmarks(
     from scipy.spatial import cKDTree
 
     if len(landmarks) == 0:
-        raise ConfigurationError("landmarks: none given, allowed: 1 or more")
+        raise ConfigurationError("landmarks: expected 1 or more, got none")
     count = min(VISIBLE if line_of_sight else 1, len(landmarks))
     found = cKDTree(landmarks[:, :2]).query(places[:, :2], np.arange(1, count + 1))
     gaps, nearest = np.asarray(found[0], dtype=np.float64), np.asarray(found[1])
@@ -229,11 +231,11 @@ class _Trials:
         name = f"world {checker.world.name!r}"
         if len(self.places) == 0:
             raise ConfigurationError(f"{name}: no free place for the robot was found")
-        # By so much a share must exceed the probability, whatever the clusterings.
+        # The share's error if the clusterings did not vary.
         self.least_error = sqrt(probability * (1.0 - probability) / len(self.places))
         if probability + SIGMA * self.least_error >= 1.0:
             raise ConfigurationError(
-                f"{name}: {len(self.places)} free places were found, too few to tell a probability of {probability:g}"
+                f"{name}: expected more free places for a probability of {probability:g}, found {len(self.places)}"
             )
 
     def area(self) -> float:
@@ -256,7 +258,7 @@ class _Trials:
             distances.append(found)
             shares.append(float((found <= sensor_range).mean()))
             if len(shares) == 1 and shares[0] < self.probability - 10.0 * self.least_error:
-                break  # far off: the other trials would only say the same
+                break  # far off: the other trials would give the same answer
         error = self.least_error
         if len(shares) == trials:
             error = max(error, float(np.std(shares, ddof=1)) / sqrt(trials))
@@ -265,7 +267,7 @@ class _Trials:
         return len(shares) == trials and float(np.mean(shares)) >= wanted, needed / sensor_range
 
     def _draw(self, n: int, max_draws: int | None = None) -> se2.FloatArray:
-        # Even few samples may take many draws where free space is tight.
+        # Even a few samples may take many draws where free space is tight.
         draws = 50 * max(n, PLACES) if max_draws is None else max_draws
         return free_samples(self.checker, n, reachable_from=self.reachable_from, random_state=self.rng, max_draws=draws)
 
@@ -291,6 +293,6 @@ def _hexagon_quantile(probability: float) -> float:
 
 def _check(sensor_range: float, probability: float) -> None:
     if not (isfinite(sensor_range) and sensor_range > 0.0):
-        raise ConfigurationError(f"sensor range: {sensor_range} m given, allowed: a finite number above 0")
+        raise ConfigurationError(f"sensor range: expected a finite number of metres above 0, got {sensor_range}")
     if not 0.0 < probability < 1.0:
-        raise ConfigurationError(f"probability: {probability} given, allowed: above 0 and below 1")
+        raise ConfigurationError(f"probability: expected above 0 and below 1, got {probability}")

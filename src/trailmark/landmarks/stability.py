@@ -1,4 +1,6 @@
-"""How much landmarks move from one run to the next: centres matched between runs, and their distances."""
+"""How much landmarks differ from one run to the next: centres matched between runs, and their distances."""
+
+# Tested by tests/landmarks/test_stability.py.
 
 from __future__ import annotations
 
@@ -36,7 +38,7 @@ def matched_distances(a: ArrayLike, b: ArrayLike) -> FloatArray:
     """Return the distances (metres) between the centres of two runs, matched one to one.
 
     The matching is the one with the least sum of squared distances (Hungarian method, Kuhn 1955; scipy). Where one
-    run has fewer centres, those of the other that are left over count for nothing.
+    run has fewer centres, those of the other that are not matched are left out.
 
     Args:
         a: shape (k, d).
@@ -52,7 +54,7 @@ def matched_distances(a: ArrayLike, b: ArrayLike) -> FloatArray:
 
     p, q = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     if p.ndim != 2 or q.ndim != 2 or p.shape[1] != q.shape[1] or not (len(p) and len(q)):
-        raise ConfigurationError(f"centres: shapes {p.shape} and {q.shape} given, allowed: (k, d) and (l, d)")
+        raise ConfigurationError(f"centres: expected shapes (k, d) and (l, d), got {p.shape} and {q.shape}")
     if not (np.isfinite(p).all() and np.isfinite(q).all()):
         raise ConfigurationError("centres: hold a value that is not a finite number")
     squared = np.sum((p[:, None] - q[None]) ** 2, axis=2)
@@ -63,13 +65,13 @@ def spread_of_runs(centres: Sequence[ArrayLike]) -> Spread:
     """Return how far matched centres lie apart, for every pair of runs.
 
     Args:
-        centres: one array (k, d) a run, metres.
+        centres: one array (k, d) for each run, metres.
 
     Raises:
         ConfigurationError: no run, or arrays that :func:`matched_distances` refuses.
     """
     if not centres:
-        raise ConfigurationError("spread of runs: 0 runs given, allowed: 1 or more")
+        raise ConfigurationError("spread of runs: expected 1 run or more, got none")
     pairs = list(combinations(range(len(centres)), 2))
     rms = np.array([np.sqrt(np.mean(matched_distances(centres[i], centres[j]) ** 2)) for i, j in pairs])
     mean, worst = (float(rms.mean()), float(rms.max())) if pairs else (0.0, 0.0)

@@ -41,7 +41,7 @@ def test_what_contradicts_a_path() -> None:
 def test_the_grid_is_proven_where_it_separates(robot: Robot, fineness: int) -> None:
     for world, shut in ((SHUT, True), (WALL, False)):
         relaxation = Relaxation(StateChecker(world, robot), fineness)
-        to_goal = relaxation.costs_from(ENDS[1], until=ENDS[0])
+        to_goal = relaxation.costs_from(ENDS[1], target=ENDS[0])
         assert grid_separates(relaxation, to_goal, *ENDS) == shut
 
 
@@ -50,13 +50,13 @@ def test_shipped_and_large_cells_are_proven() -> None:
     query = world.queries[0]
     relaxation = Relaxation(StateChecker(world, world.robot))
     ends = np.array([query.start, query.goal])
-    assert grid_separates(relaxation, relaxation.costs_from(ends[1], until=ends[0]), *ends)
+    assert grid_separates(relaxation, relaxation.costs_from(ends[1], target=ends[0]), *ends)
     # Cells larger than the robot: those inside the wall are covered by it.
     wide = World("wide", (0.0, 0.0, 60.0, 60.0), (Rectangle((30.0, 30.0), 2.0, 60.0),))
     ends = np.array([[5.0, 5.0, 0.0], [55.0, 5.0, 0.0]])
     relaxation = Relaxation(StateChecker(wide, Robot.disc(0.15)))
     assert relaxation.size > 0.2
-    to_goal = relaxation.costs_from(ends[1], until=ends[0])
+    to_goal = relaxation.costs_from(ends[1], target=ends[0])
     assert np.isinf(to_goal.cost[:, : relaxation.columns // 2 - 1]).all()
     assert grid_separates(relaxation, to_goal, *ends)
 
