@@ -260,11 +260,11 @@ def test_bounds_of_numbers() -> None:
 
 def test_a_checker_for_something_else_is_refused() -> None:
     other = StateChecker(WORLD, Robot.disc(0.1))
-    with pytest.raises(ConfigurationError, match=r"checker: for another robot \(disc 0\.1 m\) given, allowed: for"):
+    with pytest.raises(ConfigurationError, match=r"checker: expected one for robot .*, got one for disc 0\.1 m"):
         LandmarkPlanner(WORLD, WORLD.robot, checker=other, warm=False)
     assert LandmarkPlanner(WORLD, checker=other, warm=False).robot == Robot.disc(0.1)
     empty = World("empty", WORLD.bounds)
-    with pytest.raises(ConfigurationError, match=r"checker: of another world \('room'\) given"):
+    with pytest.raises(ConfigurationError, match=r"checker: expected one for world 'empty' as it is, .* \('room'\)"):
         LandmarkPlanner(empty, Robot.disc(0.1), checker=other, warm=False)
     alike = World("room", WORLD.bounds, WORLD.obstacles)  # the same, but for the robot that it names
     assert LandmarkPlanner(alike, Robot.disc(0.1), checker=other, warm=False).checker is other

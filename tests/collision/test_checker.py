@@ -190,7 +190,7 @@ Q = np.zeros((2, 3))
         (lambda c: c.motions_valid(Q, Q[:1]), "expected as many ends as starts, got 2 and 1"),
         (lambda c: c.motions_valid(Q, [[1, 2]]), "shape (3,) or (n, 3) for x, y, theta, got (1, 2)"),
         (lambda c: c.motion_valid((0, 0), (1, 1, 1)), "motion: start: expected shape (3,) or (n, 3) for x, y,"),
-        (lambda c: c.motion_valid((0, 0, 0), Q), "motion: shapes (3,) and (2, 3) given, allowed: (3,)"),
+        (lambda c: c.motion_valid((0, 0, 0), Q), "motion: expected shapes (3,), got (3,) and (2, 3)"),
         (lambda c: c.motion_valid((0, 0, 0), (0, 0, math.nan)), "motion: end:"),
     ],
 )
@@ -207,7 +207,7 @@ def test_a_checker_needs_a_robot_and_known_options() -> None:
     with pytest.raises(WorldError, match="names no robot"):
         StateChecker(world)
     assert StateChecker(world.with_robot(Robot.disc(0.5))).robot == Robot.disc(0.5)
-    with pytest.raises(WorldError, match="exact: 'gjk' given, allowed: 'kernel', 'fcl'"):
+    with pytest.raises(WorldError, match="exact: expected 'kernel' or 'fcl', got 'gjk'"):
         StateChecker(world, Robot.disc(1), exact="gjk")  # type: ignore[arg-type]  # that is what is tested
     for cell in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(WorldError, match="cell: "):

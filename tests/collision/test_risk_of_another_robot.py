@@ -23,7 +23,7 @@ def grown(robot: Robot, pose: np.ndarray | None = POSE) -> World:
 def test_a_robot_that_reaches_farther_is_refused(first: Robot) -> None:
     world = grown(first)
     for given in (world, world.with_robot(LONG)):
-        with pytest.raises(WorldError, match=r"grown for a robot that reaches .*, and robot rectangle 4 x 0.5 m"):
+        with pytest.raises(WorldError, match=r"grown for a robot that reaches .*, got robot rectangle 4 x 0.5 m"):
             StateChecker(given, LONG)
     again = regrow(world.with_robot(LONG), 0.95)
     assert StateChecker(again).robot == LONG

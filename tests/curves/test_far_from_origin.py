@@ -92,7 +92,7 @@ def test_rounding_makes_no_curve_longer(origin: tuple[float, float], radius: flo
     ends = steering.states(a, b, curve.lengths[:, None])[:, 0]
     assert np.abs((ends - b)[:, :2]).max() < 1e-9 * radius + 2.0 * rounding(origin)
     assert np.abs(se2.difference(ends, b)[:, 2]).max() < 1e-9
-    assert reverse or (curve.ways >= 0.0).all()
+    assert reverse or (curve.signed_lengths >= 0.0).all()
     for p, q, length, sides in made[:60]:
         path = CurvePath(np.array([p, q]), steering)
         assert path.length < length + 1e-6 * radius + 10.0 * rounding(origin)

@@ -78,7 +78,7 @@ def test_driving_back() -> None:
     assert back.length == pytest.approx(path.length, abs=1e-12)
     assert np.abs(se2.difference(back.at(0.3), path.at(0.7))).max() < 1e-9
     assert back.reversed() == path
-    with pytest.raises(ConfigurationError, match="forwards only"):
+    with pytest.raises(ConfigurationError, match="expected the path of a car that reverses"):
         made(reverse=False).reversed()
 
 

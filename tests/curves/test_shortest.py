@@ -121,14 +121,14 @@ def test_curves_end_at_the_goal_and_are_no_shorter_than_the_straight_line(radius
     assert np.abs(se2.difference(ends[:, 1], b)[:, 2]).max() < 1e-8
     assert (curves.lengths - np.hypot(*(b - a)[:, :2].T) > -1e-9).all()
     assert (curves.lengths - radius * np.abs(se2.difference(a, b)[:, 2]) > -1e-9).all()
-    assert reverse or (curves.ways >= 0.0).all()
+    assert reverse or (curves.signed_lengths >= 0.0).all()
 
 
 def test_a_car_that_reverses_drives_back_on_the_same_curve() -> None:
     a, b = pairs(1.0)
     steering = Steering(1.0)
     there, back = steering.curves(a, b), steering.curves(b, a)
-    assert np.array_equal(there.ways, -back.ways[:, ::-1])
+    assert np.array_equal(there.signed_lengths, -back.signed_lengths[:, ::-1])
     assert np.array_equal(there.sides, back.sides[:, ::-1])
     assert (Steering(1.0, reverse=False).lengths(a, b) - there.lengths > -1e-9).all()
 

@@ -37,7 +37,7 @@ def test_curves_say_what_they_are_made_of() -> None:
     curves = Steering(1.0).curves([A, A, A], [(5, 0, 0), (1, 1, math.pi / 2), (-1, -1, math.pi / 2)])
     assert curves.names() == ["S+", "L+", "R-"]
     assert curves.lengths == pytest.approx([5.0, math.pi / 2, math.pi / 2])
-    assert curves.sides.shape == curves.ways.shape == (3, 5)
+    assert curves.sides.shape == curves.signed_lengths.shape == (3, 5)
 
 
 def test_a_robots_steering() -> None:
@@ -55,7 +55,7 @@ def test_a_radius_that_is_none(radius: float) -> None:
 
 
 def test_other_shapes_are_refused() -> None:
-    with pytest.raises(ConfigurationError, match="2 starts and 3 ends given"):
+    with pytest.raises(ConfigurationError, match="expected as many ends as starts, got 2 starts and 3 ends"):
         Steering(1.0).lengths([A] * 2, [B] * 3)
     with pytest.raises(ConfigurationError, match=r"curve: start: expected shape \(3,\) or \(n, 3\) for x, y, theta,"):
         Steering(1.0).lengths((1.0, 2.0), B)

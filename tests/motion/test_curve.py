@@ -150,7 +150,7 @@ def test_the_robots_own_steering_and_bad_input() -> None:
     world = World("w", (0, 0, 20, 20))
     car = Robot(Robot.rectangle(2, 1).footprint, turning_radius=3.0, reverse=False)
     assert CurveMotion(StateChecker(world, car)).steering == Steering(3.0, reverse=False)
-    with pytest.raises(ConfigurationError, match="without turning radius"):
+    with pytest.raises(ConfigurationError, match="expected steering, or a robot with a turning radius, got neither"):
         CurveMotion(StateChecker(world, Robot.disc(1)))
     motions = CurveMotion(StateChecker(world, car))
     with pytest.raises(ConfigurationError, match="expected as many ends as starts, got 2 and 1"):

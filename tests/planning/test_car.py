@@ -216,7 +216,7 @@ def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
         path = answered[i].path
         assert isinstance(path, CurvePath)
         assert np.array_equal(path.knots[[0, -1]], ends[i])
-        assert (path.curves.ways >= 0.0).all() or reverse
+        assert (path.curves.signed_lengths >= 0.0).all() or reverse
         assert not judge.collides(path.resample(0.02).states).any()
         assert (answered[i].lower_bound or 0.0) <= path.cost + 1e-9
     # Once more, by threads: what the roadmap answers changes nothing in it, and is answered alike.

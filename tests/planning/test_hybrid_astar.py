@@ -64,7 +64,7 @@ def test_every_configuration_hangs_on_another_by_a_free_curve(reverse: bool, int
             assert steps <= len(nodes)
     # On one side at a time: pieces are not longer than a quarter of a circle.
     curves = motions.steering.curves(a, b)
-    turned = np.where(curves.sides != 0, np.abs(curves.ways), 0.0)
+    turned = np.where(curves.sides != 0, np.abs(curves.signed_lengths), 0.0)
     assert (turned.max(axis=1) <= 0.5 * np.pi * 4.0 + 0.4 + 1e-6).all()
 
 

@@ -180,7 +180,7 @@ def test_a_route_graph_holds_no_curves(tmp_path: Path) -> None:
 
 
 def test_bad_input() -> None:
-    with pytest.raises(ConfigurationError, match="without turning radius"):
+    with pytest.raises(ConfigurationError, match="expected steering, or a robot with a turning radius, got neither"):
         CurveMotion(StateChecker(WORLD, Robot.disc(1.0)))
     roadmap = Roadmap(StateChecker(WORLD, Robot.disc(1.0).steered(2.0)))
     assert len(roadmap.add(np.empty((0, 3)))) == 0

@@ -1,8 +1,8 @@
-"""Certified motions: one bisection for straight motions and for a car's curves. Nothing is sampled, nothing missed.
+"""Certified motions: one bisection for straight motions and for a car's curves. No collision is missed by sampling.
 
-A track leads from one configuration to another; on its scale, in metres, no point of the robot moves by more than the
-scale does. A configuration with clearance d therefore certifies the track for d on either side of itself. The track is
-covered from its middle outwards, and accepted only once it is covered whole.
+A track leads from one configuration to another. It has a scale, in metres, such that no point of the robot moves
+farther than the place on the scale does. A configuration with clearance d therefore certifies the track for d on either
+side of itself. The track is covered from its middle outwards, and certified only if it is covered completely.
 
 On a straight motion no point moves by more than ‖Δxy‖ + R·|Δθ| (R: the largest distance of the outline from the
 reference point). Over an arc of length Δs the robot turns by Δs/ρ about a centre that no point of it is farther from
@@ -51,16 +51,16 @@ __all__ = [
 ]
 
 CONTACT = 1e-6
-"""Metres: a motion that comes closer than this to an obstacle is not certified, but for its ends."""
+"""Metres: a motion that comes closer than this to an obstacle is not certified, except near its ends."""
 
 END_SHARE = 1e-4
-"""Share of the robot's inscribed radius that an end's gap may have at most: to tiny robots a micrometre is much."""
+"""Maximum length of an end's gap as a share of the robot's inscribed radius: for tiny robots a micrometre is much."""
 
 END_ZONE = 1e-3
 """Metres from either end of a motion in which it may come closer than CONTACT, as one that starts in contact does."""
 
 BUDGET = 20_000
-"""Configurations evaluated for one motion at most; a motion that needs more is not certified."""
+"""Maximum number of configurations evaluated for one motion; a motion that needs more is not certified."""
 
 
 class StraightTrack(NamedTuple):
@@ -89,11 +89,11 @@ class CurveTrack(NamedTuple):
     """A car's curve: arcs and straight pieces.
 
     Attributes:
-        pieces: (5, 6): where a piece begins (x, y, heading), its side (1 left, 0 straight, -1 right), the way
-            driven on it (metres, negative backwards), and where on the scale it begins (metres).
-        used: how many of them there are.
+        pieces: (5, 6): where a piece begins (x, y, heading), its side (1 left, 0 straight, -1 right), its length
+            (metres, negative backwards), and where on the scale it begins (metres).
+        used: number of pieces.
         radius: turning radius, metres.
-        turning: R/ρ: metres that the outline moves at most for each metre driven on an arc, besides that metre.
+        turning: R/ρ: metres by which the outline moves farther than the reference point, for each metre of an arc.
         bound: length of the scale, metres.
     """
 
@@ -122,25 +122,25 @@ def _curve_pose(track: CurveTrack, along: float) -> tuple[float, float, float]:
     k = track.used - 1
     while track.pieces[k, 5] > along:
         k -= 1
-    x, y, theta, side, way, begin = track.pieces[k]
+    x, y, theta, side, length, begin = track.pieces[k]
     part = (along - begin) / (1.0 + fabs(side) * track.turning)
-    found: tuple[float, float, float] = drive(x, y, theta, side, part if way > 0.0 else -part, track.radius)
+    found: tuple[float, float, float] = drive(x, y, theta, side, part if length > 0.0 else -part, track.radius)
     return found
 
 
 @njit(cache=True, inline="always")
 def end_gap(robot: Footprint) -> float:
-    """Return how long (metres of movement) a gap at an end of a motion may be that counts as free."""
+    """Return the maximum length (metres of movement) of a gap at an end of a motion that counts as free."""
     return min(CONTACT, END_SHARE * float(robot.inner[0, 2]))
 
 
 @njit(cache=True)
 def new_queue() -> FloatArray:
-    """Return room for the gaps of one motion, shape (128, 2): the newest-first rule never needs more."""
+    """Return memory for the gaps of one motion, shape (128, 2): the newest-first rule never needs more."""
     return np.empty((128, 2))
 
 
-# As a call of its own it would take a tenth longer: it has some two hundred words of arguments.
+# Not inlined, it would take a tenth longer: it has some two hundred words of arguments.
 @njit(cache=True, inline="always")
 def certify(
     grid: ObstacleGrid,
@@ -154,19 +154,19 @@ def certify(
 ) -> int:
     """Return FREE if a track is certified, BLOCKED if it is not, UNDECIDED if the field alone cannot tell.
 
-    Both ends must be valid. A robot may start and stop in contact with an obstacle: what is left open at an end
-    counts as free once it is no longer than :func:`end_gap`. All of it lies within half of that of the valid end or of
-    what is certified already.
+    Both ends must be valid. A robot may start and stop in contact with an obstacle: a gap at an end counts as free if
+    it is no longer than :func:`end_gap`, since no place in it is farther than half of that from the valid end or from
+    what is certified.
 
     Args:
         grid: the obstacles.
         field: their clearance field.
         robot: the footprint.
-        placed: room (:func:`trailmark.collision.kernels.workspace`).
-        queue: room (:func:`new_queue`).
-        track: where the motion leads.
-        exact: False asks the field alone.
-        budget: configurations evaluated at most.
+        placed: memory (:func:`trailmark.collision.kernels.workspace`).
+        queue: memory (:func:`new_queue`).
+        track: of the motion.
+        exact: False uses the field alone.
+        budget: maximum number of configurations evaluated.
     """
     bound = track.bound
     if bound == 0.0:
@@ -178,8 +178,8 @@ def certify(
     for _ in range(budget):
         if count == 0:
             return answer
-        # Widest gaps first, which finds collisions soon; newest first once half of the queue is in use, which
-        # then grows by one gap for each halving only.
+        # Widest gaps first, which finds collisions early; newest first once half of the queue is in use, so that it
+        # grows by only one gap for each halving.
         count -= 1
         if 2 * count < capacity:
             low, high = queue[first, 0], queue[first, 1]
@@ -210,7 +210,7 @@ def certify(
                 if d < need and d < CONTACT and (d <= ROUNDING or not near_end):
                     return BLOCKED
         if d < need:
-            # A gap that finds no place must not be lost: give up.
+            # Without space for both gaps the motion is not certified.
             if count + 2 > capacity:
                 break
             reach = d - ROUNDING
@@ -234,7 +234,7 @@ def motion(
     exact: bool,
     budget: int = BUDGET,
 ) -> int:
-    """Return what :func:`certify` does of the straight motion from a to b, each of shape (3,)."""
+    """Return what :func:`certify` returns for the straight motion from a to b, each of shape (3,)."""
     dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
     bound = hypot(dx, dy) + robot.sweep_radius * fabs(dtheta)
     rate = 1.0 / bound if bound > 0.0 else 0.0
@@ -254,18 +254,18 @@ def curve_motion(
     radius: float,
     budget: int = BUDGET,
 ) -> int:
-    """Return what :func:`certify` does of driving a word, shape (2, 5), from a."""
+    """Return what :func:`certify` returns for the curve of a word, shape (2, 5), from a."""
     pieces = np.empty((PIECES, 6))
     used, bound, turning = 0, 0.0, robot.sweep_radius / radius
     x, y, theta = a[0], a[1], a[2]
     for k in range(PIECES):
-        side, way = word[1, k], word[0, k] * radius
-        if way == 0.0:
+        side, length = word[1, k], word[0, k] * radius
+        if length == 0.0:
             continue
         pieces[used, 0], pieces[used, 1], pieces[used, 2] = x, y, theta
-        pieces[used, 3], pieces[used, 4], pieces[used, 5] = side, way, bound
-        bound += fabs(way) * (1.0 + fabs(side) * turning)
-        x, y, theta = drive(x, y, theta, side, way, radius)
+        pieces[used, 3], pieces[used, 4], pieces[used, 5] = side, length, bound
+        bound += fabs(length) * (1.0 + fabs(side) * turning)
+        x, y, theta = drive(x, y, theta, side, length, radius)
         used += 1
     track = CurveTrack(pieces, used, radius, turning, bound)
     return int(certify(grid, field, robot, placed, queue, track, True, budget))
@@ -283,7 +283,7 @@ def motions_certified(
         robot: the footprint.
         a: starts, shape (n, 3), valid.
         b: ends, shape (n, 3), valid.
-        exact: False asks the field alone.
+        exact: False uses the field alone.
 
     Returns:
         uint8, shape (n,).

@@ -1,9 +1,12 @@
-"""StateChecker: is a configuration valid, how far is it from the obstacles, is a motion free of collision?"""
+"""StateChecker: whether configurations are valid, their clearance, and whether motions are free of collision."""
+
+# Tested by tests/collision/test_checker.py, test_motions.py and test_contact.py.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import cos, sin
-from typing import Any, Literal
+from typing import Any, Literal, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,19 +30,19 @@ class StateChecker:
 
     A configuration is valid if the robot overlaps no obstacle by more than 1e-7 m and reaches over ``bounds``
     and ``boundary`` by no more than that, sharp tips included: touching is allowed. A motion is certified if no
-    configuration along it collides; nothing is sampled, so nothing is missed (:mod:`trailmark.collision.certify`
-    says how). A motion that comes within 1e-6 m of an obstacle more than 1 mm from its ends is not certified, nor
-    is one that needs more than 20,000 distances (40 m at 1 mm from a wall); its first and last 1e-6 m (1e-4 of the
-    inscribed radius of a robot of less than 2 cm) count as free, as its ends are.
+    configuration along it collides; nothing is sampled, so that no collision is missed
+    (:mod:`trailmark.collision.certify`). A motion that comes within 1e-6 m of an obstacle more than 1 mm from its ends
+    is not certified, nor is one that needs more than 20,000 distances (40 m at 1 mm from a wall); its first and last
+    1e-6 m (1e-4 of the inscribed radius of a robot of less than 2 cm) count as free, as its ends are.
 
-    The clearance field decides what it can prove, exact distances in compiled code most of the rest, and FCL
-    what lies within 3e-7 m of touching. With ``exact="fcl"`` FCL decides all that the field leaves open; it
-    gives the same answers, slower, and serves as the reference.
+    The clearance field decides what it can prove, exact distances in compiled code decide most of the rest, and FCL
+    decides what lies within 3e-7 m of touching. With ``exact="fcl"``, FCL decides all that the field leaves open: the
+    same answers, more slowly, as a reference.
 
     Args:
         world: obstacles, bounds, boundary.
         robot: footprint; the world's own robot if None.
-        exact: what decides where the field cannot.
+        exact: which of the two decides where the field cannot.
         cell: edge of the field's cells in metres; by default a tenth of the robot's inscribed diameter, larger
             where that would take more than 2^18 cells (2^20 where cells would be larger than the robot).
 
@@ -62,15 +65,15 @@ class StateChecker:
         )
         chosen = robot or world.robot
         if chosen is None:
-            raise WorldError(f"world {world.name!r} names no robot, give one (such as disc:0.2)")
+            raise WorldError(f"world {world.name!r} names no robot: expected one, such as disc:0.2, got none")
         if world.risk is not None and not world.risk.covers(chosen):
             raise WorldError(
-                f"world {world.name!r}: grown for a robot that reaches {world.risk.reach:g} m, and robot "
-                f"{chosen.describe()} given, allowed: one that reaches no farther, or "
-                "trailmark.estimation.regrow(world.with_robot(robot), confidence)"
+                f"world {world.name!r}: grown for a robot that reaches {world.risk.reach:g} m: expected one that "
+                "reaches no farther, or trailmark.estimation.regrow(world.with_robot(robot), confidence), got robot "
+                f"{chosen.describe()}"
             )
         if not isinstance(exact, str) or exact not in ("kernel", "fcl"):
-            raise WorldError(f"exact: {brief(exact)} given, allowed: 'kernel', 'fcl'")
+            raise WorldError(f"exact: expected 'kernel' or 'fcl', got {brief(exact)}")
         if cell is not None:
             cell = number(cell, "cell:", above=0.0, unit="m", error=WorldError)
         self.world = world
@@ -89,6 +92,15 @@ class StateChecker:
             self._scene = FclScene(self.world, self.robot)
         return self._scene
 
+    @overload
+    def valid(self, q: tuple[float, float, float]) -> bool: ...
+
+    @overload
+    def valid(self, q: Sequence[Sequence[float]]) -> NDArray[np.bool_]: ...
+
+    @overload
+    def valid(self, q: ArrayLike) -> Any: ...
+
     def valid(self, q: ArrayLike) -> Any:
         """Return whether configurations are valid.
 
@@ -105,12 +117,21 @@ class StateChecker:
         free = self._states_free(np.atleast_2d(states))
         return free if states.ndim == 2 else bool(free[0])
 
+    @overload
+    def clearance(self, q: tuple[float, float, float], *, cap: float = np.inf) -> float: ...
+
+    @overload
+    def clearance(self, q: Sequence[Sequence[float]], *, cap: float = np.inf) -> se2.FloatArray: ...
+
+    @overload
+    def clearance(self, q: ArrayLike, *, cap: float = np.inf) -> Any: ...
+
     def clearance(self, q: ArrayLike, *, cap: float = np.inf) -> Any:
         """Return the distance (metres) from the robot to the nearest obstacle or bound; 0 on contact or overlap.
 
         Args:
             q: shape (3,) or (n, 3).
-            cap: larger distances are returned as this; a small cap is quicker.
+            cap: larger distances are returned as this value; a small cap is faster.
 
         Returns:
             float for one configuration, a float array of shape (n,) for n.
@@ -149,7 +170,7 @@ class StateChecker:
         """Return whether the motion from a to b, each of shape (3,), is certified free of collision."""
         ends = se2.configurations(a, name="motion: start"), se2.configurations(b, name="motion: end")
         if ends[0].ndim != 1 or ends[1].ndim != 1:
-            raise ConfigurationError(f"motion: shapes {ends[0].shape} and {ends[1].shape} given, allowed: (3,)")
+            raise ConfigurationError(f"motion: expected shapes (3,), got {ends[0].shape} and {ends[1].shape}")
         return bool(self.motions_valid(*ends)[0])
 
     def motions_between_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
@@ -161,7 +182,7 @@ class StateChecker:
         return np.asarray(answer == kernels.FREE)
 
     def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.uint8]:
-        """Return what the field alone proves of motions between valid configurations: FREE, BLOCKED, UNDECIDED."""
+        """Return what the field alone proves about motions between valid configurations: FREE, BLOCKED, UNDECIDED."""
         a, b = ends_of_motions(a, b)
         return np.asarray(certify.motions_certified(self.grid, self.field, self.footprint, a, b, False))
 
@@ -186,20 +207,25 @@ class StateChecker:
         return state
 
     def require_for(self, world: World, robot: Robot | None = None) -> None:
-        """Raise if this checker is for another world or, where one is given, another robot: its answers would be wrong.
+        """Raise unless this checker is for a world and, where one is given, a robot: its answers would be wrong.
 
         Raises:
-            ConfigurationError: it is.
+            ConfigurationError: it is for another world or robot.
         """
         one_of(world, World, "world:", error=WorldError)
         one_of(robot, (Robot, type(None)), "robot:", error=WorldError)
         mine = self.world
         if mine is not world and mine.with_robot(self.robot) != world.with_robot(self.robot):
-            raise ConfigurationError(f"checker: of another world ({mine.name!r}) given, allowed: of this one")
+            raise ConfigurationError(
+                f"checker: expected one for world {world.name!r} as it is, got one for another ({mine.name!r})"
+            )
         if robot is not None and robot != self.robot:
             raise ConfigurationError(
-                f"checker: for another robot ({self.robot.describe()}) given, allowed: for {robot.describe()}"
+                f"checker: expected one for robot {robot.describe()}, got one for {self.robot.describe()}"
             )
+
+    def __repr__(self) -> str:
+        return f"<StateChecker: {self.robot.describe()} in world {self.world.name!r}, exact={self.exact!r}>"
 
     def _states_free(self, q: se2.FloatArray) -> NDArray[np.bool_]:
         if self.exact == "fcl":

@@ -76,8 +76,8 @@ def _blocked_regions(grid: ObstacleGrid, px: float, py: float) -> int:
 
     From the cell's centre, whose number is known, first along x, then along y, counting the segments crossed. A
     point stands for the one just right of it and, by far less, above it: the half-open rule of the grid's own
-    numbers. On which side of a segment the path's corner lies is decided once, so that rounding cannot make its
-    two legs contradict each other.
+    numbers. On which side of a segment the corner lies is decided once, so that rounding cannot make the two parts
+    contradict each other.
     """
     column = floor((px - grid.x0) / grid.size)
     row = floor((py - grid.y0) / grid.size)
@@ -128,7 +128,7 @@ def ring_clearance(grid: ObstacleGrid, ring: FloatArray, n: int, x: float, y: fl
         base = row * grid.columns
         for k in range(grid.cell_start[base + left], grid.cell_start[base + right + 1]):
             item = grid.items[k]
-            # A segment runs through many cells in a row, where at most another one is its neighbour.
+            # A segment lies in many consecutive cells.
             if item in (last, before):
                 continue
             last, before = item, last

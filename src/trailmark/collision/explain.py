@@ -1,4 +1,6 @@
-"""Why a configuration is not valid, in words: which obstacle or bound, and by how much. Uses shapely alone."""
+"""Why a configuration is not valid, in words: which obstacle or bound, and by how much. Computed by shapely alone."""
+
+# Tested by tests/collision/test_invalid_reason.py.
 
 from __future__ import annotations
 
@@ -16,10 +18,10 @@ __all__ = ["invalid_reason"]
 def invalid_reason(world: World, robot: Robot, q: se2.FloatArray) -> str:
     """Return a clause such as ``overlaps obstacle 3 (disc) by 0.12 m`` for an invalid configuration, shape (3,).
 
-    Bounds come first, then the boundary, then the obstacle that is overlapped most. The overlap of two polygons is
+    Bounds come first, then the boundary, then the obstacle with the largest overlap. The overlap of two polygons is
     how far a corner of their common region lies behind the obstacle's edge, or that region's width if larger.
     """
-    # A disc is placed as its centre; its radius is added to distances, which keeps it round.
+    # A disc is represented by its centre, and its radius is added to distances: no polygon approximates it.
     radius = robot.footprint.radius if isinstance(robot.footprint, Disc) else 0.0
     body = shapely.Point(q[:2]) if radius else shapely.Polygon(se2.transform(q, robot.outline.vertices))
     (xmin, ymin, xmax, ymax), (left, low, right, high) = world.bounds, body.bounds
@@ -30,9 +32,9 @@ def invalid_reason(world: World, robot: Robot, q: se2.FloatArray) -> str:
     if world.boundary is not None:
         free = world.boundary.shapely()
         edge = shapely.boundary(free)
-        most = _depth_in_complement(body, free, edge, radius)
-        if most > TOUCHING_TOLERANCE:
-            return f"reaches {most:.3g} m over the boundary"
+        depth = _depth_in_complement(body, free, edge, radius)
+        if depth > TOUCHING_TOLERANCE:
+            return f"reaches {depth:.3g} m over the boundary"
     depths = np.array([_overlap(body, radius, shape) for shape in world.obstacles])
     if len(depths) and depths.max() > 0.0:
         worst = int(np.argmax(depths))
@@ -75,7 +77,7 @@ def _depth(common: shapely.Geometry, edge: shapely.Geometry) -> float:
         return 0.0
     depth = float(shapely.distance(shapely.points(shapely.get_coordinates(parts)), edge).max())
     for part in parts:
-        # The search for the inscribed circle of a region that is as thin as rounding may take for ever.
+        # The search for the inscribed circle of a region as thin as rounding may not terminate.
         if 2.0 * part.area > TOUCHING_TOLERANCE * part.length:
             depth = max(depth, 2.0 * float(shapely.maximum_inscribed_circle(part).length))
     return depth

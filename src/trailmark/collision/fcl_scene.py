@@ -1,9 +1,9 @@
 """The one FCL scene: obstacles and robot as FCL collision objects. The only module that imports fcl.
 
 Polygons on both sides are flat triangle meshes at z = 0 that fill their regions: with them FCL's collide and
-distance agree with shapely, containment included, whereas primitives against meshes give wrong distances and
-surface meshes miss a robot that lies wholly inside an obstacle. Discs are spheres, which are exact against
-flat meshes and against each other.
+distance agree with shapely, containment included. Distances between primitives and meshes are wrong, and surface
+meshes miss a robot that lies completely inside an obstacle. Discs are spheres, whose distances to flat meshes and to
+one another are exact.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ __all__ = ["FclScene"]
 
 
 class FclScene:
-    """A world and a robot as FCL objects. Threads that share it take turns: the robot is moved to be looked at.
+    """A world and a robot as FCL objects. Threads that share it take turns, since each query moves the robot.
 
     Args:
         world: obstacles, boundary and bounds.
@@ -66,10 +66,10 @@ class FclScene:
             return self._distance(-self._beyond_bounds(q))
 
     def _distance(self, clearance: float) -> float:
-        """Return the distance (metres) of the robot where it stands to the obstacles, ``clearance`` at most."""
+        """Return the distance (metres) of the robot at its present place to the obstacles, or ``clearance`` if less."""
         for obstacle in self._obstacles:
-            # One call per object: distances through a manager cannot tell overlap reliably. Nor can that of a
-            # sphere and a mesh, which is a value left over in memory when they overlap: asked first.
+            # One call per object: distances through a manager do not show overlap reliably. Nor does the distance of
+            # a sphere and a mesh, an undefined value when they overlap: so collisions are checked first.
             if fcl.collide(self._robot, obstacle, fcl.CollisionRequest(), fcl.CollisionResult()) > 0:
                 return 0.0
             result = fcl.DistanceResult()
@@ -100,7 +100,7 @@ def _transform(q: FloatArray) -> Any:
 def _robot_geometry(robot: Robot, *, eroding: bool) -> Any:
     if isinstance(robot.footprint, Disc):
         radius = robot.footprint.radius
-        # A sphere without a radius collides with nothing, not even around its centre.
+        # A sphere of radius 0 collides with nothing, not even around its centre.
         return fcl.Sphere(max(radius - TOUCHING_TOLERANCE, 0.5 * radius) if eroding else radius)
     parts = overlap_core(robot.outline.rings()[0]) if eroding else []
     return _mesh([_polygon(part) for part in parts] or [robot.outline])

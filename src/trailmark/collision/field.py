@@ -76,7 +76,7 @@ def distance_transform(occupied: NDArray[np.bool_], size: float) -> NDArray[np.f
         for column in range(columns):
             steps[row, column] = min(steps[row, column], steps[row + 1, column] + 1, far)
     distance = np.empty((rows, columns), np.float32)
-    # The envelope's parabolas, by the column of their vertex, and where each takes over from the one before.
+    # The envelope's parabolas, by the column of their vertex, and where each replaces the one before.
     vertex, begin = np.empty(columns, np.int64), np.empty(columns + 1)
     for row in range(rows):
         last = 0

@@ -19,14 +19,13 @@ TOUCHING_TOLERANCE = 1e-7
 """Overlap (metres) up to which two regions count as touching, which is allowed."""
 
 DEEP_TOLERANCE = 3e-7
-"""Overlap (metres) from which the kernels call a collision themselves; between the two FCL decides."""
-
+"""Overlap (metres) from which the kernels decide that there is a collision; between the two FCL decides."""
 
 FINER = 6
-"""Times that an erosion is made ten times thinner for sharp tips: to about 1e-14 m, where rounding is."""
+"""How many times an erosion is made ten times thinner for sharp tips: to about 1e-14 m, the size of rounding."""
 
 MAX_TILES = 48
-"""Tiles at most along each side of a footprint, which a very thin one would else ask for in any number."""
+"""Maximum number of tiles along each side of a footprint: a very thin one would need any number."""
 
 
 class Footprint(NamedTuple):
@@ -64,7 +63,7 @@ def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
     cover, inner = _cover(region, discs)
     core = _largest_ring(eroded(region, DEEP_TOLERANCE))
     return Footprint(
-        # A copy: shapes are read-only, which to numba is another type and another compilation.
+        # A copy: shapes are read-only, which numba would take for another type and compile anew for.
         np.array(robot.outline.rings()[0], order="C"),
         core,
         _gap(region, core),
@@ -79,8 +78,8 @@ def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
 def eroded(region: shapely.Polygon, depth: float) -> shapely.Geometry:
     """Return the region shrunk by ``depth`` metres.
 
-    Convex corners stay sharp. Reflex ones are rounded by an inscribed polyline, so that nothing deeper than
-    ``depth`` is lost there: a mitre would reach far into the region from the end of a narrow notch.
+    Convex corners stay sharp. Reflex ones are rounded by an inscribed polyline, so that nothing deeper than ``depth``
+    is lost there: a mitre would extend far inside the region from the end of a narrow notch.
     """
     return shapely.buffer(region, -depth, join_style="round", quad_segs=2)
 
@@ -88,35 +87,35 @@ def eroded(region: shapely.Polygon, depth: float) -> shapely.Geometry:
 def overlap_core(outline: FloatArray) -> list[shapely.Polygon]:
     """Return the parts of a footprint that may meet no obstacle: all of it but a rim, since touching is allowed.
 
-    No point of the footprint is farther from them than TOUCHING_TOLERANCE. An erosion alone draws sharp tips back much
-    farther (by d / sin(a) at a corner of angle 2a): what it loses there is made up for by ever thinner erosions.
+    No point of the footprint is farther from them than TOUCHING_TOLERANCE. An erosion alone shortens sharp tips by much
+    more (by d / sin(a) at a corner of angle 2a): thinner and thinner erosions add what it loses there.
 
     Args:
         outline: vertices, shape (v, 2), counter-clockwise, metres.
     """
     region = shapely.Polygon(outline)
-    # A tenth less than what corners allow: buffers are wrong by some percent of their distance.
+    # A tenth less than what corners allow: the error of buffers is a few per cent of their distance.
     depth = 0.9 * touching_depth(outline)
     parts = shapely.get_parts(eroded(region, depth)).tolist()
     for _ in range(FINER):
-        kept = shapely.union_all(parts)
-        lost = shapely.difference(region.exterior, shapely.buffer(kept, 0.95 * TOUCHING_TOLERANCE, quad_segs=16))
+        core = shapely.union_all(parts)
+        lost = shapely.difference(region.exterior, shapely.buffer(core, 0.95 * TOUCHING_TOLERANCE, quad_segs=16))
         if lost.is_empty:
             break
         depth *= 0.1
-        # Elsewhere edges keep their rim. What is taken overlaps what is there already.
+        # Only around what is lost, so that the rim is left out elsewhere. The new parts overlap the earlier ones.
         ends = shapely.points(shapely.get_coordinates(lost))
-        reach = float(np.hypot(*np.ptp(outline, axis=0))) if kept.is_empty else shapely.distance(ends, kept).max()
+        reach = float(np.hypot(*np.ptp(outline, axis=0))) if core.is_empty else shapely.distance(ends, core).max()
         around = shapely.buffer(lost, 1.1 * reach)
         parts += shapely.get_parts(shapely.intersection(eroded(region, depth), around)).tolist()
     return [part for part in parts if part.geom_type == "Polygon" and not part.is_empty]
 
 
 def touching_depth(outline: FloatArray) -> float:
-    """Return the depth (metres) of erosion that draws no corner back by more than TOUCHING_TOLERANCE.
+    """Return the depth (metres) of erosion that shortens no corner by more than TOUCHING_TOLERANCE.
 
-    An erosion by d draws a corner of angle 2a back by d / sin(a). Corners sharper than 11 degrees may be drawn back
-    farther: a tenth of the tolerance is always left for rounding.
+    An erosion by d shortens a corner of angle 2a by d / sin(a). Corners sharper than 11 degrees may be shortened by
+    more: the depth is never less than a tenth of the tolerance, because of rounding.
 
     Args:
         outline: shape (v, 2), counter-clockwise.
@@ -142,13 +141,13 @@ def _gap(region: shapely.Polygon, core: FloatArray) -> float:
         return np.inf
     inside = shapely.Polygon(core)
     gap = 1.1 * float(shapely.distance(shapely.points(region.exterior.coords), inside).max())
-    # The corners are the farthest, unless the erosion cut a part off. Buffers are polygons within the true ones.
-    # By less than the gap: a buffer fills concavities of up to 1 % of its distance.
+    # The corners are the farthest, unless the erosion separated a part. Buffers are polygons within the true ones, and
+    # a buffer fills concavities of up to 1 % of its distance: so it is made for less than the gap.
     return gap if shapely.covers(shapely.buffer(inside, 0.98 * gap, quad_segs=16), region) else np.inf
 
 
 def _cover(region: shapely.Polygon, wanted: int) -> tuple[FloatArray, FloatArray]:
-    """Return covering and inner discs: the footprint is cut into square tiles, each tile gets its own discs."""
+    """Return covering and inner discs: the footprint is divided by square tiles, and each tile has its own discs."""
     box = region.minimum_rotated_rectangle
     corners = shapely.get_coordinates(box)[:4]
     u, v = corners[1] - corners[0], corners[3] - corners[0]
@@ -163,7 +162,7 @@ def _cover(region: shapely.Polygon, wanted: int) -> tuple[FloatArray, FloatArray
         for j in range(m):
             a = corners[0] + u * (i / n) + v * (j / m)
             cell = shapely.Polygon([a, a + u / n, a + u / n + v / m, a + v / m])
-            # Tiles overlap by a hair, so that no rounding leaves a gap between two of them.
+            # Tiles overlap slightly, so that rounding leaves no gap between two of them.
             piece = shapely.intersection(region, cell.buffer(1e-9 * length))
             if piece.is_empty:
                 continue
@@ -176,6 +175,6 @@ def _cover(region: shapely.Polygon, wanted: int) -> tuple[FloatArray, FloatArray
                 inner.append((*center, depth * (1.0 - 1e-9)))
     largest = shapely.get_coordinates(shapely.maximum_inscribed_circle(region, tolerance=1e-3 * length))[0]
     inner.append((*largest, float(region.exterior.distance(shapely.Point(largest))) * (1.0 - 1e-9)))
-    # The largest inner disc proves most collisions: first.
+    # The largest inner disc first, since it proves most collisions.
     inner.sort(key=lambda disc: -disc[2])
     return np.array(cover), np.array(inner)

@@ -1,9 +1,8 @@
-"""Compiled collision kernels: is a configuration free, and how far is it from the obstacles?
+"""Compiled collision kernels: whether a configuration is free, and its distance to the obstacles.
 
-A configuration is decided in three steps, each only where the one before could not: the clearance field with
-the footprint's discs; exact distances between the footprint's outline and the segments and discs of nearby
-cells; FCL, for configurations within DEEP_TOLERANCE of touching (:mod:`trailmark.collision.checker`).
-
+A configuration is decided in three steps, each only where the one before could not decide: the clearance field with the
+footprint's discs; exact distances between the footprint's outline and the segments and discs of nearby cells; FCL, for
+configurations within DEEP_TOLERANCE of touching (:mod:`trailmark.collision.checker`).
 """
 
 # Tested by tests/collision/test_checker.py and test_motions.py.
@@ -39,10 +38,10 @@ __all__ = [
 BLOCKED, FREE, UNDECIDED = 0, 1, 2
 
 ROUNDING = 1e-9
-"""Metres that exact distances may be wrong by (coordinates up to 1e5 m): what is closer is not called free."""
+"""Maximum error of exact distances, metres (coordinates up to 1e5 m): what is closer does not count as free."""
 
 WIDEST_GAP = 1e-3
-"""Metres: a core's gap wider than this would cost more to search than it saves."""
+"""Metres: a core's gap wider than this would cost more time to search than it saves."""
 
 
 @njit(cache=True, inline="always")
@@ -149,10 +148,10 @@ def state(
         if d > ROUNDING:
             return FREE
         return BLOCKED if d < -DEEP_TOLERANCE else UNDECIDED
-    # The core first: it tells most of the free from most of the blocked at once.
+    # The core first: it decides for most free and most blocked configurations at once.
     if len(robot.core) > 0:
         n = _place(robot.core, c, s, placed)
-        # With a wider gap nothing is called free here.
+        # With a wider gap nothing counts as free here.
         d = ring_clearance(grid, placed, n, x, y, min(robot.core_gap, WIDEST_GAP) + 2.0 * ROUNDING)
         if d == 0.0:
             return BLOCKED
@@ -165,7 +164,7 @@ def state(
 
 @njit(cache=True)
 def workspace(robot: Footprint) -> FloatArray:
-    """Return room for the placed outline, shape (v, 2)."""
+    """Return memory for the placed outline, shape (v, 2)."""
     return np.empty((max(len(robot.outline), len(robot.core), 1), 2))
 
 
@@ -201,7 +200,7 @@ def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: F
     result = np.empty(len(q))
     for i in range(len(q)):
         x, y, c, s = q[i, 0], q[i, 1], cos(q[i, 2]), sin(q[i, 2])
-        # No farther than the obstacle that the field knows of can the nearest one be.
+        # The nearest obstacle is no farther than the one that the field's value stands for.
         limit = min(cap, field_value(field, x, y) + field.slack + robot.circumradius)
         for k in range(len(robot.inner)):
             bx, by = robot.inner[k, 0], robot.inner[k, 1]

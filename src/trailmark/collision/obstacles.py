@@ -1,8 +1,8 @@
 """Obstacles as flat arrays: boundary segments and discs in a uniform grid, for the compiled kernels.
 
-Free space is the inside of ``bounds`` and ``boundary`` less all obstacles. Every region that the robot must not
-touch is described by its oriented boundary, blocked side on the left; the winding number of those boundaries,
-plus one for each enclosing region, tells how many blocked regions a point lies in.
+Free space is the inside of ``bounds`` and ``boundary`` less all obstacles. Every blocked region
+is described by its oriented boundary, blocked side on the left; the winding number of those boundaries, plus one for
+each enclosing region, is the number of blocked regions that a point lies in.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MAX_CELLS = 1 << 18
 
 
 class ObstacleGrid(NamedTuple):
-    """Everything that blocks the robot, sorted into square cells.
+    """All that blocks the robot, sorted by square cells.
 
     Attributes:
         segments: (m, 4) boundary segments x1, y1, x2, y2 in metres, blocked side on the left.
@@ -80,19 +80,18 @@ def cell_size_for(world: World, wanted: float, largest: float = 0.0) -> float:
     """Return the cell size (metres) for a world.
 
     Args:
-        world: its bounds count.
-        wanted: taken if that makes at most MAX_CELLS cells; else the cells are made larger.
-        largest: cells larger than this are too coarse to be of use; up to four times MAX_CELLS are made if that
-            avoids them.
+        world: only its bounds matter.
+        wanted: the size unless it makes more than MAX_CELLS cells, which are made larger then.
+        largest: cells larger than this would be too coarse; up to four times MAX_CELLS are made to avoid them.
     """
     width, height = world.bounds[2] - world.bounds[0], world.bounds[3] - world.bounds[1]
-    least = 1.01 * max(width, height) / 8192
-    size = max(wanted, 1.01 * float(np.sqrt(width * height / MAX_CELLS)), least)
-    return max(size / 2.0, least) if largest < size <= 2.0 * largest else size
+    smallest = 1.01 * max(width, height) / 8192
+    size = max(wanted, 1.01 * float(np.sqrt(width * height / MAX_CELLS)), smallest)
+    return max(size / 2.0, smallest) if largest < size <= 2.0 * largest else size
 
 
 def build_grid(world: World, size: float) -> ObstacleGrid:
-    """Sort the world's segments and discs into cells of ``size`` metres.
+    """Sort the world's segments and discs by cells of ``size`` metres.
 
     The grid covers the bounds with a margin of a little more than one cell on every side.
     """
@@ -197,8 +196,8 @@ def _winding_of_centres(
             if not (low <= y < high):
                 continue
             x = x1 + (y - y1) / (y2 - y1) * (x2 - x1)
-            # First column whose centre lies at or right of the crossing. Its comparison with the centre must come
-            # out as it does in distances._blocked_regions, to the last bit: so the guess is corrected.
+            # First column whose centre lies at or right of the crossing. The comparison must have the same result as
+            # the one in distances._blocked_regions, despite rounding: so the first guess is corrected.
             column = max(0, _cell(x + 0.5 * size, x0, size, columns))
             while column > 0 and x <= x0 + (column - 1 + 0.5) * size:
                 column -= 1

@@ -45,7 +45,7 @@ def _outer(first: float, total: float, side: float, spare: float) -> tuple[float
 
 @njit(cache=True)
 def dubins_words(x: float, y: float, phi: float, same: float, words: FloatArray) -> int:
-    """Write the words that lead to (x, y, phi) into ``words``; return how many there are (at least one).
+    """Write the words that lead to (x, y, phi) to ``words``; return how many there are (at least one).
 
     Args:
         x: ahead of the car, turning radii.

@@ -1,5 +1,7 @@
 """CurvePath: a path whose configurations are joined by a car's shortest curves, not by straight motions."""
 
+# Tested by tests/curves/test_curve_path.py.
+
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -18,17 +20,17 @@ from trailmark.path import Path, fractions
 
 __all__ = ["CurvePath"]
 
-SAGITTA, MOST_TURN = 1e-3, 0.1
-"""Between two states of an arc: how far (metres) the chord may lie off it, and most radians."""
+SAGITTA, MAX_TURN = 1e-3, 0.1
+"""Between two states of an arc: maximum distance (metres) of the chord from it, and maximum turn (radians)."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CurvePath(Path):
-    """A car's path: from each knot to the next it drives the shortest curve.
+    """A car's path: the shortest curve from each knot to the next.
 
     ``states`` follow the curves: all knots, all ends of the curves' pieces (among them the cusps, where the driving
-    direction changes), and between those as many that the straight lines from state to state lie at most 1 mm
-    beside the arcs. What is certified are the curves, not those straight lines.
+    direction changes), and between those as many as it takes for the straight lines from state to state to lie within
+    1 mm of the arcs. What is certified are the curves, not those straight lines.
 
     Attributes:
         states: shape (n, 3), n >= the number of knots. Read-only.
@@ -52,12 +54,12 @@ class CurvePath(Path):
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, CurvePath):
-            # Not even one of straight motions through the same states, which is what comparing states would say.
+            # A path of straight motions through the same states is another path.
             return False if isinstance(other, Path) else NotImplemented
         return self.steering == other.steering and np.array_equal(self.knots, other.knots)
 
     def __hash__(self) -> int:
-        # Adding 0 makes -0.0 to 0.0: the two are equal, so their hashes must be.
+        # Adding 0 turns -0.0 to 0.0: the two are equal, so that their hashes must be, too.
         return hash(((self.knots + 0.0).tobytes(), self.steering))
 
     @cached_property
@@ -67,14 +69,14 @@ class CurvePath(Path):
 
     @property
     def length(self) -> float:
-        """Way of the reference point along the curves, in metres."""
+        """Distance that the reference point travels along the curves, in metres."""
         return float(self.curves.lengths.sum())
 
     @property
     def rotation(self) -> float:
         """Total turning, Σ |Δθ|, in radians."""
         curves = self.curves
-        return float(np.abs(curves.ways[curves.sides != 0]).sum() / self.steering.radius)
+        return float(np.abs(curves.signed_lengths[curves.sides != 0]).sum() / self.steering.radius)
 
     @property
     def cost(self) -> float:
@@ -84,8 +86,8 @@ class CurvePath(Path):
     @property
     def cusps(self) -> int:
         """How many times the driving direction changes."""
-        ways = self.curves.ways
-        return int(np.count_nonzero(np.diff(np.sign(ways[ways != 0.0]))))
+        lengths = self.curves.signed_lengths
+        return int(np.count_nonzero(np.diff(np.sign(lengths[lengths != 0.0]))))
 
     def at(self, fraction: ArrayLike) -> se2.FloatArray:
         """Return the configurations at fractions of the length along the path.
@@ -100,7 +102,7 @@ class CurvePath(Path):
         return self._on_curves(where.ravel()).reshape(*where.shape, 3)
 
     def resample(self, step: float) -> Path:
-        """Return states on the curves at most ``step`` metres apart as a plain path; the old states are kept.
+        """Return states on the curves at most ``step`` metres apart as a plain path, the present states among them.
 
         Raises:
             ConfigurationError: a step that is not a finite number above 0.
@@ -116,7 +118,7 @@ class CurvePath(Path):
         """
         if not self.steering.reverse:
             raise ConfigurationError(
-                "reversed: path of a car that drives forwards only given, allowed: one that reverses"
+                "reversed: expected the path of a car that reverses, got one of a car that does not"
             )
         return CurvePath(self.knots[::-1], self.steering)
 
@@ -127,15 +129,15 @@ class CurvePath(Path):
     def _places(self, sagitta: float, step: float = np.inf) -> list[se2.FloatArray]:
         """Return for each curve the arc lengths (metres) of its states, the last one at its end."""
         radius = self.steering.radius
-        arc = min(step, radius * min(MOST_TURN, sqrt(8.0 * sagitta / radius)))
+        arc = min(step, radius * min(MAX_TURN, sqrt(8.0 * sagitta / radius)))
         places = []
-        for sides, ways in zip(self.curves.sides, np.abs(self.curves.ways), strict=True):
-            ends = np.cumsum(ways)
+        for sides, lengths in zip(self.curves.sides, np.abs(self.curves.signed_lengths), strict=True):
+            ends = np.cumsum(lengths)
             pieces = [np.zeros(0)]
-            for side, end, way in zip(sides, ends, ways, strict=True):
-                if way > 0.0:
-                    n = max(1, int(np.ceil(way / (arc if side else step))))
-                    pieces.append(end - way + way * np.arange(1, n + 1) / n)
+            for side, end, length in zip(sides, ends, lengths, strict=True):
+                if length > 0.0:
+                    n = max(1, int(np.ceil(length / (arc if side else step))))
+                    pieces.append(end - length + length * np.arange(1, n + 1) / n)
             places.append(np.concatenate(pieces))
         return places
 
@@ -156,6 +158,6 @@ class CurvePath(Path):
         curve = np.clip(np.searchsorted(ends, where, side="right"), 0, len(ends) - 1)
         before = np.concatenate([[0.0], ends[:-1]])[curve]
         found = self.steering.states(self.knots[curve], self.knots[curve + 1], (where - before)[:, None])[:, 0]
-        # The end itself, without the rounding of the way there.
+        # The end itself, without rounding.
         found[where >= ends[-1]] = self.knots[-1]
         return found

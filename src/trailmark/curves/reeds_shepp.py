@@ -61,7 +61,7 @@ def _ends(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[float,
 
 @njit(cache=True)
 def reeds_shepp_words(x: float, y: float, phi: float, same: float, words: FloatArray) -> int:
-    """Write the words that lead to (x, y, phi) into ``words``; return how many there are (at least one).
+    """Write the words that lead to (x, y, phi) to ``words``; return how many there are (at least one).
 
     Args:
         x: ahead of the car, turning radii.

@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 MAX_WORDS = 56
-"""Rows that either kind of car asks for at most."""
+"""Maximum number of words of either kind of car."""
 
 
 @njit(cache=True, inline="always")
@@ -37,10 +37,11 @@ def _comes_first(a: FloatArray, b: FloatArray) -> bool:
 
 @njit(cache=True)
 def all_words(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> tuple[int, bool]:
-    """Write all words from a to b into ``words``; return how many there are, and whether they lead from b to a.
+    """Write all words from a to b to ``words``; return how many there are, and whether they lead from b to a.
 
-    Of a car that reverses, the curve from b to a is that from a to b driven back, to the last bit: it is always
-    computed from the one that comes first. Where that is b, the words lead from b to a.
+    For a car that reverses, the curve from b to a is exactly that from a to b in the opposite direction: both are
+    computed from the one of a and b that comes first in the order of x, y, heading. If that is b, the words lead from b
+    to a.
     """
     swapped = reverse and not _comes_first(a, b)
     x, y, phi = seen_from(b, a, radius) if swapped else seen_from(a, b, radius)
@@ -69,7 +70,7 @@ def shortest_word(a: FloatArray, b: FloatArray, radius: float, reverse: bool, wo
         b: to, shape (3,).
         radius: turning radius, metres.
         reverse: whether the car drives backwards too.
-        words: room, shape (MAX_WORDS, 2, 5).
+        words: memory, shape (MAX_WORDS, 2, 5).
     """
     n, swapped = all_words(a, b, radius, reverse, words)
     best, _ = shortest_of(words, n)
@@ -89,7 +90,7 @@ def as_long(words: FloatArray, n: int, best: int, length: float, slack: float, n
 
 @njit(cache=True)
 def curve_length(a: FloatArray, b: FloatArray, radius: float, reverse: bool, words: FloatArray) -> float:
-    """Return the length (metres) of the shortest curve from a to b; ``words`` is room as above."""
+    """Return the length (metres) of the shortest curve from a to b; ``words`` is memory as above."""
     n, _ = all_words(a, b, radius, reverse, words)
     return radius * shortest_of(words, n)[1]
 

@@ -1,9 +1,11 @@
-"""Steering: on what curves a car-like robot drives, and the shortest ones between configurations."""
+"""Steering: the curves that a car-like robot can follow, and the shortest ones between configurations."""
+
+# Tested by tests/curves/test_steering.py.
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,30 +23,30 @@ class Curves(NamedTuple):
 
     Attributes:
         sides: (n, 5) int8: 1 arc to the left, 0 straight, -1 arc to the right.
-        ways: (n, 5), metres driven on each piece, negative: backwards.
+        signed_lengths: (n, 5), of each piece in metres, negative if driven backwards.
     """
 
     sides: NDArray[np.int8]
-    ways: se2.FloatArray
+    signed_lengths: se2.FloatArray
 
     @property
     def lengths(self) -> se2.FloatArray:
         """Length of each curve, metres, shape (n,)."""
-        return np.asarray(np.abs(self.ways).sum(axis=1))
+        return np.asarray(np.abs(self.signed_lengths).sum(axis=1))
 
     def names(self) -> list[str]:
         """Return what each curve is made of, such as ``L+S+R-``: side and direction of its pieces."""
-        rows = zip(self.sides.tolist(), self.ways.tolist(), strict=True)
-        return ["".join("SLR"[side] + "-+"[way > 0.0] for side, way in zip(*row, strict=True) if way) for row in rows]
+        rows = zip(self.sides.tolist(), self.signed_lengths.tolist(), strict=True)
+        return ["".join("SLR"[side] + "-+"[s > 0.0] for side, s in zip(*row, strict=True) if s) for row in rows]
 
 
 @dataclass(frozen=True)
 class Steering:
-    """A car's: it drives straight ahead or on circles, and backwards too if it reverses.
+    """How a car moves: straight ahead or on circles, and backwards too if it reverses.
 
     The reference point moves along the heading. The shortest curves are those of Reeds and Shepp for a car that
     reverses (:mod:`trailmark.curves.reeds_shepp`), else those of Dubins (:mod:`trailmark.curves.dubins`). Where
-    several are as short, the same one is always taken; that of a car that reverses is the same one both ways.
+    several are as short, the choice is always the same; for a car that reverses it is the same in both directions.
 
     Attributes:
         radius: of the smallest circle that the reference point can drive on, metres.
@@ -71,6 +73,12 @@ class Steering:
     def kind(self) -> Literal["dubins", "reeds-shepp"]:
         """Name of the curves."""
         return "reeds-shepp" if self.reverse else "dubins"
+
+    @overload
+    def lengths(self, a: tuple[float, float, float], b: tuple[float, float, float]) -> float: ...
+
+    @overload
+    def lengths(self, a: ArrayLike, b: ArrayLike) -> Any: ...
 
     def lengths(self, a: ArrayLike, b: ArrayLike) -> Any:
         """Return the lengths (metres) of the shortest curves from a to b.
@@ -103,8 +111,7 @@ class Steering:
         Args:
             a: shape (3,) or (n, 3).
             b: likewise.
-            along: arc lengths from a, metres, shape (k,) or (n, k); what lies before a curve's start or beyond its
-                end counts as there.
+            along: arc lengths from a, metres, shape (k,) or (n, k), limited to the range from 0 to the curve's length.
 
         Returns:
             Shape (k, 3) for two configurations, else (n, k, 3).
@@ -113,11 +120,11 @@ class Steering:
 
         starts, ends = _pairs(a, b)
         words = curve_words(starts, ends, self.radius, self.reverse)
-        ways = np.maximum(np.atleast_1d(number_array(along, "curves: along")), 0.0)
-        if ways.ndim > 2 or (ways.ndim == 2 and len(ways) not in (1, len(starts))):
-            raise ConfigurationError(f"curves: along of shape {ways.shape} given, allowed: (k,) or ({len(starts)}, k)")
-        ways = np.array(np.broadcast_to(ways, (len(starts), ways.shape[-1])), order="C")
-        found = curve_states(starts, words, self.radius, ways)
+        arcs = np.maximum(np.atleast_1d(number_array(along, "curves: along")), 0.0)
+        if arcs.ndim > 2 or (arcs.ndim == 2 and len(arcs) not in (1, len(starts))):
+            raise ConfigurationError(f"curves: along: expected shape (k,) or ({len(starts)}, k), got {arcs.shape}")
+        arcs = np.array(np.broadcast_to(arcs, (len(starts), arcs.shape[-1])), order="C")
+        found = curve_states(starts, words, self.radius, arcs)
         return np.asarray(found if max(np.ndim(a), np.ndim(b)) == 2 else found[0])
 
 
@@ -127,8 +134,10 @@ def _pairs(a: ArrayLike, b: ArrayLike) -> tuple[se2.FloatArray, se2.FloatArray]:
     ends = np.atleast_2d(se2.configurations(b, name="curve: end"))
     n = max(len(starts), len(ends))
     if {len(starts), len(ends)} - {1, n}:
-        raise ConfigurationError(f"curves: {len(starts)} starts and {len(ends)} ends given, allowed: as many")
-    # Copies: to the compiled kernels, another memory layout is another type and another compilation.
+        raise ConfigurationError(
+            f"curves: expected as many ends as starts, got {len(starts)} starts and {len(ends)} ends"
+        )
+    # Copies: numba would take another memory layout for another type and compile anew for it.
     return (
         np.array(np.broadcast_to(starts, (n, 3)), order="C"),
         np.array(np.broadcast_to(ends, (n, 3)), order="C"),

@@ -17,36 +17,36 @@ from trailmark.se2 import FloatArray
 __all__ = ["PIECES", "SAME", "drive", "put", "reversed_word", "rounding", "seen_from", "unit_length", "walk"]
 
 PIECES = 5
-"""Pieces of a word at most."""
+"""Maximum number of pieces of a word."""
 
 SAME = 1e-10
-"""Turning radii, and radians, by which a configuration may miss a straight line or an arc and still count as on it."""
+"""Turning radii, and radians, by which a configuration that counts as on a straight line or an arc may lie off it."""
 
 _PLACES = 16 * 2.0**-52
-"""Part of the largest coordinate that rounding may move a place by: a few roundings of each end and in between."""
+"""Maximum effect of rounding on a place, as a part of the largest coordinate: a few roundings of each end."""
 
 
 @njit(cache=True, inline="always")
-def drive(x: float, y: float, theta: float, side: float, way: float, radius: float) -> tuple[float, float, float]:
-    """Return where a car comes to after ``way`` metres (negative: backwards) on one side; the heading is not wrapped.
+def drive(x: float, y: float, theta: float, side: float, length: float, radius: float) -> tuple[float, float, float]:
+    """Return where a car is after ``length`` metres (negative: backwards) on one side; the heading is not wrapped.
 
     The chord of the arc is used, which loses no digits where the arc is short or the radius large.
     """
-    half = 0.5 * side * way / radius
-    chord = way if fabs(half) < 1e-9 else way * sin(half) / half
+    half = 0.5 * side * length / radius
+    chord = length if fabs(half) < 1e-9 else length * sin(half) / half
     return x + chord * cos(theta + half), y + chord * sin(theta + half), theta + 2.0 * half
 
 
 @njit(cache=True)
 def walk(a: FloatArray, word: FloatArray, radius: float, along: float, q: FloatArray) -> None:
-    """Write the configuration ``along`` metres from a on a word into q, heading in (-pi, pi]; its end if farther."""
+    """Write the configuration ``along`` metres from a on a word to q, heading in (-pi, pi]; at most its end."""
     x, y, theta = a[0], a[1], a[2]
     left = along / radius
     for k in range(PIECES):
         part = min(fabs(word[0, k]), left)
         left -= part
-        way = part if word[0, k] > 0.0 else -part
-        x, y, theta = drive(x, y, theta, word[1, k], way * radius, radius)
+        signed = part if word[0, k] > 0.0 else -part
+        x, y, theta = drive(x, y, theta, word[1, k], signed * radius, radius)
         if left <= 0.0:
             break
     q[0], q[1] = x, y
@@ -75,8 +75,8 @@ def put(
     """Write a word as row n of ``words``, shape (m, 2, 5); return n + 1.
 
     Args:
-        words: where to.
-        n: row.
+        words: the array.
+        n: the row.
         sides: of the pieces.
         lengths: signed, in turning radii.
         flip: -1 changes the direction of driving of every piece.
@@ -100,14 +100,14 @@ def seen_from(a: FloatArray, b: FloatArray, radius: float) -> tuple[float, float
 
 @njit(cache=True)
 def rounding(a: FloatArray, b: FloatArray, radius: float) -> float:
-    """Return the turning radii by which b, seen from a, may miss a line or an arc that it was computed to lie on."""
+    """Return the turning radii by which rounding may move b, seen from a, off the line or the arc that it is on."""
     largest = max(fabs(a[0]), fabs(a[1]), fabs(b[0]), fabs(b[1]))
     return max(SAME, _PLACES * largest / radius)
 
 
 @njit(cache=True)
 def reversed_word(word: FloatArray) -> FloatArray:
-    """Return the word that leads back over the same places."""
+    """Return the word of the same curve in the opposite direction."""
     back = np.empty_like(word)
     for k in range(PIECES):
         back[0, PIECES - 1 - k] = -word[0, k]

@@ -17,14 +17,14 @@ Kind = Literal["translation", "straight", "curve"]
 
 
 def kind_of(robot: Robot) -> Kind:
-    """Return how a robot moves: on a car's curves if it has a turning radius, else straight, a disc without heading."""
+    """Return a robot's kind of motion: a car's curves if it has a turning radius, translations if it is a disc."""
     if robot.turning_radius is not None:
         return "curve"
     return "translation" if isinstance(robot.footprint, Disc) else "straight"
 
 
 def motion_of(checker: StateChecker, steering: Steering | None = None) -> Motion:
-    """Return how a checker's robot moves: on a car's curves if it has a turning radius, else straight.
+    """Return the motion of a checker's robot: a car's curves if it has a turning radius, else straight motions.
 
     Args:
         checker: decides which configurations are valid.

@@ -1,9 +1,9 @@
-"""Motion: how a robot gets from one configuration to another, as roadmaps, searches and shortening need to know it.
+"""Motion: how a robot moves from one configuration to another, for roadmaps, searches and shortening.
 
 There are three kinds: a disc's translation (:mod:`trailmark.motion.translation`), a straight motion in SE(2)
 (:mod:`trailmark.motion.straight`), and the shortest curve of a car (:mod:`trailmark.motion.curve`). Compiled code
 takes a kind as a named tuple and calls the functions below, which are chosen by its type while it is compiled
-(:func:`trailmark.compiled.by_type`); Python asks a :class:`Motion`, which holds that tuple.
+(:func:`trailmark.compiled.by_type`). Python uses a :class:`Motion`, which holds that tuple.
 """
 
 # Tested by tests/motion/test_motion.py and test_curve.py.
@@ -62,7 +62,7 @@ def new_scratch(kind: Any) -> Scratch:
 
 @by_type
 def cost(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
-    """Return what the motion from a to b, each of shape (3,), costs, metres."""
+    """Return the cost (metres) of the motion from a to b, each of shape (3,)."""
     raise NotImplementedError
 
 
@@ -75,14 +75,14 @@ def certified(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, budget:
         scratch: memory to work in.
         a: shape (3,).
         b: shape (3,).
-        budget: configurations evaluated at most; a motion that needs more is not certified.
+        budget: maximum number of configurations evaluated; a motion that needs more is not certified.
     """
     raise NotImplementedError
 
 
 @by_type
 def interpolate(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
-    """Write the configuration at cost ``along`` (metres) on the motion from a to b into q."""
+    """Write the configuration at cost ``along`` (metres) on the motion from a to b to q."""
     raise NotImplementedError
 
 
@@ -94,7 +94,7 @@ def embedding_radius(kind: Any) -> float:
 
 @by_type
 def least_cost(kind: Any, a: FloatArray, b: FloatArray) -> float:
-    """Return a lower bound on :func:`cost` that is soon found and changes little where a or b does, metres."""
+    """Return a lower bound (metres) on :func:`cost` that is cheap to compute and continuous in a and b."""
     raise NotImplementedError
 
 
@@ -120,13 +120,13 @@ class Motion(ABC):
     """One kind of motion of a robot in a world.
 
     Args:
-        checker: decides which configurations are valid, and knows the distances.
+        checker: decides which configurations are valid.
 
     Attributes:
         checker: as given.
         kind: the named tuple that compiled code takes.
-        directed: whether a motion may be possible one way only.
-        candidates: nodes near in the embedding that are looked at for each neighbour wanted.
+        directed: whether a motion may be possible in one direction only.
+        candidates: nodes near in the embedding that are considered for each neighbour that is wanted.
         moves_anywhere: whether the robot may move in every direction, as a lattice's steps do.
     """
 
@@ -149,7 +149,7 @@ class Motion(ABC):
         return np.asarray(costs(self.kind, np.array(starts, order="C"), np.array(ends, order="C")))
 
     def least_cost(self, start: FloatArray, goal: FloatArray) -> float:
-        """Return what a path from start to goal, each of shape (3,), would cost without obstacles, metres."""
+        """Return the cost (metres) of a path from start to goal, each of shape (3,), without obstacles."""
         ends = self.ends(start, goal)
         return self.whole_cost(float(self.costs(ends[:1], ends[1:])[0]), start, goal)
 
@@ -187,19 +187,19 @@ class Motion(ABC):
         return np.asarray(motions_free(self.kind, a, b))
 
     def motions_by_field(self, a: FloatArray, b: FloatArray) -> NDArray[np.uint8]:
-        """Return what the clearance field alone proves of motions: FREE, BLOCKED or UNDECIDED, shape (n,)."""
+        """Return what the clearance field alone proves about motions: FREE, BLOCKED or UNDECIDED, shape (n,)."""
         return np.full(len(a), UNDECIDED, np.uint8)
 
     def reversible(self, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
-        """Return which motions are, driven back, the motion from b to a, shape (n,)."""
+        """Return which motions are in the opposite direction the motion from b to a, shape (n,)."""
         return np.ones(len(a), np.bool_)
 
     def ends(self, start: FloatArray, goal: FloatArray) -> FloatArray:
-        """Return start and goal, shape (2, 3), as the motions lead from one to the other."""
+        """Return the configurations, shape (2, 3), that a path of these motions joins for a start and a goal."""
         return np.array([start, goal])
 
     def whole_cost(self, cost: float, start: FloatArray, goal: FloatArray) -> float:
-        """Return what a path that costs so much between :meth:`ends` costs in all, metres."""
+        """Return the cost (metres) from start to goal of a path with this cost between :meth:`ends`."""
         return cost
 
     def whole_states(self, states: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:

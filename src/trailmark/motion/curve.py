@@ -33,7 +33,7 @@ from trailmark.se2 import FloatArray
 __all__ = ["Curve", "CurveMotion"]
 
 DRAWN = 12
-"""Straight lines that a curve is drawn as."""
+"""Number of straight lines that represent a curve in drawings."""
 
 
 class Curve(NamedTuple):
@@ -59,10 +59,10 @@ class CurveMotion(Motion):
 
     A curve is certified if no configuration along it collides; as with straight motions, one that comes within 1e-6 m
     of an obstacle more than 1 mm from its ends is not, nor is one that needs more than 20,000 distances. Configurations
-    are near in the embedding (x, y, ρ·cos θ, ρ·sin θ): to turn by an angle takes about as long as to drive it round.
+    are near in the embedding (x, y, ρ·cos θ, ρ·sin θ): a turn by an angle takes an arc of about that length.
 
     Args:
-        checker: decides which configurations are valid, and knows the distances.
+        checker: decides which configurations are valid.
         steering: turning radius, and whether the car reverses; that of the checker's robot if None.
 
     Raises:
@@ -77,7 +77,7 @@ class CurveMotion(Motion):
         chosen = steering or Steering.of(checker.robot)
         if chosen is None:
             raise ConfigurationError(
-                f"robot ({checker.robot.describe()}) without turning radius given, allowed: a steering, or one with it"
+                f"curves: expected steering, or a robot with a turning radius, got neither ({checker.robot.describe()})"
             )
         self.steering: Steering = chosen
         self.directed = not chosen.reverse

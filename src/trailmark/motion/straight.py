@@ -60,17 +60,17 @@ class StraightMotion(Motion):
         return self.checker.motions_between_valid(a, b)
 
     def motions_by_field(self, a: FloatArray, b: FloatArray) -> NDArray[np.uint8]:
-        """Return what the clearance field alone proves of motions: FREE, BLOCKED or UNDECIDED, shape (n,)."""
+        """Return what the clearance field alone proves about motions: FREE, BLOCKED or UNDECIDED, shape (n,)."""
         return self.checker.motions_by_field(a, b)
 
     def least_cost(self, start: FloatArray, goal: FloatArray) -> float:
-        """Return what a path from start to goal, each of shape (3,), would cost without obstacles, metres."""
+        """Return the cost (metres) of a path from start to goal, each of shape (3,), without obstacles."""
         return hypot(goal[0] - start[0], goal[1] - start[1]) + ROTATION_WEIGHT * fabs(turn(start[2], goal[2]))
 
     def reversible(self, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
-        """Return which motions are, driven back, the motion from b to a, shape (n,).
+        """Return which motions are in the opposite direction the motion from b to a, shape (n,).
 
-        Exactly half a turn goes counter-clockwise in either direction: its way back is another motion.
+        Exactly half a turn is counter-clockwise in either direction: back, it is another motion.
         """
         return np.asarray(np.abs(a[:, 2] - b[:, 2]) != np.pi)
 
@@ -111,7 +111,7 @@ def _interpolate(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray,
 @variant_of(embedding_radius, Straight)
 @njit(cache=True)
 def sweep_radius(kind: Any) -> float:
-    """Return how far a point of the robot is moved by a radian of turning at most, metres."""
+    """Return the maximum distance (metres) that a point of the robot moves in a turn of one radian."""
     return float(kind.robot.sweep_radius)
 
 

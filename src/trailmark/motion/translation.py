@@ -1,4 +1,4 @@
-"""Translations of a disc: its heading collides with nothing, so that it plays no part until the path is returned."""
+"""Translations of a disc: its heading does not matter for collisions and is added when the path is returned."""
 
 # Tested by tests/motion/test_motion.py.
 
@@ -48,7 +48,7 @@ class Translation(NamedTuple):
 class TranslationMotion(StraightMotion):
     """Translations of a disc; arguments and attributes are those of :class:`trailmark.motion.base.Motion`.
 
-    Costs are ‖Δxy‖. The heading turns evenly along the whole path, which costs the least.
+    Costs are ‖Δxy‖. The heading turns evenly along the whole path, which has the lowest cost.
     """
 
     def __init__(self, checker: StateChecker) -> None:
@@ -56,11 +56,11 @@ class TranslationMotion(StraightMotion):
         self.kind = Translation(checker.grid, checker.field, checker.footprint)
 
     def least_cost(self, start: FloatArray, goal: FloatArray) -> float:
-        """Return what a path from start to goal, each of shape (3,), would cost without obstacles, metres."""
+        """Return the cost (metres) of a path from start to goal, each of shape (3,), without obstacles."""
         return self.whole_cost(hypot(goal[0] - start[0], goal[1] - start[1]), start, goal)
 
     def reversible(self, a: FloatArray, b: FloatArray) -> np.ndarray:
-        """Return which motions are, driven back, the motion from b to a, shape (n,): all."""
+        """Return which motions are in the opposite direction the motion from b to a, shape (n,): all."""
         return np.ones(len(a), np.bool_)
 
     def ends(self, start: FloatArray, goal: FloatArray) -> FloatArray:
@@ -70,7 +70,7 @@ class TranslationMotion(StraightMotion):
         return ends
 
     def whole_cost(self, cost: float, start: FloatArray, goal: FloatArray) -> float:
-        """Return what a path costs in all, metres: its length and the turn from the start's heading to the goal's."""
+        """Return the whole cost (metres) of a path: its length and the turn from the start's heading to the goal's."""
         return cost + se2.ROTATION_WEIGHT * abs(turn(start[2], goal[2]))
 
     def whole_states(self, states: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
@@ -79,7 +79,7 @@ class TranslationMotion(StraightMotion):
 
 
 def turned_evenly(states: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
-    """Return a path with the headings of its ends, turning evenly along it, which costs the least; shape (n, 3).
+    """Return a path with the headings of its ends, turning evenly along it, which has the lowest cost; shape (n, 3).
 
     Args:
         states: shape (n, 3), n >= 2; their headings do not matter.
@@ -94,7 +94,7 @@ def turned_evenly(states: FloatArray, start: FloatArray, goal: FloatArray) -> Fl
     return turned
 
 
-# A disc moves as any robot does, at another cost.
+# A disc's motions are straight motions with another cost.
 variant_of(new_scratch, Translation)(straight_scratch)
 variant_of(certified, Translation)(straight_certified)
 variant_of(embedding_radius, Translation)(sweep_radius)

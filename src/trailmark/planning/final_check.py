@@ -217,23 +217,23 @@ def _edges_of(world: World) -> tuple[FloatArray, IntArray]:
 def _driven(path: CurvePath) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """Return where the pieces of curves begin, their moves and curvature, and how far one ends off its knot at most."""
     curves, knots = path.curves, path.knots
-    used = curves.ways != 0.0
-    turns = np.where(used, curves.sides * curves.ways, 0.0) / path.steering.radius
-    starts = np.empty((*curves.ways.shape, 3))
+    used = curves.signed_lengths != 0.0
+    turns = np.where(used, curves.sides * curves.signed_lengths, 0.0) / path.steering.radius
+    starts = np.empty((*curves.signed_lengths.shape, 3))
     q = np.array(knots[:-1])
-    for k in range(curves.ways.shape[1]):
+    for k in range(curves.signed_lengths.shape[1]):
         starts[:, k] = q
-        q = _moved(q, curves.ways[:, k] * used[:, k], turns[:, k])
+        q = _moved(q, curves.signed_lengths[:, k] * used[:, k], turns[:, k])
     off = np.abs(se2.difference(q, knots[1:])).max(initial=0.0)
     # What Path.at and resample make of it must be the same: at the middle of each curve, and where its pieces end.
-    ends = np.cumsum(np.abs(curves.ways), axis=1)
+    ends = np.cumsum(np.abs(curves.signed_lengths), axis=1)
     places = np.hstack([ends[:, :-1], 0.5 * ends[:, -1:]])
     seen = path.steering.states(knots[:-1], knots[1:], places)
     off = max(off, float(np.abs(se2.difference(seen[:, :-1], starts[:, 1:])).max(initial=0.0)))
-    moves = np.stack([curves.ways, np.zeros_like(turns), turns], axis=-1)
+    moves = np.stack([curves.signed_lengths, np.zeros_like(turns), turns], axis=-1)
     straight = used & (curves.sides == 0)
     c, s = np.cos(starts[..., 2]), np.sin(starts[..., 2])
-    moves[straight] = np.stack([curves.ways * c, curves.ways * s, turns], axis=-1)[straight]
+    moves[straight] = np.stack([curves.signed_lengths * c, curves.signed_lengths * s, turns], axis=-1)[straight]
     curvature = np.where(used, curves.sides / path.steering.radius, 0.0)
     return starts[used], moves[used], curvature[used], float(off)
 
