@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.arguments import brief, number_array, real
-from trailmark.errors import TrailmarkError, did_you_mean
+from trailmark.errors import TrailmarkError, expected_name
 
 __all__ = [
     "Count",
@@ -101,7 +101,7 @@ def checked(value: Any, hint: Any, name: str, error: type[TrailmarkError]) -> An
     except _Mismatch:
         words = [word for kind in _alternatives(hint) if get_origin(kind) is Literal for word in get_args(kind)]
         if words and isinstance(value, str):
-            raise error(f"{name} {value!r} given, {did_you_mean(value, words)}") from None
+            raise error(f"{name}: {expected_name(value, words)}") from None
         raise error(f"{name}: expected {_text(hint)}, got {brief(value)}") from None
 
 

@@ -21,7 +21,6 @@ __all__ = [
     "TrailmarkError",
     "WorldError",
     "as_raised",
-    "did_you_mean",
     "expected_name",
 ]
 
@@ -84,20 +83,12 @@ class OutputError(TrailmarkError, OSError):
     """An output path that cannot be written."""
 
 
-def expected_name(given: str, allowed: Iterable[str]) -> str:
-    """Return ``expected a, b, got 'c'``, followed by the allowed name that is closest, if any is close."""
-    names = sorted(allowed)
-    close = get_close_matches(given, names, n=1)
+def expected_name(name: str, known: Iterable[str]) -> str:
+    """Return ``expected a, b, got 'c'``, followed by the known name that is closest, if any is close."""
+    names = sorted(known)
+    close = get_close_matches(name, names, n=1)
     hint = f" (did you mean {close[0]!r}?)" if close else ""
-    return f"expected {', '.join(names) if names else 'nothing'}, got {given[:60]!r}{hint}"
-
-
-def did_you_mean(given: str, allowed: Iterable[str]) -> str:
-    """Return a sentence that lists the allowed names and, where one is close to the given, suggests it."""
-    names = sorted(allowed)
-    close = get_close_matches(given, names, n=1)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}allowed: {', '.join(names) if names else 'none'}"
+    return f"expected {', '.join(names) if names else 'nothing'}, got {name[:60]!r}{hint}"
 
 
 def as_raised(function: Callable[P, R]) -> Callable[P, R]:

@@ -7,13 +7,13 @@ import sys
 import pytest
 from tests.support.interrupts import interrupted, lines_run
 
-from trailmark.errors import did_you_mean
+from trailmark.errors import expected_name
 
 FILES = ["errors.py"]
 
 
 def hint() -> str:
-    return did_you_mean("solv", ["solve", "other"])
+    return expected_name("solv", ["solve", "other"])
 
 
 def test_every_line_in_turn() -> None:

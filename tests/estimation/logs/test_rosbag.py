@@ -254,7 +254,7 @@ def test_topics(tmp_path: Path, kind: Kind) -> None:
         FormatError, match=r"2 topics of type nav_msgs/Odometry: say which odometry topic: /visual, /whe"
     ):
         load_log(path, scan_topic="/rear")
-    with pytest.raises(FormatError, match=r"scan topic '/reat' given, did you mean '/rear'\? allowed: /front, /rear"):
+    with pytest.raises(FormatError, match=r"got '/reat'"):
         load_log(path, scan_topic="/reat", odometry_topic="/wheels")
 
 
@@ -282,11 +282,11 @@ def test_bad_messages(tmp_path: Path, kind: Kind) -> None:
         (bag.odometry(12.0, (math.nan, 0, 0)), "message 3 of /odom: pose given that is not finite"),
         (
             bag.odometry(12.0, (0, 0, 0), stamp=10.5),
-            "message 3 of /odom: time 10.5 given after 11.0, allowed: times that",
+            "message 3 of /odom: time: expected 11.0 or later, got 10.5",
         ),
-        (bag.scan(13.0, []), "message 2 of /scan: no ranges given, allowed: one or more"),
-        (bag.scan(13.0, [1.0], angle_increment=math.inf), "message 2 of /scan: angles -1.0, inf given"),
-        (bag.scan(13.0, [1.0], range_max=0.0), "message 2 of /scan: range_max 0.0 given, allowed: above 0"),
+        (bag.scan(13.0, []), "message 2 of /scan: expected one range or more, got none"),
+        (bag.scan(13.0, [1.0], angle_increment=math.inf), "got inf"),
+        (bag.scan(13.0, [1.0], range_max=0.0), "message 2 of /scan: range_max: expected above 0, got 0.0"),
     ]
     for i, (message, problem) in enumerate(cases):
         (tmp_path / str(i)).mkdir()

@@ -32,28 +32,26 @@ def test_a_format_that_is_given(tmp_path: Path) -> None:
     path = tmp_path / "drive.log"
     path.write_text("garbage\n" * 10 + VICTORIA)
     assert len(load_log(path, "victoria", skip_bad=True).records) == 1
-    with pytest.raises(FormatError, match=r"drive.log:1: line 'garbage' given, allowed: ODOM, FLASER"):
+    with pytest.raises(FormatError, match=r"drive.log:1: expected a line with ODOM, FLASER, .* got 'garbage'"):
         load_log(path, "carmen")
-    with pytest.raises(
-        FormatError, match=r"format 'carmem' given, did you mean 'carmen'\? allowed: carmen, jsonl, mrc"
-    ):
+    with pytest.raises(FormatError, match=r"got 'carmem'"):
         load_log(path, "carmem")
 
 
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
-        (b"", "an empty log; allowed: trailmark JSON Lines"),
-        (b" \n\n", "an empty log; allowed: trailmark JSON Lines"),
-        (gzip.compress(b"", mtime=0), "an empty log; allowed: trailmark JSON Lines"),
-        (b"hello\nworld\n", "no log of a known format; allowed: trailmark JSON Lines"),
-        (b"\0\1\2", "no log of a known format; allowed: trailmark JSON Lines"),
-        (JSONL.encode()[:21] + b"\n\n", "no records given, allowed: a log of one record or more"),
-        (b"# message formats defined: ODOM\nPARAM a b\n", "no records given, allowed: a log of one record or more"),
+        (b"", "an empty log; expected trailmark JSON Lines"),
+        (b" \n\n", "an empty log; expected trailmark JSON Lines"),
+        (gzip.compress(b"", mtime=0), "an empty log; expected trailmark JSON Lines"),
+        (b"hello\nworld\n", "no log of a known format; expected trailmark JSON Lines"),
+        (b"\0\1\2", "no log of a known format; expected trailmark JSON Lines"),
+        (JSONL.encode()[:21] + b"\n\n", "expected a log of one record or more, got none"),
+        (b"# message formats defined: ODOM\nPARAM a b\n", "expected a log of one record or more, got none"),
         (gzip.compress(JSONL.encode(), mtime=0)[:-9], "cannot be read: Compressed file ended before the end-of-stream"),
         (gzip.compress(JSONL.encode(), mtime=0)[:-8] + b"12345678", "cannot be read: CRC check failed"),
         (JSONL.encode() + b"\0", "log:3: not valid JSON"),
-        (VICTORIA.encode() + b"\xff\n", "log:4: byte 0xff given, allowed: UTF-8 text"),
+        (VICTORIA.encode() + b"\xff\n", "log:4: expected UTF-8 text, got byte 0xff"),
     ],
 )
 def test_what_is_no_log(tmp_path: Path, content: bytes, problem: str) -> None:
@@ -94,7 +92,7 @@ def test_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     path = tmp_path / "log"
     path.write_bytes(gzip.compress(JSONL.encode() * 100, mtime=0))
-    with pytest.raises(FormatError, match="more than 1,000 bytes when unpacked, allowed: at most that"):
+    with pytest.raises(FormatError, match="expected at most 1,000 bytes when unpacked, got more"):
         source.read_data(path, limit=1000)
     path.write_bytes(JSONL.encode() * 100)
     with pytest.raises(FormatError, match="expected at most 1,000 bytes"):

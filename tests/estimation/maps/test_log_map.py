@@ -321,8 +321,8 @@ def test_nothing_to_go_by() -> None:
 @pytest.mark.parametrize(
     ("given", "problem"),
     [
-        ({"obstacles": "scan"}, "obstacles 'scan' given, did you mean 'scans'"),
-        ({"poses": "ekf"}, "poses 'ekf' given, allowed: auto"),
+        ({"obstacles": "scan"}, "got 'scan'"),
+        ({"poses": "ekf"}, "poses: expected auto, got 'ekf'"),
         ({"slam": MapSettings()}, "slam: expected SlamSettings, got MapSettings"),
         ({"radius": 0.0}, "radius: expected a finite number above 0, got 0.0"),
         ({"radius": math.nan}, "radius: expected .*, got nan"),

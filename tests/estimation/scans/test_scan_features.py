@@ -232,7 +232,7 @@ def test_discs_as_detections_for_the_filter() -> None:
 @pytest.mark.parametrize(
     ("settings", "problem"),
     [
-        ({"groups": "kmeans"}, "groups 'kmeans' given"),
+        ({"groups": "kmeans"}, "got 'kmeans'"),
         ({"sigma_range": 0.0}, "sigma_range"),
         ({"split": -1.0}, "split"),
         ({"min_points": 3}, "min_points"),

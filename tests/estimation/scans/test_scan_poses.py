@@ -64,5 +64,5 @@ def test_odometry_starts_at_the_first_scans_pose() -> None:
 
 @pytest.mark.parametrize("source", ["odomtry", ""])
 def test_sources_that_are_none(source: str) -> None:
-    with pytest.raises(EstimationError, match=f"source '{source}' given"):
+    with pytest.raises(EstimationError, match=f"got '{source}'"):
         scan_poses([bare(0.0)], source)  # type: ignore[arg-type]  # the test's point

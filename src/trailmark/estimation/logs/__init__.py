@@ -12,7 +12,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from trailmark.checked import checked_arguments
-from trailmark.errors import FormatError, OutputError, did_you_mean
+from trailmark.errors import FormatError, OutputError, expected_name
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log
 
@@ -22,14 +22,14 @@ FORMATS = ("jsonl", "mrclam", "carmen", "victoria", "rosbag")
 """trailmark's own JSON Lines; an MRCLAM folder; a CARMEN log; GTSAM's Victoria Park file; a ROS 1 or ROS 2 bag."""
 
 _ALLOWED = (
-    'allowed: trailmark JSON Lines (first line {"trailmark_log": 1}), an MRCLAM folder (RobotN_Odometry.dat) as '
+    'expected trailmark JSON Lines (first line {"trailmark_log": 1}), an MRCLAM folder (RobotN_Odometry.dat) as '
     "FOLDER:N or one of robot N's files, a CARMEN log (ODOM, FLASER), victoria_park.txt (ODOMETRY, LANDMARK), a ROS bag"
 )
 
 _BAG_STARTS = (b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP0\r\n")
 
 _HEAD = 2**16
-"""Bytes from a file's beginning in which a line must tell its format."""
+"""Bytes from a file's beginning in which a line must identify its format."""
 
 
 @checked_arguments(EstimationError)
@@ -45,16 +45,16 @@ def load_log(
 ) -> Log:
     """Read a sensor log.
 
-    Text logs may be gzipped. The readers' modules say what each makes of its files.
+    Text logs may be gzipped. The readers' modules describe their formats.
 
     Args:
-        path: the file, or the folder of an MRCLAM log or a ROS 2 bag. Which robot of an MRCLAM folder is given
+        path: the file, or the folder of an MRCLAM log or a ROS 2 bag. The robot of an MRCLAM folder is selected
             by ``robot``, by ``FOLDER:N``, or by naming one of its files, such as ``FOLDER/Robot3_Odometry.dat``.
         format: one of FORMATS; found by the content if left out.
         skip_bad: leave out bad records and count them in ``Log.dropped``, in place of raising for the first.
         robot: the number of an MRCLAM robot.
-        corrected: whether a CARMEN log's scans have poses that a SLAM program corrected; told by the content if left
-            out (see :mod:`trailmark.estimation.logs.carmen`).
+        corrected: whether a CARMEN log's scans have poses that a SLAM program corrected; found from the content by
+            default (see :mod:`trailmark.estimation.logs.carmen`).
         scan_topic: the topic of a bag's laser scans; may be left out where the bag has one.
         odometry_topic: the topic of a bag's odometry; may be left out where the bag has one.
 
@@ -67,7 +67,7 @@ def load_log(
     bad = BadRecords(skip_bad)
     file = FilePath(path)
     if format is not None and format not in FORMATS:
-        raise FormatError(file, f"format {format!r} given, {did_you_mean(format, FORMATS)}")
+        raise FormatError(file, f"format: {expected_name(format, FORMATS)}")
     try:
         file.exists()
     except OSError as error:  # no file can have that name, or its folder may not be looked into
@@ -84,7 +84,7 @@ def load_log(
     log: Log = getattr(reader, f"read_{kind}")(file, bad, *options.get(kind, ()))
     if not log.records:
         left_out = f" ({bad.dropped} bad ones left out)" if bad.dropped else ""
-        raise FormatError(file, f"no records given{left_out}, allowed: a log of one record or more")
+        raise FormatError(file, f"expected a log of one record or more, got none{left_out}")
     return log._replace(dropped=bad.dropped)
 
 
@@ -105,7 +105,9 @@ def save_log(log: Log, path: str | FilePath) -> None:
         with suppress(FormatError):  # no log at all
             kind = _format_of(file)
             if kind != "jsonl":
-                raise OutputError(f"{file}: a log of the format {kind} is there, allowed: a new file, or JSON Lines")
+                raise OutputError(
+                    f"{file}: expected a new file or JSON Lines, got an existing log of the format {kind}"
+                )
     write_jsonl(file, log)
 
 

@@ -21,7 +21,7 @@ of 400 and 401 beams see 100 degrees.
 to 81.91 m (8.191 m). Should that reading have been an echo after all, only it is lost.
 
 **Corrected poses.** A log is corrected if GMapping wrote it (it has lines ``NEFF``), or if laser and odometry do not
-keep their distance; other corrected logs look like raw ones, and the reader must be told (``corrected``). Then the
+keep their distance; other corrected logs cannot be told from raw ones without the argument ``corrected``. Then the
 scans have poses. GMapping repeats each scan's pose in an ``ODOM`` right after it, whose time is not to be trusted (0,
 or what was in memory: in the Intel log from 1e-153 to 13 s), and goes on with the odometry from there. That jump is no
 motion: the increments leave it out, so that they are the raw odometry's. In raw logs scans have no pose, and the
@@ -93,12 +93,12 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
         path: the file, gzipped or not.
         bad: what becomes of bad lines: unknown words, wrong columns, values that are not finite, negative ranges,
             times that go back.
-        corrected: whether the poses of the scans are those of a SLAM program; told by the content if left out.
+        corrected: whether the poses of the scans are those of a SLAM program; found from the content by default.
 
     Raises:
         FormatError: the file cannot be read, or a bad line.
     """
-    lines, gmapping = _lines(path, bad, told=bool(corrected))
+    lines, gmapping = _lines(path, bad, corrected=bool(corrected))
     mount = None if gmapping else _mount([(line.beams.laser, line.pose) for line in lines if line.beams])
     if corrected is None:
         corrected = gmapping or mount is None
@@ -109,7 +109,7 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
     for number, word, time, pose, beams in lines:
         behind = latest - time
         if behind > JITTER:
-            back = f"time {time!r} given after {latest!r}, allowed: at most {JITTER:g} s back"
+            back = f"time: expected at most {JITTER:g} s before {latest!r}, got {time!r}"
             bad.report(path, back, number)
             continue
         raised, farthest = raised + (behind > 0.0), max(farthest, behind)
@@ -131,21 +131,21 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
     return Log(name_of(path), tuple(records), np.empty((0, 3)), notes=notes)
 
 
-def _lines(path: Path, bad: BadRecords, *, told: bool) -> tuple[list[_Line], bool]:
+def _lines(path: Path, bad: BadRecords, *, corrected: bool) -> tuple[list[_Line], bool]:
     """Return the lines that hold records, without GMapping's repeated poses, and whether GMapping wrote the log.
 
-    Only of a log that is told to be corrected is a repeated pose of nonsense time taken for GMapping's: elsewhere it
-    is a robot that stands still, and a time that goes back.
+    Only in a log known to be corrected is a repeated pose with a wrong time GMapping's: elsewhere it is a robot that
+    stands still, and a time that goes back.
     """
     lines = list(_parsed(path, bad))
     gmapping = any(line.word == "NEFF" for line in lines)
     repeats = [i > 0 and _repeats(lines[i - 1], line) for i, line in enumerate(lines)]
-    if told and not gmapping:
+    if corrected and not gmapping:
         gmapping = any(repeat and lines[i].t < lines[i - 1].t - JITTER for i, repeat in enumerate(repeats))
-    kept = [
+    remaining = [
         line for line, repeat in zip(lines, repeats, strict=True) if line.word != "NEFF" and not (gmapping and repeat)
     ]
-    return kept, gmapping
+    return remaining, gmapping
 
 
 def _repeats(before: _Line, line: _Line) -> bool:
@@ -169,7 +169,9 @@ def _parsed(path: Path, bad: BadRecords) -> Iterator[_Line]:
         elif text.startswith("# message formats defined:"):
             declared.update(fields[4:])
         elif word not in declared and not _OTHERS.fullmatch(word):
-            bad.report(path, f"line {text.strip()[:60]!r} given, allowed: {', '.join(KEYWORDS)} and the like", number)
+            bad.report(
+                path, f"expected a line with {', '.join(KEYWORDS)} or the like, got {text.strip()[:60]!r}", number
+            )
 
 
 def _line(number: int, fields: list[str]) -> _Line | str:
@@ -178,19 +180,19 @@ def _line(number: int, fields: list[str]) -> _Line | str:
     n = m = 0
     if word == "FLASER":
         n = _count(fields, 1)
-        columns, rule = n + 10, f"n + 10 with n = {fields[1] if count else 'none'} ranges"
+        columns, rule = n + 10, f"n + 10 (n = {fields[1] if count else 'none'} ranges)"
     elif word == "ROBOTLASER1":
         n = _count(fields, 8)
-        m = _count(fields, 9 + n, least=0)
-        columns, rule = n + m + 23, "n + m + 23 with n ranges and m remissions"
+        m = _count(fields, 9 + n, minimum=0)
+        columns, rule = n + m + 23, "n + m + 23 (n ranges and m remissions)"
     else:
         columns, rule = 9, "9"
     if count != columns or n < 0 or m < 0:
-        return f"{word} with {count} columns after it given, allowed: {rule}"
+        return f"{word}: expected {rule} columns after it, got {count}"
     # A time, the host and the logger's time end each line; the host is no number.
     row = numbers([*fields[1:-2], fields[-1]])
     if row is None:
-        return f"{' '.join(fields)[:60]!r} given, allowed: {word}, finite numbers, host, time"
+        return f"expected {word}, finite numbers, host, time, got {' '.join(fields)[:60]!r}"
     t = row[-2]
     if word in ("ODOM", "TRUEPOS"):
         return _Line(number, word, t, _triple(row[:3]))
@@ -200,16 +202,16 @@ def _line(number: int, fields: list[str]) -> _Line | str:
         start, first, step, range_max = 8, row[1], row[3], row[4]
     ranges = np.array(row[start : start + n])
     if ranges.min() < 0.0:
-        return f"{word} with range {ranges.min():g} given, allowed: 0 or more"
+        return f"{word}: range: expected 0 or more, got {ranges.min():g}"
     poses = row[start + n + (0 if word == "FLASER" else m + 1) :]
     return _Line(number, word, t, _triple(poses[3:6]), _Beams(ranges, first, step, range_max, _triple(poses[:3])))
 
 
-def _count(fields: list[str], place: int, least: int = 1) -> int:
-    """Return the whole number at that place, or -1 if there is none of at least ``least``."""
+def _count(fields: list[str], place: int, minimum: int = 1) -> int:
+    """Return the whole number at that place, or -1 if there is none of at least ``minimum``."""
     field = fields[place] if 0 < place < len(fields) else ""
     number = int(field) if field.isascii() and field.isdigit() and len(field) < 9 else -1
-    return number if number >= least else -1
+    return number if number >= minimum else -1
 
 
 def _triple(values: list[float]) -> _Triple:

@@ -101,7 +101,9 @@ def write_jsonl(path: Path, log: Log) -> None:
         except RecordError as error:
             raise OutputError(f"{path}: cannot be written: records[{i}]: {error}") from None
         if record.t < latest:
-            raise OutputError(f"{path}: cannot be written: records[{i}]: time {record.t!r} given after {latest!r}")
+            raise OutputError(
+                f"{path}: cannot be written: records[{i}]: time: expected {latest!r} or later, got {record.t!r}"
+            )
         latest = record.t
         lines.append(line)
     data = ("\n".join(lines) + "\n").encode()
@@ -128,4 +130,4 @@ def _words(ranges: ArrayLike) -> list[float | str | None]:
 def _plain(value: object) -> object:
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
-    raise TypeError(f"{type(value).__name__} given, allowed: numbers, lists and arrays")
+    raise TypeError(f"expected numbers, lists and arrays, got {type(value).__name__}")

@@ -91,7 +91,7 @@ def _chosen(folder: Path, robot: int | None) -> int:
             folder, f"a folder of robots {listed}: say which, as {folder.name}:{there[0] if there else 1}"
         )
     if robot not in there:
-        raise FormatError(folder, f"robot {robot} given, allowed: {listed} (with a file RobotN_Odometry.dat)")
+        raise FormatError(folder, f"robot: expected {listed} (with a file RobotN_Odometry.dat), got {robot}")
     return robot
 
 
@@ -103,7 +103,7 @@ def _detections(folder: Path, robot: int, bad: BadRecords) -> tuple[list[Detecti
         if worn_by in SUBJECTS:
             subject_of[barcode] = int(worn_by)
         else:
-            bad.report(folder / "Barcodes.dat", f"subject {worn_by:g} given, allowed: 1 to {SUBJECTS[-1]}", line)
+            bad.report(folder / "Barcodes.dat", f"subject: expected 1 to {SUBJECTS[-1]}, got {worn_by:g}", line)
     path = folder / f"Robot{robot}_Measurement.dat"
     table = in_order(path, read_table(path, ("t", "barcode", "range", "bearing"), bad), bad)
     detections, others = [], 0
@@ -111,9 +111,9 @@ def _detections(folder: Path, robot: int, bad: BadRecords) -> tuple[list[Detecti
         subject = subject_of.get(barcode)
         if subject is None:
             known = ", ".join(f"{code:g}" for code in sorted(subject_of))
-            bad.report(path, f"unknown barcode {barcode:g} given, allowed: those of Barcodes.dat: {known}", line)
+            bad.report(path, f"barcode: expected one of Barcodes.dat: {known}, got {barcode:g}", line)
         elif distance < 0.0:
-            bad.report(path, f"range {distance:g} given, allowed: 0 or more", line)
+            bad.report(path, f"range: expected 0 or more, got {distance:g}", line)
         elif subject in ROBOTS:
             others += 1
         else:

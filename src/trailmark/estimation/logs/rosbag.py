@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from trailmark.errors import FormatError, TrailmarkError, did_you_mean
+from trailmark.errors import FormatError, TrailmarkError, expected_name
 from trailmark.estimation.logs.records import Increment, Log, Pose, Record, Scan
 from trailmark.estimation.logs.source import BadRecords, name_of
 from trailmark.se2 import FloatArray
@@ -89,7 +89,7 @@ def _log(path: Path, reader: AnyReader, bad: BadRecords, scan_topic: str | None,
     for name, t, message in _messages(path, reader, odometry, bad):
         pose = _pose(message.pose.pose)
         if pose is None:
-            bad.report(path, f"{name}: pose given that is not finite or has no heading, allowed: finite numbers")
+            bad.report(path, f"{name}: expected a pose of finite numbers with a heading, got another")
             continue
         frame = message.child_frame_id or frame
         records.append(Pose(t, *pose) if before is None else Increment.between(t, before, pose))
@@ -119,7 +119,7 @@ def _topic(path: Path, reader: AnyReader, msgtype: str, what: str, name: str | N
         return [c for c in reader.connections if c.topic == name and c.msgtype == msgtype]
     kind = msgtype.replace("/msg/", "/")
     if name is not None:
-        raise FormatError(path, f"{what} topic {name!r} given, {did_you_mean(name, topics)} (those of type {kind})")
+        raise FormatError(path, f"{what} topic of type {kind}: {expected_name(name, topics)}")
     if topics:
         raise FormatError(path, f"{len(topics)} topics of type {kind}: say which {what} topic: {', '.join(topics)}")
     there = ", ".join(sorted({f"{c.topic} ({c.msgtype.replace('/msg/', '/')})" for c in reader.connections}))
@@ -158,11 +158,11 @@ def _pose(pose: Any) -> tuple[float, float, float] | None:
 def _bad_geometry(message: Any) -> str:
     """Return what is wrong with a scan's fields, or nothing."""
     if len(message.ranges) == 0:
-        return "no ranges given, allowed: one or more"
+        return "expected one range or more, got none"
     if not all(map(math.isfinite, (message.angle_min, message.angle_increment))):
-        return f"angles {message.angle_min}, {message.angle_increment} given, allowed: finite numbers"
+        return f"angles: expected finite numbers, got {message.angle_min}, {message.angle_increment}"
     if not message.range_max > 0.0:
-        return f"range_max {message.range_max} given, allowed: above 0"
+        return f"range_max: expected above 0, got {message.range_max}"
     return ""
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from trailmark.arguments import brief
 from trailmark.checked import Finite, Positive, Rule, checked, shaped
-from trailmark.errors import did_you_mean
+from trailmark.errors import expected_name
 from trailmark.estimation.errors import RecordError
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.se2 import FloatArray
@@ -101,7 +101,7 @@ def parse(line: str) -> Record | Landmark:
     data = _object(line)
     kind = data.pop("type", None)
     if not isinstance(kind, str) or kind not in _FORMS:
-        raise RecordError(f"type {brief(kind)} given, {did_you_mean(str(kind), _FORMS)}")
+        raise RecordError(f"type: {expected_name(str(kind), _FORMS)}")
     becomes, form = _FORMS[kind]
     values = _checked(data, kind, becomes, form)
     if becomes is Scan:
@@ -128,10 +128,10 @@ def _checked(data: dict[str, Any], kind: str, becomes: Any, form: dict[str, Any]
     # An unknown field goes first: a field that is missing is often the same one, misspelt.
     for name in data:
         if name not in form:
-            raise RecordError(f"{kind}: unknown field {name!r} given, {did_you_mean(name, form)}")
+            raise RecordError(f"{kind}: field: {expected_name(name, form)}")
     optional = becomes._field_defaults
     data = {name: value for name, value in data.items() if value is not None or name not in optional}
     for name in form:
         if name not in data and name not in optional:
-            raise RecordError(f"{kind}: no field {name!r} given")
+            raise RecordError(f"{kind}: expected a field {name!r}, got none")
     return {name: checked(value, form[name], f"{kind}: {name}", RecordError) for name, value in data.items()}

@@ -61,7 +61,7 @@ class BadRecords:
 
     def report_late(self, path: Path, t: float, latest: float, line: int | None = None, name: str = "") -> None:
         """Count a record whose time goes back, or raise for the first of them; ``name`` begins the message."""
-        self.report(path, f"{name}time {t!r} given after {latest!r}, allowed: times that do not go back", line)
+        self.report(path, f"{name}time: expected {latest!r} or later, got {t!r}", line)
 
 
 class Table(NamedTuple):
@@ -112,7 +112,7 @@ def read_data(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
             while piece := file.read(_PIECE):
                 size += len(piece)
                 if size > limit:
-                    raise FormatError(path, f"more than {limit:,} bytes when unpacked, allowed: at most that")
+                    raise FormatError(path, f"expected at most {limit:,} bytes when unpacked, got more")
         return gzip.decompress(data)
     except (OSError, EOFError, zlib.error) as error:
         raise FormatError(path, f"cannot be unpacked: {error}") from None
@@ -132,7 +132,7 @@ def read_lines(path: Path, bad: BadRecords) -> list[str]:
     except UnicodeDecodeError as error:
         if not bad.skip:
             line = data.count(b"\n", 0, error.start) + 1
-            raise FormatError(path, f"byte {data[error.start]:#04x} given, allowed: UTF-8 text", line) from None
+            raise FormatError(path, f"expected UTF-8 text, got byte {data[error.start]:#04x}", line) from None
         text = data.decode("utf-8-sig", errors="replace")
     # str.splitlines also breaks at characters that editors, which count lines, do not break at.
     lines = [line.removesuffix("\r") for line in text.split("\n")]
@@ -163,8 +163,8 @@ def read_table(path: Path, columns: Sequence[str], bad: BadRecords, separator: s
             rows.append(row)
             places.append(number)
             continue
-        given = f"{len(fields)} columns" if row is not None else f"{line.strip()[:60]!r}"
-        bad.report(path, f"{given} given, allowed: {len(columns)} finite numbers {', '.join(columns)}", number)
+        got = f"{len(fields)} columns" if row is not None else f"{line.strip()[:60]!r}"
+        bad.report(path, f"expected {len(columns)} finite numbers {', '.join(columns)}, got {got}", number)
     return Table(np.array(places, dtype=np.int64), np.array(rows, dtype=np.float64).reshape(-1, len(columns)))
 
 
@@ -191,7 +191,7 @@ def in_order(path: Path, table: Table, bad: BadRecords) -> Table:
     good = np.asarray(times >= latest)
     if not good.all():
         first = int(np.argmin(good))
-        back = f"time {float(times[first])!r} given after {float(latest[first])!r}, allowed: times that do not go back"
+        back = f"time: expected {float(latest[first])!r} or later, got {float(times[first])!r}"
         bad.report(path, back, int(table.lines[first]), count=int((~good).sum()))
     return table.keep(good)
 

@@ -59,12 +59,12 @@ def read_victoria(path: Path, bad: BadRecords) -> Log:
         pose = i if pose is None else pose
         if i != pose and (i < pose or not bad.skip):
             what = "a pose left behind: the line is out of order" if i < pose else "the motion to it is missing"
-            bad.report(path, f"pose {i} given after pose {pose}, {what}, allowed: pose {pose}", number)
+            bad.report(path, f"expected pose {pose}, got pose {i}, {what}", number)
             continue
         if fields[0] == "LANDMARK":
             records.append(Detection(float(i), np.array(row[2:4]), "cartesian", j, _covariance(*row[4:])))
         elif j <= i:
-            bad.report(path, f"a motion from pose {i} to pose {j} given, allowed: to a later pose", number)
+            bad.report(path, f"motion from pose {i}: expected to a later pose, got pose {j}", number)
             continue
         else:
             records.append(Increment(float(j), row[2], row[3], row[4], _covariance(*row[5:])))
@@ -92,15 +92,15 @@ def _row(fields: list[str]) -> tuple[list[float] | None, str]:
     """Return a line's numbers, or what is wrong with it."""
     word = fields[0]
     if word not in KEYWORDS:
-        return None, f"line {' '.join(fields)[:60]!r} given, allowed: {', '.join(KEYWORDS)}"
+        return None, f"expected a line with {', '.join(KEYWORDS)}, got {' '.join(fields)[:60]!r}"
     columns, row = KEYWORDS[word].split(), numbers(fields[1:])
     if len(fields) != len(columns) + 1:
-        return None, f"{word} with {len(fields) - 1} columns given, allowed: {len(columns)}: {', '.join(columns)}"
+        return None, f"{word}: expected {len(columns)} columns {', '.join(columns)}, got {len(fields) - 1}"
     if row is None or not (row[0].is_integer() and row[1].is_integer()):
-        return None, f"{' '.join(fields)[:60]!r} given, allowed: {word}, two whole and then finite numbers"
+        return None, f"expected {word}, two whole and then finite numbers, got {' '.join(fields)[:60]!r}"
     split = len(columns) - (6 if word == "ODOMETRY" else 3)
     if _covariance(*row[split:]) is None:
-        return None, f"covariance {row[split:]} given, allowed: the upper triangle of a positive definite matrix"
+        return None, f"covariance: expected the upper triangle of a positive definite matrix, got {row[split:]}"
     return row, ""
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from trailmark.arguments import brief, real
 from trailmark.checked import checked_arguments
-from trailmark.errors import did_you_mean
+from trailmark.errors import expected_name
 from trailmark.estimation.errors import EstimationError, RecordError
 from trailmark.estimation.filter.ekf import Mode, SlamFilter
 from trailmark.estimation.filter.motion import MotionModel
@@ -233,8 +233,8 @@ class EkfSlam:
             self.counts.detections += 1
             if not isinstance(detection.kind, str) or detection.kind not in self._sensors:
                 raise RecordError(
-                    f"Detection of kind {brief(detection.kind)} at {detection.t:.6f} s given without a sensor model, "
-                    f"{did_you_mean(str(detection.kind), self._sensors)}"
+                    f"Detection at {detection.t:.6f} s: kind with a sensor model: "
+                    f"{expected_name(str(detection.kind), self._sensors)}"
                 )
             if not isinstance(detection.identity, int | np.integer | None):
                 raise RecordError(f"identity: expected a whole number or None, got {brief(detection.identity)}")
