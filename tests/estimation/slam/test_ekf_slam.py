@@ -354,7 +354,7 @@ def test_nothing_to_process() -> None:
         (lambda: slam().run([Detection(0.0, np.ones(2), "range-baring")]), "did you mean 'range-bearing'"),
         (lambda: slam().run([Detection(0.0, np.array([np.nan, 0.0]), identity=1)]), "finite"),
         (lambda: slam().run([Odometry(0.0, np.inf, 0.0), Odometry(1.0, 0.0, 0.0)]), "finite"),
-        (lambda: SlamSettings(association="closest"), "allowed: auto, joint, known, nearest"),  # type: ignore[arg-type]  # wrong on purpose
+        (lambda: SlamSettings(association="closest"), "expected auto, joint, known, nearest"),  # type: ignore[arg-type]  # wrong on purpose
         (
             lambda: EkfSlam({}, settings=SlamSettings("auto")),
             "expected settings without 'auto'",
