@@ -72,7 +72,7 @@ def test_inertia_never_increases(given_data: tuple[FloatArray, int], init: Initi
     last = inertia_of(x, initial_centres(x, k, init, seed))
     total = algorithm_1(x, k, init, seed)
     for steps in range(1, total.iterations + 1):
-        with mock.patch.object(paper, "MOST_ITERATIONS", steps), warnings.catch_warnings():
+        with mock.patch.object(paper, "MAX_ITERATIONS", steps), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # on the way, though never at the end, a cluster may be empty
             now = algorithm_1(x, k, init, seed)
         assert now.iterations <= steps

@@ -73,8 +73,8 @@ def test_separate_clumps_give_stable_centres_and_uniform_points_do_not() -> None
     ("runs", "problem"),
     [
         ([], "spread of runs: expected 1 run or more, got none"),
-        ([np.ones((3, 2)), np.ones((3, 3))], r"got \(3, 3\)"),
-        ([np.ones((3, 2)), np.empty((0, 2))], r"got \(0, 2\)"),
+        ([np.ones((3, 2)), np.ones((3, 3))], r"got \(3, 2\) and \(3, 3\)"),
+        ([np.ones((3, 2)), np.empty((0, 2))], r"got \(3, 2\) and \(0, 2\)"),
         ([np.ones(3), np.ones(3)], r"got \(3,\)"),
         ([np.ones((3, 2)), np.full((3, 2), np.nan)], "centres: hold a value that is not a finite number"),
     ],

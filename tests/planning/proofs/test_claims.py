@@ -73,7 +73,7 @@ def test_a_grid_that_has_lost_a_cell_proves_nothing() -> None:
 
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_grid_that_closes_too_much_is_not_believed(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Relaxation, "_least", lambda self: 5.0 * self.radius)
+    monkeypatch.setattr(Relaxation, "_min_clearance", lambda self: 5.0 * self.radius)
     with pytest.warns(InternalErrorWarning, match="lower bound of inf"):
         result = LandmarkPlanner(WALL, robot, seed=0).plan(ENDS[0], ENDS[1], 0.5)
     assert result.status == "solved"

@@ -54,7 +54,7 @@ class SlamFilter(SlamState):
         pose: x, y, theta to begin with; metres and radians.
         P: its covariance, shape (3, 3); None for a pose that is certain.
         mode: one of the above.
-        error: in mode "slam", "invariant" keeps what no reading tells unknown (points only: lines are corrected as
+        error: in mode "slam", "invariant" keeps unknown what no reading reveals (points only: lines are corrected as
             with "additive"), "additive" is the filter of the books.
         iterations: in mode "slam", how often at most an update is linearised anew, at what it gave the last time.
 
@@ -209,7 +209,7 @@ class SlamFilter(SlamState):
         raise EstimationError("predict_update: expected predict, then update, for a state that grows")
 
     def merge_features(self, keep: int, drop: int) -> None:
-        """Take two points for one and the same: they become equal, and ``drop`` is taken out; O(n²).
+        """Merge two points: they become equal, and ``drop`` is removed; O(n²).
 
         Args:
             keep: the id that stays.
@@ -237,7 +237,7 @@ class SlamFilter(SlamState):
         before = self.x
         for _ in range(self.iterations - 1):
             after = self._moved(before, gain.step)
-            # What the straight line left out of h; one evaluation of h tells it, and mostly it is nothing.
+            # The error of h's linearisation, by one evaluation of h; mostly it is zero.
             y = sensor.residual(readings, sensor.h(after[:3], after[gain.H.at])).reshape(-1)
             missed = sensor.residual(
                 y.reshape(readings.shape), (gain.y - gain.H.times_vector(gain.step)).reshape(readings.shape)
@@ -272,7 +272,7 @@ class SlamFilter(SlamState):
         x: FloatArray | None = None,
         step: FloatArray | None = None,
     ) -> Gain:
-        """Return what readings correct, h taken straight at the estimate, or at x, which a correction led to."""
+        """Return the correction by readings, with h linearised at the estimate, or at x, an earlier result."""
         place = self.x if x is None else x
         z_hat, H_pose, H_feature = sensor.linearised(place[:3], place[at])
         H = SparseJacobian(H_pose, H_feature, at)

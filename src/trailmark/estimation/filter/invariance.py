@@ -1,7 +1,7 @@
 # ruff: noqa: N803, N806 # the names are the filter's own symbols: x, P, V
 """The error of pose and map that a turn and a shift of the whole map leave alone.
 
-No reading tells where the map lies and how it is turned: shifting and turning pose and features together changes no
+No reading reveals where the map lies and how it is turned: shifting and turning pose and features together changes no
 reading. An EKF whose error is estimate − truth forgets that. The direction in which the state moves when everything
 turns, (J p, 1, J l₁, J l₂, …) with J a quarter turn, depends on the estimates; each update takes H at other ones, and
 so seems to learn the heading from readings that cannot tell it. This is why EKF-SLAM grows too sure of its heading
@@ -57,7 +57,7 @@ def carried(before: FloatArray, after: FloatArray, points: NDArray[np.intp]) -> 
 
 
 def turned(H: SparseJacobian, a: FloatArray) -> SparseJacobian:
-    """Return H, taken at another estimate than the one that P is for, by the error at that one: H (I + a e_θᵀ)."""
+    """Return H, evaluated at another estimate than P's, for the error at P's estimate: H (I + a e_θᵀ)."""
     pose = H.pose.copy()
     pose[..., 2] += H.pose @ a[:3] + (H.feature @ a[H.at][..., None])[..., 0]
     return H._replace(pose=pose)

@@ -86,7 +86,7 @@ class SensorModel(Protocol):
         ...
 
     def linearised(self, x: ArrayLike, l: ArrayLike) -> Linearised:
-        """Return h, H_pose and H_feature at once: what a filter asks for at each update."""
+        """Return h, H_pose and H_feature together, as a filter needs them at each update."""
         return Linearised(self.h(x, l), self.H_pose(x, l), self.H_feature(x, l))
 
     def noise(self, x: ArrayLike, l: ArrayLike) -> FloatArray:

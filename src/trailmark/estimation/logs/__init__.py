@@ -1,4 +1,4 @@
-"""Sensor logs: readers that turn the files of others into records, and a format of trailmark's own to write too.
+"""Sensor logs: readers that convert other programs' files to records, and a format of trailmark's own.
 
 A log's format is found by its content. Only what a file needs is imported for it.
 """
@@ -70,7 +70,7 @@ def load_log(
         raise FormatError(file, f"format: {expected_name(format, FORMATS)}")
     try:
         file.exists()
-    except OSError as error:  # no file can have that name, or its folder may not be looked into
+    except OSError as error:  # no file can have that name, or its folder may not be read
         raise FormatError(file, f"cannot be read: {error.strerror}") from None
     if format in (None, "mrclam"):
         file, robot = _robot(file, robot)

@@ -59,7 +59,7 @@ def read_mrclam(folder: Path, bad: BadRecords, robot: int | None = None) -> Log:
         robot: its number; may be left out where the folder holds one robot.
 
     Raises:
-        FormatError: the robot is not there or not told, a file is missing, or a bad row.
+        FormatError: the robot does not exist or is not named, a file is missing, or a bad row.
     """
     number = _chosen(folder, robot)
     odometry_file = folder / f"Robot{number}_Odometry.dat"

@@ -65,7 +65,7 @@ class Detection(NamedTuple):
         t: seconds.
         z: (2,), range (metres) and bearing (radians), or x and y in the robot's frame (metres): see ``kind``.
         kind: ``range-bearing`` or ``cartesian``.
-        identity: the feature's number if the sensor tells it, else None.
+        identity: the feature's number if the sensor identifies it, else None.
         covariance: (2, 2) of z, or None.
     """
 
@@ -106,7 +106,7 @@ class Pose(NamedTuple):
         x: metres.
         y: metres.
         theta: radians.
-        truth: whether it is ground truth (kept for evaluation and never estimated from).
+        truth: whether it is ground truth (for evaluation, never used for estimates).
     """
 
     t: float

@@ -7,7 +7,7 @@ From a bag come one topic of ``sensor_msgs/LaserScan`` and one of ``nav_msgs/Odo
 - A scan's readings below its ``range_min``, among them the zeros and −inf of some drivers, are lost readings (NaN).
 - The scanner's place on the robot comes from the bag's transforms (``tf_static``, else the first ones of ``tf``)
   between the scan's frame and the odometry's child frame. A scanner that hangs upside down turns clockwise, so its
-  angles change their sign. Without such transforms it is taken to sit at the robot's origin, with a note.
+  angles change their sign. Without such transforms it is assumed to be at the robot's origin, with a note.
 
 A record's time is the message's stamp, or when the bag received it if the stamp is 0. Stamps of one topic must not go
 back; the two topics are merged by time, the odometry first at equal times.
@@ -38,7 +38,7 @@ _SCAN, _ODOMETRY = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
 _ENOUGH_TRANSFORMS = 2000
-"""Messages of ``tf`` that are looked through for the scanner's place."""
+"""Messages of ``tf`` that are searched for the scanner's place."""
 
 
 class _Message(NamedTuple):
@@ -191,11 +191,11 @@ def _mount(reader: AnyReader, base: str, scanner: str) -> tuple[tuple[tuple[floa
                 transforms.add(entry.header.frame_id, entry.child_frame_id, place)
             found = transforms.between(base, scanner)
     if found is None:
-        note = f"no transform from {base!r} to {scanner!r}: the scanner is taken to sit at the robot's origin"
+        note = f"no transform from {base!r} to {scanner!r}: the scanner is assumed to be at the robot's origin"
         return ((0.0, 0.0, 0.0), False), note
     mount = (float(found[0, 3]), float(found[1, 3]), math.atan2(found[1, 0], found[0, 0]))
     tilt = math.degrees(math.acos(min(1.0, abs(found[2, 2]))))
-    note = f"the scanner {scanner!r} is tilted by {tilt:.0f} degrees and taken to be level" if tilt > 5.0 else ""
+    note = f"the scanner {scanner!r} is tilted by {tilt:.0f} degrees and assumed to be level" if tilt > 5.0 else ""
     return (mount, bool(found[2, 2] < 0.0)), note
 
 

@@ -97,7 +97,7 @@ def read_head(path: Path, size: int) -> bytes:
 
 
 def read_data(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
-    """Return the content of a file, unpacked if it is gzipped (told by its first bytes).
+    """Return the content of a file, unpacked if it is gzipped (recognised by its first bytes).
 
     Raises:
         FormatError: missing, unreadable, a broken gzip stream, or larger than ``limit`` bytes, packed or not.
@@ -181,7 +181,7 @@ def numbers(fields: Sequence[str]) -> list[float] | None:
 def in_order(path: Path, table: Table, bad: BadRecords) -> Table:
     """Return the rows of a table whose first column is a time that never goes back; equal times are allowed.
 
-    With ``skip_bad``, a row that is earlier than one kept before it is left out.
+    With ``skip_bad``, a row that is earlier than one before it is left out.
 
     Raises:
         FormatError: the first row that is earlier than one before it.

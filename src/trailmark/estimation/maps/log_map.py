@@ -118,12 +118,12 @@ def _world_of_discs(log: Log, s: MapSettings, run: SlamRun, robot: Robot | None)
 
 
 def _bounds(world: World, path: FloatArray, margin: float) -> tuple[float, float, float, float]:
-    """Return bounds with room for the robot around all obstacles and its path, in whole decimetres."""
+    """Return bounds, in whole decimetres, with space for the robot around all obstacles and its path."""
     boxes = np.array([shape.bounding_box() for shape in world.obstacles]).reshape(-1, 4)
     points = np.vstack([boxes[:, :2], boxes[:, 2:], path])
-    room = margin + (0.0 if world.robot is None else 2.0 * world.robot.circumradius)
-    low = np.floor(10.0 * (points.min(axis=0) - room)) / 10.0
-    high = np.ceil(10.0 * (points.max(axis=0) + room)) / 10.0
+    space = margin + (0.0 if world.robot is None else 2.0 * world.robot.circumradius)
+    low = np.floor(10.0 * (points.min(axis=0) - space)) / 10.0
+    high = np.ceil(10.0 * (points.max(axis=0) + space)) / 10.0
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
@@ -156,7 +156,7 @@ def _notes(s: MapSettings, sources: Sources, world: World) -> list[str]:
     """Return what a reader of the result should know."""
     notes = []
     if sources.obstacles == "detections" and s.radius == MapSettings.radius:
-        notes.append(f"discs are taken to have a radius of {s.radius:g} m: the log does not say")
+        notes.append(f"discs are assumed to have a radius of {s.radius:g} m: the log does not state it")
     if sources.poses == "odometry":
         notes.append("poses by odometry alone: its drift is in no covariance, and the stated risk leaves it out")
     if not world.queries:

@@ -38,7 +38,7 @@ class MappingSettings:
     """
 
     scan: ScanSettings = field(default_factory=ScanSettings)
-    """How single scans are taken apart."""
+    """How single scans are segmented."""
     pose_sigma: tuple[NonNegative, NonNegative] = (0.02, 0.005)
     """Standard deviation of the poses: of x and y each (metres), of theta (radians)."""
     pose_memory: PositiveOrInfinite = math.inf
@@ -59,18 +59,18 @@ class MappingSettings:
     thickness: Positive = 0.05
     """Metres that walls reach behind the front that was seen."""
     gap: Positive = 0.3
-    """Metres between stretches of a wall that are taken to be joined, unless beams went through there."""
+    """Metres between stretches of a wall that count as joined, unless beams passed between them."""
     min_wall: Positive = 0.2
     """Shortest stretch that becomes a wall, metres."""
     explained: Positive = 0.1
-    """Metres from a wall or disc within which occupied cells are taken to be part of it."""
+    """Metres from a wall or disc within which occupied cells count as part of it."""
     max_unknown_cells: int = 4
     """Cells of an unknown patch, met by no beam, up to which it counts as free like what is around it."""
     shapes: Literal["fitted", "hulls", "boxes"] = "fitted"
     """What obstacles are drawn as. "fitted": walls as rectangles with thickness, discs, and cells for the rest;
     "hulls": the convex hull of each one's end points; "boxes": their plain box, as in the source's Algorithm 2."""
     unknown: Literal["blocked", "free"] = "blocked"
-    """What no beam looked into, or what is cut off from where the robot was: an obstacle, or free."""
+    """What no beam has reached, or what is separated from where the robot was: an obstacle, or free."""
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)

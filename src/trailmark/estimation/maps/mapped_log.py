@@ -1,4 +1,4 @@
-"""What a log was turned into: the world, where the robot went, and the figures that say how far to trust both."""
+"""The result of mapping a log: the world, the robot's trajectory, and figures on how reliable both are."""
 
 # Tested by tests/estimation/maps/test_log_map.py.
 
@@ -23,7 +23,7 @@ __all__ = ["MappedLog"]
 _KINDS = {Odometry: "odometry", Increment: "increments", Detection: "detections", Scan: "scans", Pose: "poses"}
 
 _OBSTACLES = ("discs", "walls", "heaps", "unknown")
-"""Kinds of obstacles: heaps are groups of cells that beams met, unknown is what no beam looked into."""
+"""Kinds of obstacles: heaps are groups of cells that beams met, unknown is what no beam has reached."""
 
 
 class MappedLog(NamedTuple):
@@ -50,7 +50,7 @@ class MappedLog(NamedTuple):
     scan_seconds: float
     """Of that, the time for scans."""
     notes: tuple[str, ...] = ()
-    """One sentence each on what was left out, taken for granted or not used, the reader's own among them."""
+    """One sentence for each thing left out, assumed or not used, the reader's own among them."""
 
     def figures(self) -> dict[str, Any]:
         """Return counts, consistency and times as plain data that JSON can hold (no NaN, no infinity)."""

@@ -38,7 +38,7 @@ def disc_estimates(
         points: estimated centres, shape (m, 2), metres.
         covariances: shape (m, 2, 2), square metres.
         radius: metres, one for all or shape (m,): known, or half of the diameters that a detector measured.
-        radius_sigma: standard deviation of the radius, metres, one for all or shape (m,); taken to be independent
+        radius_sigma: standard deviation of the radius, metres, one for all or shape (m,); assumed to be independent
             of the centre's error.
 
     Raises:

@@ -2,7 +2,7 @@
 
 Lines and discs of single scans are found again from scan to scan and refined by the EKF
 (:mod:`trailmark.estimation.scans.tracks`). Beside them a grid counts where beams ended and what they went through. It
-says along which stretches a line is a wall, what neither walls nor discs explain, and what no beam has looked into
+says along which stretches a line is a wall, what neither walls nor discs explain, and what no beam has reached
 (:mod:`trailmark.estimation.maps.scan_obstacles`).
 """
 
@@ -112,7 +112,7 @@ def map_scans(
 def _read(
     scans: Sequence[Scan], x: FloatArray, s: MappingSettings, on_progress: Callable[[int, int], None] | None
 ) -> tuple[EvidenceGrid, LineTracks, DiscTracks]:
-    """Take all scans into grid and tracks."""
+    """Enter all scans in the grid and the tracks."""
     from trailmark.estimation.maps.evidence import EvidenceGrid
     from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 
@@ -139,10 +139,10 @@ def _read(
 def _beams(scan: Scan, pose: FloatArray, s: MappingSettings) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return where the scanner is, (2,), where its beams end, (n, 2), and which of them met something, (n,)."""
     ranges = np.asarray(scan.ranges, dtype=np.float64)
-    kept = ~np.isnan(ranges) & (ranges > 0.0)
-    angles = scan.angle_min + np.flatnonzero(kept) * scan.angle_increment
-    nothing = ranges[kept] >= scan.range_max
-    length = np.where(nothing, min(scan.range_max, s.clear_range), np.minimum(ranges[kept], s.scan.max_range))
-    met = ~nothing & (ranges[kept] <= s.scan.max_range)
+    readable = ~np.isnan(ranges) & (ranges > 0.0)
+    angles = scan.angle_min + np.flatnonzero(readable) * scan.angle_increment
+    nothing = ranges[readable] >= scan.range_max
+    length = np.where(nothing, min(scan.range_max, s.clear_range), np.minimum(ranges[readable], s.scan.max_range))
+    met = ~nothing & (ranges[readable] <= s.scan.max_range)
     ends = transform(scan.mount, length[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]))
     return transform(pose, np.asarray(scan.mount)[None, :2])[0], transform(pose, ends), met

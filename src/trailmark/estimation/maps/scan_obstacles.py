@@ -33,7 +33,7 @@ class MapObstacles(NamedTuple):
     heaps: list[ObstacleEstimate]
     """Groups of occupied cells that no wall and no disc explains."""
     unknown: list[Shape]
-    """What no beam around_wall into, if that is blocked."""
+    """What no beam has reached, if that counts as blocked."""
 
 
 def find_obstacles(
@@ -187,7 +187,7 @@ def _cells(
 def _place_variance(hits: NDArray[np.int32], reach: NDArray[np.float32], s: MappingSettings) -> float:
     """Return the variance of a place that end points in cells, (n,) each, tell: of one reading and of one pose.
 
-    No more than that is taken to average out: poses that follow one another err together.
+    Only so much is assumed to average out: the errors of consecutive poses are alike.
     """
     turned = s.pose_sigma[1] * float(reach.sum()) / max(1, int(hits.sum()))
     return s.scan.sigma_range**2 + s.pose_sigma[0] ** 2 + turned**2

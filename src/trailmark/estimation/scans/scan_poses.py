@@ -1,4 +1,4 @@
-"""Where a log's scans were taken from: the poses that it states, or those that its odometry adds up to."""
+"""The poses of a log's scans: those that it states, or those that its odometry adds up to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The settings by which single scans are taken apart, with every default in sight."""
+"""The settings by which single scans are segmented, with all defaults."""
 
 # Tested by tests/estimation/scans/test_scan_features.py.
 
@@ -16,7 +16,7 @@ __all__ = ["ScanSettings"]
 
 @dataclass(frozen=True)
 class ScanSettings:
-    """How scans are taken apart.
+    """How scans are segmented.
 
     Raises:
         EstimationError: a value that is not allowed.
@@ -31,7 +31,7 @@ class ScanSettings:
     groups: Literal["jump", "dbscan"] = "jump"
     """"jump": neighbours in the sweep that are close together; "dbscan": scikit-learn's DBSCAN."""
     incidence: Positive = field(default=math.radians(10.0))
-    """"jump": the flattest angle, radians, at which a beam is taken to meet a surface that goes on."""
+    """"jump": the smallest angle, radians, between a beam and a continuous surface that it is assumed to meet."""
     eps: Positive = 0.3
     """"dbscan": metres between neighbours."""
     min_samples: Count = 3

@@ -1,13 +1,13 @@
 # ruff: noqa: N806 # the names are the filter's own symbols: P, S, K, G, R
 """Features of scans over time: found again by gate and place, refined by the EKF, confirmed or dropped.
 
-The poses that the scans were taken from are known up to a covariance. A feature does not move: F is the identity and
+The poses of the scans are known up to a covariance. A feature does not move: F is the identity and
 Q is 0, so each scan that shows it is one EKF update.
 
 The errors of poses that follow one another are anything but independent, so what they do to a feature does not
 average out over its scans. The update weighs a scan by its whole uncertainty, and :meth:`Tracks.covariance` adds
 what a pose's errors do to the feature on average, less what averages out over episodes: poses of different episodes
-are taken to err independently, those of one episode to err alike.
+are assumed to have independent errors, those of one episode equal ones.
 """
 
 from __future__ import annotations
@@ -197,7 +197,7 @@ class LineTracks(Tracks):
         return y
 
     def near(self, observed: Observation) -> FloatArray:
-        """Return which lines go the same way and overlap the stretch, or nearly so, along themselves; shape (n,)."""
+        """Return which lines have the same direction and (nearly) overlap the stretch along themselves; shape (n,)."""
         along = np.column_stack([-np.sin(self.states[:, 1]), np.cos(self.states[:, 1])])
         new = _ends(observed.readings) @ along.T
         old = np.einsum("nki,ni->nk", self._ends, along)

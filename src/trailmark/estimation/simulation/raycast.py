@@ -23,14 +23,14 @@ _TOUCH = 2e-6
 """Metres that an origin may lie behind an edge and still count as touching it."""
 
 _BLOCK = 500_000
-"""Pairs of ray and edge that are worked on at once."""
+"""Pairs of ray and edge that are processed together."""
 
 
 class RayCaster:
     """The edges and discs of a world, and exact distances along rays to the first of them.
 
     A ray meets an edge only from its free side: one that begins on an edge, as of a sensor that touches a wall, leaves
-    it freely on one side and goes no way at all on the other.
+    it freely on one side and has length 0 on the other.
 
     Args:
         world: its obstacles, its boundary, and its bounds.
@@ -111,7 +111,7 @@ def _to_edges(w: FloatArray, e: FloatArray, d: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):  # a ray along an edge meets its neighbours' ends
         t = (w[:, 0] * e[:, 1] - w[:, 1] * e[:, 0]) / det
         u = (w[:, 0] * d[:, 1:] - w[:, 1] * d[:, :1]) / det
-        # Below 0, the determinant says that the ray goes to the left of the edge, into what is solid.
+        # A negative determinant means that the ray leads to the left of the edge, where the obstacle is.
         met = (det < 0.0) & (t >= -_TOUCH) & (u >= -_CORNER) & (u <= 1.0 + _CORNER)
     return np.where(met, np.maximum(t, 0.0), np.inf)
 

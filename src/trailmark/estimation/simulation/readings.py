@@ -1,7 +1,7 @@
 # ruff: noqa: N806 # the names are the filter's own symbols: x, P, H, R, S, K
 """Point features refined from range-bearing readings by the EKF: the first step of the source method's Algorithm 2.
 
-The poses that the readings were taken from are known here, and a feature does not move: its state is its position
+The poses of the readings are known here, and a feature does not move: its state is its position
 l = (x, y), F is the identity and Q is 0. The first reading places it (the sensor's inverse), every further one is
 an EKF update.
 """
@@ -33,7 +33,7 @@ OUTLINE = 1e-3
 """Metres: how far a disc's outline, as a polygon, may reach beyond the disc."""
 
 STAND_OFF = 1e-6
-"""Metres: a line of sight ends this far before the point it looks at, which lies on an obstacle itself."""
+"""Metres: a line of sight ends this far before its point, which lies on an obstacle itself."""
 
 
 class RefinedPoint(NamedTuple):

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 __all__ = ["Simulation", "simulate"]
 
 _INSTANT = 1e-9
-"""Seconds: what lies closer together happens at once."""
+"""Seconds: events closer together are simultaneous."""
 
 _TOUCH = 1e-6
 """Metres that the robot's reference point may be inside an obstacle: it may touch one."""
@@ -76,7 +76,7 @@ def simulate(
     Args:
         world: what the sensors see. Only the robot's reference point and its scanner are checked for collision.
         states: the path, shape (n, 3), or waypoints, shape (n, 2); metres and radians.
-        motion: the odometry's noise; which model it is tells the kind of record.
+        motion: the odometry's noise; the model decides the kind of record.
         detector: reads discs; None for a robot without one.
         scanner: casts beams; None for a robot without one.
         speed: metres per second.
@@ -176,7 +176,7 @@ def _check_free(world: World, xy: FloatArray, what: str, *, joined: bool) -> Non
         if not region.covers(path):
             raise EstimationError(f"{what} leaves the world's {edge} near {_first_point(path.difference(region))}")
     for i, obstacle in enumerate(world.obstacles):
-        # A disc's polygon holds the disc; less than its tolerance is taken off of it again.
+        # A disc's polygon contains the disc; it is shrunk again by less than its tolerance.
         region = obstacle.polygon(0.5 * _TOUCH).shapely()
         met = path.intersection(shapely.buffer(region, -_TOUCH, join_style="mitre"))
         if not met.is_empty:

@@ -45,7 +45,7 @@ class Detector:
         max_range: metres.
         field_of_view: radians, centred ahead.
         period: seconds from one sweep to the next, the first at the start.
-        identities: whether it tells which disc it reads (the obstacle's index in the world).
+        identities: whether it identifies the disc that it reads (the obstacle's index in the world).
         max_radius: metres; larger discs are no point features.
         detection_rate: chance that a disc that is seen is read in a sweep, 0..1.
         false_alarms: mean number of readings of nothing in a sweep (Poisson), spread evenly over the area in view;

@@ -168,7 +168,7 @@ def joint_compatibility(
         gate: largest d² of a reading to its own feature.
         new_gate: least d² of a reading of a new feature to all others, >= gate.
         probability: of the joint gate, in (0, 1).
-        node_limit: how many sets to look at; the number grows exponentially where many features are close together.
+        node_limit: how many sets to consider; the number grows exponentially where many features are close together.
     """
     r, k, m = compatible.y.shape
     rows = compatible.d2
@@ -182,14 +182,14 @@ def joint_compatibility(
         return possible > len(best.pairs) or (possible == len(best.pairs) and found.d2 < best.d2)
 
     def extend(found: _Pairs, i: int) -> None:
-        """Try all ways to go on with readings i, i + 1 and so on."""
+        """Try all assignments of the readings i, i + 1 and so on."""
         nonlocal best, nodes
         if i == r:
             best = found if may_win(found, i) else best
             return
-        taken = {j for _, j in found.pairs}
+        assigned = {j for _, j in found.pairs}
         for j in candidates[i]:
-            if j in taken:
+            if j in assigned:
                 continue
             nodes += 1
             if nodes > node_limit:

@@ -86,7 +86,7 @@ class FeatureHistories:
 
         Two features are one if they were never read at one instant and their difference passes the gate
         ``merge_gate`` by its covariance, which counts all they have in common. The filter then takes them for
-        equal, which is exact, and one of them is taken out.
+        equal, which is exact, and one of them is removed.
         """
         gone: dict[int, int] = {}
         limit = chi_square_quantile(self._settings.merge_gate or 0.0, 2)

@@ -38,7 +38,7 @@ class Counts:
     unknown: int = 0
     """Detections of what the known map does not hold, ignored."""
     not_estimated_from: int = 0
-    """Poses that are truth or a reference, and scans that nothing looks into."""
+    """Poses that are truth or a reference, and scans that no feature is extracted from."""
     dropped: int = 0
     """Tentative features that were not seen again in time."""
     absent: int = 0
@@ -70,7 +70,7 @@ class Assignment(NamedTuple):
     identity: int | None
     """What the log says the feature was, used or not."""
     feature: int | None
-    """The feature that it was taken for; None if it was ignored."""
+    """The feature that it was assigned to; None if it was ignored."""
 
 
 class MapFeature(NamedTuple):

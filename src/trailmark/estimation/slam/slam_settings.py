@@ -22,15 +22,15 @@ ErrorForm = Literal["invariant", "additive"]
 class SlamSettings:
     """How readings find their features, and when a feature counts.
 
-    The choice "auto" is for :func:`trailmark.estimation.map_log`, which looks at the whole log before it runs.
+    The choice "auto" is for :func:`trailmark.estimation.map_log`, which reads the whole log before it runs.
 
     Raises:
         EstimationError: a value that is not allowed.
     """
 
     association: AssociationMethod | Literal["auto"] = "known"
-    """"known": by the identity that the sensor tells; "nearest": gated nearest neighbour; "joint": JCBB; "auto": known
-    if any detection of the log has an identity, else joint."""
+    """"known": by the identity that the sensor reports; "nearest": gated nearest neighbour; "joint": JCBB; "auto":
+    known if any detection of the log has an identity, else joint."""
     gate: Probability = 0.99
     """Probability that a reading passes the gate of its own feature; also of JCBB's joint gate."""
     new_gate: Probability = 0.999999
