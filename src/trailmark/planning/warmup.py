@@ -132,4 +132,4 @@ def _enclose(kind: Kind) -> None:
     ends = np.array([[0.6, 1.0, 0.0], [2.4, 1.0, 0.0]])
     enclosed(shut, *ends)
     relaxation = Relaxation(shut)
-    grid_separates(relaxation, relaxation.costs_from(ends[1], until=ends[0]), *ends)
+    grid_separates(relaxation, relaxation.costs_from(ends[1], target=ends[0]), *ends)
