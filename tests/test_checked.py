@@ -69,7 +69,7 @@ def test_what_is_allowed_comes_out_as_it_is_used(hint: Any, value: Any, found: A
         (float, np.nan, "x: expected a number, got nan"),
         (bool, 1, "x: expected True or False, got 1"),
         (str, b"a", "x: expected text, got b'a'"),
-        (Colour, "gren", "got 'gren'"),
+        (Colour, "gren", r"x: expected green, red, got 'gren' \(did you mean 'green'\?\)"),
         (Colour, 3, "x: expected 'red' or 'green', got 3"),
         (tuple[Finite, Finite], (1.0,), r"x: expected 2 times a finite number, got \(1.0,\)"),
         (tuple[Finite, Finite], "12", "x: expected 2 times a finite number, got '12'"),

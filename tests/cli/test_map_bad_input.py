@@ -44,9 +44,9 @@ def record(shell: Shell, *words: object) -> dict[str, Any]:
 
 MEASURED, DRIVEN = "Robot1_Measurement.dat", "Robot1_Odometry.dat"
 BAD_LINES = [
-    (DRIVEN, 5, "0.3 0.2", "expected 3 finite numbers, got 2 columns"),
+    (DRIVEN, 5, "0.3 0.2", "expected 3 finite numbers t, v, omega, got 2 columns"),
     (DRIVEN, 5, "0.3 0.2 0.0 1.0", "got 4 columns"),
-    (DRIVEN, 5, "0.3 nan 0.0", "expected 3 finite numbers, got '0.3 nan 0.0'"),
+    (DRIVEN, 5, "0.3 nan 0.0", "expected 3 finite numbers t, v, omega, got '0.3 nan 0.0'"),
     (DRIVEN, 5, "0.3 inf 0.0", "expected 3 finite numbers"),
     (DRIVEN, 5, "0.3 zwei 0.0", "expected 3 finite numbers"),
     (DRIVEN, 5, "0.1 0.2 0.0", "time: expected 0.2 or later, got 0.1"),
@@ -168,11 +168,14 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
         (["--confidence", "nan"], "expected a probability above 0 and below 1, got --confidence 'nan'"),
         (["--confidence", "high"], "expected a probability above 0 and below 1, got --confidence 'high'"),
         (["--robot", "disc"], "expected disc:RADIUS, "),
-        (["--format", "carmn"], "got 'carmn'"),
-        (["--format", "victoria"], "yard.jsonl:1: line "),
+        (
+            ["--format", "carmn"],
+            "yard.jsonl: format: expected carmen, jsonl, mrclam, rosbag, victoria, got 'carmn' (did you mean 'carmen'?)",
+        ),
+        (["--format", "victoria"], "yard.jsonl:1: expected a line with ODOMETRY"),
         (["--radius", "0"], "expected R or R,SIGMA in metres, R above 0, got --radius '0'"),
         (["--radius", "0.1,0.2,0.3"], "expected R or R,SIGMA in metres, R above 0, got --radius '0.1,0.2,0.3'"),
-        (["--association", "nearst"], "got 'nearst'"),
+        (["--association", "nearst"], "SlamSettings: association: expected auto, joint, known, nearest, got 'nearst'"),
         (
             ["--poses", "odometry"],
             "yard.jsonl: poses: expected what the log holds for detections (slam)",

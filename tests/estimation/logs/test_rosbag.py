@@ -178,7 +178,7 @@ def test_a_drive(tmp_path: Path, kind: Kind) -> None:
     assert (scans[0].angle_min, scans[0].angle_increment, scans[0].range_max) == (-1.0, 0.5, 10.0)
     assert scans[0].mount == (0.0, 0.0, 0.0)
     assert log.notes == (
-        "no transform from 'base_footprint' to 'laser': the scanner is taken to sit at the robot's origin",
+        "no transform from 'base_footprint' to 'laser': the scanner is assumed to be at the robot's origin",
     )
 
 
@@ -218,7 +218,7 @@ def test_upside_down_and_tilted_scanners(tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
     messages = [bag.transform("base_footprint", "laser", (0.3, 0.0, 0.2), roll=math.radians(20.0)), *drive(bag)]
     log = load_log(bag.write(tmp_path / "b", messages))
-    assert log.notes == ("the scanner 'laser' is tilted by 20 degrees and taken to be level",)
+    assert log.notes == ("the scanner 'laser' is tilted by 20 degrees and assumed to be level",)
 
 
 def test_a_stamp_of_zero_is_the_time_of_receipt(tmp_path: Path) -> None:
@@ -279,13 +279,13 @@ def test_bad_messages(tmp_path: Path, kind: Kind) -> None:
     bag = Bag(kind)
     good = [bag.odometry(10.0, (0, 0, 0)), bag.odometry(11.0, (1, 0, 0)), bag.scan(12.0, [1.0])]
     cases = [
-        (bag.odometry(12.0, (math.nan, 0, 0)), "message 3 of /odom: pose given that is not finite"),
+        (bag.odometry(12.0, (math.nan, 0, 0)), "message 3 of /odom: expected a pose of finite numbers with a heading"),
         (
             bag.odometry(12.0, (0, 0, 0), stamp=10.5),
             "message 3 of /odom: time: expected 11.0 or later, got 10.5",
         ),
         (bag.scan(13.0, []), "message 2 of /scan: expected one range or more, got none"),
-        (bag.scan(13.0, [1.0], angle_increment=math.inf), "got inf"),
+        (bag.scan(13.0, [1.0], angle_increment=math.inf), "angles: expected finite numbers, got -1.0, inf"),
         (bag.scan(13.0, [1.0], range_max=0.0), "message 2 of /scan: range_max: expected above 0, got 0.0"),
     ]
     for i, (message, problem) in enumerate(cases):

@@ -104,7 +104,7 @@ def test_a_motion_that_is_missing(tmp_path: Path) -> None:
 def test_a_truncated_last_line(tmp_path: Path) -> None:
     path = tmp_path / "park.txt"
     path.write_text("\n".join(LINES)[:-12])
-    with pytest.raises(FormatError, match=r"park.txt:4: LANDMARK with got 4 columns"):
+    with pytest.raises(FormatError, match=r"park.txt:4: LANDMARK: expected 7 columns .* got 4"):
         load_log(path)
 
 
