@@ -288,3 +288,11 @@ def test_from_arrays_takes_what_it_is_given() -> None:
         assert np.array_equal(again.shortest_path(0, goal).nodes, roadmap.shortest_path(0, goal).nodes)
     again.add(roadmap.configurations[:3])
     assert len(again) == 63
+
+
+def test_it_tells_its_size_at_a_prompt() -> None:
+    roadmap = roadmap_for("rectangle", n=20)
+    roadmap.certify_all()
+    free = int(roadmap.certified.sum())
+    counts = f"{len(roadmap.edges) - free} blocked, {free} free, 0 undecided"
+    assert repr(roadmap) == f"Roadmap(20 nodes, {len(roadmap.edges)} edges ({counts}), StraightMotion)"

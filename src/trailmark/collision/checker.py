@@ -225,7 +225,7 @@ class StateChecker:
             )
 
     def __repr__(self) -> str:
-        return f"<StateChecker: {self.robot.describe()} in world {self.world.name!r}, exact={self.exact!r}>"
+        return f"StateChecker({self.robot.describe()} in world {self.world.name!r}, exact {self.exact!r})"
 
     def _states_free(self, q: se2.FloatArray) -> NDArray[np.bool_]:
         if self.exact == "fcl":

@@ -138,6 +138,9 @@ class Motion(ABC):
     def __init__(self, checker: StateChecker) -> None:
         self.checker = checker
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.checker.robot.describe()} in world {self.checker.world.name!r})"
+
     @property
     def radius(self) -> float:
         """R of the embedding (x, y, R·cos θ, R·sin θ), metres."""

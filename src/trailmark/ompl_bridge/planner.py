@@ -30,6 +30,7 @@ from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner as Planner
 from trailmark.planning import PlannerSettings, PlanProgress, PlanResult
 from trailmark.planning.warmup import warm_up
+from trailmark.roadmap import Roadmap
 
 __all__ = ["LandmarkPlanner"]
 
@@ -81,10 +82,10 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
     ) -> None:
         space = space_of(information)
         super().__init__(information, "landmark")
-        given = checker_in(information) if checker is None else one_of(checker, StateChecker, "checker:")
-        require_within(space, given.world)
+        own = checker_in(information) if checker is None else one_of(checker, StateChecker, "checker:")
+        require_within(space, own.world)
         steering = steering_of(information)
-        self.checker = _steered(given, steering)
+        self.checker = _steered(own, steering)
         # Compiled now, so that no query pays for it.
         warm_up(kind_of(self.checker.robot))
         self._single = PointwiseChecker(self.checker, steering)
@@ -97,8 +98,8 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         self.result: PlanResult | None = None
 
     @property
-    def roadmap(self) -> Any:
-        """The roadmap of the queries so far, a :class:`trailmark.roadmap.Roadmap`; None before the first one."""
+    def roadmap(self) -> Roadmap | None:
+        """The roadmap of the queries so far; None before the first one."""
         self._wait()
         return None if self._planner is None else self._planner.roadmap
 

@@ -139,7 +139,7 @@ class Roadmap:
     def __repr__(self) -> str:
         status, kind = self.status, type(self.motion).__name__
         counts = ", ".join(f"{np.count_nonzero(status == value)} {value.name.lower()}" for value in EdgeStatus)
-        return f"<Roadmap: {len(self)} nodes, {len(status)} edges ({counts}), {kind}>"
+        return f"Roadmap({len(self)} nodes, {len(status)} edges ({counts}), {kind})"
 
     @property
     def certified(self) -> NDArray[np.bool_]:

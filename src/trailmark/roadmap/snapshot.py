@@ -80,7 +80,7 @@ class RoadmapSnapshot:
 
     def __repr__(self) -> str:
         parts = len(np.unique(self.components))
-        return f"<RoadmapSnapshot: {len(self)} nodes, {len(self.links.node)} links, {parts} components>"
+        return f"RoadmapSnapshot({len(self)} nodes, {len(self.links.node)} links, {parts} components)"
 
     def find_path(
         self, start: FloatArray, goal: FloatArray, *, closed: FloatArray | None = None, weight: float = 1.0
