@@ -51,7 +51,7 @@ counts, since what else takes time is other programs'."""
 def variants(case: Case) -> dict[str, PlannerSettings]:
     """Return the settings to compare on a problem, by name: what makes no difference to its robot is left out."""
     kind, straight = kind_of(case.problem.robot), case.problem.robot.turning_radius is None
-    off = [*(ON_LATTICES if straight else ()), *ON_LANDMARKS, "bridges" if straight else "hybrid-astar"]
+    off = [*(ON_LATTICES if straight else ("hybrid-astar",)), *ON_LANDMARKS]
     off += ["disc-path"] if kind == "translation" else ["background-proof"]
     found = {FULL: PlannerSettings(), CONTROL: PlannerSettings()}
     found |= {f"without {name}": PlannerSettings(without=(name,)) for name in off}

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from trailmark import LandmarkPlanner, PlanResult, se2
 from trailmark.collision import StateChecker
+from trailmark.collision.certify import BUDGET
 from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion, motion_of
-from trailmark.planning.straightening import without_needless
+from trailmark.planning.shortening import without_needless
 from trailmark.planning.warmup import warm_up
 from trailmark.world import World
 
@@ -26,7 +27,7 @@ WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
 
 
 def fewer(checker: StateChecker, path: FloatArray) -> FloatArray:
-    return np.asarray(without_needless(motion_of(checker).kind, path))
+    return np.asarray(without_needless(motion_of(checker).kind, path, BUDGET))
 
 
 def assert_none_needless(motions: Any, result: PlanResult) -> int:
@@ -130,4 +131,4 @@ def test_knots_of_a_car_by_hand() -> None:
     checker = StateChecker(World("open", (0, 0, 20, 20)), ROBOTS["rectangle"].steered(1.5))
     motions = CurveMotion(checker)
     knots = np.array([[3.0, 3, 0], [5.0, 3, 0], [5.0, 3, 0], [8.0, 3, 0], [12.0, 3, 0]])
-    assert np.array_equal(without_needless(motions.kind, knots), knots[[0, -1]])
+    assert np.array_equal(without_needless(motions.kind, knots, BUDGET), knots[[0, -1]])

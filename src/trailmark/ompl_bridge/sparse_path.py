@@ -14,10 +14,11 @@ from math import hypot
 import numpy as np
 
 from trailmark import se2
+from trailmark.collision.certify import BUDGET
 from trailmark.heading import turn, wrapped
 from trailmark.motion import StraightMotion
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.planning.straightening import straighten
+from trailmark.planning.shortening import without_needless
 
 __all__ = ["sparse_path"]
 
@@ -48,7 +49,7 @@ def sparse_path(single: PointwiseChecker, states: se2.FloatArray) -> se2.FloatAr
     """
     rows = np.array(states, dtype=np.float64, order="C")
     if len(rows) > 2:
-        rows = np.asarray(straighten(StraightMotion(single.checker).kind, rows))
+        rows = np.asarray(without_needless(StraightMotion(single.checker).kind, rows, BUDGET))
     # Plain numbers: numpy takes ten times as long for single ones.
     path: list[Configuration] = [(x, y, theta) for x, y, theta in rows.tolist()]
     slack, checks = SLACK * float(np.sum(se2.distance(rows[:-1], rows[1:]))), 0

@@ -9,11 +9,11 @@ from time import perf_counter
 import numpy as np
 
 from trailmark import se2
+from trailmark.collision.certify import BUDGET
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.settings import PlannerSettings
-from trailmark.planning.shortening import shorten
-from trailmark.planning.straightening import without_needless
+from trailmark.planning.shortening import shorten, without_needless
 from trailmark.roadmap.snapshot import RoadmapSnapshot
 
 __all__ = ["BatchSolver", "for_each"]
@@ -87,7 +87,7 @@ class BatchSolver:
             answer.offer(other)
             if motion.cost_of(other) < motion.cost_of(best):
                 best = other
-        best = np.asarray(without_needless(motion.kind, shortened(best, settings.sweeps)))
+        best = np.asarray(without_needless(motion.kind, shortened(best, settings.sweeps), BUDGET))
         answer.offer(best)
         # It costs no more, but for rounding.
         answer.states = best

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, pi
 from time import perf_counter
 
 import numpy as np
@@ -13,16 +12,12 @@ from trailmark.motion import TranslationMotion
 from trailmark.planning.proofs.mesh import triangulated
 from trailmark.planning.proofs.polyanya import shortest_point_path
 from trailmark.planning.proofs.prover import Prover
-from trailmark.planning.proofs.region import MARGIN, ellipse, near_shapes
+from trailmark.planning.proofs.region import ellipse, free_region
 from trailmark.planning.query import Query
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc
 from trailmark.world import World
 
 __all__ = ["disc_path", "shortest_disc_path"]
-
-QUARTER = 8
-"""Chords for each quarter of a circle: their corners lie 0.5 % of the radius outside of it."""
 
 SPARE = 3e-3
 """Share of its radius by which the disc is made larger: a motion along contact itself would take forever to certify."""
@@ -78,7 +73,7 @@ def disc_path(
     begin = perf_counter()
     within = ellipse(start, goal, most) if np.isfinite(most) else shapely.box(*world.bounds)
     try:
-        region = _region(world, (1.0 + SPARE) * radius + MARGIN, within)
+        region = free_region(world, (1.0 + SPARE) * radius, within, inner=True)
     except shapely.errors.GEOSException:
         return np.empty((0, 2))
     if CUTTING * (perf_counter() - begin) > seconds_left():
@@ -89,19 +84,3 @@ def disc_path(
             length, way = (np.inf, np.empty((0, 2))) if mesh is None else shortest_point_path(mesh, start, goal)
             return way if np.isfinite(length) else np.empty((0, 2))
     return np.empty((0, 2))
-
-
-def _region(world: World, r: float, within: shapely.Polygon) -> shapely.Geometry:
-    """Return where the centre may lie for certain."""
-    # A regular polygon around a circle has its corners outside of it by this factor.
-    outer = 1.0 / cos(pi / (4 * QUARTER))
-    inside = shapely.buffer(shapely.box(*world.bounds), -r, join_style="mitre")
-    region = shapely.intersection(inside, within)
-    if world.boundary is not None:
-        region = shapely.intersection(region, shapely.buffer(world.boundary.shapely(), -r * outer, quad_segs=QUARTER))
-    near = near_shapes(world, within, 1.01 * r)
-    discs = [s for s in near if isinstance(s, Disc)]
-    outlines = [s.polygon().shapely() for s in near if not isinstance(s, Disc)]
-    grown = list(shapely.buffer(np.array(outlines, dtype=object), r * outer, quad_segs=QUARTER)) if outlines else []
-    grown += [shapely.Point(*s.center).buffer((s.radius + r) * outer, quad_segs=QUARTER) for s in discs]
-    return shapely.difference(region, shapely.union_all(grown)) if grown else region

@@ -27,7 +27,6 @@ MECHANISMS = {
     "guides": "landmarks along the relaxed shortest path",
     "bands": "samples drawn where short paths are likely, not from all that the robot might reach",
     "landmark-retraction": "samples in tight places are pushed towards more clearance",
-    "bridges": "landmarks where the parts of the roadmap come closest",
     "hybrid-astar": "a car's short drives from the parts of its roadmap",
     "background-proof": "a proof that no path exists, sought beside the search for one",
     "shortening": "paths are shortened",

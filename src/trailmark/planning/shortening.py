@@ -24,7 +24,7 @@ from trailmark.motion.translation import Translation
 from trailmark.planning.proposals import propose, uniform
 from trailmark.se2 import FloatArray
 
-__all__ = ["shorten"]
+__all__ = ["EFFORT", "shorten", "without_needless"]
 
 GAIN = 1e-7
 """Metres that a change must save at least."""
@@ -88,7 +88,8 @@ def _sweep(
     for _ in range(10 + 2 * len(path)):
         path, costs = _shortcut(kind, scratch, path, costs, seed)
     turn_evenly(kind, scratch, path, costs, seed)
-    path, costs = _drop(kind, scratch, path, costs)
+    path = without_needless(kind, path, EFFORT)
+    costs = _costs(kind, scratch, path)
     if splitting and len(path) > 2:
         path = _split(kind, scratch, path, costs, seed, scale)
         costs = _costs(kind, scratch, path)
@@ -96,8 +97,8 @@ def _sweep(
     for _ in range(3):
         moved += _move(kind, scratch, path, costs, seed, scale)
     scale *= 1.2 if 4 * moved > len(path) else 0.6
-    path, costs = _drop(kind, scratch, path, costs)
-    return path, scale, costs.sum()
+    path = without_needless(kind, path, EFFORT)
+    return path, scale, _costs(kind, scratch, path).sum()
 
 
 @njit(cache=True)
@@ -215,22 +216,40 @@ def _turn_evenly(
                 costs[k] = cost(kind, scratch, path[k], path[k + 1])
 
 
-@njit(cache=True)
-def _drop(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Leave out vertices that the path does without."""
-    kept = np.empty_like(path)
-    kept[0] = path[0]
-    n = 1
-    for i in range(1, len(path) - 1):
-        a, b = kept[n - 1], path[i + 1]
-        around = cost(kind, scratch, a, path[i]) + costs[i]
-        if around - cost(kind, scratch, a, b) >= -1e-12 * around and certified(kind, scratch, a, b, EFFORT):
+@njit(cache=True, nogil=True)
+def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
+    """Return a path of certified motions without vertices whose neighbours a certified motion joins; shape (m, 3).
+
+    None of what is left is needless: what lies beside a vertex left out is looked at again. By the triangle inequality
+    the cost rises by no more than rounding.
+
+    Args:
+        kind: of motion.
+        path: shape (n, 3).
+        effort: configurations evaluated for one motion at most.
+    """
+    scratch = new_scratch(kind)
+    n = len(path)
+    before, after = np.arange(n) - 1, np.arange(n) + 1
+    kept, waits = np.ones(n, np.bool_), np.ones(n, np.bool_)
+    waiting = np.arange(n)[::-1].copy()
+    size = n
+    while size > 0:
+        size -= 1
+        i = waiting[size]
+        waits[i] = False
+        if i == 0 or i == n - 1 or not kept[i]:
             continue
-        kept[n] = path[i]
-        n += 1
-    kept[n] = path[-1]
-    shorter = kept[: n + 1].copy()
-    return shorter, _costs(kind, scratch, shorter)
+        a, b = before[i], after[i]
+        if certified(kind, scratch, path[a], path[b], effort):
+            kept[i] = False
+            after[a], before[b] = b, a
+            for j in (b, a):
+                if not waits[j]:
+                    waits[j] = True
+                    waiting[size] = j
+                    size += 1
+    return path[kept]
 
 
 @njit(cache=True)

@@ -8,6 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
+from trailmark.collision.certify import BUDGET
 from trailmark.landmarks.band import Band
 from trailmark.planning.disc_path import shortest_disc_path
 from trailmark.planning.improvement import improve
@@ -20,7 +21,7 @@ from trailmark.planning.query import Query
 from trailmark.planning.result import Status
 from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.rounds import Rounds
-from trailmark.planning.straightening import without_needless
+from trailmark.planning.shortening import without_needless
 
 __all__ = ["solve"]
 
@@ -147,7 +148,7 @@ def _answer(query: Query, lookup: RoadmapLookup) -> Status:
     incumbent = query.incumbent
     if incumbent.states is None:
         return "infeasible" if incumbent.infeasible else "timeout"
-    fewer = np.asarray(without_needless(query.motion.kind, incumbent.states))
+    fewer = np.asarray(without_needless(query.motion.kind, incumbent.states, BUDGET))
     query.offer(fewer)
     incumbent.states = fewer
     # Once it is large, it only learns paths where it knows none at all.

@@ -101,16 +101,14 @@ def _shorten(kind: Kind) -> None:
     """Shorten a path."""
     from trailmark.collision import StateChecker
     from trailmark.motion import motion_of
-    from trailmark.planning.shortening import shorten
-    from trailmark.planning.straightening import straighten, without_needless
+    from trailmark.planning.shortening import EFFORT, shorten, without_needless
 
     world, (start, goal) = SMALL
     motion = motion_of(StateChecker(world, ROBOTS[kind]))
     path = np.array([start, [3.0, 3.2, 0.0], goal])
     for splitting in (False, True):
         shorten(motion, path, np.random.default_rng(0), sweeps=1, splitting=splitting)
-    straighten(motion.kind, path)
-    without_needless(motion.kind, path)
+    without_needless(motion.kind, path, EFFORT)
 
 
 def _bound(kind: Kind) -> None:

@@ -14,7 +14,7 @@ from trailmark.motion import StraightMotion, TranslationMotion
 from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice.search import Lattice
 from trailmark.planning.pace import Pace
-from trailmark.planning.straightening import straighten
+from trailmark.planning.shortening import EFFORT, without_needless
 from trailmark.se2 import FloatArray
 
 __all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "LatticeSchedule"]
@@ -221,7 +221,7 @@ class LatticeSchedule:
         if len(way) == 0:
             return way
         way = way if forward else np.ascontiguousarray(way[::-1])
-        way = np.asarray(straighten(self.motion.kind, way))
+        way = np.asarray(without_needless(self.motion.kind, way, EFFORT))
         # Once more, as the path is: the way back of exactly half a turn is another motion, and the lattice's own idea
         # of the start is a rounding away from it.
         return way if self.checker.motions_between_valid(way[:-1], way[1:]).all() else np.empty((0, 3))

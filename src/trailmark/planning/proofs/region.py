@@ -32,22 +32,35 @@ def local_origin(world: World) -> FloatArray:
 
 
 def free_region(
-    world: World, radius: float, within: Any = None, *, origin: FloatArray | tuple[float, float] = AT_ORIGIN
+    world: World,
+    radius: float,
+    within: Any = None,
+    *,
+    origin: FloatArray | tuple[float, float] = AT_ORIGIN,
+    inner: bool = False,
 ) -> Any:
     """Return a region (shapely) that contains every position of a disc's centre at which the disc is free.
 
     Round corners are cut by chords, which lie inside the obstacles grown by the radius; so the region errs on the free
-    side only, but for the rounding of shapely's overlays (:mod:`trailmark.planning.proofs.separation`).
+    side only, but for the rounding of shapely's overlays (:mod:`trailmark.planning.proofs.separation`). An inner region
+    errs on the other side: the chords lie outside, and the disc is free all over it.
 
     Args:
         world: obstacles, bounds, boundary.
         radius: of the disc, metres; 0 for a point.
         within: a region, relative to ``origin``, outside of which obstacles do not matter and nothing is returned.
         origin: what the region's coordinates are relative to.
+        inner: see above.
     """
-    r = max(radius - MARGIN, 0.0)
+    margin = -MARGIN if inner else MARGIN
+    r = max(radius - margin, 0.0)
     xmin, ymin, xmax, ymax = np.asarray(world.bounds) - [*origin, *origin]
+    if inner and min(xmax - xmin, ymax - ymin) < 2.0 * r:
+        return shapely.Polygon()
     region = shapely.box(xmin + r, ymin + r, xmax - r, ymax - r)
+    # A regular polygon around a circle has its corners outside of it by this factor; discs' have twice as many.
+    around, around_disc = (1.0 / np.cos(np.pi / (n * QUARTER)) if inner else 1.0 for n in (4, 8))
+    r *= around
     taken: list[Any] = []
     if world.boundary is not None:
         inside = shapely.orient_polygons(_moved([world.boundary.shapely()], origin))
@@ -58,7 +71,7 @@ def free_region(
         region = shapely.intersection(region, within)
     shapes = world.obstacles if within is None else near_shapes(world, within, r + MARGIN, origin)
     polygons = _moved([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], origin)
-    taken += [*(grown(polygons, r) if r > 0.0 else polygons), *_discs(shapes, r, origin)]
+    taken += [*(grown(polygons, r) if r > 0.0 else polygons), *_discs(shapes, r / around - margin, around_disc, origin)]
     return shapely.difference(region, shapely.union_all(taken)) if taken else region
 
 
@@ -91,9 +104,10 @@ def _moved(polygons: list[Any], origin: FloatArray | tuple[float, float]) -> NDA
     return array if not np.any(origin) else shapely.transform(array, lambda points: points - origin)
 
 
-def _discs(shapes: Sequence[Shape], r: float, origin: FloatArray | tuple[float, float]) -> list[Any]:
+def _discs(shapes: Sequence[Shape], r: float, around: float, origin: FloatArray | tuple[float, float]) -> list[Any]:
+    """Return the discs among shapes grown by r (metres) and then by a factor."""
     rows = np.array([(*s.center, s.radius) for s in shapes if isinstance(s, Disc)]).reshape(-1, 3)
-    sizes = rows[:, 2] - MARGIN + r
+    sizes = around * (rows[:, 2] + r)
     # A convex line is not simplified; its arcs are drawn inside.
     discs = shapely.buffer(shapely.points(rows[:, :2] - origin), sizes, quad_segs=2 * QUARTER)
     return [disc for disc, size in zip(discs, sizes, strict=True) if size > 0.0]
