@@ -41,8 +41,6 @@ ON_LATTICES = (
     *("lattice", "straight-level", "coarse-level", "small-levels", "large-levels", "largest-levels"),
     *("node-retraction", "multi-steps", "other-ways"),
 )
-ON_LANDMARKS = ("guides", "bands", "landmark-retraction")
-
 REPEATS, ENOUGH = 7, 0.2
 """Times that a first path is sought by each at most, and the seconds after which it is sought no more. The soonest one
 counts, since what else takes time is other programs'."""
@@ -51,7 +49,7 @@ counts, since what else takes time is other programs'."""
 def variants(case: Case) -> dict[str, PlannerSettings]:
     """Return the settings to compare on a problem, by name: what makes no difference to its robot is left out."""
     kind, straight = kind_of(case.problem.robot), case.problem.robot.turning_radius is None
-    off = [*(ON_LATTICES if straight else ("hybrid-astar",)), *ON_LANDMARKS]
+    off = [*(ON_LATTICES if straight else ("hybrid-astar",)), "bands"]
     off += ["disc-path"] if kind == "translation" else ["background-proof"]
     found = {FULL: PlannerSettings(), CONTROL: PlannerSettings()}
     found |= {f"without {name}": PlannerSettings(without=(name,)) for name in off}

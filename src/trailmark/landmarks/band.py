@@ -39,7 +39,6 @@ class Band:
         relaxation: its grid.
         start: configuration, shape (3,).
         goal: configuration, shape (3,).
-        retracts: whether some of the configurations are moved towards more clearance.
 
     Attributes:
         shortest: cost (metres) of the relaxed shortest path; infinite if there is none, which proves that the
@@ -47,15 +46,9 @@ class Band:
     """
 
     def __init__(
-        self,
-        checker: StateChecker,
-        relaxation: Relaxation,
-        start: se2.FloatArray,
-        goal: se2.FloatArray,
-        *,
-        retracts: bool = True,
+        self, checker: StateChecker, relaxation: Relaxation, start: se2.FloatArray, goal: se2.FloatArray
     ) -> None:
-        self.checker, self.retracts = checker, retracts
+        self.checker = checker
         self.relaxation = relaxation
         self.start, self.goal = start, goal
         self._compute(FIRST_WIDENING)
@@ -158,8 +151,7 @@ class Band:
         # Only half of the tries: the field's clearances may be wrong by its slack.
         tight = self.relaxation.clearance(cells)[tries] < 1.5 * self.checker.footprint.circumradius
         tight[::2] = False
-        if self.retracts:
-            q[tight] = retract_all(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
+        q[tight] = retract_all(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
         clearance = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
         clearance[~self.checker.valid(q)] = -1.0
         return tries, q, clearance

@@ -6,7 +6,7 @@ from trailmark.planning.settings import PlannerSettings
 
 __all__ = ["METHODS"]
 
-_ROADMAP = ("lattice", "disc-path", "guides", "hybrid-astar")
+_ROADMAP = ("lattice", "disc-path", "hybrid-astar")
 
 METHODS = {
     "landmark": PlannerSettings(),

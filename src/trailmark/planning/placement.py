@@ -32,11 +32,6 @@ class Placement:
         # What the last landmarks took, seconds each.
         self._seconds = 0.0
 
-    def add(self, roadmap: Roadmap, q: FloatArray) -> None:
-        """Add configurations (n, 3), but those that are hardly another place than a node that is joined already."""
-        apart = self.query.settings.duplicate * self.query.checker.robot.inscribed_disc.radius
-        roadmap.add(roadmap.fresh(q, apart))
-
     def place(self, roadmap: Roadmap, widening: float, count: int) -> None:
         """Join landmarks to a roadmap, if there is time for it.
 
@@ -49,7 +44,9 @@ class Placement:
         if self._seconds * self.query.settings.landmark_growth * count > self.query.seconds_left():
             return
         begin = perf_counter()
-        self.add(roadmap, self._landmarks(widening, count))
+        # Not those that are hardly another place than a node that is joined already.
+        apart = self.query.settings.duplicate * self.query.checker.robot.inscribed_disc.radius
+        roadmap.add(roadmap.fresh(self._landmarks(widening, count), apart))
         self._seconds = (perf_counter() - begin) / count
 
     def _landmarks(self, widening: float, count: int) -> FloatArray:

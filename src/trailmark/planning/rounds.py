@@ -86,26 +86,11 @@ class Rounds:
     def _place_landmarks(self, nodes: NDArray[np.int64]) -> None:
         """Let the roadmap grow by landmarks of all kinds, and search it for a path between two nodes."""
         query, settings = self.query, self.query.settings
-        if settings.uses("guides"):
-            guides = self._guides()
-            if not self.may_succeed():
-                return
-            self.placement.add(self.roadmap, guides)
         widening = WIDENINGS[self.count] if self.count < len(WIDENINGS) else np.inf
         self.placement.place(self.roadmap, widening, self.landmarks)
         self.placement.search(self.roadmap, nodes)
         if not query.motion.moves_anywhere and settings.uses("hybrid-astar"):
             self._drive(nodes)
-
-    def _guides(self) -> FloatArray:
-        """Return valid configurations along the relaxed shortest path, shape (n, 3)."""
-        band, rng = self.band, self.query.rng
-        guides, whole = band.guides(rng)
-        # Cells larger than the disc may have led to where it does not fit.
-        coarse = self.count == 0 and not whole and band.relaxation.size > band.relaxation.radius
-        if coarse and band.refine() and np.isfinite(band.shortest):
-            guides, _ = band.guides(rng)
-        return guides
 
     def _refine(self) -> None:
         """Look at the relaxed problem on cells half as large, if there is time."""

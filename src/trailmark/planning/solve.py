@@ -64,8 +64,7 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         if not _time_for_relaxed_problem(query, lattices, lookup, proofs):
             return _answer(query, lookup)
         begin = perf_counter()
-        retracts = query.settings.uses("landmark-retraction")
-        band = Band(query.checker, query.relaxation, *query.ends, retracts=retracts)
+        band = Band(query.checker, query.relaxation, *query.ends)
         taken = perf_counter() - begin
         RELAXING.note(query.relaxation.rows * query.relaxation.columns, taken)
         placement = Placement(query, band)
