@@ -86,10 +86,10 @@ def test_paths_are_nearly_as_short_as_plans(name: str) -> None:
 
 def test_answers_do_not_depend_on_the_number_of_threads() -> None:
     answers = []
-    for workers in (1, 2, 5):
+    for workers in (1, 5):
         planner = planner_for("rectangle")
         planner.build(800)
-        starts, goals = queries(planner, 40)
+        starts, goals = queries(planner, 30)
         # One query is planned until it settles, which takes a minute on a busy machine.
         answers.append(planner.plan_many(starts, goals, time_limit=600.0, workers=workers))
     for other in answers[1:]:

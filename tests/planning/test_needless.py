@@ -45,14 +45,14 @@ def test_planned_paths(name: str, judge: Judge) -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4)
     pairs = random_pairs(planner, 12, 3)
     vertices = 0
-    for _ in range(3):
+    for _ in range(2):
         for start, goal in pairs:
             result = planner.plan(start, goal, 30.0, max_iterations=2)
             vertices += assert_none_needless(planner.checker, result)
             assert result.path is not None
             judge(WORLD, planner.robot, start, goal, result.path.states)
             assert result.history[-1][1] == pytest.approx(result.path.cost, abs=1e-9)
-    assert vertices > 60
+    assert vertices > 40
 
 
 @pytest.mark.parametrize("name", ["rectangle", "disc"])

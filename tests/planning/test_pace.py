@@ -21,3 +21,12 @@ def test_expectations_come_to_what_is_measured(guess: float) -> None:
     assert pace.seconds(200.0) == pytest.approx(1.0, rel=1e-3)
     pace.note(0.0, 5.0)
     assert pace.seconds(200.0) == pytest.approx(1.0, rel=1e-3)
+
+
+def test_what_was_measured_is_forgotten() -> None:
+    pace, other = Pace(1e-6), Pace(2e-6)
+    before = pace.seconds(1.0), other.seconds(1.0)
+    pace.note(1.0, 10.0)
+    other.note(1.0, 20.0)
+    Pace.forget_all()
+    assert (pace.seconds(1.0), other.seconds(1.0)) == before

@@ -61,7 +61,7 @@ FILES = (
 STATES = 60
 """Configurations that queries join."""
 
-EXAMPLES = int(os.environ.get("TRAILMARK_LIVES", "3"))
+EXAMPLES = int(os.environ.get("TRAILMARK_LIVES", "2"))
 """Lives of each robot; more by hand."""
 
 

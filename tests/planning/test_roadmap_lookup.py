@@ -38,7 +38,7 @@ def test_the_same_query_again_and_again_costs_no_more(name: str, judge: Judge) -
     start, goal = random_pairs(kept, 1, 3)[0]
     fresh = ask(planner_for(name, checker=kept.checker), start, goal, LONG, max_iterations=1)
     sizes, efforts, costs = [], [], []
-    for _ in range(300):
+    for _ in range(140):
         result, effort = ask(kept, start, goal, LONG, max_iterations=1)
         assert result.path is not None
         sizes.append((len(kept.roadmap), len(kept.roadmap.edges)))
@@ -57,7 +57,7 @@ def test_the_same_query_again_and_again_costs_no_more(name: str, judge: Judge) -
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
 def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> None:
     kept = planner_for(name)
-    pairs = random_pairs(kept, 60, 5)
+    pairs = random_pairs(kept, 40, 5)
     efforts: dict[str, list[int]] = {"kept": [], "fresh": []}
     sizes = []
     for i, (start, goal) in enumerate(pairs):
@@ -70,10 +70,10 @@ def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> N
     for of_kept, of_fresh in zip(efforts["kept"], efforts["fresh"], strict=True):
         # At worst what the first look took, and a share of what all else took besides.
         assert of_kept <= 1.5 * of_fresh + FIRST_BUDGET + 24
-    assert np.mean(efforts["kept"][30:]) <= np.mean(efforts["fresh"][30:]) + 0.5 * FIRST_BUDGET
+    assert np.mean(efforts["kept"][20:]) <= np.mean(efforts["fresh"][20:]) + 0.5 * FIRST_BUDGET
     assert sizes[-1] <= MAX_KEPT
     # What it grows by becomes less.
-    assert sizes[-1] - sizes[30] < sizes[30]
+    assert sizes[-1] - sizes[20] < sizes[20]
 
 
 def test_a_large_roadmap_grows_by_what_it_does_not_know_alone(judge: Judge) -> None:

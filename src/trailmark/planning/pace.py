@@ -13,11 +13,14 @@ REFERENCE_LOOP = 4.0e-4
 LEARNING_RATE = 0.5
 """Weight of the newest measurement: on a machine that others use as well, what was true a minute ago may not be now."""
 
+_paces: list[Pace] = []
+
 
 class Pace:
     """Seconds that a unit of work takes: at first a guess for this machine, then what was measured.
 
-    One object serves all planners of a process; threads may use it at once, and may lose a measurement by that.
+    One object serves all planners of a process; threads may use it at once, and may lose a measurement by that. What is
+    measured while kernels are compiled says nothing: :meth:`forget_all` follows.
 
     Args:
         guess: seconds for a unit on a machine whose loop takes REFERENCE_LOOP.
@@ -26,6 +29,13 @@ class Pace:
     def __init__(self, guess: float) -> None:
         self._guess = guess
         self._measured: float | None = None
+        _paces.append(self)
+
+    @classmethod
+    def forget_all(cls) -> None:
+        """Go back to the first guess of every pace."""
+        for pace in _paces:
+            pace._measured = None
 
     def seconds(self, units: float) -> float:
         """Return what so much work is expected to take, seconds."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from trailmark.compiled.side_by_side import compiled_side_by_side
 from trailmark.motion import Kind
+from trailmark.planning.pace import Pace
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -40,6 +41,7 @@ def _run(jobs: Sequence[Callable[[], None]]) -> None:
     with compiled_side_by_side(jobs):
         for job in jobs:
             job()
+    Pace.forget_all()
 
 
 def _plan(kind: Kind) -> None:
