@@ -13,6 +13,9 @@ REFERENCE_LOOP = 4.0e-4
 LEARNING_RATE = 0.5
 """Weight of the newest measurement: on a machine that others use as well, what was true a minute ago may not be now."""
 
+MAX_SLOWER = 3.0
+"""Times the first guess that is believed at most: a process that was suspended for a while is not slow ever after."""
+
 _paces: list[Pace] = []
 
 
@@ -46,8 +49,8 @@ class Pace:
         """Learn what so much work took, seconds."""
         if units <= 0.0:
             return
-        before = self.seconds(1.0)
-        self._measured = before + LEARNING_RATE * (seconds / units - before)
+        before, slowest = self.seconds(1.0), MAX_SLOWER * self._guess * _slowness()
+        self._measured = before + LEARNING_RATE * (min(seconds / units, slowest) - before)
 
 
 @cache
