@@ -47,7 +47,7 @@ MODULES = ("kernels", "certify", "distances", "field", "footprint", "obstacles")
 
 LEFT_OUT = {
     # Nothing is certified by these: slopes and sizes for searches, room for results, questions to people.
-    "field": {"interpolated", "clearance_at"},
+    "field": {"interpolated"},
     "distances": {"point_depth"},
     "obstacles": {"cell_size_for"},
 }

@@ -4,7 +4,7 @@ The same number of valid nodes, placed in several ways, in 50 worlds (those that
 and a rectangle, with one checker and one neighbour rule (Roadmap.add). Measured are
 
 - dispersion: radius of the largest disc that is empty of nodes and has its centre in free space, in units of √(A/n),
-  A being the free area; a lower bound, attained at a centre of a grid's cell (trailmark.landmarks.dispersion);
+  A being the free area; a lower bound, attained at a centre of a grid's cell (benchmarks.dispersion);
 - coverage: share of random valid configurations from which a certified motion leads straight to some node;
 - success: share of queries that the roadmap answers. Their ends are random valid configurations that no straight
   motion joins, but a roadmap of REFERENCE uniform nodes does, which proves each query feasible.
@@ -30,6 +30,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from benchmarks import nodes_report
+from benchmarks.dispersion import coverage, dispersion, free_positions
 from benchmarks.machine import describe_machine
 from benchmarks.placements import INFORMED, PLACEMENTS, informed
 from benchmarks.random_worlds import ROBOTS, random_world
@@ -38,7 +39,6 @@ from trailmark.collision import StateChecker
 from trailmark.formats.files import write_atomically
 from trailmark.landmarks import Relaxation, free_samples
 from trailmark.landmarks.band import Band
-from trailmark.landmarks.dispersion import coverage, dispersion, free_positions
 from trailmark.library import shipped_worlds
 from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from benchmarks.dispersion import coverage, dispersion, free_positions
 from benchmarks.oracle import Oracle, motion_states
 from benchmarks.random_worlds import ROBOTS, random_states, random_world
 from hypothesis import given, settings
@@ -16,7 +17,6 @@ from scipy.spatial.distance import cdist
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.landmarks.dispersion import coverage, dispersion, free_positions
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 

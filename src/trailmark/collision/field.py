@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 
-__all__ = ["ClearanceField", "build_field", "clearance_at", "interpolated"]
+__all__ = ["ClearanceField", "build_field", "distance_transform", "interpolated"]
 
 
 class ClearanceField(NamedTuple):
@@ -34,11 +34,6 @@ class ClearanceField(NamedTuple):
     y0: float
     size: float
     slack: float
-
-    @property
-    def occupied(self) -> NDArray[np.bool_]:
-        """The occupied cells, shape (rows, columns)."""
-        return np.asarray(self.distance == 0.0)
 
 
 def build_field(grid: ObstacleGrid) -> ClearanceField:
@@ -117,13 +112,3 @@ def interpolated(field: ClearanceField, x: float, y: float) -> tuple[float, floa
     low, high = (1.0 - u) * a + u * b, (1.0 - u) * c + u * d
     gx, gy = (1.0 - v) * (b - a) + v * (d - c), high - low
     return (1.0 - v) * low + v * high, gx / field.size, gy / field.size
-
-
-def clearance_at(field: ClearanceField, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the field's (unproven, nearest-cell) distance at points of shape (..., 2); 0 outside the grid."""
-    column = np.floor((points[..., 0] - field.x0) / field.size).astype(np.int64)
-    row = np.floor((points[..., 1] - field.y0) / field.size).astype(np.int64)
-    rows, columns = field.distance.shape
-    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    value = field.distance[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
-    return np.where(inside, value, 0.0).astype(np.float64)

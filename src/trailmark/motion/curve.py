@@ -18,16 +18,8 @@ from trailmark.curves import CurvePath, Steering
 from trailmark.curves.shortest import MAX_WORDS, curve_length, shortest_word
 from trailmark.curves.words import PIECES, walk
 from trailmark.errors import ConfigurationError
-from trailmark.motion.base import (
-    Motion,
-    Scratch,
-    certified,
-    cost,
-    embedding_radius,
-    interpolate,
-    least_cost,
-    new_scratch,
-)
+from trailmark.motion import base
+from trailmark.motion.base import Motion, Scratch
 from trailmark.se2 import FloatArray
 
 __all__ = ["Curve", "CurveMotion"]
@@ -96,19 +88,19 @@ class CurveMotion(Motion):
         return CurvePath(states, self.steering)
 
 
-@variant_of(new_scratch, Curve)
+@variant_of(base.new_scratch, Curve)
 @njit(cache=True)
 def _new_scratch(kind: Curve) -> Scratch:
     return Scratch(workspace(kind.robot), new_queue(), np.empty((MAX_WORDS, 2, PIECES)))
 
 
-@variant_of(cost, Curve)
+@variant_of(base.cost, Curve)
 @njit(cache=True)
 def _cost(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     return float(curve_length(a, b, kind.radius, kind.reverse, scratch.words))
 
 
-@variant_of(certified, Curve)
+@variant_of(base.certified, Curve)
 @njit(cache=True)
 def _certified(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     word = shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
@@ -118,19 +110,19 @@ def _certified(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, budg
     return bool(answer == FREE)
 
 
-@variant_of(interpolate, Curve)
+@variant_of(base.interpolate, Curve)
 @njit(cache=True)
 def _interpolate(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
     walk(a, shortest_word(a, b, kind.radius, kind.reverse, scratch.words), kind.radius, along, q)
 
 
-@variant_of(embedding_radius, Curve)
+@variant_of(base.embedding_radius, Curve)
 @njit(cache=True)
 def _radius(kind: Curve) -> float:
     return kind.radius
 
 
-@variant_of(least_cost, Curve)
+@variant_of(base.least_cost, Curve)
 @njit(cache=True)
 def _least_cost(kind: Curve, a: FloatArray, b: FloatArray) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])

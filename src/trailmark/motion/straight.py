@@ -18,16 +18,8 @@ from trailmark.collision.kernels import FREE, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn, wrapped
-from trailmark.motion.base import (
-    Motion,
-    Scratch,
-    certified,
-    cost,
-    embedding_radius,
-    interpolate,
-    least_cost,
-    new_scratch,
-)
+from trailmark.motion import base
+from trailmark.motion.base import Motion, Scratch
 from trailmark.path import Path
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
@@ -79,27 +71,27 @@ class StraightMotion(Motion):
         return Path(states)
 
 
-@variant_of(new_scratch, Straight)
+@variant_of(base.new_scratch, Straight)
 @njit(cache=True)
 def straight_scratch(kind: Any) -> Scratch:
     """Return memory for straight motions."""
     return Scratch(workspace(kind.robot), new_queue(), np.empty((0, 2, 5)))
 
 
-@variant_of(cost, Straight)
+@variant_of(base.cost, Straight)
 @njit(cache=True)
 def _cost(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     return float(hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2])))
 
 
-@variant_of(certified, Straight)
+@variant_of(base.certified, Straight)
 @njit(cache=True)
 def straight_certified(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     """Return whether the straight motion from a to b, each of shape (3,) and valid, is certified."""
     return bool(motion(kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, a, b, True, budget) == FREE)
 
 
-@variant_of(interpolate, Straight)
+@variant_of(base.interpolate, Straight)
 @njit(cache=True)
 def _interpolate(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:
     length = hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2]))
@@ -108,14 +100,14 @@ def _interpolate(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray,
     q[2] = wrapped(a[2] + t * turn(a[2], b[2]))
 
 
-@variant_of(embedding_radius, Straight)
+@variant_of(base.embedding_radius, Straight)
 @njit(cache=True)
 def sweep_radius(kind: Any) -> float:
     """Return the maximum distance (metres) that a point of the robot moves in a turn of one radian."""
     return float(kind.robot.sweep_radius)
 
 
-@variant_of(least_cost, Straight)
+@variant_of(base.least_cost, Straight)
 @njit(cache=True)
 def _least_cost(kind: Straight, a: FloatArray, b: FloatArray) -> float:
     return float(hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2])))

@@ -16,15 +16,8 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn
-from trailmark.motion.base import (
-    Scratch,
-    certified,
-    cost,
-    embedding_radius,
-    interpolate,
-    least_cost,
-    new_scratch,
-)
+from trailmark.motion import base
+from trailmark.motion.base import Scratch
 from trailmark.motion.straight import StraightMotion, straight_certified, straight_scratch, sweep_radius
 from trailmark.se2 import FloatArray
 
@@ -95,18 +88,18 @@ def turned_evenly(states: FloatArray, start: FloatArray, goal: FloatArray) -> Fl
 
 
 # A disc's motions are straight motions with another cost.
-variant_of(new_scratch, Translation)(straight_scratch)
-variant_of(certified, Translation)(straight_certified)
-variant_of(embedding_radius, Translation)(sweep_radius)
+variant_of(base.new_scratch, Translation)(straight_scratch)
+variant_of(base.certified, Translation)(straight_certified)
+variant_of(base.embedding_radius, Translation)(sweep_radius)
 
 
-@variant_of(cost, Translation)
+@variant_of(base.cost, Translation)
 @njit(cache=True)
 def _cost(kind: Translation, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])
 
 
-@variant_of(interpolate, Translation)
+@variant_of(base.interpolate, Translation)
 @njit(cache=True)
 def _interpolate(
     kind: Translation, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray
@@ -116,7 +109,7 @@ def _interpolate(
     q[0], q[1], q[2] = a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), a[2]
 
 
-@variant_of(least_cost, Translation)
+@variant_of(base.least_cost, Translation)
 @njit(cache=True)
 def _least_cost(kind: Translation, a: FloatArray, b: FloatArray) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])

@@ -4,8 +4,6 @@ Source of both measures: LaValle, "Planning Algorithms" (2006), section 5.2.3 (d
 Motwani, "Path planning in expansive configuration spaces", ICRA 1997 (what a set of configurations sees).
 """
 
-# Tested by tests/landmarks/test_dispersion.py.
-
 from __future__ import annotations
 
 from typing import NamedTuple
