@@ -49,7 +49,7 @@ counts, since what else takes time is other programs'."""
 def variants(case: Case) -> dict[str, PlannerSettings]:
     """Return the settings to compare on a problem, by name: what makes no difference to its robot is left out."""
     kind, straight = kind_of(case.problem.robot), case.problem.robot.turning_radius is None
-    off = [*(ON_LATTICES if straight else ("hybrid-astar",)), "bands"]
+    off = [*((*ON_LATTICES, "bridges") if straight else ("hybrid-astar",)), "bands"]
     off += ["disc-path"] if kind == "translation" else ["background-proof"]
     found = {FULL: PlannerSettings(), CONTROL: PlannerSettings()}
     found |= {f"without {name}": PlannerSettings(without=(name,)) for name in off}

@@ -43,11 +43,14 @@ def test_all_that_the_band_gives_is_valid(name: str) -> None:
         q = band.samples(100, widening, rng)
         assert 0 < len(q) <= 100
         assert not oracle.collides(q).any()
+    near = band.samples_near(ends[0], 3.0, 100, rng)
+    assert 0 < len(near) <= 200
     guides = band.guides(rng)[0]
     assert len(guides) > 0
-    assert not oracle.collides(guides).any()
-    assert (np.abs(guides[:, 2]) <= math.pi).all()
-    assert (name == "disc") == (not guides[:, 2].any())
+    for found in (near, guides):
+        assert not oracle.collides(found).any()
+        assert (np.abs(found[:, 2]) <= math.pi).all()
+        assert (name == "disc") == (not found[:, 2].any())
 
 
 def test_guides_tell_whether_they_are_a_path() -> None:
@@ -120,7 +123,11 @@ def test_the_same_seed_gives_the_same_samples() -> None:
 
     def all_kinds(seed: int) -> list[FloatArray]:
         rng = np.random.default_rng(seed)
-        return [band.samples(50, 0.3, rng), band.guides(rng)[0]]
+        return [
+            band.samples(50, 0.3, rng),
+            band.guides(rng)[0],
+            band.samples_near(np.array([9.0, 8.0, 0.1]), 1, 30, rng),
+        ]
 
     for first, again, other in zip(all_kinds(1), all_kinds(1), all_kinds(2), strict=True):
         assert np.array_equal(first, again)
@@ -138,6 +145,27 @@ def test_guides_lead_through_the_gap(gap: float) -> None:
     assert np.abs(inside[:, 1] - 8.0).max() <= (gap - 0.6) / 2 + 1e-6
     # One in every stretch as long as the clearance is room for: no gap wider than the world's clearance.
     assert np.diff(np.sort(found[:, 0])).max() < 5.0
+
+
+def test_samples_near_stay_near() -> None:
+    checker = StateChecker(World("open", (0, 0, 60, 60)), Robot.rectangle(1.0, 0.6))
+    band = band_of(checker, (20.0, 30.0, 0.0), (40.0, 30.0, 0.0))
+    at = np.array([30.0, 30.0, 0.0])
+    for reach in (0.5, 4.0):
+        q = band.samples_near(at, reach, 500, np.random.default_rng(1))
+        away = np.hypot(*(q[:, :2] - at[:2]).T)
+        assert np.mean(away < 2.0 * reach + 1.0) > 0.95
+        assert away.max() < 8.0 * reach
+
+
+def test_nearest_on_the_relaxed_way_is_not_nearest_as_the_crow_flies() -> None:
+    # Goal behind the wall: what lies right at the wall is farther from it than what lies at the gap.
+    band = band_of(gate(2.0, Robot.disc(0.3)), (5.0, 1.0, 0.0), (11.5, 1.0, 0.0))
+    q = np.array([[9.0, 1.0, 0.0], [8.0, 8.0, 0.0], [5.0, 1.0, 0.0]])
+    assert band.nearest_to_goal(q) == 1
+    assert band.nearest_to_start(q) == 2
+    behind = np.array([[11.5, 1.0, 0.0], [11.0, 8.0, 0.0]])
+    assert band.nearest_to_start(behind) == 1
 
 
 def test_estimates_are_low_in_the_open_and_know_of_walls() -> None:

@@ -179,6 +179,42 @@ class Band:
                 break
         return np.concatenate(found)[:n]
 
+    def samples_near(self, q: se2.FloatArray, reach: float, n: int, rng: np.random.Generator) -> se2.FloatArray:
+        """Return valid configurations, shape (m, 3), m <= 2 n, near q, shape (3,).
+
+        Half of the tries put the disc within ``reach`` metres of q's, in cells of the band and with the band's
+        headings; half move q itself, at all scales below ``reach``, since in a passage hardly wider than the robot only
+        small moves succeed.
+        """
+        moved = self._moved(np.repeat(q[None], n, axis=0), reach, rng)
+        around = self.relaxation.disc_centers(q) + rng.uniform(-reach, reach, (n, 2))
+        cells = self.relaxation.cells(around)
+        from_start, to_goal = self.from_start.cost.ravel()[cells], self.to_goal.cost.ravel()[cells]
+        known = np.isfinite(from_start + to_goal)
+        cells, share = cells[known], from_start[known] / np.maximum(from_start[known] + to_goal[known], 1e-9)
+        found = np.vstack([self._place(cells, self._path_directions(cells), share, rng), moved])
+        found[::2] = retract_all(self.checker, found[::2], 0.25 * reach, rng)
+        return np.asarray(found[self.checker.valid(found)])
+
+    def _moved(self, q: se2.FloatArray, reach: float, rng: np.random.Generator) -> se2.FloatArray:
+        """Return configurations (n, 3) moved at random, by 1/32 of ``reach`` (metres) up to the whole."""
+        scale = reach * 2.0 ** -rng.uniform(0.0, 5.0, (len(q), 1))
+        turning = self.checker.footprint.sweep_radius
+        step = rng.standard_normal((len(q), 3)) * scale / (1.0, 1.0, turning or 1.0)
+        if turning == 0.0:
+            step[:, 2] = 0.0
+        moved = q + step
+        moved[:, 2] = se2.wrap(moved[:, 2])
+        return np.asarray(moved)
+
+    def nearest_to_goal(self, q: se2.FloatArray) -> int:
+        """Return which of the configurations (n, 3) is nearest to the goal along relaxed paths."""
+        return int(np.argmin(self.relaxation.cost_at(self.to_goal, q)))
+
+    def nearest_to_start(self, q: se2.FloatArray) -> int:
+        """Return which of the configurations (n, 3) is nearest to the start along relaxed paths."""
+        return int(np.argmin(self.relaxation.cost_at(self.from_start, q)))
+
     def _place(
         self,
         cells: NDArray[np.int64],

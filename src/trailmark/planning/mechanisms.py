@@ -25,6 +25,7 @@ MECHANISMS = {
     "other-ways": "lattices searched for other ways around once there is a path",
     "disc-path": "a disc's exact shortest path",
     "bands": "samples drawn where short paths are likely, not from all that the robot might reach",
+    "bridges": "landmarks where the parts of the roadmap come closest",
     "hybrid-astar": "a car's short drives from the parts of its roadmap",
     "background-proof": "a proof that no path exists, sought beside the search for one",
     "shortening": "paths are shortened",

@@ -6,7 +6,7 @@ from trailmark.planning.settings import PlannerSettings
 
 __all__ = ["METHODS"]
 
-_ROADMAP = ("lattice", "disc-path", "hybrid-astar")
+_ROADMAP = ("lattice", "disc-path", "bridges", "hybrid-astar")
 
 METHODS = {
     "landmark": PlannerSettings(),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.landmarks.band import Band
+from trailmark.planning.bridge import Bridge
 from trailmark.planning.hybrid_astar import hybrid_astar
 from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.placement import Placement
@@ -89,6 +90,8 @@ class Rounds:
         widening = WIDENINGS[self.count] if self.count < len(WIDENINGS) else np.inf
         self.placement.place(self.roadmap, widening, self.landmarks)
         self.placement.search(self.roadmap, nodes)
+        if query.motion.moves_anywhere and settings.uses("bridges"):
+            self._bridge(nodes)
         if not query.motion.moves_anywhere and settings.uses("hybrid-astar"):
             self._drive(nodes)
 
@@ -97,6 +100,13 @@ class Rounds:
         begin = perf_counter()
         if FINER * self._refining < self.query.seconds_left() and self.band.refine():
             self._refining = perf_counter() - begin
+
+    def _bridge(self, nodes: NDArray[np.int64]) -> None:
+        """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
+        query, bridge = self.query, Bridge(self.roadmap, self.band, nodes, self.query.rng)
+        while not query.solved and bridge.promising and not query.clock.is_up():
+            self.roadmap.add(bridge.landmarks())
+            self.placement.search(self.roadmap, nodes)
 
     def _drive(self, nodes: NDArray[np.int64]) -> None:
         """Drive on from what the start leads to, and towards what leads to the goal, and search again."""
