@@ -26,6 +26,7 @@ def run(name: str, checkout: Path, *words: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 def test_an_ompl_program_with_trailmarks_checks(checkout: Path) -> None:
     found = run("ompl_checker.py", checkout)
     assert "Exact solution" in found
@@ -33,12 +34,14 @@ def test_an_ompl_program_with_trailmarks_checks(checkout: Path) -> None:
     assert "solution" in run("ompl_checker.py", checkout, "worlds/corridor.yaml", "PRM")
 
 
+@pytest.mark.slow
 def test_prm_with_landmarks(checkout: Path) -> None:
     found = run("ompl_landmark_sampler.py", checkout)
     assert "PRM, its own sampler" in found
     assert "PRM, with landmarks: Exact solution" in found
 
 
+@pytest.mark.slow
 def test_ompls_benchmark_with_the_landmark_planner(checkout: Path) -> None:
     assert "written" in run("ompl_benchmark.py", checkout)
     with sqlite3.connect(checkout / "office.db") as database:

@@ -30,6 +30,7 @@ def checkout(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("snippet", blocks("python"))
 def test_python_snippets_run(snippet: str, checkout: Path) -> None:
     done = subprocess.run([sys.executable, "-c", snippet], cwd=checkout, capture_output=True, text=True, timeout=120)
@@ -57,6 +58,7 @@ def run(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, cwd=folder, capture_output=True, text=True, timeout=120)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_shell_snippets_run(command: str, checkout: Path) -> None:
     for start, needed in BEFORE.items():

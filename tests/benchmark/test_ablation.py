@@ -52,12 +52,14 @@ def test_the_page_has_a_row_for_each_variant_and_the_plot_is_a_picture() -> None
     assert draw(ROWS, 1.0).startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_problems_are_of_every_group_from_the_front() -> None:
     given = ablation_cases()
     assert {case.group for case in given[:12]} >= {"worlds", "random", "passages", "mixed", "cars"}
     assert len({case.problem.key for case in given}) == len(given)
 
 
+@pytest.mark.slow
 def test_variants_are_those_that_concern_the_robot() -> None:
     by_group = {case.group: case for case in ablation_cases()}
     car, straight = (ablation.variants(by_group[group]) for group in ("cars", "passages"))
@@ -69,6 +71,7 @@ def test_variants_are_those_that_concern_the_robot() -> None:
     assert set(MECHANISMS) - named == {"disc-path", "shortening", "improvement"}
 
 
+@pytest.mark.slow
 def test_a_slice_is_measured_resumed_and_not_mixed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, around: Problem, capsys: pytest.CaptureFixture[str]
 ) -> None:

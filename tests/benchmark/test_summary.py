@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from tests.benchmark.conftest import experiment, solved
 
 from trailmark.benchmark.labels import differences
@@ -46,6 +47,7 @@ def test_experiments_of_one_name_have_rows_of_their_own(tmp_path: Path) -> None:
     assert names[1].endswith("(limit 5 s)")
 
 
+@pytest.mark.slow
 def test_what_sets_experiments_apart() -> None:
     def setup(**identity: object) -> str:
         return json.dumps({"identity": identity})

@@ -43,6 +43,7 @@ def count(file: Path) -> int:
         return 0
 
 
+@pytest.mark.slow
 def test_planners_on_problems_and_again(shell: Shell, yard: Path, tmp_path: Path) -> None:
     results, log = tmp_path / "results.db", tmp_path / "results.log"
     words = ["benchmark", yard, "-p", "landmark", "-p", "RRTConnect+certified", "--runs", 1, "--time-limit", 0.2]
@@ -77,6 +78,7 @@ def test_planners_on_problems_and_again(shell: Shell, yard: Path, tmp_path: Path
     assert len(before) == len(results.read_bytes())
 
 
+@pytest.mark.slow
 def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
     results, page = tmp_path / "results.db", tmp_path / "report.html"
     words = [
@@ -103,6 +105,7 @@ def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
     assert "--turning-radius" in refused.err
 
 
+@pytest.mark.slow
 def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path: Path) -> None:
     suite = tmp_path / "suite.yaml"
     suite.write_text(
@@ -221,6 +224,7 @@ def left_behind(mark: str) -> list[int]:
     return [pid for pid in found if pid != os.getpid()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_stopped_at_once_and_continued(
     number: signal.Signals, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -252,6 +256,7 @@ def test_stopped_at_once_and_continued(
     assert left_behind(mark) == []
 
 
+@pytest.mark.slow
 def test_progress_on_a_terminal(terminal: Terminal, yard: Path, tmp_path: Path) -> None:
     words = [*COMMAND, yard, "--query", "across", "-p", HONEST, "--runs", 8, "--output", tmp_path / "results.db"]
     run = terminal(*words)

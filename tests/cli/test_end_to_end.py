@@ -48,6 +48,7 @@ def judge(world: World, record: dict[str, Any], start: Any, goal: Any) -> None:
             assert free.contains(placed), (x, y, theta)
 
 
+@pytest.mark.slow
 def test_a_whole_process_prints_writes_and_draws(terminal: Shell, worlds: Path, tmp_path: Path) -> None:
     office = World.load(worlds / "office.yaml")
     outputs = ["--output", tmp_path / "path.json", "--plot", tmp_path / "path.png"]

@@ -96,6 +96,7 @@ def commands(tmp_path: Path, yard: Path, planner: Any) -> dict[str, list[object]
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("before", ["nothing there", "older files there"])
 @pytest.mark.parametrize(("what", "status"), [(FULL, 2), (KeyboardInterrupt(), 130)])
 @pytest.mark.parametrize("name", ["plan", "csv", "convert", "map", "report"])
@@ -203,6 +204,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_the_clock_on_the_wall_may_jump(tmp_path: Path, worlds: Path) -> None:
     words = ["plan", str(worlds / "office.yaml"), "--time-limit", "1", "--output", str(tmp_path / "path.csv")]
     words += ["--plot", str(tmp_path / "path.png")]

@@ -144,6 +144,7 @@ def test_a_degenerate_rectangle(shell: Shell, tmp_path: Path, bounds: str, probl
     assert problem in run.problem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
 def test_pictures(shell: Shell, planner: Any, yard: Path, tmp_path: Path, suffix: str, magic: bytes) -> None:
     picture = tmp_path / f"landmarks{suffix}"
@@ -164,6 +165,7 @@ def test_a_robot_that_does_not_fit_a_query_gets_its_picture_without_that_path(
     assert picture.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_many_points_show_their_progress(terminal: Callable[..., Any], yard: Path) -> None:
     run = terminal(sys.executable, "-m", "trailmark.cli", "landmarks", yard, "-n", 250_000, "-k", 100, "--runs", 1)
     assert run.status == 0

@@ -156,6 +156,7 @@ def test_real_robots(shell: Shell, shared_data: Path, tmp_path: Path) -> None:
     assert shell("plan", file, "--time-limit", "0.5").status == 0
 
 
+@pytest.mark.slow
 def test_a_real_laser_log(shell: Shell, shared_data: Path, tmp_path: Path) -> None:
     lines = gzip.decompress((shared_data / "carmen" / "intel-corrected.log.gz").read_bytes()).splitlines()
     log, file = tmp_path / "intel.log.gz", tmp_path / "world.yaml"
@@ -170,6 +171,7 @@ def test_a_real_laser_log(shell: Shell, shared_data: Path, tmp_path: Path) -> No
     assert shell("plan", file, "--query", "farthest", "--time-limit", "1").status == 0
 
 
+@pytest.mark.slow
 def test_trees(terminal: Terminal, shared_data: Path, tmp_path: Path) -> None:
     lines = (shared_data / "victoria" / "victoria_park.txt").read_text().splitlines()
     log, file = tmp_path / "park.txt", tmp_path / "world.yaml"

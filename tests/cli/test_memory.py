@@ -24,6 +24,7 @@ HEADS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", HEADS)
 def test_a_gzip_bomb_of_three_gigabytes(tmp_path: Path, kind: str) -> None:
     bomb = tmp_path / "bomb.gz"

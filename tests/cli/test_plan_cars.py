@@ -63,6 +63,7 @@ def test_forward_only_needs_a_turning_radius(shell: Shell, yard: Path, planner: 
     assert "--forward-only given for a robot without turning radius" in run.problem
 
 
+@pytest.mark.slow
 def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
     files = {suffix: tmp_path / f"path{suffix}" for suffix in (".json", ".csv", ".path")}
     picture = tmp_path / "plan.svg"

@@ -124,6 +124,7 @@ def test_a_full_disk_is_one_line() -> None:
     assert done.stderr == "trailmark: error: output: No space left on device\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("disguised", [False, True])
 def test_signals_end_in_one_line(number: signal.Signals, status: int, disguised: bool, yard: Path) -> None:

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 EVERYTHING = """
 import numpy as np
 from numba.core import event
@@ -48,6 +50,7 @@ print(sorted(set(late)))
 """
 
 
+@pytest.mark.slow
 def test_afterwards_nothing_compiles(tmp_path: Path, worlds: Path) -> None:
     (tmp_path / "office.yaml").write_bytes((worlds / "office.yaml").read_bytes())
     warm = subprocess.run(

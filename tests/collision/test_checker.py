@@ -43,6 +43,7 @@ def states_near_contact(checker: StateChecker, n: int, rng: np.random.Generator)
     return np.concatenate([q, free, blocked])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("world", WORLDS)
 def test_validity_and_clearance_agree_with_shapely(world: str, name: str) -> None:

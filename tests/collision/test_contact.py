@@ -122,6 +122,7 @@ def lattice_world(occupied: np.ndarray, origin: FloatArray, rng: np.random.Gener
     return World("lattice", (*origin, *(origin + size)), tuple(squares))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exact", EXACT)
 @pytest.mark.parametrize("origin", [(0.0, 0.0), (-7.0, 3.0), (0.1, 0.3), (1e5, -1e5)])
 @pytest.mark.parametrize("cell", [None, 0.5, 7 / (16 - 0.8137), 3 / (9 - 0.8137)])

@@ -35,6 +35,7 @@ def signed_distances(world: World, points: np.ndarray) -> tuple[np.ndarray, np.n
     return gap, depth
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.3, 2.0]), st.booleans())
 @settings(max_examples=40)
 def test_clearance_and_depth_agree_with_shapely(seed: int, cell: float, boundary: bool) -> None:

@@ -40,6 +40,7 @@ def checker_for(robot: Robot, *obstacles: Shape, exact: Literal["kernel", "fcl"]
 # --- against dense sampling
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("world", WORLDS)
 def test_motions_in_random_worlds(world: str, name: str) -> None:

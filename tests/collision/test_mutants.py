@@ -44,6 +44,7 @@ def verdicts() -> list[tuple[str, str, str]]:
     return [tuple(json.loads(line)) for line in done.stdout.splitlines()]
 
 
+@pytest.mark.slow
 def test_the_code_as_it_is_accepts_no_collision_and_what_is_free(verdicts: list[tuple[str, str, str]]) -> None:
     assert verdicts[0] == ("as it is", "same", "")
 

@@ -100,6 +100,7 @@ def test_rounding_makes_no_curve_longer(origin: tuple[float, float], radius: flo
         assert path.cusps == 0 or sides == (1, -1) or abs(origin[0]) > 1e6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.3, 1.0, 4.5])
 @pytest.mark.parametrize("origin", ORIGINS)
 def test_lengths_are_right_for_a_goal_within_rounding(origin: tuple[float, float], radius: float) -> None:

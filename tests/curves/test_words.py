@@ -33,6 +33,7 @@ def words_to(kind: str, a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarr
     return words[: WORDS[kind](*seen_from(a, b, radius), rounding(a, b, radius), words)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", WORDS)
 @pytest.mark.parametrize("radius", [0.3, 1.0, 25.0])
 def test_every_word_leads_to_the_goal(kind: str, radius: float) -> None:

@@ -35,6 +35,7 @@ def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
     return Polygon(np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steering", KINDS, ids=NAMES)
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("world", WORLDS)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 WRONG = """
 import numpy as np
 from trailmark import Disc, Query, Robot, StateChecker, TrailmarkError, World
@@ -56,6 +58,7 @@ tell(said=said, solved=problem.solve(np.float64(0.2)).asString())
 """
 
 
+@pytest.mark.slow
 def test_wrong_arguments_are_errors_of_our_own(run_ompl: Any) -> None:
     found = run_ompl(WRONG)
     raw = {name: text for name, text in found["said"].items() if text == "nothing" or text.startswith("RAW")}

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 
+@pytest.mark.slow
 def test_answers_through_ompl_are_those_given_directly(run_ompl: Any) -> None:
     found = run_ompl("""
 world = shipped("clutter")
@@ -71,6 +72,7 @@ for name, x in (("left", 4.0), ("right", 6.0), ("far", 9.0)):
     assert found == {"left": [False, True], "right": [False, False], "far": [True, True]}
 
 
+@pytest.mark.slow
 def test_states_that_are_none_are_refused(run_ompl: Any) -> None:
     found = run_ompl("""
 from trailmark.shapes import Rectangle
@@ -143,6 +145,7 @@ tell(status=status.asString(), certified=bool(checker.motions_valid(path[:-1], p
     assert found["n"] >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("space", "error", "words"),
     [

@@ -17,6 +17,7 @@ car = world.robot.steered(0.7, REVERSE)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_answers_through_ompl_are_those_given_directly(run_ompl: Any, reverse: bool) -> None:
     found = run_ompl(
@@ -54,6 +55,7 @@ tell(more=int(np.sum(through & ~direct)), fewer=float(np.mean(~through & direct)
     assert found["lengths"] < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_ompls_planners_find_certified_paths_of_curves(run_ompl: Any, reverse: bool) -> None:
     found = run_ompl(

@@ -37,6 +37,7 @@ tell(**{name: [raised, problem.solve(0.1).asString()]})
 """
 
 
+@pytest.mark.slow
 def test_an_error_in_a_callback_ends_the_planning_and_is_raised(run_ompl: Any) -> None:
     # A process for each: what OMPL's BFMT leaves of the heap has taken down the planner after the next.
     for name in run_ompl("tell(names=planner_names())")["names"]:
@@ -46,6 +47,7 @@ def test_an_error_in_a_callback_ends_the_planning_and_is_raised(run_ompl: Any) -
         assert again, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["PRM", "RRTstar", "BITstar", "landmark"])
 def test_ctrl_c_ends_the_planning_and_is_raised(run_ompl: Any, planner: str) -> None:
     # A robot too long for the corner, which its inscribed disc gets around: no planner ends by itself.
@@ -71,6 +73,7 @@ tell(handler=signal.getsignal(signal.SIGINT) is signal.default_int_handler)
     assert found["handler"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["solve", "simplify"])
 def test_a_second_ctrl_c_gets_through_to_what_heeds_no_condition(run_ompl: Any, what: str) -> None:
     found = run_ompl(f"""

@@ -55,6 +55,7 @@ def run(request: pytest.FixtureRequest, run_ompl: Any) -> Run:
     return lambda program: run_ompl(SET_UP + program + "\nos._exit(0)\n", python=PYTHON17)
 
 
+@pytest.mark.slow
 def test_a_longer_word_of_ompls_does_not_get_past_a_post(run: Run) -> None:
     found = run("""
 rng = np.random.default_rng(2)
@@ -93,6 +94,7 @@ tell(longer=int((longer > 1e-3).sum()), posts=posts, accepted=int(accepted), ope
     assert found["accepted"] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 @pytest.mark.parametrize("origin", [0.0, 5e5], ids=["origin", "utm"])
 def test_what_is_accepted_is_free_along_the_curve_that_ompl_drives(run: Run, reverse: bool, origin: float) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 
+@pytest.mark.slow
 def test_it_solves_in_a_simple_setup_and_keeps_its_roadmap(run_ompl: Any) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("environment2"))
@@ -45,6 +46,7 @@ tell(sizes=sizes, costs=costs, words=words, names=names, again=again, cleared=fr
     assert found["cleared"]
 
 
+@pytest.mark.slow
 def test_settings_reach_the_planning(run_ompl: Any) -> None:
     found = run_ompl("""
 from trailmark.planning import LandmarkPlanner as Own
@@ -64,6 +66,7 @@ tell(sizes=sizes)
     assert len({own for _, own in found["sizes"]}) == 3
 
 
+@pytest.mark.slow
 def test_it_ends_with_the_termination_condition(run_ompl: Any) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("field2000"), query="corner")
@@ -82,6 +85,7 @@ tell(words=words)
     assert found["words"][-1] == "Exact solution"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [0.03, 0.1])
 def test_the_process_may_end_while_work_that_was_cut_short_goes_on(run_ompl: Any, limit: float) -> None:
     # run_ompl looks at the exit status: a thread cut off in compiled code would abort the process.
@@ -93,6 +97,7 @@ tell(status=problem.solve({limit}).asString())
     assert found["status"]
 
 
+@pytest.mark.slow
 def test_no_path_and_half_a_path_are_reported_as_such(run_ompl: Any) -> None:
     found = run_ompl("""
 world = shipped("enclosed")
@@ -121,6 +126,7 @@ tell(word=status.asString(), approximate=problem.setup.getProblemDefinition().ha
     assert found["path"]
 
 
+@pytest.mark.slow
 def test_what_it_cannot_do_is_refused(run_ompl: Any) -> None:
     found = run_ompl("""
 def outcome(f):
@@ -162,6 +168,7 @@ tell(start=outcome(lambda: SE2Problem(world, query=((-5.0, 0.0, 0.0), (1.0, 1.0,
         assert "\n" not in message
 
 
+@pytest.mark.slow
 def test_it_runs_in_ompls_benchmark_beside_the_others(run_ompl: Any, tmp_path: Any) -> None:
     found = run_ompl(f"""
 from ompl import tools as ot

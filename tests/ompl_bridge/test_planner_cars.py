@@ -14,6 +14,7 @@ world = shipped("office")
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_what_ompl_interpolates_is_free_and_costs_what_was_found(run_ompl: Any, reverse: bool) -> None:
     found = run_ompl(
@@ -51,6 +52,7 @@ tell(answers=answers)
             assert end == pytest.approx(wanted, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_space_decides_how_the_robot_moves(run_ompl: Any) -> None:
     found = run_ompl(
         SET_UP
@@ -87,6 +89,7 @@ except SpaceError as error:
     assert "symmetric" in found["refused"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_curves_that_ompl_would_replace_are_divided(run_ompl: Any, reverse: bool) -> None:
     found = run_ompl(
@@ -130,6 +133,7 @@ tell(divided=divided, refused=refused, worse=worse, longer=int(longer))
     assert found["worse"] == 0
 
 
+@pytest.mark.slow
 def test_it_runs_in_ompls_benchmark_beside_the_others(run_ompl: Any, tmp_path: Any) -> None:
     log = tmp_path / "car.log"
     found = run_ompl(

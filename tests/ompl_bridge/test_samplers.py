@@ -21,6 +21,7 @@ def oracle() -> Oracle:
     return Oracle(world, world.robot)
 
 
+@pytest.mark.slow
 def test_sampled_states_are_valid_and_near_where_they_should_be(run_ompl: Any, oracle: Oracle) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("narrow"), query="second")
@@ -45,6 +46,7 @@ tell(name=sampler.getName(), drawn=drawn, close=close, handed=plugged.handed)
     assert handed["landmark near"] > 100
 
 
+@pytest.mark.slow
 def test_exactly_the_planners_named_draw_from_the_landmarks(run_ompl: Any) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("narrow"), query="second")
@@ -71,6 +73,7 @@ tell(drawn=drawn, valid=plugged.valid_states, states=plugged.states, cannot=dict
     assert all(line.startswith("not ") for line in others)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["PRM", "PRMstar"])
 def test_prm_finds_through_the_slit_what_it_misses_alone(run_ompl: Any, planner: str, oracle: Oracle) -> None:
     found = run_ompl(f"""
@@ -88,6 +91,7 @@ tell(states=problem.path.states.tolist(), handed=plugged.handed)
     assert found["handed"]["landmark"] > 0
 
 
+@pytest.mark.slow
 def test_given_landmarks_are_drawn_first(run_ompl: Any) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("narrow"), query="second")
@@ -100,6 +104,7 @@ tell(first=[configuration(s).tolist() for _ in range(3) if sampler.sample(s)], g
     assert found["first"] == pytest.approx(np.array(found["given"]))
 
 
+@pytest.mark.slow
 def test_the_same_seed_draws_the_same_states(run_ompl: Any) -> None:
     found = run_ompl("""
 def drawn(seed):
@@ -153,6 +158,7 @@ tell(**messages)
     assert all("\n" not in message for _, message in found.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["PRM", "BKPIECE1"])
 def test_an_error_in_the_sampler_ends_the_planning_and_is_raised(run_ompl: Any, planner: str) -> None:
     found = run_ompl(f"""
@@ -172,6 +178,7 @@ except Odd as error:
     assert found["raised"] == "no round"
 
 
+@pytest.mark.slow
 def test_nothing_is_kept_alive(run_ompl: Any) -> None:
     found = run_ompl("""
 import gc, weakref
@@ -191,6 +198,7 @@ tell(alive=sum(ref() is not None for ref in kept), of=len(kept))
     assert found == {"alive": 0, "of": 120}
 
 
+@pytest.mark.slow
 def test_landmarks_anew_for_every_run(run_ompl: Any) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("narrow"), query="second")

@@ -57,6 +57,7 @@ def test_doubled_states_are_left_out() -> None:
     assert se2.distance(found[:-1], found[1:]).min() > 0.0
 
 
+@pytest.mark.slow
 def test_ompls_simplifier_comes_back(run_ompl: Any) -> None:
     # The same query again and again, on the roadmap of the ones before: the paths get as short as they can be.
     found = run_ompl(

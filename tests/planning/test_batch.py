@@ -42,6 +42,7 @@ def queries(planner: LandmarkPlanner, n: int, seed: int = 8) -> tuple[FloatArray
     return ends[::2], ends[1::2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
 def test_paths_are_valid_bounded_and_leave_nothing_behind(name: str, judge: Judge) -> None:
     planner = planner_for(name)
@@ -72,6 +73,7 @@ def test_paths_are_valid_bounded_and_leave_nothing_behind(name: str, judge: Judg
         assert result.time["first_solution"] == times[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle"])
 def test_paths_are_nearly_as_short_as_plans(name: str) -> None:
     planner = planner_for(name)
@@ -84,6 +86,7 @@ def test_paths_are_nearly_as_short_as_plans(name: str) -> None:
     assert ratio.max() < 1.5
 
 
+@pytest.mark.slow
 def test_answers_do_not_depend_on_the_number_of_threads() -> None:
     answers = []
     for workers in (1, 5):
@@ -98,6 +101,7 @@ def test_answers_do_not_depend_on_the_number_of_threads() -> None:
             assert a.path == b.path
 
 
+@pytest.mark.slow
 def test_many_threads_ask_one_planner_while_it_grows() -> None:
     planner = planner_for("L")
     planner.build(6000)

@@ -69,6 +69,7 @@ def test_parking(worlds: Path, name: str) -> None:
     assert CurveMotion(planner.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 9))
 def test_better_paths_are_driven_as_well(worlds: Path, seed: int) -> None:
     # All that rounds of improvement make of the first path, not only the last.
@@ -203,6 +204,7 @@ def test_landmarks_beforehand(worlds: Path) -> None:
     assert len(planner.roadmap) > 250
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reversing", "forwards"])
 def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
     world = random_world(11, 25, size=30.0, radii=(0.5, 2.5))

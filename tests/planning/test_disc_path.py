@@ -70,6 +70,7 @@ def shortest(world: World, radius: float, start: FloatArray, goal: FloatArray) -
     return float(networkx.dijkstra_path_length(graph, 0, 1))
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(seed=st.integers(0, 10_000), radius=st.sampled_from([0.05, 0.3, 0.8]), boundary=st.booleans())
 def test_ways_are_free_and_as_short_as_bounds_tell(seed: int, radius: float, boundary: bool) -> None:
@@ -94,6 +95,7 @@ def test_ways_are_free_and_as_short_as_bounds_tell(seed: int, radius: float, bou
     assert length(again) == pytest.approx(length(way))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_a_visibility_graph_has_no_shorter_way(seed: int) -> None:
     world = random_world(seed, 5, size=12.0, radii=(0.8, 2.0), discs=0.5)

@@ -58,6 +58,7 @@ def look(world: World, robot: Robot, states: np.ndarray) -> str | None:
     return FinalCheck(world, robot).fault(path, path.states[0], path.states[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("offset", [0.0, 1e6])
 def test_random_motions_agree_with_dense_sampling(kind: str, offset: float) -> None:
@@ -88,6 +89,7 @@ def test_random_motions_agree_with_dense_sampling(kind: str, offset: float) -> N
     assert free > 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("depth", [3e-6, 1e-5, 1e-3, 0.1])
 def test_an_obstacle_pushed_into_a_path_is_found(kind: str, depth: float) -> None:
@@ -132,6 +134,7 @@ def test_a_path_of_other_ends_is_refused() -> None:
     assert "start" in str(final.fault(path, np.array([1, 1.1, 0]), np.array([2, 2, 0])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False])
 def test_curves_agree_with_dense_sampling(reverse: bool) -> None:
     world = random_world(7, 20, size=30.0, radii=(0.3, 1.5), discs=0.3, holes=0.0, boundary=False)

@@ -80,6 +80,7 @@ def test_plans_after_an_interrupt_at_any_line_are_free(name: str, judge: Judge) 
     assert hits > 200
 
 
+@pytest.mark.slow
 def test_many_queries_after_an_interrupt_at_any_line_are_free(judge: Judge) -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=300)
     pairs = queries(planner, 6)
@@ -97,6 +98,7 @@ def test_many_queries_after_an_interrupt_at_any_line_are_free(judge: Judge) -> N
             judge(WORLD, planner.robot, start, goal, result.path.states)
 
 
+@pytest.mark.slow
 def test_an_exception_of_a_callback_leaves_all_sound(judge: Judge) -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4)
     pairs = queries(planner, 10)

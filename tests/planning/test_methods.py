@@ -33,6 +33,7 @@ def plan(robot: str, settings: PlannerSettings, rounds: int = 6) -> PlanResult:
     return planner.plan(START, GOAL, 60.0, max_iterations=rounds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("method", [name for name in METHODS if name != "lattice"])
 def test_every_method_finds_a_path(method: str, robot: str) -> None:
@@ -93,6 +94,7 @@ def test_plain_samples_take_the_place_of_centres() -> None:
     assert not any((second == q).all(axis=1).any() for q in first[2:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["rectangle", "disc", "car"])
 @pytest.mark.parametrize("mechanism", MECHANISMS)
 def test_the_planner_does_without_any_one_mechanism(mechanism: str, robot: str) -> None:

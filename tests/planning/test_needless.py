@@ -40,6 +40,7 @@ def assert_none_needless(motions: Any, result: PlanResult) -> int:
     return len(q) - 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "L", "thin"])
 def test_planned_paths(name: str, judge: Judge) -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4)

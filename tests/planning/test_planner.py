@@ -65,6 +65,7 @@ def accepted(judge: Judge, world: World, start: Any, goal: Any, result: PlanResu
 # --- paths ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "name"), list(enumerate(ROBOTS)))
 def test_paths_in_random_worlds(seed: int, name: str, judge: Judge) -> None:
     robot = ROBOTS[name]
@@ -118,6 +119,7 @@ def test_a_round_robot_turns_evenly_along_its_way(judge: Judge) -> None:
     assert turned / turned[-1] == pytest.approx(along / along[-1], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heading", [0.0, math.pi / 2, 0.7])
 def test_start_and_goal_in_contact(heading: float, judge: Judge) -> None:
     # A block at any angle, the robot's side flush with it, on one side at the start and on the other at the goal.
@@ -152,6 +154,7 @@ def test_half_a_turn_both_ways(judge: Judge) -> None:
 # --- hard and impossible -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gap", [0.63, 0.8])
 @pytest.mark.parametrize("seed", range(3))
 def test_a_gap_hardly_wider_than_the_robot(gap: float, seed: int, judge: Judge) -> None:
@@ -161,6 +164,7 @@ def test_a_gap_hardly_wider_than_the_robot(gap: float, seed: int, judge: Judge) 
     accepted(judge, world, start, goal, result)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_bend_that_asks_for_turning_on_the_way(seed: int, judge: Judge) -> None:
     # A rod of length l and width w gets round a bend of width c if l + 2 w <= 2 sqrt(2) c; here with 6 % to spare.
@@ -188,6 +192,7 @@ def test_what_is_closed_is_proven_infeasible() -> None:
     assert narrow.status == "infeasible"
 
 
+@pytest.mark.slow
 def test_what_only_headings_close_is_proven_infeasible() -> None:
     # The inscribed disc gets round the bend; the robot does not.
     world = bend(1.0, Robot.rectangle(4.0, 0.4))

@@ -201,6 +201,7 @@ class Life(RuleBasedStateMachine):
         assert worst[clear].max(initial=0.0) <= self.reference.allowed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(LIVES))
 def test_what_a_planner_says_is_true_all_its_life(name: str) -> None:
     class Named(Life):

@@ -32,6 +32,7 @@ def planner_for(name: str = "rectangle", checker: StateChecker | None = None) ->
     return LandmarkPlanner(WORLD, ROBOTS[name], seed=4, checker=checker)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle"])
 def test_the_same_query_again_and_again_costs_no_more(name: str, judge: Judge) -> None:
     kept = planner_for(name)
@@ -54,6 +55,7 @@ def test_the_same_query_again_and_again_costs_no_more(name: str, judge: Judge) -
     judge(WORLD, kept.robot, start, goal, result.path.states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
 def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> None:
     kept = planner_for(name)
@@ -91,6 +93,7 @@ def test_a_large_roadmap_grows_by_what_it_does_not_know_alone(judge: Judge) -> N
     assert len(planner.roadmap.edges) - edges <= 5 * len(pairs) * 40
 
 
+@pytest.mark.slow
 def test_a_query_that_nobody_can_answer_does_not_fill_it(monkeypatch: pytest.MonkeyPatch) -> None:
     # The way is barred to the robot, not to its disc, and no proof is sought.
     walls = (Rectangle((5.0, 1.4), 0.4, 2.8), Rectangle((5.0, 6.2), 0.4, 5.6), Rectangle((4.3, 3.1), 0.2, 1.0))

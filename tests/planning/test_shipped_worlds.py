@@ -23,6 +23,7 @@ def solve(planner: LandmarkPlanner, query: Query) -> PlanResult:
     return result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_worlds())
 def test_queries_are_answered(name: str, judge: Callable[..., float]) -> None:
     world = World.load(shipped_worlds()[name])

@@ -75,6 +75,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, int]
     return found
 
 
+@pytest.mark.slow
 def test_warm_up_compiles_each_entrance_once(report: dict[str, dict[str, int]]) -> None:
     # What only other kernels call is compiled as part of these.
     entrances = {
@@ -93,6 +94,7 @@ def test_nothing_is_compiled_later(report: dict[str, dict[str, int]]) -> None:
     assert report["used"] == report["warm"]
 
 
+@pytest.mark.slow
 def test_the_process_needs_no_working_directory_of_its_own(tmp_path: Path) -> None:
     program = "from trailmark.planning.warmup import warm_up; warm_up(); warm_up()"
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, timeout=600)

@@ -151,6 +151,7 @@ def actions(roadmap: Roadmap) -> dict[str, Action]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHECKERS)
 def test_a_change_that_is_cut_short_has_not_taken_place(name: str) -> None:
     origin = base(name)

@@ -33,6 +33,7 @@ def test_nothing_certified_is_wrong(part: str, worker: Worker, tmp_path: Path) -
     assert counts > 0
 
 
+@pytest.mark.slow
 def test_the_same_chunk_asks_the_same(worker: Worker, tmp_path: Path) -> None:
     task = {"part": "motions", "chunk": 5, "seed": 1, "folder": str(tmp_path), "version": "test"}
     assert worker.do(task).value == worker.do(task).value

@@ -53,6 +53,7 @@ def runs_in(file: Path) -> list[tuple[int, int]]:
             return []
 
 
+@pytest.mark.slow
 def test_a_killed_worker_only_repeats_its_runs(tmp_path: Path) -> None:
     world, results, address = tmp_path / "room.yaml", tmp_path / "results.db", tmp_path / "scheduler.json"
     small_world().save(world)

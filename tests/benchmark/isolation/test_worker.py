@@ -172,6 +172,7 @@ def test_ends_that_are_not_valid(worker: Worker, around: Problem) -> None:
             assert worker.run(job(problem, planner))["status"] == status
 
 
+@pytest.mark.slow
 def test_a_worker_process_that_dies_is_replaced_and_its_run_repeated(worker: Worker, ahead: Problem) -> None:
     worker.run(job(ahead, ROGUES + "honest"))
     before = worker.pid
@@ -184,6 +185,7 @@ def test_a_worker_process_that_dies_is_replaced_and_its_run_repeated(worker: Wor
     assert worker.pid not in (None, before)
 
 
+@pytest.mark.slow
 def test_a_stopped_worker_ends_its_process_and_run(ahead: Problem) -> None:
     from trailmark.benchmark.problems import Job
 
@@ -210,6 +212,7 @@ def test_a_stopped_worker_ends_its_process_and_run(ahead: Problem) -> None:
     assert len(caught) == 1
 
 
+@pytest.mark.slow
 def test_a_users_file_takes_no_librarys_place(
     ahead: Problem, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -253,6 +253,7 @@ def test_localisation_leaves_the_map_alone_and_counts_its_errors() -> None:
     assert spread["loose"] > 0.3 / np.sqrt(12) * 0.7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0])
 def test_considered_errors_are_the_true_ones(seed: int) -> None:
     # Localisation with a loose map over many worlds: the stated covariance is that of the errors.

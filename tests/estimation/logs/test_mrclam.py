@@ -139,6 +139,7 @@ def test_several_rows_that_go_back(tmp_path: Path) -> None:
     assert log.records[-1] == Odometry(12.0, 2.0, 2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "unknown", "line"), [(1, 43, 1098), (3, 34, 3758)])
 def test_the_real_log(shared_data: Path, robot: int, unknown: int, line: int) -> None:
     path = shared_data / "mrclam6"

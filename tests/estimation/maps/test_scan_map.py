@@ -239,6 +239,7 @@ def test_scans_that_show_nothing_make_a_world_nevertheless() -> None:
 # --- Real data
 
 
+@pytest.mark.slow
 def test_a_part_of_the_intel_lab(shared_data: Path) -> None:
     from trailmark.estimation.logs import load_log
 

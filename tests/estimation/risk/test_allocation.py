@@ -59,6 +59,7 @@ def shares(n: int, weights: list[float] | None) -> list[float]:
     return [estimate.share or 0.0 for estimate in world.estimates if estimate is not None]
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=20))
 def test_risks_add_up_to_what_there_is(weights: list[float]) -> None:
     for given_weights in (None, weights):

@@ -170,6 +170,7 @@ def test_what_was_seen_once_is_dropped() -> None:
     assert len(tracks) == len(tracks.readings) == len(tracks.P) == 1
 
 
+@pytest.mark.slow
 def test_discs_are_found_again_and_refined() -> None:
     errors, stated = [], []
     for seed in range(40):

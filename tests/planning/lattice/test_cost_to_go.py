@@ -109,6 +109,7 @@ def test_in_the_open_costs_are_octile_distances(bounds: tuple[float, float, floa
         assert costs.cost[straight] == pytest.approx(costs.size * octile[straight], rel=SINGLE)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(
     name=st.sampled_from(sorted(ROBOTS)),

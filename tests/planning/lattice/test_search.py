@@ -154,6 +154,7 @@ def test_ways_are_certified_and_end_where_they_should(
             assert cells_crossed(judged.robot, way, size, headings) <= ({0, 1, 2, 4, 8} if multi_steps else {0, 1})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset", "thin"])
 def test_with_weight_1_ways_are_as_cheap_as_the_lattice_has_them(name: str) -> None:
     headings, size = (1, 0.5) if name == "disc" else (8, 1.0)
@@ -179,6 +180,7 @@ def test_with_weight_1_ways_are_as_cheap_as_the_lattice_has_them(name: str) -> N
     assert found >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("headings", [1, 24])
 def test_where_no_motion_between_valid_nodes_fails_the_cost_is_exact(headings: int) -> None:
     # A disc's steps are far shorter than anything round about; what turns meets the bounds alone.

@@ -59,6 +59,7 @@ def agree(tree: Tree, known: Known) -> None:
         assert tree.node[entry_of(tree, node)] == node + 1
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(written=st.lists(st.tuples(nodes, entries), max_size=60), others=st.lists(nodes, max_size=20))
 def test_the_table_is_a_dict(written: list[tuple[int, tuple[int, float, int]]], others: list[int]) -> None:

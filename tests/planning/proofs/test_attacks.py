@@ -34,18 +34,21 @@ def judge(attack: Attack, monkeypatch: pytest.MonkeyPatch) -> None:
         assert len(found.way) >= 2 or found.cost >= attack.cost * (1.0 - 1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [uneven, collinear, abutting, slit, carved])
 def test_discs(make: Callable[..., Attack], monkeypatch: pytest.MonkeyPatch) -> None:
     for seed in range(24):
         judge(make(seed, scale=SCALES[seed % 5], offset=OFFSETS[seed % 6]), monkeypatch)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", sorted(SHAPES))
 def test_other_shapes_in_corridors_of_their_own(shape: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for seed in range(12):
         judge(carved(seed, shape, scale=SCALES[seed % 5], offset=OFFSETS[seed % 6]), monkeypatch)
 
 
+@pytest.mark.slow
 def test_a_shallow_wall_is_not_called_shut() -> None:
     hole = [(-5, -5), (5, -5), (5, 2), (3.3135, 2.0005), (2.1258, 2.0023), (2.1252, 2.0098), (-1.034, 2.0035)]
     hole += [(-1.8091, 2.0023), (-2.2011, 2.0086), (-2.6773, 2.0089), (-5, 2)]

@@ -66,6 +66,7 @@ def test_what_is_no_longer_wanted_ends_soon() -> None:
     assert others() == 0
 
 
+@pytest.mark.slow
 def test_planning_ends_with_the_proof_and_leaves_no_thread() -> None:
     result = LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0)
     assert result.status == "infeasible"

@@ -36,6 +36,7 @@ def test_the_region_holds_every_free_place_of_the_disc(seed: int, radius: float,
     assert (gaps | ~inside).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_no_path_costs_less(name: str) -> None:
     for seed in range(3):

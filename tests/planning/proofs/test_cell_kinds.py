@@ -15,6 +15,7 @@ from trailmark.planning.proofs.enclosure import Space
 FINEST = 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(set(ROBOTS) - {"disc"}))
 def test_nothing_in_a_blocked_cell_is_valid(name: str) -> None:
     robot = ROBOTS[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ def boxes(cells: NDArray[np.int32], space: Division) -> NDArray[np.int64]:
     return np.stack([low, low + edge], axis=-1)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=40)
 def test_neighbours_are_all_that_share_a_part_of_a_face(seed: int) -> None:

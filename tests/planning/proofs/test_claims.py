@@ -82,6 +82,7 @@ def test_a_grid_that_closes_too_much_is_not_believed(robot: Robot, monkeypatch: 
     assert LandmarkPlanner(WALL, robot, seed=0).plan(ENDS[0], ENDS[1], 0.5).status == "timeout"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("bound", [1000.0, np.inf])
 def test_a_bound_above_a_known_cost_is_reported_and_dropped(

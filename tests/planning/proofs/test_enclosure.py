@@ -47,6 +47,7 @@ def test_a_gap_just_wide_enough_is_not(gap: float) -> None:
     assert not enclosed(checker, (2.0, 2.5, 0.0), (9.0, 2.5, 0.0), seconds=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "closed"), [(0.9, False), (1.0, False), (1.15, True), (1.3, True)])
 def test_a_rod_passes_a_corner_up_to_its_known_length(share: float, closed: bool) -> None:
     # A rod of no width passes from a corridor of width a into one of width b up to (a^2/3 + b^2/3)^3/2. One of some
@@ -70,6 +71,7 @@ def test_pockets_of_clutter_are_closed() -> None:
     assert enclosed(checker, query.start, query.goal, seconds=SECONDS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "L", "thin"])
 def test_nothing_is_claimed_where_the_planner_finds_a_path(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     # The planner asks for enclosures itself: a false one would keep it from its path.

@@ -30,6 +30,7 @@ def clearance(world: World, points: np.ndarray) -> np.ndarray:
     return np.asarray(found)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.4, 1.5]), st.sampled_from([0.0, 1e6]))
 @settings(max_examples=40, deadline=None)
 def test_nowhere_on_what_blocks_is_the_disc_free(seed: int, radius: float, offset: float) -> None:
