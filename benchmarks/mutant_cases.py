@@ -88,6 +88,8 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
     )
     rectangle = Robot.rectangle(0.7, 0.3)
     hook = Robot.polygon([[-0.1, -0.3], [0.8, -0.3], [0.8, -0.1], [0.1, 0], [0, 0.5]])
+    # Far from its reference point: what mistakes where its discs lie, looks at quite another place.
+    aside = Robot.polygon([[0.6, 0.9], [1.1, 0.9], [1.1, 1.3], [0.6, 1.3]])
     places = ((1.5, 1.5), (2.5, 1.5), (4.0, 3.0), (4.5, 1.0), (1.0, 4.0))
     squares: tuple[Shape, ...] = tuple(Rectangle((x, y), 1.0, 1.0) for x, y in places)
     frame = _polygon([[2, 2.5], [3, 2.5], [3, 4.5], [2, 4.5]], [[2.25, 2.75], [2.75, 2.75], [2.75, 4.25], [2.25, 4.25]])
@@ -102,6 +104,8 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
         ("boundary, rectangle", World("w", room, (mixed[0], mixed[-1]), boundary=boundary), rectangle, 0.23),
         ("specks, rectangle", World("w", room, specks), Robot.rectangle(1.1, 0.8), 0.19),
         ("specks, disc", World("w", room, specks), Robot.disc(0.5), 0.31),
+        ("specks, aside", World("w", room, specks), aside, 0.05),
+        ("mixed, aside", World("w", room, mixed), aside, 0.07),
         ("lattice, square", lattice, Robot.rectangle(0.25, 0.25), 0.25),
         ("lattice, disc", lattice, Robot.disc(0.125), 0.125),
         ("far away, hook", World("w", (2e5, -1e5, 2e5 + 6, 5 - 1e5), distant), hook, 0.21),
