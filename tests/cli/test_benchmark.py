@@ -124,7 +124,7 @@ def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path:
     ("words", "problem"),
     [
         (["YARD", "-p", "PMR"], "planner: expected AORRTC, AORRTC+certified, BFMT, BFMT+certified, BITstar,"),
-        (["YARD"], "no planner given; expected landmark, AORRTC, "),
+        (["YARD"], "no planner given; expected landmark, "),
         (["-p", "PRM"], "no world given; expected files, or bugtrap, "),
         (["nowhere", "-p", "PRM"], "nowhere: no such file or shipped world"),
         (

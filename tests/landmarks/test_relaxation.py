@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 from benchmarks.random_worlds import ROBOTS, random_world
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import sparse
@@ -183,7 +183,8 @@ def test_costs_are_dijkstras(name: str, seed: int) -> None:
     before = cells + np.rint(np.sin(angle)).astype(int) * columns + np.rint(np.cos(angle)).astype(int)
     assert np.asarray(graph[before, cells]).ravel() + forth[before] == pytest.approx(forth[cells], rel=1e-12)
     assert len(cells) == np.isfinite(forth).sum() - 1
-    assume(np.isfinite(forth[end]))
+    if not np.isfinite(forth[end]):
+        pytest.skip("no path joins the two")
     way = relaxation.shortest_path(whole, target)
     assert (way[0], way[-1]) == (end, start)
     assert np.asarray(graph[way[1:], way[:-1]]).sum() == pytest.approx(forth[end], rel=1e-12)

@@ -64,6 +64,6 @@ def test_wrong_arguments_are_errors_of_our_own(run_ompl: Any) -> None:
     raw = {name: text for name, text in found["said"].items() if text == "nothing" or text.startswith("RAW")}
     assert raw == {}
     assert [text for text in found["said"].values() if "\n" in text] == []
-    assert "for another robot" in found["said"]["other checker"]
+    assert "expected one for robot" in found["said"]["other checker"]
     assert found["said"]["limit"] == "limit: expected a finite number of 0 or more, got '1' s"
     assert "solution" in found["solved"].lower()

@@ -180,5 +180,5 @@ def test_a_world_without_queries_and_trailmarks_own_landmarks(monkeypatch: pytes
 
 
 def test_other_suffixes_are_refused(executions: list[Execution], tmp_path: FilePath) -> None:
-    with pytest.raises(OutputError, match=r"suffixes_are_refuse3/room\.gif: suffix: expected \.png, \.svg, \.pdf, got"):
+    with pytest.raises(OutputError, match=r"/room\.gif: suffix: expected \.png, \.svg, \.pdf, got"):
         save_landmarks_figure(tmp_path / "room.gif", ROOM, ROBOT, executions)
