@@ -93,7 +93,8 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="a small world, nothing is written")
     parser.add_argument("--no-write", action="store_true")
     options = parser.parse_args()
-    warm_up_queries()
+    for kind in ("straight", "translation"):
+        warm_up_queries(kind)
     lines = []
     for name, world, robot in _worlds(options.quick):
         checker = StateChecker(world, robot)
