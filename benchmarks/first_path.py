@@ -1,4 +1,4 @@
-"""Are first paths as soon as they were? This checkout against another, in turns in one run; what the last look costs.
+"""Are first paths as soon as they were? This checkout against another, in turns in one run; what the final check costs.
 
 Two processes load either checkout's package and answer the same problems of benchmarks/ahead_problems.py in turns, so
 that whatever else the machine does meets both. Writes results/first_path.{json,md}.
@@ -142,8 +142,8 @@ def _write(rows: list[dict[str, Any]], options: argparse.Namespace) -> None:
             f"{ratio:.3f} ({low:.3f}..{high:.3f})",
             "at most 1.05",
         ],
-        ["last look, median", f"{look * 1e3:.2f} ms", "at most 1 ms"],
-        ["last look, 95 %", f"{np.quantile(looks, 0.95) * 1e3:.2f} ms", ""],
+        ["final check, median", f"{look * 1e3:.2f} ms", "at most 1 ms"],
+        ["final check, 95 %", f"{np.quantile(looks, 0.95) * 1e3:.2f} ms", ""],
         ["solved within the limit, before / now", f"{solved[0]} / {solved[1]} of {len(rows)}", ""],
         ["cost at the limit, now / before, geometric mean", f"{float(np.exp(costs.mean())):.4f}", ""],
     ]

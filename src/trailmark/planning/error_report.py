@@ -1,4 +1,4 @@
-"""Incident: what was about to be claimed and is wrong is not claimed, but written down so that it can be mended."""
+"""Reports of trailmark's own errors: what turned out wrong is not returned, but kept in a file that reproduces it."""
 
 # Tested by tests/planning/test_final_check.py and tests/planning/proofs/test_claims.py.
 
@@ -43,7 +43,7 @@ def report_error(problem: str, world: World, robot: Robot, start: FloatArray, go
 def _written(
     problem: str, world: World, robot: Robot, start: FloatArray, goal: FloatArray, details: Mapping[str, Any]
 ) -> str:
-    """Return the name of the file that reproduces an incident, or why there is none."""
+    """Return the name of the file that reproduces an error, or why there is none."""
     from trailmark import __version__
 
     failed = Query("failed", tuple(map(float, start)), tuple(map(float, goal)))  # type: ignore[arg-type]  # three each

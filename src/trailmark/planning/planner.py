@@ -34,7 +34,7 @@ MAX_LANDMARKS = 200_000
 """Most landmarks that may be asked for: more take longer than anybody waits."""
 
 TRIES = 3
-"""Attempts at a query, should the paths that are found not stand the last look."""
+"""Attempts at a query, should the paths that are found not pass the final check."""
 
 MAX_WORKERS = 1024
 """Most threads that answer queries, however many are asked for."""

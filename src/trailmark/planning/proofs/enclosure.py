@@ -89,7 +89,7 @@ def enclosed(
     states = [se2.configurations(q, name=name) for q, name in ((start, "start"), (goal, "goal"))]
     for state, name in zip(states, ("start", "goal"), strict=True):
         if state.ndim != 1:
-            raise ConfigurationError(f"{name}: shape {state.shape} given, allowed: (3,)")
+            raise ConfigurationError(f"{name}: expected shape (3,), got {state.shape}")
     ends = np.array(states)
     if checker.robot.sweep_radius == 0.0:
         return False
