@@ -151,7 +151,7 @@ def test_discs_are_left_to_the_triangles_and_bad_ends_are_told() -> None:
     assert not enclosed(StateChecker(wall_with_gap(0.5), Robot.disc(0.4)), (2.0, 2.0, 0.0), (9.0, 2.0, 0.0))
     with pytest.raises(ConfigurationError, match="goal"):
         enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), (2.0, 2.0, 0.0), (9.0, math.nan, 0.0))
-    with pytest.raises(ConfigurationError, match="start: shape"):
+    with pytest.raises(ConfigurationError, match="start: expected shape"):
         enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), np.zeros((2, 3)), (9.0, 2.0, 0.0))
 
 
