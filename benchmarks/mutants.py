@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import ast
 import copy
+import hashlib
 import json
 import os
 import signal
@@ -82,10 +83,12 @@ class Mutant:
         line: of the source.
         change: in words.
         tree: the module's syntax tree with the change.
+        key: the same as long as the function's code is, wherever it moves to.
     """
 
-    def __init__(self, module: str, function: str, line: int, change: str, tree: ast.Module) -> None:
-        self.module, self.function, self.line, self.change, self.tree = module, function, line, change, tree
+    def __init__(self, module: str, function: str, line: int, change: str, tree: ast.Module, key: str) -> None:
+        self.module, self.function, self.line, self.change = module, function, line, change
+        self.tree, self.key = tree, key
 
 
 def mutants_of(module: str) -> Iterator[Mutant]:
@@ -95,6 +98,7 @@ def mutants_of(module: str) -> Iterator[Mutant]:
     for function in [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]:
         if function.name in LEFT_OUT.get(module, set()):
             continue
+        body = hashlib.sha256(" ".join(ast.unparse(part) for part in function.body if not _is_text(part)).encode())
         for index, node in enumerate(_nodes(function)):
             for number, (change, _) in enumerate(_changes(node)):
                 mutated = copy.deepcopy(tree)
@@ -108,7 +112,8 @@ def mutants_of(module: str) -> Iterator[Mutant]:
                 _, replacement = list(_changes(target))[number]
                 _Replace(target, replacement).visit(mutated)
                 ast.fix_missing_locations(mutated)
-                yield Mutant(module, function.name, getattr(node, "lineno", 0), change, mutated)
+                key = f"{module}.{function.name} {body.hexdigest()[:16]} {index} {number}"
+                yield Mutant(module, function.name, getattr(node, "lineno", 0), change, mutated, key)
 
 
 def _nodes(function: ast.FunctionDef) -> list[ast.AST]:
@@ -407,18 +412,18 @@ def main(arguments: list[str] | None = None) -> int:
     if options.again:
         rows = [row for row in rows if row[4] != "same" or row[0] not in (options.only or MODULES)]
         options.record.write_text("".join(json.dumps(row) + "\n" for row in rows), encoding="utf-8")
-    done = {tuple(row[:4]) for row in rows}
+    done = {row[6] for row in rows}
     tally: Counter[tuple[str, str]] = Counter()
     begin = time.perf_counter()
     with options.record.open("a", encoding="utf-8") as record:
         for module in options.only or MODULES:
             for mutant in mutants_of(module):
-                key = (module, mutant.function, mutant.line, mutant.change)
-                if key in done or (options.line and mutant.line not in options.line):
+                if mutant.key in done or (options.line and mutant.line not in options.line):
                     continue
                 answer = _run(mutant, made, before)
                 tally[module, answer[0]] += 1
-                record.write(json.dumps([*key, *answer, describe_code()]) + "\n")
+                row = [module, mutant.function, mutant.line, mutant.change, *answer, mutant.key, describe_code()]
+                record.write(json.dumps(row) + "\n")
                 record.flush()
             print(module, {what: n for (name, what), n in tally.items() if name == module}, flush=True)
     print(f"{sum(tally.values())} mutants in {time.perf_counter() - begin:.0f} s")
