@@ -128,12 +128,14 @@ class Motion(ABC):
         directed: whether a motion may be possible in one direction only.
         candidates: nodes near in the embedding that are considered for each neighbour that is wanted.
         moves_anywhere: whether the robot may move in every direction, as a lattice's steps do.
+        turns: whether the heading makes a difference to which configurations and motions are valid.
     """
 
     kind: Any
     directed = False
     candidates: ClassVar[int] = 1
     moves_anywhere: ClassVar[bool] = True
+    turns: ClassVar[bool] = True
 
     def __init__(self, checker: StateChecker) -> None:
         self.checker = checker

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from math import hypot
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -43,6 +43,8 @@ class TranslationMotion(StraightMotion):
 
     Costs are ‖Δxy‖. The heading turns evenly along the whole path, which has the lowest cost.
     """
+
+    turns: ClassVar[bool] = False
 
     def __init__(self, checker: StateChecker) -> None:
         super().__init__(checker)

@@ -47,7 +47,7 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
     if query.motion.moves_anywhere and query.settings.uses("lattice"):
         # A lattice's steps are not a car's.
         lattices = LatticeSchedule(
-            query.checker, query.ends, query.relaxation.size, query.seconds_left, query.settings.without
+            query.motion, query.ends, query.relaxation.size, query.seconds_left, query.settings.without
         )
     query.expanded = lambda: lookup.expanded + (0 if lattices is None else lattices.taken)
     with Prover(query, bound) as proofs:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from trailmark.clock import CLOCK_EVERY
 from trailmark.collision import StateChecker
+from trailmark.motion import motion_of
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.lattice import schedule
 from trailmark.planning.lattice.schedule import LEVELS, LatticeSchedule
@@ -34,7 +35,7 @@ ACROSS = np.array([[5.0, 10.0, 0.0], [15.0, 10.0, 0.0]])
 
 
 def scheduled(checker: StateChecker, ends: FloatArray, cell: float = 0.5, seconds: float = math.inf) -> LatticeSchedule:
-    return LatticeSchedule(checker, np.array(ends), cell, lambda: seconds)
+    return LatticeSchedule(motion_of(checker), np.array(ends), cell, lambda: seconds)
 
 
 def cost(states: FloatArray) -> float:
@@ -233,7 +234,9 @@ def test_a_search_that_the_time_ends_does_not_count_as_exhausted(
     # Two levels in turn that look over the same lattice.
     monkeypatch.setattr(schedule, "LEVELS", (LEVELS[-1], LEVELS[-1]))
     seconds = iter([math.inf, 0.0, 0.0])
-    lattices = LatticeSchedule(StateChecker(WALL, CAR), np.array(ACROSS), 0.5, lambda: next(seconds, math.inf))
+    lattices = LatticeSchedule(
+        motion_of(StateChecker(WALL, CAR)), np.array(ACROSS), 0.5, lambda: next(seconds, math.inf)
+    )
     # Time to begin, none to search: too few nodes to come around the wall.
     assert lattices._search(LEVELS[-1], True).shape == (0, 3)
     assert lattices.taken == CLOCK_EVERY

@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trailmark.collision import StateChecker
-from trailmark.motion import StraightMotion, TranslationMotion
+from trailmark.motion import Motion
 from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice.search import Lattice
 from trailmark.planning.pace import Pace
@@ -107,7 +106,7 @@ class LatticeSchedule:
     """Looks for a first path, level by level.
 
     Args:
-        checker: decides what is valid.
+        motion: of the robot: straight motions or translations.
         ends: start and goal, valid configurations, shape (2, 3).
         cell: metres between neighbouring positions of the coarsest lattice.
         seconds_left: asked before each search.
@@ -119,19 +118,17 @@ class LatticeSchedule:
 
     def __init__(
         self,
-        checker: StateChecker,
+        motion: Motion,
         ends: FloatArray,
         cell: float,
         seconds_left: Callable[[], float],
         without: Collection[str] = (),
     ) -> None:
-        self.checker, self.ends, self.without = checker, ends, without
-        self.motion = StraightMotion(checker) if checker.footprint.disc_radius < 0.0 else TranslationMotion(checker)
-        self.turning = checker.footprint.disc_radius < 0.0
+        self.motion, self.checker, self.ends, self.without = motion, motion.checker, ends, without
         # Without headings to tell apart, closer positions cost little.
-        self.cell = cell if self.turning else 0.5 * cell
+        self.cell = cell if motion.turns else 0.5 * cell
         self.seconds_left = seconds_left
-        xmin, ymin, xmax, ymax = checker.world.bounds
+        xmin, ymin, xmax, ymax = self.checker.world.bounds
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
         self.to_go = lru_cache(maxsize=8)(self._to_go)
         self._guided: set[tuple[int, bool, float]] = set()
@@ -168,7 +165,7 @@ class LatticeSchedule:
         if not self._has_time(LEVELS[-1].cells, forward, view.tightness):
             return np.empty((0, 3))
         size = self.cell * (1.0 if self.views <= 2 * len(VIEWS) else rng.uniform(*STRETCH))
-        lattice = Lattice(self.checker, size, view.headings if self.turning else 1)
+        lattice = Lattice(self.checker, size, view.headings if self.motion.turns else 1)
         begin, end = self.ends if forward else self.ends[::-1]
         to_go = self.to_go(LEVELS[-1].cells, forward, view.tightness)
         way, taken = lattice.find_path(
@@ -185,7 +182,7 @@ class LatticeSchedule:
         return self._straightened(way, forward)
 
     def _search(self, level: Level, forward: bool) -> FloatArray:
-        kind = (level.fineness, level.headings if self.turning else 1, level.cells > 0, forward)
+        kind = (level.fineness, level.headings if self.motion.turns else 1, level.cells > 0, forward)
         if kind in self._exhausted or not self._has_time(level.cells, forward, TIGHTNESS):
             return np.empty((0, 3))
         lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
