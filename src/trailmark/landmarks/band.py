@@ -151,7 +151,7 @@ class Band:
         # Only half of the tries: the field's clearances may be wrong by its slack.
         tight = self.relaxation.clearance(cells)[tries] < 1.5 * self.checker.footprint.circumradius
         tight[::2] = False
-        q[tight] = retract_all(self.checker, q[tight], 0.5 * self.relaxation.size, rng)
+        q[tight] = retract_all(self.checker, q[tight], 0.75 * self.relaxation.size)
         clearance = np.asarray(self.checker.clearance(q, cap=2.0 * self.checker.footprint.circumradius))
         clearance[~self.checker.valid(q)] = -1.0
         return tries, q, clearance
@@ -193,7 +193,7 @@ class Band:
         known = np.isfinite(from_start + to_goal)
         cells, share = cells[known], from_start[known] / np.maximum(from_start[known] + to_goal[known], 1e-9)
         found = np.vstack([self._place(cells, self._path_directions(cells), share, rng), moved])
-        found[::2] = retract_all(self.checker, found[::2], 0.25 * reach, rng)
+        found[::2] = retract_all(self.checker, found[::2], 0.375 * reach)
         return np.asarray(found[self.checker.valid(found)])
 
     def _moved(self, q: se2.FloatArray, reach: float, rng: np.random.Generator) -> se2.FloatArray:

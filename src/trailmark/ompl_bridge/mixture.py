@@ -236,8 +236,7 @@ class _Around:
         step = rng.standard_normal((len(q), 3)) * scale / (1.0, 1.0, self._turning or 1.0)
         moved = q + step
         moved[:, 2] = se2.wrap(moved[:, 2])
-        half = 0.5 * self.checker.robot.inscribed_disc.radius
-        moved[::2] = retract_all(self.checker, moved[::2], half, rng)
+        moved[::2] = retract_all(self.checker, moved[::2], 0.75 * self.checker.robot.inscribed_disc.radius)
         return np.asarray(moved)
 
     def _neighbours(self) -> tuple[NDArray[np.int64], NDArray[np.int64], se2.FloatArray]:

@@ -28,6 +28,7 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.landmarks.retraction import retract
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.lattice.nodes import (
     MULTI_STEPS,
@@ -43,7 +44,6 @@ from trailmark.planning.lattice.nodes import (
     place,
     position,
 )
-from trailmark.planning.lattice.retract import retract
 from trailmark.planning.lattice.table import CHECKED, DONE, FEWEST, SEATED, VALID, Tree, entry_of, grown, new_tree
 from trailmark.se2 import FloatArray
 
