@@ -92,12 +92,13 @@ class Path:
             ConfigurationError: a step that is not a finite number above 0.
         """
         step = number(step, "resample: step", above=0.0)
-        pieces = [self.states[:1]]
-        for a, b in zip(self.states[:-1], self.states[1:], strict=True):
-            n = max(1, int(np.ceil(se2.distance(a, b) / step)))
-            pieces.append(se2.interpolate(a, b, np.arange(1, n) / n))
-            pieces.append(b[None])
-        return Path(np.concatenate(pieces))
+        a, b = self.states[:-1], self.states[1:]
+        count = np.maximum(1, np.ceil(se2.distance(a, b) / step)).astype(np.intp)
+        motion = np.repeat(np.arange(len(count)), count)
+        before = np.cumsum(count) - count
+        states = se2.interpolate(a[motion], b[motion], (np.arange(len(motion)) - before[motion]) / count[motion])
+        states[before] = a
+        return Path(np.concatenate([states, self.states[-1:]]))
 
     def reversed(self) -> Path:
         """Return the path from its end to its start; it has the same cost."""

@@ -81,4 +81,4 @@ def test_nothing_to_shorten_and_an_early_end() -> None:
     for knots in (np.zeros((1, 3)), np.array([(0.0, 0.0, 0.0), (5.0, 0.0, 0.0)])):
         assert np.array_equal(shorten(motions, knots, rng), knots)
     long = rng.uniform((-20, -20, -3), (20, 20, 3), (8, 3))
-    assert np.array_equal(shorten(motions, long, rng, stop=lambda: True), long)
+    assert np.array_equal(shorten(motions, long, rng, seconds_left=lambda: 0.0), long)

@@ -154,7 +154,9 @@ def test_seed_sweeps_and_deadline() -> None:
     assert not np.array_equal(shorten(chart.motion, states, rng), first)
     for untouched in (
         shorten(chart.motion, states, rng, sweeps=0),
-        shorten(chart.motion, states, rng, stop=lambda: True),
+        shorten(chart.motion, states, rng, seconds_left=lambda: 0.0),
+        # A sweep that the time ends changes no more.
+        shorten(chart.motion, states, rng, seconds_left=lambda: 1e-9),
     ):
         assert np.array_equal(untouched, states)
         assert not np.shares_memory(untouched, states)

@@ -64,19 +64,19 @@ class BatchSolver:
         shortest = self.snapshot.find_path(ends[0], ends[1])
         rng = np.random.default_rng([self.seed, index])
 
-        def too_late() -> bool:
-            return perf_counter() > deadline
+        def seconds_left() -> float:
+            return deadline - perf_counter()
 
         def shortened(states: se2.FloatArray, sweeps: int) -> se2.FloatArray:
-            return shorten(motion, states, rng, sweeps=sweeps, stop=too_late)
+            return shorten(motion, states, rng, sweeps=sweeps, seconds_left=seconds_left)
 
         best = shortened(first if shortest is None else shortest, settings.first_batch_sweeps)
         answer.offer(best)
-        if self.bound is not None and self.bound.seconds(start, goal, answer.whole_cost) < deadline - perf_counter():
+        if self.bound is not None and self.bound.seconds(start, goal, answer.whole_cost) < seconds_left():
             answer.claim(self.bound.of(start, goal, answer.whole_cost).cost)
         other, closed = best, np.empty((0, 3))
         for _ in range(settings.other_paths):
-            if answer.whole_cost <= (1.0 + settings.close_to_optimal) * answer.lower_bound or too_late():
+            if answer.whole_cost <= (1.0 + settings.close_to_optimal) * answer.lower_bound or seconds_left() < 0.0:
                 break
             # Another path is one that avoids the tightest place of those before.
             closed = np.vstack([closed, self._tightest_place(other)])

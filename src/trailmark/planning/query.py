@@ -89,8 +89,6 @@ class Query:
         self.effort = 0
         self._rounds_left = np.inf if max_rounds is None else max_rounds
         self._on_progress = on_progress
-        # What the last sweep of shortening took, seconds.
-        self._sweep_seconds = 0.0
 
     @property
     def solved(self) -> bool:
@@ -141,19 +139,10 @@ class Query:
             return states
         # A vertex more costs a curve more than it gains.
         splitting = splitting and self.motion.moves_anywhere
-        last: float | None = None
-
-        def too_late() -> bool:
-            # A sweep begins only if it is expected to come to its end.
-            nonlocal last
-            now = perf_counter()
-            if last is not None:
-                self._sweep_seconds = now - last
-            last = now
-            return self.seconds_left() <= self._sweep_seconds
-
-        most = self.settings.sweeps if sweeps is None else sweeps
-        return shorten(self.motion, states, self.rng, sweeps=most, splitting=splitting, stop=too_late)
+        sweeps = self.settings.sweeps if sweeps is None else sweeps
+        return shorten(
+            self.motion, states, self.rng, sweeps=sweeps, splitting=splitting, seconds_left=self.seconds_left
+        )
 
     def report(self, phase: str) -> None:
         """Tell how far planning has come."""

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.clock import Deadline, now
 from trailmark.collision.kernels import FREE, state
 from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import turn, wrapped
@@ -41,7 +42,7 @@ def shorten(
     sweeps: int = 40,
     tolerance: float = 1e-3,
     splitting: bool = False,
-    stop: Callable[[], bool] | None = None,
+    seconds_left: Callable[[], float] | None = None,
 ) -> FloatArray:
     """Return a path that costs no more than the given one, with the same ends; shape (m, 3).
 
@@ -52,7 +53,7 @@ def shorten(
         sweeps: rounds over the whole path at most.
         tolerance: stop when three sweeps together save less than this share of the cost.
         splitting: add vertices in each sweep; takes longer, and gets around corners on which the path hangs.
-        stop: asked before each sweep whether to end early.
+        seconds_left: asked before each sweep; it ends when they are over. None: there is no end to the time.
     """
     seed = np.array([rng.integers(1, 2**63)], dtype=np.uint64)
     # A copy: a Path's states are read-only, which to numba is another type and another compilation.
@@ -60,9 +61,10 @@ def shorten(
     history = [motion.cost_of(path)]
     scale = 0.1 * history[0] / max(1, len(path))
     for _ in range(sweeps):
-        if len(path) < 3 or (stop is not None and stop()):
+        seconds = np.inf if seconds_left is None else seconds_left()
+        if len(path) < 3 or seconds <= 0.0:
             break
-        path, scale, after = _sweep(motion.kind, path, seed, scale, splitting)
+        path, scale, after = _sweep(motion.kind, path, seed, scale, splitting, Deadline.after(seconds))
         history.append(after)
         if len(history) > 3 and history[-4] - history[-1] < tolerance * history[-1]:
             break
@@ -80,16 +82,23 @@ def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _sweep(
-    kind: Any, path: FloatArray, seed: NDArray[np.uint64], scale: float, splitting: bool
+    kind: Any, path: FloatArray, seed: NDArray[np.uint64], scale: float, splitting: bool, deadline: Deadline
 ) -> tuple[FloatArray, float, float]:
-    """Return the path after one round of every kind of change, the step for the next one's moves, and its cost."""
+    """Return the path after one round of every kind of change, the step for the next one's moves, and its cost.
+
+    At the deadline it ends with the changes made so far.
+    """
     scratch = new_scratch(kind)
     costs = _costs(kind, scratch, path)
     for _ in range(10 + 2 * len(path)):
+        if now(deadline.kind) >= deadline.seconds:
+            return path, scale, costs.sum()
         path, costs = _shortcut(kind, scratch, path, costs, seed)
     turn_evenly(kind, scratch, path, costs, seed)
     path = without_needless(kind, path, EFFORT)
     costs = _costs(kind, scratch, path)
+    if now(deadline.kind) >= deadline.seconds:
+        return path, scale, costs.sum()
     if splitting and len(path) > 2:
         path = _split(kind, scratch, path, costs, seed, scale)
         costs = _costs(kind, scratch, path)
