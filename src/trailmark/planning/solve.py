@@ -49,7 +49,7 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
         lattices = LatticeSchedule(
             query.motion, query.ends, query.relaxation.size, query.seconds_left, query.settings.without
         )
-    query.expanded = lambda: lookup.expanded + (0 if lattices is None else lattices.taken)
+    query.expanded = lambda: lookup.expanded + (0 if lattices is None else lattices.expanded)
     with Prover(query, bound) as proofs:
         if query.motion.motions_between_valid(query.ends[:1], query.ends[1:])[0]:
             # Nothing is cheaper.
@@ -98,7 +98,7 @@ def _search_lattices(
             return
         query.take(lattices.first_path())
         if not query.solved:
-            query.take_known(lookup.search_beside(lattices.taken))
+            query.take_known(lookup.search_beside(lattices.expanded))
 
 
 def _time_for_relaxed_problem(

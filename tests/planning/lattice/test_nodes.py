@@ -21,10 +21,10 @@ from trailmark.planning.lattice.nodes import (
     ORIGIN,
     TURNS,
     Nodes,
-    came_from,
+    child_of,
     configuration,
-    leads_to,
     move_cost,
+    parent_of,
     place,
     position,
 )
@@ -128,15 +128,15 @@ def test_moves_lead_where_they_say_and_back(
             expected = (k, row + stride * up, column + stride * right)
         else:
             expected = ((k + (1 if move == TURNS else -1)) % nodes.headings, row, column)
-        led = leads_to(nodes, node, move)
+        led = child_of(nodes, node, move)
         if 0 <= expected[1] < nodes.rows and 0 <= expected[2] < nodes.columns:
             assert led == number(*expected)
-            assert came_from(nodes, led, move) == node
+            assert parent_of(nodes, led, move) == node
             inside += 1
         else:
             assert led == -1
-        back = came_from(nodes, node, move)
-        assert back == -1 or leads_to(nodes, back, move) == node
+        back = parent_of(nodes, node, move)
+        assert back == -1 or child_of(nodes, back, move) == node
     # At least the turns.
     assert inside >= 2
 
@@ -148,7 +148,7 @@ def test_turns_wrap(headings: int) -> None:
         node, seen = nodes.origin, []
         for _ in range(headings):
             seen.append(node)
-            node = leads_to(nodes, node, turn)
+            node = child_of(nodes, node, turn)
         assert node == nodes.origin
         assert len(set(seen)) == headings
 
@@ -162,7 +162,7 @@ def test_moves_cost_what_their_motions_do(start: FloatArray, size: float, headin
     nodes = Nodes.around(robot, start, size, headings)
     node = number(*some_node(nodes, data))
     for move in range(ORIGIN):
-        other = leads_to(nodes, node, move)
+        other = child_of(nodes, node, move)
         if other >= 0:
             a, b = at(nodes, node), at(nodes, other)
             turned = abs(cmath.phase(cmath.exp(1j * (b[2] - a[2]))))

@@ -239,7 +239,7 @@ def test_a_search_that_the_time_ends_does_not_count_as_exhausted(
     )
     # Time to begin, none to search: too few nodes to come around the wall.
     assert lattices._search(LEVELS[-1], True).shape == (0, 3)
-    assert lattices.taken == CLOCK_EVERY
+    assert lattices.expanded == CLOCK_EVERY
     # With more time, the same lattice is looked at again.
     assert len(lattices.first_path()) > 2
     assert recorder.seen[1][:3] == recorder.seen[0][:3]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
 from trailmark.planning.lattice.cost_to_go import CostToGo
-from trailmark.planning.lattice.search import AHEAD_EVERY, Lattice
+from trailmark.planning.lattice.search import GOAL_EVERY, Lattice
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
@@ -214,7 +214,7 @@ def test_the_nearest_lattice_to_a_straight_way_is_straight() -> None:
     start, goal = np.array([2.0, 3.0, 0.5]), np.array([17.0, 3.0, 0.5])
     way, taken = Lattice(judged, 1.0, 16).find_path(start, goal, STRAIGHT, weight=1.0, budget=PLENTY)
     assert cost(way) == pytest.approx(15.0)
-    assert taken <= AHEAD_EVERY
+    assert taken <= GOAL_EVERY
 
 
 def test_start_and_goal_may_be_one() -> None:

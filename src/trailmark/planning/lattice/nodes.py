@@ -11,7 +11,7 @@ from trailmark.collision import StateChecker
 from trailmark.compiled import njit
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray, wrap
 
-__all__ = ["MULTI_STEPS", "ORIGIN", "TURNS", "Nodes", "came_from", "configuration", "leads_to", "move_cost", "position"]
+__all__ = ["MULTI_STEPS", "ORIGIN", "TURNS", "Nodes", "child_of", "configuration", "move_cost", "parent_of", "position"]
 
 BITS = 24
 """Of a node's column, and as many of its row, in its number."""
@@ -20,10 +20,10 @@ MULTI_STEPS = (1, 2, 4, 8)
 """Cells that a move leads across."""
 
 _X, _Y = np.array([1, 1, 0, -1, -1, -1, 0, 1]), np.array([0, 1, 1, 1, 0, -1, -1, -1])
-STEP_X = np.concatenate([*(stride * _X for stride in MULTI_STEPS), [0, 0]])
-STEP_Y = np.concatenate([*(stride * _Y for stride in MULTI_STEPS), [0, 0]])
+STEP_X = np.concatenate([*(length * _X for length in MULTI_STEPS), [0, 0]])
+STEP_Y = np.concatenate([*(length * _Y for length in MULTI_STEPS), [0, 0]])
 _TURN = np.concatenate([np.zeros(8 * len(MULTI_STEPS), np.int64), [1, -1]])
-"""The moves: stride by stride eight directions, counter-clockwise from +x; then a turn either way."""
+"""The moves: for each length eight directions, counter-clockwise from +x; then a turn either way."""
 
 TURNS = 8 * len(MULTI_STEPS)
 """The first of the two turns."""
@@ -44,7 +44,7 @@ class Nodes(NamedTuple):
         columns: of all positions.
         rows: of all positions.
         headings: how many.
-        turned: for each heading: radians in (-pi, pi], and the way from the centre to the reference point, metres;
+        turned: for each heading: radians in (-pi, pi], and the offset from the centre to the reference point, metres;
             shape (headings, 3).
     """
 
@@ -100,7 +100,7 @@ def configuration(nodes: Nodes, node: int, q: FloatArray) -> None:
 
 
 @njit(cache=True, inline="always")
-def leads_to(nodes: Nodes, node: int, move: int) -> int:
+def child_of(nodes: Nodes, node: int, move: int) -> int:
     """Return the node that a move leads to, -1 out of the lattice."""
     k, row, column = place(node)
     column, row = column + STEP_X[move], row + STEP_Y[move]
@@ -115,11 +115,11 @@ def leads_to(nodes: Nodes, node: int, move: int) -> int:
 
 
 @njit(cache=True, inline="always")
-def came_from(nodes: Nodes, node: int, move: int) -> int:
-    """Return the node that a move to ``node`` came from, -1 out of the lattice."""
+def parent_of(nodes: Nodes, node: int, move: int) -> int:
+    """Return the node from which a move leads to ``node``, -1 out of the lattice."""
     if move >= TURNS:
-        return int(leads_to(nodes, node, 2 * TURNS + 1 - move))
-    return int(leads_to(nodes, node, (move & ~7) + ((move + 4) & 7)))
+        return int(child_of(nodes, node, 2 * TURNS + 1 - move))
+    return int(child_of(nodes, node, (move & ~7) + ((move + 4) & 7)))
 
 
 @njit(cache=True, inline="always")

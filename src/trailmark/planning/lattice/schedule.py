@@ -1,4 +1,4 @@
-"""LatticeSchedule: first paths over finer and finer lattices, and others that may lead around better."""
+"""LatticeSchedule: first paths over finer and finer lattices, and paths in other homotopy classes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from trailmark.se2 import FloatArray
 __all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "LatticeSchedule"]
 
 WEIGHT = 2.0
-"""Of the cost to go: ways are sought that are soon found, and shortened afterwards."""
+"""Of the cost to go: paths are sought that are soon found, and shortened afterwards."""
 
 PATIENCE = 24
 """Nodes after which the straight distance, that came no nearer to the goal, is no guide here."""
@@ -29,13 +29,13 @@ GUIDING = Pace(2.5e-7)
 
 
 class Level(NamedTuple):
-    """How closely is looked.
+    """One search: how fine its lattice is and how much it may cost.
 
     Attributes:
-        cells: of the costs to go that guide; 0 for the straight distance, which is at hand at once.
-        fineness: by how much positions lie closer than the relaxation's cells.
+        cells: of the cost-to-go grid that guides it; 0 for the straight distance, which needs none.
+        fineness: size of the relaxed problem's cells in units of the distance between neighbouring positions.
         headings: how many.
-        nodes: taken from the queue at most.
+        nodes: maximum number expanded.
         group: the mechanism (:mod:`trailmark.planning.mechanisms`) that it belongs to.
     """
 
@@ -63,17 +63,17 @@ LEVELS = (
     Level(1 << 16, 2.0, 32, 100_000, "largest-levels"),
     Level(1 << 16, 4.0, 64, 1_000_000, "largest-levels"),
 )
-"""Looked at in turn: small searches first, since which lattice leads through soon is a matter of luck."""
+"""Searched in turn: small searches first, since which lattice leads through soon is a matter of luck."""
 
 
 class View(NamedTuple):
-    """How another way is looked for.
+    """One search for a path in another homotopy class.
 
     Attributes:
-        tightness: how much dearer tight cells are.
+        tightness: how many times dearer tight cells are.
         weight: of the cost to go.
         headings: how many.
-        nodes: taken from the queue at most.
+        nodes: maximum number expanded.
     """
 
     tightness: float
@@ -90,20 +90,20 @@ VIEWS = (
     View(1.0, 1.0, 16, 100_000),
     View(0.0, 1.0, 16, 100_000),
 )
-"""Looked at in turn, from one end and the other."""
+"""Searched in turn, from one end and the other."""
 
 STRETCH = (0.75, 1.25)
-"""By how much the lattice's size differs from the second turn on: which gaps a lattice hits is a matter of luck."""
+"""Factor on the lattice's size from the second turn on: which gaps a lattice hits is a matter of luck."""
 
 DETOUR = 1.15
-"""Over a lattice of eight directions a way may be so much longer than its straightened self."""
+"""Times the limit: over a lattice of eight directions a path is so much longer than its shortened self at most."""
 
 AT_FIRST, AT_SECOND, AT_MOST = 5, 9, 11
-"""Levels looked at before all else; on a long way, also before and after a proof is sought that there is none."""
+"""Levels searched before all else; for distant ends, also before and after infeasibility is tried to be proven."""
 
 
 class LatticeSchedule:
-    """Looks for a first path, level by level.
+    """Searches for a first path, level by level.
 
     Args:
         motion: of the robot: straight motions or translations.
@@ -113,7 +113,7 @@ class LatticeSchedule:
         without: mechanisms that are switched off.
 
     Attributes:
-        taken: nodes taken from queues so far.
+        expanded: number of nodes expanded so far.
     """
 
     def __init__(
@@ -132,12 +132,12 @@ class LatticeSchedule:
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
         self.to_go = lru_cache(maxsize=8)(self._to_go)
         self._guided: set[tuple[int, bool, float]] = set()
-        self.level = self.views = self.taken = 0
+        self.level = self.views = self.expanded = 0
         self._exhausted: set[tuple[float, int, bool, bool]] = set()
 
     @property
     def exhausted(self) -> bool:
-        """Whether all levels have been looked at."""
+        """Whether all levels have been searched."""
         return self.level >= len(LEVELS)
 
     def first_path(self, levels: int = 1) -> FloatArray:
@@ -148,13 +148,13 @@ class LatticeSchedule:
                 continue
             # Who is shut in is found out soonest from inside.
             for forward in (True, False) if level.cells else (True,):
-                way = self._search(level, forward)
-                if len(way):
-                    return way
+                path = self._search(level, forward)
+                if len(path):
+                    return path
         return np.empty((0, 3))
 
     def other_path(self, rng: np.random.Generator, limit: float) -> FloatArray:
-        """Return a path of certified motions, shape (n, 3), that may be another way around; (0, 3) if none was found.
+        """Return a path of certified motions, shape (n, 3), maybe of another homotopy class; (0, 3) if none was found.
 
         Args:
             rng: source of randomness.
@@ -168,7 +168,7 @@ class LatticeSchedule:
         lattice = Lattice(self.checker, size, view.headings if self.motion.turns else 1)
         begin, end = self.ends if forward else self.ends[::-1]
         to_go = self.to_go(LEVELS[-1].cells, forward, view.tightness)
-        way, taken = lattice.find_path(
+        path, expanded = lattice.find_path(
             begin,
             end,
             to_go,
@@ -178,8 +178,8 @@ class LatticeSchedule:
             retracts="node-retraction" not in self.without,
             seconds=self.seconds_left(),
         )
-        self.taken += taken
-        return self._straightened(way, forward)
+        self.expanded += expanded
+        return self._shortened(path, forward)
 
     def _search(self, level: Level, forward: bool) -> FloatArray:
         kind = (level.fineness, level.headings if self.motion.turns else 1, level.cells > 0, forward)
@@ -189,7 +189,7 @@ class LatticeSchedule:
         begin, end = self.ends if forward else self.ends[::-1]
         to_go = self.to_go(level.cells, forward)
         seconds = self.seconds_left()
-        way, taken = lattice.find_path(
+        path, expanded = lattice.find_path(
             begin,
             end,
             to_go,
@@ -200,28 +200,28 @@ class LatticeSchedule:
             retracts=level.cells > 0 and "node-retraction" not in self.without,
             seconds=seconds,
         )
-        self.taken += taken
-        if len(way) == 0:
+        self.expanded += expanded
+        if len(path) == 0:
             # A search that was given up for want of progress tells nothing.
-            if level.cells and taken < level.nodes and self.seconds_left() > 0.0:
+            if level.cells and expanded < level.nodes and self.seconds_left() > 0.0:
                 self._exhausted.add(kind)
-            return way
-        return self._straightened(way, forward)
+            return path
+        return self._shortened(path, forward)
 
     def _has_time(self, cells: int, forward: bool, tightness: float) -> bool:
         """Return whether there is time for the costs to go, and some of it left for a search."""
         known = (cells, forward, tightness) in self._guided
         return self.seconds_left() > (0.0 if known else GUIDING.seconds(min(cells, self.cells)))
 
-    def _straightened(self, way: FloatArray, forward: bool) -> FloatArray:
-        """Return a way from start to goal that does without what it can; (0, 3) if there is none."""
-        if len(way) == 0:
-            return way
-        way = way if forward else np.ascontiguousarray(way[::-1])
-        way = np.asarray(without_needless(self.motion.kind, way, EFFORT))
-        # Once more, as the path is: the way back of exactly half a turn is another motion, and the lattice's own idea
+    def _shortened(self, path: FloatArray, forward: bool) -> FloatArray:
+        """Return the path from start to goal without needless vertices; (0, 3) if there is none."""
+        if len(path) == 0:
+            return path
+        path = path if forward else np.ascontiguousarray(path[::-1])
+        path = np.asarray(without_needless(self.motion.kind, path, EFFORT))
+        # Once more, as the path is: the reverse of exactly half a turn is another motion, and the lattice's own idea
         # of the start is a rounding away from it.
-        return way if self.checker.motions_between_valid(way[:-1], way[1:]).all() else np.empty((0, 3))
+        return path if self.checker.motions_between_valid(path[:-1], path[1:]).all() else np.empty((0, 3))
 
     def _to_go(self, cells: int, forward: bool, tightness: float = TIGHTNESS) -> CostToGo:
         if cells == 0:

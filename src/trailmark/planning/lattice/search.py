@@ -1,12 +1,12 @@
 """A first path by weighted A* over a lattice of configurations: cells times headings, each checked when it is needed.
 
-The inscribed disc's relaxed problem knows no headings; where the robot is longer than wide, its ways lead into gaps
+The inscribed disc's relaxed problem knows no headings; where the robot is longer than wide, its paths lead into gaps
 that the robot cannot turn into. The lattice knows them: its motions are the robot's own, certified like all others, so
-that a way over it is a path. It is coarse, and nothing is proven by not finding one.
+that a path over it is a path of certified motions. It is coarse, and nothing is proven by not finding one.
 
 Sources: states and motions on a grid with an anchored origin: Pivtoraiko, Knepper & Kelly, "Differentially constrained
 mobile robot motion planning in state lattices", JFR 2009; weighted A*: Pohl, "Heuristic search viewed as path finding
-in a graph", AI 1970; checks only of what is taken from the queue: Cohen, Phillips & Likhachev, RSS 2014.
+in a graph", AI 1970; checks only of what is expanded: Cohen, Phillips & Likhachev, RSS 2014.
 """
 
 from __future__ import annotations
@@ -37,23 +37,33 @@ from trailmark.planning.lattice.nodes import (
     STEP_Y,
     TURNS,
     Nodes,
-    came_from,
+    child_of,
     configuration,
-    leads_to,
     move_cost,
+    parent_of,
     place,
     position,
 )
-from trailmark.planning.lattice.table import CHECKED, DONE, FEWEST, SEATED, VALID, Tree, entry_of, grown, new_tree
+from trailmark.planning.lattice.table import (
+    CHECKED,
+    DONE,
+    MIN_BITS,
+    RETRACTED,
+    VALID,
+    SearchTable,
+    doubled,
+    entry_of,
+    new_table,
+)
 from trailmark.se2 import FloatArray
 
 __all__ = ["Lattice"]
 
-AHEAD_EVERY = 16
-"""Nodes after which the straight motion to the goal is tried once more."""
+GOAL_EVERY = 16
+"""Nodes expanded between two tries of the straight motion to the goal."""
 
-MOST = 18
-"""Nodes that are taken down on the way from one, at most."""
+MAX_CHILDREN = 18
+"""Nodes that are added when one is expanded, at most."""
 
 REACH, MARGIN = 0.75, 0.25
 """Steps by which a node that collides may be moved and turned off the obstacles, and the clearance sought there."""
@@ -70,7 +80,7 @@ class Guide(NamedTuple):
         x: of the goal's position, metres.
         y: of the goal's position, metres.
         weight: of the cost to go.
-        limit: metres; no way over a node is of interest whose cost and straight distance to the goal exceed it.
+        limit: metres; no path over a node is of interest whose cost and straight distance to the goal exceed it.
     """
 
     cost: NDArray[np.float32]
@@ -111,7 +121,7 @@ class Lattice:
         retracts: bool = False,
         seconds: float = np.inf,
     ) -> tuple[FloatArray, int]:
-        """Return a path of certified motions, shape (n, 3), or (0, 3) if none was found, and the nodes taken.
+        """Return a path of certified motions, shape (n, 3), (0, 3) if there is none, and the number of nodes expanded.
 
         The start is a node of the lattice; the goal is joined to it by a motion.
 
@@ -119,11 +129,11 @@ class Lattice:
             start: valid configuration, shape (3,).
             goal: valid configuration, shape (3,).
             to_go: guides the search.
-            weight: of the cost to go; 1 seeks the cheapest way, more finds one sooner.
-            budget: nodes taken from the queue at most.
-            limit: metres; no way over a node is of interest whose cost and straight distance to the goal exceed it.
+            weight: of the cost to go; 1 seeks the cheapest path, more finds one sooner.
+            budget: maximum number of nodes expanded.
+            limit: metres; no path over a node is of interest whose cost and straight distance to the goal exceed it.
             patience: give up after so many nodes that come no nearer to the goal; never by default.
-            multi_steps: also move several cells at a time, in the direction that promises most; ways are found sooner,
+            multi_steps: also move several cells at a time, in the direction that promises most; paths are found sooner,
                 but are dearer.
             retracts: push nodes that collide by little off the obstacles: gaps are found that no node lies in.
             seconds: that the search may take.
@@ -139,7 +149,7 @@ class Lattice:
             float(weight),
             float(limit),
         )
-        found, taken = _search(
+        found, expanded = _search(
             self.checker.grid,
             self.checker.field,
             self.checker.footprint,
@@ -154,7 +164,7 @@ class Lattice:
             retracts,
             deadline,
         )
-        return found, int(taken)
+        return found, int(expanded)
 
 
 @njit(cache=True, nogil=True)
@@ -173,92 +183,92 @@ def _search(
     retracts: bool,
     deadline: Deadline,
 ) -> tuple[FloatArray, int]:
-    """Return the way from start to goal, and how many nodes were taken from the queue."""
+    """Return the path from start to goal, and how many nodes were expanded."""
     placed, queue = workspace(robot), np.empty((128, 2))
     q, before = np.empty(3), np.empty(3)
     keys, values = np.empty(256), np.empty(256, np.int64)
     waiting = heap_push(keys, values, 0, 0.0, origin)
-    tree, used = new_tree(1 << FEWEST, retracts), 1
-    entry = entry_of(tree, origin)
-    tree.node[entry], tree.move[entry], tree.known[entry] = origin + 1, ORIGIN + 1, CHECKED | VALID
-    taken, last = 0, -1
-    nearest, when = np.inf, 0
-    while waiting > 0 and taken < budget and taken - when <= patience:
+    table, used = new_table(1 << MIN_BITS, retracts), 1
+    entry = entry_of(table, origin)
+    table.node[entry], table.move[entry], table.known[entry] = origin + 1, ORIGIN + 1, CHECKED | VALID
+    expanded, last = 0, -1
+    nearest, nearest_at = np.inf, 0
+    while waiting > 0 and expanded < budget and expanded - nearest_at <= patience:
         waiting = heap_pop(keys, values, waiting)
         node = values[waiting]
-        entry = entry_of(tree, node)
+        entry = entry_of(table, node)
         # It may be stale: done already, or its motion failed and no other leads here.
-        if tree.known[entry] & DONE or tree.move[entry] == 0:
+        if table.known[entry] & DONE or table.move[entry] == 0:
             continue
-        taken += 1
-        if taken % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+        expanded += 1
+        if expanded % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
             break
-        tree.known[entry] |= DONE
-        _at(nodes, tree, node, q)
-        if not tree.known[entry] & CHECKED:
-            tree.known[entry] |= CHECKED
+        table.known[entry] |= DONE
+        _configuration_of(nodes, table, node, q)
+        if not table.known[entry] & CHECKED:
+            table.known[entry] |= CHECKED
             if state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE:
-                tree.known[entry] |= VALID
+                table.known[entry] |= VALID
             elif retracts:
                 retract(field, robot, q, REACH * nodes.size, REACH * 2.0 * pi / nodes.headings, MARGIN * nodes.size)
                 if state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE:
-                    tree.known[entry] |= VALID | SEATED
-                    tree.retract[entry] = q
-        if not tree.known[entry] & VALID:
+                    table.known[entry] |= VALID | RETRACTED
+                    table.retracted[entry] = q
+        if not table.known[entry] & VALID:
             continue
-        arrived = tree.move[entry] - 1
-        if arrived != ORIGIN:
-            _at(nodes, tree, came_from(nodes, node, arrived), before)
-            if motion(grid, field, robot, placed, queue, before, q, True) != FREE and not _joined_otherwise(
-                grid, field, robot, placed, queue, nodes, tree, node, q, before, multi_steps
+        parent_move = table.move[entry] - 1
+        if parent_move != ORIGIN:
+            _configuration_of(nodes, table, parent_of(nodes, node, parent_move), before)
+            if motion(grid, field, robot, placed, queue, before, q, True) != FREE and not _find_other_parent(
+                grid, field, robot, placed, queue, nodes, table, node, q, before, multi_steps
             ):
                 continue
-        left = _left(nodes, node, guide, 0.0)
+        left = _cost_to_go(nodes, node, guide, 0.0)
         if left < nearest:
-            nearest, when = left, taken
-        if (taken % AHEAD_EVERY == 0 or _near(nodes, node, guide, q, goal)) and (
+            nearest, nearest_at = left, expanded
+        if (expanded % GOAL_EVERY == 0 or _near_goal(nodes, node, guide, q, goal)) and (
             motion(grid, field, robot, placed, queue, q, goal, True) == FREE
         ):
             last = node
             break
-        if 2 * (used + MOST) > len(tree.node):
-            tree = grown(tree)
-        if waiting + MOST > len(keys):
+        if 2 * (used + MAX_CHILDREN) > len(table.node):
+            table = doubled(table)
+        if waiting + MAX_CHILDREN > len(keys):
             keys, values = heap_grow(keys, values)
-        cost = tree.cost[entry_of(tree, node)]
-        # One step, or a turn; and the stride that promises most.
-        for way in range(10 if nodes.headings > 1 else 8):
-            step = way if way < 8 else TURNS + way - 8
-            for move in (step, _best_stride(nodes, node, way, multi_steps, guide) if way < 8 else -1):
-                other = leads_to(nodes, node, move) if move >= 0 else -1
+        cost = table.cost[entry_of(table, node)]
+        # One step, or a turn; and the multi-step that promises most.
+        for direction in range(10 if nodes.headings > 1 else 8):
+            step = direction if direction < 8 else TURNS + direction - 8
+            for move in (step, _best_multi_step(nodes, node, direction, multi_steps, guide) if direction < 8 else -1):
+                other = child_of(nodes, node, move) if move >= 0 else -1
                 if other < 0:
                     continue
                 reached = cost + move_cost(nodes, move)
-                left = _left(nodes, other, guide, reached)
+                left = _cost_to_go(nodes, other, guide, reached)
                 if left < np.inf:
-                    new = _take_down(tree, other, reached, move)
+                    new = _relax(table, other, reached, move)
                     if new >= 0:
                         used += new
                         waiting = heap_push(keys, values, waiting, reached + guide.weight * left, other)
     if last < 0:
-        return np.empty((0, 3)), taken
-    return _way_to(nodes, tree, last, start, goal), taken
+        return np.empty((0, 3)), expanded
+    return _path_over(nodes, table, last, start, goal), expanded
 
 
 @njit(cache=True, inline="always")
-def _at(nodes: Nodes, tree: Tree, node: int, q: FloatArray) -> None:
+def _configuration_of(nodes: Nodes, table: SearchTable, node: int, q: FloatArray) -> None:
     """Write a node's configuration into q."""
-    if len(tree.retract):
-        entry = entry_of(tree, node)
-        if tree.known[entry] & SEATED:
-            q[:] = tree.retract[entry]
+    if len(table.retracted):
+        entry = entry_of(table, node)
+        if table.known[entry] & RETRACTED:
+            q[:] = table.retracted[entry]
             return
     configuration(nodes, node, q)
 
 
 @njit(cache=True, inline="always")
-def _left(nodes: Nodes, node: int, guide: Guide, cost: float) -> float:
-    """Return what is left from a node's position to the goal's, infinite if ``cost`` is too much to get here."""
+def _cost_to_go(nodes: Nodes, node: int, guide: Guide, cost: float) -> float:
+    """Return the cost to go from a node's position to the goal's, infinite if ``cost`` is too much to get here."""
     _, row, column = place(node)
     if len(guide.cost) == 0 or guide.limit < np.inf:
         straight = hypot(
@@ -281,12 +291,12 @@ def _guided(guide: Guide, row: int, column: int) -> float:
 
 
 @njit(cache=True, inline="always")
-def _best_stride(nodes: Nodes, node: int, way: int, multi_steps: int, guide: Guide) -> int:
+def _best_multi_step(nodes: Nodes, node: int, direction: int, multi_steps: int, guide: Guide) -> int:
     """Return the move of more than one step in a direction that promises most, -1 if there is none."""
     _, row, column = place(node)
     best, most = -1, np.inf
-    for stride in range(1, multi_steps):
-        move = way + 8 * stride
+    for multi_step in range(1, multi_steps):
+        move = direction + 8 * multi_step
         i, j = row + STEP_Y[move], column + STEP_X[move]
         if not (0 <= i < nodes.rows and 0 <= j < nodes.columns):
             break
@@ -303,7 +313,7 @@ def _best_stride(nodes: Nodes, node: int, way: int, multi_steps: int, guide: Gui
 
 
 @njit(cache=True, inline="always")
-def _near(nodes: Nodes, node: int, guide: Guide, q: FloatArray, goal: FloatArray) -> bool:
+def _near_goal(nodes: Nodes, node: int, guide: Guide, q: FloatArray, goal: FloatArray) -> bool:
     """Return whether a node lies so near to the goal that a motion there may be expected."""
     x, y = position(nodes, node)
     if hypot(x - guide.x, y - guide.y) >= 1.5 * nodes.size:
@@ -312,69 +322,69 @@ def _near(nodes: Nodes, node: int, guide: Guide, q: FloatArray, goal: FloatArray
 
 
 @njit(cache=True, inline="always")
-def _take_down(tree: Tree, node: int, cost: float, move: int) -> int:
-    """Take down that a move leads to a node at some cost; return the entries that takes, -1 if it is of no use."""
-    entry = entry_of(tree, node)
-    if tree.known[entry] & DONE or tree.known[entry] & (CHECKED | VALID) == CHECKED:
+def _relax(table: SearchTable, node: int, cost: float, move: int) -> int:
+    """Record that a move leads to a node at some cost; return the entries that takes, -1 if that is no better."""
+    entry = entry_of(table, node)
+    if table.known[entry] & DONE or table.known[entry] & (CHECKED | VALID) == CHECKED:
         return -1
-    if tree.move[entry] != 0 and cost >= tree.cost[entry]:
+    if table.move[entry] != 0 and cost >= table.cost[entry]:
         return -1
-    new = tree.node[entry] == 0
-    tree.node[entry], tree.cost[entry], tree.move[entry] = node + 1, cost, move + 1
+    new = table.node[entry] == 0
+    table.node[entry], table.cost[entry], table.move[entry] = node + 1, cost, move + 1
     return int(new)
 
 
 @njit(cache=True)
-def _joined_otherwise(
+def _find_other_parent(
     grid: ObstacleGrid,
     field: ClearanceField,
     robot: Footprint,
     placed: FloatArray,
     queue: FloatArray,
     nodes: Nodes,
-    tree: Tree,
+    table: SearchTable,
     node: int,
     q: FloatArray,
     before: FloatArray,
     multi_steps: int,
 ) -> bool:
-    """Join a node, whose motion failed, to what is done already by another; else wait for one that is found later."""
-    entry = entry_of(tree, node)
-    arrived, cheapest = tree.move[entry] - 1, np.inf
-    tree.known[entry] &= ~np.uint8(VALID)
+    """Join a node, whose motion failed, to another expanded one; without success it waits for a parent found later."""
+    entry = entry_of(table, node)
+    parent_move, cheapest = table.move[entry] - 1, np.inf
+    table.known[entry] &= ~np.uint8(VALID)
     for move in range(ORIGIN if nodes.headings > 1 else TURNS):
-        other = came_from(nodes, node, move)
-        if move == arrived or other < 0 or 8 * multi_steps <= move < TURNS:
+        other = parent_of(nodes, node, move)
+        if move == parent_move or other < 0 or 8 * multi_steps <= move < TURNS:
             continue
-        there = entry_of(tree, other)
-        if tree.known[there] & (DONE | VALID) != DONE | VALID:
+        there = entry_of(table, other)
+        if table.known[there] & (DONE | VALID) != DONE | VALID:
             continue
-        cost = tree.cost[there] + move_cost(nodes, move)
+        cost = table.cost[there] + move_cost(nodes, move)
         if cost < cheapest:
-            _at(nodes, tree, other, before)
+            _configuration_of(nodes, table, other, before)
             if motion(grid, field, robot, placed, queue, before, q, True) == FREE:
-                cheapest, tree.move[entry] = cost, move + 1
-    tree.known[entry] |= VALID
+                cheapest, table.move[entry] = cost, move + 1
+    table.known[entry] |= VALID
     if cheapest < np.inf:
-        tree.cost[entry] = cheapest
+        table.cost[entry] = cheapest
         return True
-    tree.known[entry] &= ~np.uint8(DONE)
-    tree.move[entry] = 0
+    table.known[entry] &= ~np.uint8(DONE)
+    table.move[entry] = 0
     return False
 
 
 @njit(cache=True)
-def _way_to(nodes: Nodes, tree: Tree, last: int, start: FloatArray, goal: FloatArray) -> FloatArray:
+def _path_over(nodes: Nodes, table: SearchTable, last: int, start: FloatArray, goal: FloatArray) -> FloatArray:
     """Return the configurations from start to goal over a node."""
     length, node = 1, last
-    move = tree.move[entry_of(tree, node)] - 1
+    move = table.move[entry_of(table, node)] - 1
     while move != ORIGIN:
-        node = came_from(nodes, node, move)
-        move = tree.move[entry_of(tree, node)] - 1
+        node = parent_of(nodes, node, move)
+        move = table.move[entry_of(table, node)] - 1
         length += 1
-    way = np.empty((length + 1, 3))
-    way[0], way[length], node = start, goal, last
+    path = np.empty((length + 1, 3))
+    path[0], path[length], node = start, goal, last
     for i in range(length - 1, 0, -1):
-        _at(nodes, tree, node, way[i])
-        node = came_from(nodes, node, tree.move[entry_of(tree, node)] - 1)
-    return way
+        _configuration_of(nodes, table, node, path[i])
+        node = parent_of(nodes, node, table.move[entry_of(table, node)] - 1)
+    return path
