@@ -85,6 +85,28 @@ def test_the_seed_decides(shell: Shell, yard: Path) -> None:
     assert len({str(run) for run in centres(1)}) == 3
 
 
+def test_boxes_are_grown_where_the_published_runs_have_them_so_and_where_asked(shell: Shell, yard: Path) -> None:
+    few = ("-k", 8, "--runs", 1)
+    grown, plain = record(shell, "environment2", *few), record(shell, "environment2", *few, "--no-grow-boxes")
+    assert (grown["grown"], plain["grown"]) == (True, False)
+    assert grown["runs"][0]["forbidden"] > 1.3 * plain["runs"][0]["forbidden"]
+    assert not record(shell, yard, *few)["grown"]
+    assert record(shell, yard, *few, "--grow-boxes")["grown"]
+    refused = shell("landmarks", yard, "--method", "se2", "--grow-boxes")
+    assert refused.status == 2
+    assert "--grow-boxes given with --method se2, which has no boxes" in refused.err
+
+
+def test_paths_lead_over_the_landmarks_or_it_says_that_they_do_not(shell: Shell, tmp_path: Path) -> None:
+    found = record(shell, "environment1", "-k", 12, "--runs", 1)
+    world = World.load(shipped_worlds()["environment1"])
+    assert [path["query"] for path in found["paths"]] == [query.name for query in world.queries[:4]]
+    few = record(shell, "environment2", "-k", 2, "--runs", 1)
+    assert any(path["cost"] is None for path in few["paths"])
+    text = shell("landmarks", "environment2", "-k", 2, "--runs", 1, "--plot", tmp_path / "two.png")
+    assert "the landmarks do not connect it" in text.out
+
+
 def test_trailmarks_own_method(shell: Shell, yard: Path) -> None:
     found = record(shell, yard, "--method", "se2", "-k", 6, "--runs", 2)
     for run in found["runs"]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from trailmark.path import Path
 from trailmark.plotting import landmarks, save_landmarks_figure
 from trailmark.plotting.canvas import GOAL, LANDMARK, PATH, START
 from trailmark.plotting.world import regions_of
+from trailmark.roadmap import Roadmap
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
 
@@ -39,8 +39,8 @@ ROOM = World(
 )
 SOLID = shapely.union_all([shape.polygon(1e-3).shapely() for shape in ROOM.obstacles])
 PLANNED: Any = [
-    (QUERY, SimpleNamespace(status="solved", path=Path(np.array([QUERY.start, (5.5, 4.0, 0.0), QUERY.goal])))),
-    (ROOM.queries[1], SimpleNamespace(status="timeout", path=None)),
+    (QUERY, Roadmap(StateChecker(ROOM)), Path(np.array([QUERY.start, (5.5, 4.0, 0.0), QUERY.goal]))),
+    (ROOM.queries[1], Roadmap(StateChecker(ROOM)), None),
 ]
 
 
@@ -164,8 +164,8 @@ def test_the_panels(executions: list[Execution], monkeypatch: pytest.MonkeyPatch
         "initial execution: 400 points",
         *(f"execution {i + 1}: {count} forbidden, {400 - count} valid" for i, count in enumerate(counts)),
         "landmarks, k = 8; round",
-        f"round: cost {PLANNED[0][1].path.cost:.4g}",
-        "back: timeout",
+        f"round: over 8 landmarks, cost {PLANNED[0][2].cost:.4g}",
+        "back: the 8 landmarks do not connect it",
     ]
 
 

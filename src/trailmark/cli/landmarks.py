@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from trailmark.cli import console
 from trailmark.cli.options import (
@@ -31,7 +34,8 @@ if TYPE_CHECKING:
     from trailmark.collision import StateChecker
     from trailmark.landmarks.executions import Execution
     from trailmark.landmarks.stability import Spread
-    from trailmark.planning import PlanProgress, PlanResult
+    from trailmark.path import Path as RobotPath
+    from trailmark.roadmap import Roadmap
     from trailmark.se2 import FloatArray
     from trailmark.world import Query, Robot, World
 
@@ -47,8 +51,10 @@ SENSOR_RANGE = 12.0  # metres, as in trailmark.landmarks.executions
 PUBLISHED = {("environment1", 1000, 12): ((169, 831), (165, 835), (171, 829))}
 """Forbidden and valid points of the published runs, for the world made after them."""
 
-PATHS = 4  # queries drawn with their paths, at most
-TIME_LIMIT = 1.0  # seconds for each of them
+GROWN = ("environment2",)
+"""Worlds in whose published runs the points of the C-obstacle were left out."""
+
+PATHS = 4  # queries that paths over the landmarks are sought for, at most
 
 
 def landmarks(
@@ -66,13 +72,22 @@ def landmarks(
     sensor_range: Annotated[
         str, option("--sensor-range", "METRES", "How far the robot senses.", default=True)
     ] = f"{SENSOR_RANGE:g}",
+    grow_boxes: Annotated[
+        bool | None,
+        typer.Option(
+            "--grow-boxes/--no-grow-boxes",
+            help="Grow the obstacles' boxes by the robot's inscribed disc; default: in environment2, as published.",
+            show_default=False,
+        ),
+    ] = None,
     robot: RobotOption = None,
     plot: PlotOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Place landmarks, several times over, and print what each execution comes to and how much they differ.
 
-    --plot draws the workspace, the C-space, the executions, and paths for the world's first queries.
+    For the world's first queries, the shortest paths over the first execution's own landmarks and certified edges
+    follow. --plot draws the workspace, the C-space, the executions and these paths.
     """
     if method not in METHODS:
         raise UsageError(f"expected {', '.join(METHODS)}, got --method {method!r}")
@@ -80,6 +95,8 @@ def landmarks(
         raise UsageError(f"expected {', '.join(INITIALISATIONS)}, got --init {init!r}")
     if method == "se2" and init != "forgy":
         raise UsageError(f"--init {init!r} given with --method se2; expected forgy")
+    if method == "se2" and grow_boxes is not None:
+        raise UsageError(f"--{'' if grow_boxes else 'no-'}grow-boxes given with --method se2, which has no boxes")
     n = read_count(samples, "-n", 1, MAX_SAMPLES)
     k = None if count is None else read_count(count, "-k", 1, MAX_LANDMARKS)
     number, repeats = read_count(seed, "--seed", 0), read_count(runs, "--runs", 1, MAX_RUNS)
@@ -103,6 +120,7 @@ def landmarks(
         progress.stage("preparing (compiles on first use)")
         checker = StateChecker(loaded, body)
         start = np.array(loaded.queries[0].start) if loaded.queries else None
+        grown = method == "paper" and (loaded.name in GROWN if grow_boxes is None else grow_boxes)
         if k is None:
             progress.stage("choosing the number of landmarks")
             k = _count_for(checker, reach, start, headings=method == "se2", seed=number)
@@ -115,22 +133,35 @@ def landmarks(
             progress.stage(f"execution {run + 1} of {repeats}")
             rng = np.random.default_rng([number, run])
             if method == "paper":
-                executions.append(
-                    execute_paper(checker, n, k, init, rng, start=start, sensor_range=reach, on_progress=follow)  # type: ignore[arg-type]  # init is one of INITIALISATIONS
+                found = execute_paper(
+                    *(checker, n, k, init, rng),  # type: ignore[arg-type]  # init is one of INITIALISATIONS
+                    start=start,
+                    sensor_range=reach,
+                    grown=grown,
+                    on_progress=follow,
                 )
+                executions.append(found)
             else:
                 executions.append(execute_se2(checker, n, k, rng, start=start))
         spread = spread_of_runs([execution.centres[:, :2] for execution in executions])
         record = _record(loaded, body, executions, spread)
         record |= {"method": method, "init": init, "n": n, "k": k, "seed": number, "sensor_range": reach}
+        record["grown"] = grown
         record["published"] = [
             {"forbidden": forbidden, "valid": valid}
             for forbidden, valid in PUBLISHED.get((loaded.name, n, k), ())
             if method == "paper"
         ]
+        planned = _paths(checker, executions[0].repaired, loaded.queries[:PATHS], number, progress)
+        record["paths"] = [
+            {"query": query.name, "cost": None if path is None else path.cost} for query, _, path in planned
+        ]
         record["time"] = perf_counter() - begun
         if picture is not None:
-            _draw(picture, loaded, body, executions, number, progress)
+            from trailmark.plotting import save_landmarks_figure
+
+            progress.stage("drawing")
+            save_landmarks_figure(picture, loaded, body, executions[:3], planned)
 
     if as_json:
         console.say(console.json_text(record))
@@ -191,35 +222,21 @@ def _record(world: World, robot: Robot, executions: list[Execution], spread: Spr
     }
 
 
-def _draw(
-    file: Path, world: World, robot: Robot, executions: list[Execution], seed: int, progress: console.Progress
-) -> None:
-    from trailmark.plotting import save_landmarks_figure
-
-    planned = _plan(world, robot, seed, progress) if world.queries else []
-    progress.stage("drawing")
-    save_landmarks_figure(file, world, robot, executions[:3], planned)
-
-
-def _plan(world: World, robot: Robot, seed: int, progress: console.Progress) -> list[tuple[Query, PlanResult]]:
-    """Return paths for the world's first queries, as far as the robot fits their ends."""
-    from trailmark import LandmarkPlanner
+def _paths(
+    checker: StateChecker, nodes: FloatArray, queries: Sequence[Query], seed: int, progress: console.Progress
+) -> list[tuple[Query, Roadmap, RobotPath | None]]:
+    """Return queries with their paths over the landmarks, shape (k, 3), as far as the robot fits the queries' ends."""
     from trailmark.errors import ConfigurationError
+    from trailmark.planning.published import path_over_landmarks
 
-    def follow(state: PlanProgress) -> None:
-        progress.details = (f"{state.landmarks:,} landmarks",)
-
-    planner = LandmarkPlanner(world, robot, seed=seed)
-    planned: list[tuple[Query, PlanResult]] = []
-    for query in world.queries[:PATHS]:
-        progress.stage(f"planning {query.name}", TIME_LIMIT)
+    found: list[tuple[Query, Roadmap, RobotPath | None]] = []
+    for query in queries:
+        progress.stage(f"path for {query.name}")
         try:
-            result = planner.plan(query.start, query.goal, time_limit=TIME_LIMIT, on_progress=follow)
+            found.append((query, *path_over_landmarks(checker, nodes, query.start, query.goal, seed=seed)))
         except ConfigurationError as error:
-            console.note(f"{query.name}: not drawn: {error}")
-        else:
-            planned.append((query, result))
-    return planned
+            console.note(f"{query.name}: no path: {error}")
+    return found
 
 
 def _print_table(record: dict[str, Any], picture: Path | None) -> None:
@@ -249,6 +266,10 @@ def _print_table(record: dict[str, Any], picture: Path | None) -> None:
     ]
     if len(record["runs"]) < 2:
         facts = facts[1:]
+    for path in record["paths"]:
+        cost = path["cost"]
+        answer = "the landmarks do not connect it" if cost is None else f"cost {cost:.4g} over the landmarks"
+        facts.append((path["query"], answer))
     if picture is not None:
         facts.append(("written", str(picture)))
     console.print_table(facts, indent="  ")

@@ -87,6 +87,7 @@ def execute_paper(
     start: se2.FloatArray | None = None,
     sensor: RangeBearing | None = None,
     sensor_range: float = SENSOR_RANGE,
+    grown: bool = False,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Execution:
     """Return one execution of Algorithm 2 in the checker's world; the rectangle is the world's bounds.
@@ -104,6 +105,8 @@ def execute_paper(
             one, only what obstacles separate from the bounds does.
         sensor: its noise; by default SIGMA_RANGE and SIGMA_BEARING.
         sensor_range: metres.
+        grown: grow the obstacles' boxes by the radius of the robot's largest inscribed disc, so that points at which it
+            can stand at no heading are not clustered.
         on_progress: see :func:`~trailmark.landmarks.paper.algorithm_2`.
 
     Raises:
@@ -112,9 +115,12 @@ def execute_paper(
     rng, home = generator(random_state), start if start is not None and checker.valid(start) else None
     readings = readings_in(checker, rng, start=home, sensor=sensor, sensor_range=sensor_range)
     robot = None if home is None else home[:2]
+    margin = checker.robot.inscribed_disc.radius if grown else 0.0
     _load()
     begin = perf_counter()
-    found = algorithm_2(readings, checker.world.bounds, n, k, init, rng, robot=robot, on_progress=on_progress)
+    found = algorithm_2(
+        readings, checker.world.bounds, n, k, init, rng, robot=robot, margin=margin, on_progress=on_progress
+    )
     seconds = perf_counter() - begin
     repair = repair_centres(checker, found.centres, found.samples[~found.forbidden])
     return Execution(*found, repair.in_obstacle, repair.invalid, repair.configurations, seconds)

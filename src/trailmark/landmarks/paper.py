@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from trailmark.arguments import number
 from trailmark.errors import ConfigurationError, expected_name
 from trailmark.landmarks.enclosed import Rectangle, enclosed_points
 from trailmark.landmarks.sampling import RandomState, generator
@@ -166,6 +167,7 @@ def algorithm_2(
     random_state: RandomState = None,
     *,
     robot: ArrayLike | None = None,
+    margin: float = 0.0,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> PaperLandmarks:
     """Return k landmarks: the centres of the points of a rectangle that lie in no obstacle's box.
@@ -182,6 +184,8 @@ def algorithm_2(
         random_state: seed or generator; the same one gives the same landmarks.
         robot: where the robot stands, shape (2,). What boxes separate from there is enclosed; without it, only what
             boxes separate from the rectangle's edge.
+        margin: metres by which each box is grown on all sides, >= 0: with the robot's radius, points in the C-obstacle
+            are left out too.
         on_progress: called with the number of points that mini-batches have processed, and of all points.
 
     Raises:
@@ -192,11 +196,12 @@ def algorithm_2(
         raise ConfigurationError(f"n: expected 1 or more, got {n}")
     if k < 1:
         raise ConfigurationError(f"k: expected 1 or more, got {k}")
+    margin = number(margin, "margin:", minimum=0.0)
     position = None if robot is None else _points(np.atleast_2d(np.asarray(robot, dtype=np.float64)), "robot")[0, :2]
     rng = generator(random_state)
 
     samples = rng.uniform(low, high, (n, 2))
-    boxes = boxes_of(readings)
+    boxes = boxes_of(readings) + np.array([-margin, -margin, margin, margin])
     inside = points_in_boxes(samples, boxes)
     enclosed = ~inside & enclosed_points(samples, boxes, rectangle, position)
     forbidden = inside | enclosed

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from trailmark.landmarks.executions import Execution
-    from trailmark.planning import PlanResult
+    from trailmark.path import Path
+    from trailmark.roadmap import Roadmap
     from trailmark.world import Query, Robot, World
 
 __all__ = ["draw_execution", "draw_initial_execution", "draw_landmarks", "save_landmarks_figure"]
@@ -49,7 +50,16 @@ _SHOWN_POINTS = 4000
 _PANEL = 12.0  # square inches of a panel
 _LEGEND = ["obstacle", "C-obstacle", "C-obstacle at every heading", "outside"]
 _LEGEND += ["valid point", "forbidden point", "enclosed point", "obstacle's box"]
-_LEGEND += ["K-means centre", "centre that the robot cannot use", "moved to", "start", "goal", "path"]
+_LEGEND += [
+    "edge, certified",
+    "landmark",
+    "K-means centre",
+    "centre that the robot cannot use",
+    "moved to",
+    "start",
+    "goal",
+    "path",
+]
 _LEGEND += ["robot along the path"]
 
 
@@ -58,19 +68,20 @@ def save_landmarks_figure(
     world: World,
     robot: Robot,
     executions: Sequence[Execution],
-    planned: Sequence[tuple[Query, PlanResult]] = (),
+    planned: Sequence[tuple[Query, Roadmap, Path | None]] = (),
 ) -> None:
     """Write a picture of executions in a world, panel by panel.
 
     Workspace; C-space; the first execution before K-means; each execution after it; the landmarks that the robot can
-    use, with the first query's start and goal; the paths.
+    use, with the first query's start and goal; the shortest path of each query over them.
 
     Args:
         file: ends in ``.png``, ``.svg`` or ``.pdf``.
         world: where.
         robot: whose C-space.
         executions: one or more, of one method.
-        planned: queries of the world and what planning them came to.
+        planned: queries of the world, each with the roadmap of the first execution's landmarks and the shortest path
+            over it, None where its certified edges do not connect the query's ends.
 
     Raises:
         OutputError: another suffix, a file that cannot be written, or one that the world was read from.
@@ -96,14 +107,15 @@ def save_landmarks_figure(
     axes = next(rest)
     draw_landmarks(axes, executions[0])
     _title(axes, f"landmarks, k = {len(executions[0].centres)}")
-    for query in [query for query, _ in planned][:1] or world.queries[:1]:
+    for query in [query for query, _, _ in planned][:1] or world.queries[:1]:
         _draw_ends(axes, robot, query)
         _title(axes, f"landmarks, k = {len(executions[0].centres)}; {query.name}")
-    for query, result in planned:
+    for query, roadmap, path in planned:
         axes = next(rest)
-        axes.plot(*executions[0].repaired[:, :2].T, "o", ms=3.0, mew=0, color=LANDMARK, zorder=4.0)
-        draw_plan(axes, robot, result.path, None, query.start, query.goal)
-        _title(axes, f"{query.name}: " + (f"cost {result.path.cost:.4g}" if result.path else result.status))
+        draw_plan(axes, robot, path, roadmap, query.start, query.goal)
+        k = len(executions[0].repaired)
+        answer = f"the {k} landmarks do not connect it" if path is None else f"over {k} landmarks, cost {path.cost:.4g}"
+        _title(axes, f"{query.name}: {answer}")
     title = f"{world.name}: {len(executions[0].samples):,} points, k = {len(executions[0].centres)}"
     style: dict[str, Any] = {"fontsize": 13, "fontweight": "bold", "parse_math": False}
     figure.text(0.0, 1.0 + 0.3 / figure.get_figheight(), title, ha="left", va="bottom", **style)

@@ -120,14 +120,14 @@ def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:
 
     at, status = roadmap.configurations, roadmap.status
     # Edges that are not checked yet may run through obstacles, which therefore lie over them.
-    for chosen, style in (
-        (~roadmap.certified & (status != BLOCKED), (CANDIDATE, 0.5, 1.2)),
-        (roadmap.certified, (EDGE, 0.8, 3.0)),
+    for chosen, style, label in (
+        (~roadmap.certified & (status != BLOCKED), (CANDIDATE, 0.5, 1.2), "edge, not checked"),
+        (roadmap.certified, (EDGE, 0.8, 3.0), "edge, certified"),
     ):
         edges = roadmap.edges[chosen]
-        draw_lines(axes, roadmap.motion.lines(at[edges[:, 0]], at[edges[:, 1]]), *style)
-    axes.plot([], [], color=CANDIDATE, lw=1.5, label="edge, not checked")
-    axes.plot([], [], color=EDGE, lw=1.5, label="edge, certified")
+        if len(edges):
+            draw_lines(axes, roadmap.motion.lines(at[edges[:, 0]], at[edges[:, 1]]), *style)
+            axes.plot([], [], color=style[0], lw=1.5, label=label)
     axes.plot([], [], "o", ms=3.0, mew=0, color=LANDMARK, label="landmark")
     size = min(3.0, max(0.8, 3.0 * math.sqrt(400 / len(at))))
     axes.plot(*at[:, :2].T, "o", ms=size, mew=0, color=LANDMARK, zorder=4.0)
