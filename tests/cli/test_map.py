@@ -84,7 +84,19 @@ def test_the_json_object(shell: Shell, log: Path, tmp_path: Path) -> None:
     file, picture = tmp_path / "world.yaml", tmp_path / "map.svg"
     found = record(shell, log, "--output", file, "--confidence", "0.95", "--plot", picture)
     assert set(found) == {
-        *("log", "name", "records", "dropped", "poses", "association", "features", "nis", "counts", "obstacles"),
+        *(
+            "log",
+            "name",
+            "records",
+            "dropped",
+            "poses",
+            "association",
+            "matching",
+            "features",
+            "nis",
+            "counts",
+            "obstacles",
+        ),
         *("bounds", "trajectory", "queries", "risk", "time", "notes", "robot", "written"),
     }
     assert found["records"]["all"] == len(recorded().records)
@@ -103,9 +115,14 @@ def test_scans_become_walls(shell: Shell, tmp_path: Path) -> None:
     log, file = tmp_path / "scans.jsonl.gz", tmp_path / "world.yaml"
     save_log(recorded(scanner=True), log)
     found = record(shell, log, "--output", file, "--start", START, "--plot", tmp_path / "map.png")
-    assert (found["poses"], found["association"], found["nis"]) == ("odometry", None, None)
+    assert (found["poses"], found["association"], found["nis"]) == ("match", None, None)
+    assert found["matching"]["nodes"] > 10
     assert found["obstacles"]["walls"] >= 4
-    assert any("drift" in note for note in found["notes"])
+    drifting = record(
+        shell, log, "--output", file, "--start", START, "--poses", "odometry", "--plot", tmp_path / "map.png"
+    )
+    assert any("drift" in note for note in drifting["notes"])
+    found = drifting
     assert len(World.load(file).obstacles) == found["obstacles"]["all"]
     assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
     free = record(shell, log, "--output", file, "--unknown", "free", "--cell", "0.1", "--scan-range", "5")

@@ -88,7 +88,9 @@ def map_log(
     poses: Annotated[
         str,
         typer.Option(
-            "--poses", metavar="FROM", help="auto, slam (EKF), log (as it states them), or odometry (it drifts)."
+            "--poses",
+            metavar="FROM",
+            help="auto, match (scans), slam (EKF), log (as it states them), or odometry (it drifts).",
         ),
     ] = "auto",
     association: Annotated[
@@ -305,7 +307,11 @@ def _print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Pa
 
 def _poses_text(mapped: MappedLog, found: dict[str, Any]) -> str:
     way = found["trajectory"]
+    matching = found["matching"] or {}
     source = {
+        "match": "{nodes:,} scans matched, {closures:,} loop closures, {rejected:,} rejected".format_map(
+            {"nodes": 0, "closures": 0, "rejected": 0, **matching}
+        ),
         "slam": f"EKF-SLAM, association {mapped.association}",
         "log": "as the log states them",
         "odometry": "odometry alone",

@@ -148,7 +148,7 @@ def _draw_trajectory(axes: Axes, mapped: MappedLog, world: World) -> list[Entry]
     if len(poses) == 0:
         return []
     axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, alpha=0.9, zorder=3.5, solid_joinstyle="round")
-    names = {"slam": "EKF-SLAM", "log": "the log's poses", "odometry": "odometry alone"}
+    names = {"match": "scan matching", "slam": "EKF-SLAM", "log": "the log's poses", "odometry": "odometry alone"}
     entries: list[Entry] = [(Line2D([], [], color=PATH, lw=1.5), f"trajectory, by {names[mapped.poses]}")]
     for q, colour, marker, label in ((poses[0], START, "o", "its start"), (poses[-1], GOAL, "s", "its end")):
         draw_end(axes, world.robot, q, colour, marker, "_")

@@ -22,7 +22,7 @@ def test_a_beam_counts_in_the_cells_that_it_crosses(
     grid = EvidenceGrid((0.0, 0.0, 4.0, 3.0), 0.25)
     a, b = np.array(start), np.array(end)
     length = float(np.hypot(*(b - a)))
-    grid.add(a, b[None], np.array([met]), margin)
+    grid.add(a, b[None], np.array([met]), margin, (0.1, 0.1))
     assert grid.passes.max() <= 1
     t = np.linspace(0.0, 1.0, 2001)
     steps = np.floor((a + t[:, None] * (b - a)) / 0.25).astype(int)
@@ -44,7 +44,7 @@ def test_a_beam_counts_in_the_cells_that_it_crosses(
     if hit:
         assert grid.hits[last[1], last[0]] == 1
         assert grid.passes[last[1], last[0]] == 0
-        assert grid.reach.sum() == pytest.approx(length, rel=1e-5)
+        assert grid.variance.sum() == pytest.approx(0.01 + (0.1 * length) ** 2, rel=1e-5)
 
 
 def test_what_was_there_and_is_gone_is_free() -> None:

@@ -175,7 +175,7 @@ def test_stated_noise_counts_unless_told_otherwise() -> None:
 
 
 def test_scans_are_mapped_from_the_poses_that_detections_give() -> None:
-    mapped = map_log(recorded(scanner=True), MapSettings(start=START), robot=ROBOT)
+    mapped = map_log(recorded(scanner=True), MapSettings(start=START, poses="slam"), robot=ROBOT)
     assert (mapped.poses, mapped.association) == ("slam", "known")
     assert mapped.scans is not None
     assert mapped.slam is not None
@@ -192,16 +192,30 @@ def test_scans_are_mapped_from_the_poses_that_detections_give() -> None:
 
 def test_scans_by_odometry_alone_say_that_they_drift() -> None:
     log = without(recorded(scanner=True), Detection)
-    mapped = map_log(log, MapSettings(start=START))
+    mapped = map_log(log, MapSettings(start=START, poses="odometry"))
     assert (mapped.poses, mapped.slam) == ("odometry", None)
     np.testing.assert_allclose(mapped.trajectory[0, 1:], START, atol=1e-6)
     np.testing.assert_allclose(mapped.trajectory[-1, 1:3], WAY[-1], atol=1.0)
     assert any("drift" in note for note in mapped.notes)
-    origin = map_log(log)
+    origin = map_log(log, MapSettings(poses="odometry"))
     x, y, theta = START
     turned = affinity.rotate(shapely.LineString(origin.trajectory[:, 1:3]), theta, origin=(0.0, 0.0), use_radians=True)
     moved = np.array([x, y]) + shapely.get_coordinates(turned)
     np.testing.assert_allclose(moved, mapped.trajectory[:, 1:3], atol=1e-9)
+
+
+def test_scans_are_matched_by_default() -> None:
+    log = recorded(scanner=True)
+    mapped, drifting = (map_log(log, MapSettings(start=START, poses=poses)) for poses in ("auto", "odometry"))
+    assert (mapped.poses, mapped.slam) == ("match", None)
+    matching = mapped.figures()["matching"]
+    assert matching["nodes"] > 10
+    assert matching["relations"] >= matching["nodes"] - 1
+    true = np.array([record[:3] for record in log.records if isinstance(record, Pose) and record.truth])
+    t = mapped.trajectory[:, 0]
+    places = np.column_stack([np.interp(t, true[:, 0], true[:, 1]), np.interp(t, true[:, 0], true[:, 2])])
+    off = [float(np.hypot(*(m.trajectory[:, 1:3] - places).T).max()) for m in (mapped, drifting)]
+    assert off[0] < 0.1 < off[1]
 
 
 def test_stated_poses_are_taken_between_records() -> None:
@@ -283,7 +297,7 @@ def test_figures_are_plain_data() -> None:
 def test_progress_reaches_its_end() -> None:
     seen: list[tuple[str, int, int]] = []
     map_log(recorded(scanner=True), on_progress=lambda *step: seen.append(step))
-    for what in ("records", "scans"):
+    for what in ("scans matched", "scans"):
         steps = [(done, total) for name, done, total in seen if name == what]
         assert steps[-1][0] == steps[-1][1]
         assert [done for done, _ in steps] == sorted({done for done, _ in steps})

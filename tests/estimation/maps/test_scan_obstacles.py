@@ -33,7 +33,7 @@ def open_grid() -> EvidenceGrid:
 
 def hit(grid: EvidenceGrid, rows: slice, columns: slice, times: int = 5, length: float = 2.0) -> None:
     grid.hits[rows, columns], grid.passes[rows, columns] = times, 0
-    grid.reach[rows, columns] = times * length
+    grid.variance[rows, columns] = times * (0.02**2 + (0.01 * length) ** 2)
 
 
 def test_cells_that_nothing_explains_are_heaps() -> None:
@@ -54,7 +54,7 @@ def test_a_heap_about_free_space_is_as_uncertain_as_its_own_cells() -> None:
     """The middle of a ring is no part of it."""
     grid = open_grid()
     hit(grid, np.s_[10:30], np.s_[30:50], length=30.0)
-    grid.hits[12:28, 32:48], grid.reach[12:28, 32:48], grid.passes[12:28, 32:48] = 0, 0.0, 1
+    grid.hits[12:28, 32:48], grid.variance[12:28, 32:48], grid.passes[12:28, 32:48] = 0, 0.0, 1
     settings = MappingSettings(cell=CELL, pose_sigma=(0.02, 0.01), unknown="free")
     (ring,) = find_obstacles(*nothing(), grid, HERE, settings).heaps
     assert ring.covariance[0, 0] == pytest.approx(8e-4 + 0.09)

@@ -27,7 +27,8 @@ class EvidenceGrid:
         cell: side of a cell, metres.
         hits: shape (rows, columns), beams that ended in the cell; row 0 has the smallest y.
         passes: shape (rows, columns), beams that went through it.
-        reach: shape (rows, columns), sum of the lengths of the beams that ended in it, metres.
+        variance: shape (rows, columns), sum of the variances that the poses' errors gave the beams that ended in it,
+            square metres.
 
     Args:
         bounds: xmin, ymin, xmax, ymax to cover, metres; the grid is rounded up to whole cells.
@@ -49,7 +50,7 @@ class EvidenceGrid:
         self.cell = float(cell)
         self.hits = np.zeros(shape, dtype=np.int32)
         self.passes = np.zeros(shape, dtype=np.int32)
-        self.reach = np.zeros(shape, dtype=np.float32)
+        self.variance = np.zeros(shape, dtype=np.float32)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -57,7 +58,14 @@ class EvidenceGrid:
         (x, y), (rows, columns) = self.origin, self.hits.shape
         return x, y, x + columns * self.cell, y + rows * self.cell
 
-    def add(self, start: FloatArray, ends: FloatArray, met: BoolArray, margin: float = 1.0) -> None:
+    def add(
+        self,
+        start: FloatArray,
+        ends: FloatArray,
+        met: BoolArray,
+        margin: float = 1.0,
+        pose_sigma: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         """Count the beams of one scan.
 
         Args:
@@ -66,17 +74,21 @@ class EvidenceGrid:
             met: shape (n,), whether something was met there; if not, the beam only went through.
             margin: cells before a hit, along the beam, that count as neither: a beam that grazes a wall on its way
                 to a hit farther along it goes through the cells of the wall.
+            pose_sigma: standard deviation of the scanner's place along x and y each (metres) and of its heading
+                (radians).
         """
         _trace(
             self.hits,
             self.passes,
-            self.reach,
+            self.variance,
             *self.origin,
             self.cell,
             np.ascontiguousarray(start, dtype=np.float64),
             np.ascontiguousarray(ends, dtype=np.float64),
             np.ascontiguousarray(met, dtype=np.bool_),
             float(margin),
+            pose_sigma[0] ** 2,
+            pose_sigma[1] ** 2,
         )
 
     def occupied(self, min_hits: int = 2, share: float = 0.2) -> BoolArray:
@@ -96,7 +108,7 @@ class EvidenceGrid:
 
 
 @njit(cache=True)
-def _trace(hits, passes, reach, x0, y0, cell, start, ends, met, margin):  # type: ignore[no-untyped-def]  # numba infers the types
+def _trace(hits, passes, variance, x0, y0, cell, start, ends, met, margin, place, heading):  # type: ignore[no-untyped-def]  # numba infers the types
     """Walk along each beam from cell to cell (Amanatides & Woo 1987, A Fast Voxel Traversal Algorithm)."""
     rows, columns = hits.shape
     sx, sy = (start[0] - x0) / cell, (start[1] - y0) / cell
@@ -109,7 +121,7 @@ def _trace(hits, passes, reach, x0, y0, cell, start, ends, met, margin):  # type
         i, j, last_i, last_j = floor(sx), floor(sy), floor(ex), floor(ey)
         if met[k] and 0 <= last_i < columns and 0 <= last_j < rows:
             hits[last_j, last_i] += 1
-            reach[last_j, last_i] += length * cell
+            variance[last_j, last_i] += place + heading * (length * cell) ** 2
         step_i, step_j = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
         # The fraction of the beam at which it goes on to the next column or row.
         next_i = ((i + (dx > 0.0)) - sx) / dx if dx != 0.0 else inf

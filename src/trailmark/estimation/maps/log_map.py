@@ -9,6 +9,7 @@ import numpy as np
 
 from trailmark.checked import Probability, checked_arguments
 from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.graph.scan_slam import match_scans
 from trailmark.estimation.logs.records import Log, Scan
 from trailmark.estimation.maps.log_poses import OnProgress, SlamRun, Sources, run_slam, sources_of
 from trailmark.estimation.maps.map_settings import MapSettings
@@ -63,17 +64,25 @@ def map_log(
     sources = sources_of(log, s)
     detected = sources.obstacles == "detections"
     run = run_slam(log, s, sources.poses, on_progress) if detected or sources.poses == "slam" else None
-    scan_map, scan_begin = None, perf_counter()
+    scan_map, matched, scan_begin = None, None, perf_counter()
     if run is not None and detected:
         trajectory, world = run.result.trajectory, _world_of_discs(log, s, run, robot)
     else:
         scans, mapping = [record for record in log.records if isinstance(record, Scan)], s.mapping
-        if run is not None:
+        covariances = None
+        if sources.poses == "match":
+            matching = None if on_progress is None else lambda done, total: on_progress("scans matched", done, total)
+            _, odometry = scan_poses(log, "odometry", s.start)
+            matched = match_scans(scans, odometry, s.graph, matching)
+            poses, covariances = matched.poses, matched.covariances
+        elif run is not None:
             poses, mapping = run.poses_of(scans), run.with_pose_sigma(scans, mapping)
         else:
             _, poses = scan_poses(log, "log" if sources.poses == "log" else "odometry", s.start)
         report = None if on_progress is None else lambda done, total: on_progress("scans", done, total)
-        scan_map = map_scans(log, poses, settings=mapping, robot=robot, on_progress=report)
+        scan_map = map_scans(
+            log, poses, settings=mapping, robot=robot, pose_covariances=covariances, on_progress=report
+        )
         trajectory, world = np.column_stack([[scan.t for scan in scans], poses]), scan_map.world
     scan_seconds = 0.0 if scan_map is None else perf_counter() - scan_begin
     if confidence is not None:
@@ -92,6 +101,7 @@ def map_log(
         slam=None if run is None else run.result,
         tentative=0 if run is None else run.tentative,
         scans=scan_map,
+        matched=matched,
         seconds=perf_counter() - begin,
         scan_seconds=scan_seconds,
         notes=(*log.notes, *(() if run is None else run.notes), *_notes(s, sources, world)),

@@ -88,11 +88,12 @@ def sources_of(log: Log, settings: MapSettings) -> Sources:
     # By more than the one pose at which odometry begins.
     stated = sum(isinstance(record, Pose) and not record.truth for record in log.records) > (1 if moves else 0)
     possible = {
+        "match": moves and Scan in there,
         "slam": moves and Detection in there,
         "log": stated or (obstacles == "scans" and all(carried)),
         "odometry": moves and obstacles == "scans",
     }
-    order: tuple[PoseSource, ...] = ("log", "slam", "odometry") if obstacles == "scans" else ("slam", "log")
+    order: tuple[PoseSource, ...] = ("log", "match", "slam", "odometry") if obstacles == "scans" else ("slam", "log")
     if poses == "auto":
         poses = next((source for source in order if possible[source]), "auto")
     if poses == "auto":

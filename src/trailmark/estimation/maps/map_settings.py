@@ -20,13 +20,14 @@ from trailmark.checked import (
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
+from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.estimation.slam.slam_settings import SlamSettings
 
 __all__ = ["MapSettings", "MappingSettings", "ObstacleSource", "PoseSource"]
 
 ObstacleSource = Literal["detections", "scans"]
-PoseSource = Literal["slam", "log", "odometry"]
+PoseSource = Literal["match", "slam", "log", "odometry"]
 
 
 @dataclass(frozen=True)
@@ -90,9 +91,11 @@ class MapSettings:
     obstacles: ObstacleSource | Literal["auto"] = "auto"
     """What they are made of; "auto": scans if the log has any, else detections."""
     poses: PoseSource | Literal["auto"] = "auto"
-    """"slam": by EKF-SLAM over odometry and detections; "log": as the log states them; "odometry": by odometry alone,
-    which drifts (scans only). "auto": for scans the log's if it states them, else slam if it has detections, else
-    odometry; for detections slam if it has odometry, else the log's."""
+    """"match": by matching scans and closing loops, from odometry on; "slam": by EKF-SLAM over odometry and detections;
+    "log": as the log states them; "odometry": by odometry alone, which drifts (scans only). "auto": for scans the log's
+    if it states them, else match; for detections slam if it has odometry, else the log's."""
+    graph: GraphSettings = field(default_factory=GraphSettings)
+    """How scans are matched."""
     slam: SlamSettings = field(
         default_factory=lambda: SlamSettings("auto", new_gate=0.9999, outlier_gate="auto", confirm=5, timeout=60.0)
     )

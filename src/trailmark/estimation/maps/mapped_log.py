@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trailmark.estimation.graph.scan_slam import ScanPoses
 from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Scan
 from trailmark.estimation.maps.scan_map import ScanMap
 from trailmark.estimation.slam.slam_result import SlamResult
@@ -36,7 +37,7 @@ class MappedLog(NamedTuple):
     trajectory: FloatArray
     """Where the robot was, shape (n, 4), rows t, x, y, theta: after each instant of EKF-SLAM, or at each scan."""
     poses: str
-    """Where it was by: "slam", "log" or "odometry"."""
+    """Where it was by: "match", "slam", "log" or "odometry"."""
     association: str | None
     """How detections found their features, where EKF-SLAM ran."""
     slam: SlamResult | None
@@ -45,6 +46,8 @@ class MappedLog(NamedTuple):
     """Features that were still to be confirmed when its log ended; they are not in the world."""
     scans: ScanMap | None
     """The map from scans, where obstacles are made of those."""
+    matched: ScanPoses | None
+    """The poses of the scans by matching, where they were matched."""
     seconds: float
     """Time that it took."""
     scan_seconds: float
@@ -64,6 +67,7 @@ class MappedLog(NamedTuple):
             "dropped": self.log.dropped,
             "poses": self.poses,
             "association": self.association,
+            "matching": self._matching(),
             "features": self._features(),
             "nis": self._nis(),
             "counts": None if self.slam is None else asdict(self.slam.counts),
@@ -81,6 +85,13 @@ class MappedLog(NamedTuple):
             "time": {"total": self.seconds, "per_update": self._per_update()},
             "notes": list(self.notes),
         }
+
+    def _matching(self) -> dict[str, int] | None:
+        """Return what the graph of scans consists of."""
+        if self.matched is None:
+            return None
+        names = {"nodes": len(self.matched.keys), "relations": len(self.matched.relations)}
+        return {**names, "closures": self.matched.closures, "rejected": self.matched.rejected}
 
     def _features(self) -> dict[str, int]:
         """Return how many features there are, of those that obstacles are made of."""

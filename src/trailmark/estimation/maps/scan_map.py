@@ -9,12 +9,12 @@ says along which stretches a line is a wall, what neither walls nor discs explai
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from trailmark.checked import Numbers, Probability, checked_arguments
+from trailmark.checked import Numbers, Probability, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log, Scan
 from trailmark.estimation.maps.map_settings import MappingSettings
@@ -59,6 +59,7 @@ def map_scans(
     settings: MappingSettings | None = None,
     robot: Robot | None = None,
     confidence: Probability | None = None,
+    pose_covariances: Annotated[ArrayLike, shaped(None, 3, 3)] | None = None,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> ScanMap:
     """Return the map that a log's laser scans show, taken from known or estimated poses.
@@ -71,6 +72,7 @@ def map_scans(
         robot: of the world.
         confidence: grow the obstacles so that a path meets none with this probability at least
             (:func:`trailmark.estimation.regrow`); None leaves them as they were measured.
+        pose_covariances: of the poses, in the world's axes, shape (m, 3, 3); by default what the settings say of all.
         on_progress: called with the number of scans done and their total.
 
     Raises:
@@ -89,7 +91,16 @@ def map_scans(
             raise EstimationError(f"poses: expected shape ({len(scans)}, 3), one for each scan, got {x.shape}")
     if not scans:
         raise EstimationError("log: expected one scan or more, got none")
-    grid, lines, discs = _read(scans, x, s, on_progress)
+    if pose_covariances is None:
+        sigma, sigma_theta = s.pose_sigma
+        covariances = np.broadcast_to(np.diag([sigma**2, sigma**2, sigma_theta**2]), (len(scans), 3, 3))
+    else:
+        covariances = np.asarray(pose_covariances, dtype=np.float64)
+        if len(covariances) != len(scans):
+            raise EstimationError(
+                f"pose_covariances: expected one for each of {len(scans)} scans, got {len(covariances)}"
+            )
+    grid, lines, discs = _read(scans, x, covariances, s, on_progress)
     dropped = 0
     for tracks in (lines, discs):
         tracks.merge()
@@ -110,7 +121,11 @@ def map_scans(
 
 
 def _read(
-    scans: Sequence[Scan], x: FloatArray, s: MappingSettings, on_progress: Callable[[int, int], None] | None
+    scans: Sequence[Scan],
+    x: FloatArray,
+    covariances: FloatArray,
+    s: MappingSettings,
+    on_progress: Callable[[int, int], None] | None,
 ) -> tuple[EvidenceGrid, LineTracks, DiscTracks]:
     """Enter all scans in the grid and the tracks."""
     from trailmark.estimation.maps.evidence import EvidenceGrid
@@ -122,12 +137,13 @@ def _read(
     # On the lines of one grid for all maps of the same cells, so that maps can be compared.
     low, high = np.floor(low / s.cell) * s.cell, np.ceil(high / s.cell) * s.cell
     grid = EvidenceGrid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), s.cell)
-    covariance = np.diag([s.pose_sigma[0] ** 2, s.pose_sigma[0] ** 2, s.pose_sigma[1] ** 2])
-    lines, discs = LineTracks(s.gate, covariance, s.gap), DiscTracks(s.gate, covariance)
+    lines, discs = LineTracks(s.gate, covariances[0], s.gap), DiscTracks(s.gate, covariances[0])
+    place, heading = np.sqrt(0.5 * (covariances[:, 0, 0] + covariances[:, 1, 1])), np.sqrt(covariances[:, 2, 2])
     driven = np.cumsum(np.hypot(*np.diff(x[:, :2], axis=0, prepend=x[:1, :2]).T))
     episodes = np.floor(driven / s.pose_memory).astype(np.intp)
     for i, (scan, pose, (start, ends, met)) in enumerate(zip(scans, x, beams, strict=True)):
-        grid.add(start, ends, met)
+        grid.add(start, ends, met, pose_sigma=(float(place[i]), float(heading[i])))
+        lines.pose_covariance = discs.pose_covariance = covariances[i]
         hits, features = find_features(scan, s.scan)
         lines.update([lines.observation(fit, hits.points, pose) for fit in features.lines], int(episodes[i]))
         discs.update([discs.observation(fit, hits.points, pose) for fit in features.discs], int(episodes[i]))

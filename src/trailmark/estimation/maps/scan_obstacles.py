@@ -92,7 +92,7 @@ def _walls(tracks: LineTracks, grid: EvidenceGrid, occupied: BoolArray, s: Mappi
             if span[1] - span[0] >= s.min_wall:
                 covariance = tracks.covariance(at)
                 cells = grid.cells(points[own])
-                along_sigma = math.sqrt(_place_variance(grid.hits[cells], grid.reach[cells], s))
+                along_sigma = math.sqrt(_place_variance(grid.hits[cells], grid.variance[cells], s))
                 wall = wall_estimate((rho, alpha), covariance, span, thickness=s.thickness, along_sigma=along_sigma)
                 walls.append((wall, points[own]))
     return walls
@@ -179,18 +179,17 @@ def _cells(
         rows, columns = grid.cells(polygon.vertices)
         around = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
         own = rest[around]
-        variance = _place_variance(grid.hits[around][own], grid.reach[around][own], s)
+        variance = _place_variance(grid.hits[around][own], grid.variance[around][own], s)
         heaps.append(ObstacleEstimate(polygon, variance * np.eye(2)))
     return heaps, unknown
 
 
-def _place_variance(hits: NDArray[np.int32], reach: NDArray[np.float32], s: MappingSettings) -> float:
+def _place_variance(hits: NDArray[np.int32], variance: NDArray[np.float32], s: MappingSettings) -> float:
     """Return the variance of a place that end points in cells, (n,) each, tell: of one reading and of one pose.
 
     Only so much is assumed to average out: the errors of consecutive poses are alike.
     """
-    turned = s.pose_sigma[1] * float(reach.sum()) / max(1, int(hits.sum()))
-    return s.scan.sigma_range**2 + s.pose_sigma[0] ** 2 + turned**2
+    return s.scan.sigma_range**2 + float(variance.sum()) / max(1, int(hits.sum()))
 
 
 def _redrawn(found: Found, grid: EvidenceGrid, s: MappingSettings) -> Found:
@@ -198,7 +197,7 @@ def _redrawn(found: Found, grid: EvidenceGrid, s: MappingSettings) -> Found:
     redrawn: Found = []
     for _, points in found:
         cells = grid.cells(points)
-        covariance = _place_variance(grid.hits[cells], grid.reach[cells], s) * np.eye(2)
+        covariance = _place_variance(grid.hits[cells], grid.variance[cells], s) * np.eye(2)
         if s.shapes == "hulls":
             redrawn.append((hull_estimate(points, covariance), points))
         else:

@@ -48,6 +48,7 @@ class Tracks(ABC):
         scans: shape (n,), how many scans showed each.
         readings: of each, the end points of all its scans, arrays of shape (m, 2).
         episodes: of each, how many of its sightings are of which episode.
+        pose_covariance: of the scan that observations are made of next, shape (3, 3).
 
     Args:
         dim: d.
@@ -63,7 +64,7 @@ class Tracks(ABC):
         self.episodes: list[Counter[int]] = []
         self._pose_part = np.empty((0, dim, dim))
         self._gate = float(chi_square_quantile(gate, dim))
-        self._pose_covariance = np.asarray(pose_covariance, dtype=np.float64)
+        self.pose_covariance = np.asarray(pose_covariance, dtype=np.float64)
 
     def __len__(self) -> int:
         return len(self.states)
@@ -188,7 +189,7 @@ class LineTracks(Tracks):
         state = np.array([rho + x * cos + y * sin, wrap(alpha)])
         G_z, G_pose = np.array([[1.0, lean], [0.0, 1.0]]), np.array([[cos, sin, lean], [0.0, 0.0, 1.0]])
         readings = transform(pose, points[fit.indices])
-        return Observation(state, G_z @ fit.covariance @ G_z.T, G_pose @ self._pose_covariance @ G_pose.T, readings)
+        return Observation(state, G_z @ fit.covariance @ G_z.T, G_pose @ self.pose_covariance @ G_pose.T, readings)
 
     def difference(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return a − b, shape (..., 2), the angle in (−π, π]."""
@@ -235,7 +236,7 @@ class DiscTracks(Tracks):
         G_pose = np.zeros((3, 3))
         G_pose[:2] = [[1.0, 0.0, pose[1] - centre[1]], [0.0, 1.0, centre[0] - pose[0]]]
         readings = transform(pose, points[fit.indices])
-        R_pose = G_pose @ self._pose_covariance @ G_pose.T
+        R_pose = G_pose @ self.pose_covariance @ G_pose.T
         return Observation(np.append(centre, fit.disc[2]), G_z @ fit.covariance @ G_z.T, R_pose, readings)
 
     def difference(self, a: FloatArray, b: FloatArray) -> FloatArray:

@@ -1,0 +1,1 @@
+"""A graph of poses: relations by odometry, scan matches and loop closures, optimised together."""

@@ -1,0 +1,143 @@
+"""Loop closures: places that were seen before, found among local maps of earlier scans, and verified."""
+
+# Tested by tests/estimation/graph/test_scan_slam.py.
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from trailmark.estimation.filter.consistency import chi_square_quantile
+from trailmark.estimation.graph.graph_settings import GraphSettings
+from trailmark.estimation.graph.pose_graph import Relation
+from trailmark.estimation.graph.submaps import KeyScans
+from trailmark.estimation.scans.clouds import relative
+from trailmark.estimation.scans.matching import Window, match_covariance, refine, search
+from trailmark.se2 import FloatArray, compose
+
+__all__ = ["LoopFinder", "drift"]
+
+MAX_WINDOW = Window(10.0, math.pi)
+"""The largest window that is searched."""
+
+MAX_CANDIDATES = 6
+"""Earlier places, at most, that one scan is compared with."""
+
+
+class LoopFinder:
+    """Finds closures scan by scan; one counts once a second one, of another scan, agrees with it."""
+
+    def __init__(self, keys: KeyScans, settings: GraphSettings) -> None:
+        self._keys = keys
+        self._s = settings
+        self._pending: list[Relation] = []
+        self._gate = float(chi_square_quantile(settings.outlier_gate, 3))
+        self.tried = 0
+
+    def find(self, k: int) -> list[Relation]:
+        """Return the closures that scan k confirms, its own among them."""
+        away = self._graph_distances(k)
+        confirmed = list[Relation]()
+        for place in self._candidates(k, away):
+            closure = self._match(k, place, away[place])
+            if closure is None:
+                continue
+            partners = [other for other in self._pending if self._agree(closure, other)]
+            if partners:
+                self._pending = [other for other in self._pending if not any(other is p for p in partners)]
+                confirmed += [*partners, closure]
+            else:
+                self._pending.append(closure)
+        recent = self._keys.travel[k] - 3.0 * self._s.local_length
+        self._pending = [other for other in self._pending if self._keys.travel[other.b] >= recent]
+        return confirmed
+
+    def _graph_distances(self, k: int) -> FloatArray:
+        """Return how many metres along relations each scan is away from scan k, shape (n,)."""
+        keys, n = self._keys, len(self._keys)
+        pairs = np.array([(r.a, r.b) for r in keys.relations]).reshape(-1, 2)
+        _, one = np.unique(pairs[:, 0] * n + pairs[:, 1], return_index=True)
+        a, b = pairs[one].T
+        lengths = np.hypot(*(keys.poses[a, :2] - keys.poses[b, :2]).T) + 1e-3
+        graph = coo_array((lengths, (a, b)), shape=(n, n)).tocsr()
+        return np.asarray(dijkstra(graph, directed=False, indices=[k])[0])
+
+    def _candidates(self, k: int, away: FloatArray) -> list[int]:
+        """Return the nearest scan of each stretch of the drive that may have seen the same, the likeliest first."""
+        keys, s = self._keys, self._s
+        sigma, _ = drift(keys.relations, away)
+        apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
+        possible = (away > 2.0 * s.local_length) & (apart <= s.loop_distance + np.minimum(2.0 * sigma, MAX_WINDOW.xy))
+        places = np.flatnonzero(possible)
+        runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1)
+        nearest = list[int]()
+        for run in runs:
+            # A long stretch has several places.
+            parts = np.floor(keys.travel[run] / s.local_length)
+            for part in np.unique(parts):
+                own = run[parts == part]
+                nearest.append(int(own[apart[own].argmin()]))
+        return sorted(nearest, key=lambda i: float(apart[i]))[:MAX_CANDIDATES]
+
+    def _match(self, k: int, place: int, away: float) -> Relation | None:
+        """Return where scan k, with those just before it, lies in the map around a place; None if nowhere for sure."""
+        keys, s = self._keys, self._s
+        self.tried += 1
+        query = keys.query(keys.chain(k, 0.5 * s.local_length, s.local_scans, before=True), k)
+        sigma, sigma_theta = drift(keys.relations, np.array([away]))
+        window = Window(
+            float(np.clip(3.0 * sigma[0], 2.0 * s.window[0], MAX_WINDOW.xy)),
+            float(np.clip(3.0 * sigma_theta[0], s.window[1], MAX_WINDOW.theta)),
+        )
+        chain = keys.chain(place, 2.0 * s.local_length, s.local_scans)
+        guess = keys.poses[k]
+        area = keys.area(chain, guess, float(np.abs(query.points).max()) * 1.5 + window.xy, window.xy)
+        found = search(area, query.points, guess, window, coarseness=2, min_score=s.loop_score)
+        if found is None:
+            return None
+        limit = s.loop_ambiguity * found.score
+        if search(area, query.points, guess, window, coarseness=2, min_score=limit, apart_from=found.pose):
+            return None
+        found = refine(area, query, found.pose)
+        covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose)
+        return None if is_open else keys.related(place, k, found.pose, covariance, certain=False)
+
+    def _agree(self, one: Relation, other: Relation) -> bool:
+        """Return whether two closures of different scans say the same, by the graph between their ends."""
+        keys, s = self._keys, self._s
+        if one.b == other.b:
+            return False
+        gaps = np.array(
+            [abs(keys.travel[one.b] - keys.travel[other.b]), abs(keys.travel[one.a] - keys.travel[other.a])]
+        )
+        if gaps.max() > 3.0 * s.local_length:
+            return False
+        # From one's a to the other's a, by it to its b, on to one's b.
+        path = compose(relative(keys.poses[one.a], keys.poses[other.a]), other.pose)
+        path = compose(path, relative(keys.poses[other.b], keys.poses[one.b]))
+        error = relative(one.pose, path)
+        sigma, sigma_theta = drift(keys.relations, gaps)
+        theta = float((sigma_theta**2).sum())
+        own = np.diag([float((sigma**2).sum()), float((sigma**2).sum()), theta])
+        # A heading's error acts over the distance between the two.
+        lever = float(np.hypot(*relative(keys.poses[other.b], keys.poses[one.b])[:2]))
+        own[0, 0] += lever**2 * other.covariance[2, 2]
+        own[1, 1] += lever**2 * other.covariance[2, 2]
+        total = own + one.covariance + other.covariance
+        return bool(error @ np.linalg.solve(total, error) <= self._gate)
+
+
+def drift(relations: list[Relation], distances: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the standard deviations of place (metres) and heading (radians) over distances along consecutive scans.
+
+    Errors add up as a random walk: the heading's variance grows with the distance L, and with it the place's by the
+    heading's rate times L³/3. The rates are those of the relations that are certain.
+    """
+    own = [relation for relation in relations if relation.certain]
+    length = max(1e-9, sum(float(np.hypot(*relation.pose[:2])) for relation in own))
+    place = sum(0.5 * float(min(r.covariance[0, 0], 0.01) + min(r.covariance[1, 1], 0.01)) for r in own) / length
+    heading = sum(float(relation.covariance[2, 2]) for relation in own) / length
+    return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)

@@ -1,0 +1,98 @@
+"""Poses and relations between them, optimised by gtsam."""
+
+# Tested by tests/estimation/graph/test_scan_slam.py.
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.estimation.filter.consistency import chi_square_quantile
+from trailmark.se2 import FloatArray
+
+__all__ = ["Relation", "marginal_covariances", "optimise"]
+
+BoolArray = NDArray[np.bool_]
+
+
+class Relation(NamedTuple):
+    """Where one pose lies in the frame of another, as it was measured."""
+
+    a: int
+    b: int
+    pose: FloatArray
+    """Of b in a's frame, shape (3,)."""
+    covariance: FloatArray
+    """Of x, y, theta in the frame of b, shape (3, 3)."""
+    certain: bool = True
+    """Whether it is taken as right: consecutive scans; a loop closure may be wrong as a whole."""
+
+
+def optimise(relations: Sequence[Relation], poses: FloatArray, gate: float = 0.999) -> tuple[FloatArray, BoolArray]:
+    """Return the poses that fit the relations best, the first one as given, and which relations count.
+
+    Relations that are not certain may turn out to be wrong: graduated non-convexity (Yang et al. 2020, "Graduated
+    non-convexity for robust spatial perception", truncated least squares) drops those whose residual is beyond
+    the ``gate`` quantile of chi-square.
+
+    Args:
+        relations: that join all poses.
+        poses: to begin with, shape (n, 3).
+        gate: probability with which a right relation counts.
+
+    Returns:
+        The poses, shape (n, 3), and a bool for each relation.
+    """
+    import gtsam
+
+    graph, values = _graph(relations, poses)
+    params = gtsam.LevenbergMarquardtParams()
+    best = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
+    counts = np.ones(len(relations), dtype=bool)
+    loose = [i for i, relation in enumerate(relations) if not relation.certain]
+    errors = np.array([graph.at(i).error(best) for i in loose])
+    limit = 0.5 * float(chi_square_quantile(gate, 3))
+    if (errors > limit).any():
+        gnc = gtsam.GncLMParams(params)
+        gnc.setLossType(gtsam.GncLossType.TLS)
+        certain = [i for i, relation in enumerate(relations) if relation.certain]
+        gnc.setKnownInliers([*certain, len(relations)])
+        optimizer = gtsam.GncLMOptimizer(graph, values, gnc)
+        optimizer.setInlierCostThresholds(limit)
+        best = optimizer.optimize()
+        counts = np.asarray(optimizer.getWeights())[: len(relations)] > 0.5
+    return _poses_of(best, len(poses)), counts
+
+
+def marginal_covariances(relations: Sequence[Relation], poses: FloatArray) -> FloatArray:
+    """Return the covariance of each pose (world's axes, the first pose fixed), shape (n, 3, 3), at an optimum."""
+    import gtsam
+
+    graph, values = _graph(relations, poses)
+    marginals = gtsam.Marginals(graph, values)
+    covariances = np.array([marginals.marginalCovariance(i) for i in range(len(poses))])
+    turn = np.zeros((len(poses), 3, 3))
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
+    return np.asarray(turn @ covariances @ turn.transpose(0, 2, 1))
+
+
+def _graph(relations: Sequence[Relation], poses: FloatArray) -> tuple[Any, Any]:
+    """Return factors, one for each relation and last the first pose's, and values."""
+    import gtsam
+
+    graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+    for i, pose in enumerate(poses):
+        values.insert(i, gtsam.Pose2(*pose))
+    for relation in relations:
+        noise = gtsam.noiseModel.Gaussian.Covariance(relation.covariance)
+        graph.add(gtsam.BetweenFactorPose2(relation.a, relation.b, gtsam.Pose2(*relation.pose), noise))
+    graph.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*poses[0]), gtsam.noiseModel.Isotropic.Sigma(3, 1e-6)))
+    return graph, values
+
+
+def _poses_of(values: Any, n: int) -> FloatArray:
+    return np.array([(p.x(), p.y(), p.theta()) for p in (values.atPose2(i) for i in range(n))])

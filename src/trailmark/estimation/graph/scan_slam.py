@@ -1,0 +1,151 @@
+"""The poses of scans by scan matching and a pose graph.
+
+Each scan is matched against a local map of those before it. Places that were seen before close loops, which a second
+closure must confirm (:mod:`trailmark.estimation.graph.loop_closure`). At last each scan is matched against the maps
+of all the other stretches of the drive that saw the same place, and all relations are optimised together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.estimation.graph.graph_settings import GraphSettings
+from trailmark.estimation.graph.loop_closure import LoopFinder
+from trailmark.estimation.graph.pose_graph import Relation, marginal_covariances, optimise
+from trailmark.estimation.graph.submaps import KeyScans
+from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.scans.clouds import PointCloud, point_cloud, relative
+from trailmark.estimation.scans.local_map import LocalMap
+from trailmark.estimation.scans.matching import Window, match_covariance, refine, search
+from trailmark.se2 import FloatArray, compose
+
+__all__ = ["ScanPoses", "match_scans"]
+
+MIN_POINTS = 10
+"""End points that a scan needs to be matched: fewer do not show a shape."""
+
+
+class ScanPoses(NamedTuple):
+    """Where scans were taken from."""
+
+    poses: FloatArray
+    """Shape (m, 3), one for each scan."""
+    covariances: FloatArray
+    """Shape (m, 3, 3), in the world's axes, the first pose fixed."""
+    keys: NDArray[np.intp]
+    """Which scans are nodes of the graph, shape (n,)."""
+    relations: tuple[Relation, ...]
+    """Between nodes, those that count."""
+    closures: int
+    """Loop closures that were confirmed."""
+    rejected: int
+    """Relations that the optimisation dropped."""
+
+
+def match_scans(
+    scans: Sequence[Scan],
+    odometry: FloatArray,
+    settings: GraphSettings | None = None,
+    on_progress: Callable[[int, int], None] | None = None,
+) -> ScanPoses:
+    """Return where scans were taken from, by matching them; the first pose is odometry's.
+
+    Args:
+        scans: in the order of time, one or more.
+        odometry: where they were taken by odometry, shape (m, 3).
+        settings: how to go about it.
+        on_progress: called with the number of scans done and their total.
+    """
+    slam = _ScanSlam(settings or GraphSettings())
+    for i, (scan, pose) in enumerate(zip(scans, odometry, strict=True), start=1):
+        slam.add(scan, pose)
+        if on_progress is not None:
+            on_progress(i, len(scans))
+    return slam.finish()
+
+
+class _ScanSlam:
+    def __init__(self, settings: GraphSettings) -> None:
+        self._s = settings
+        self._keys = KeyScans()
+        self._loops = LoopFinder(self._keys, settings)
+        self._area: LocalMap | None = None
+        self._odometry = np.zeros(3)  # at the last key
+        self._scans: list[tuple[int, FloatArray]] = []  # key and pose in its frame
+        self._own: list[int] = []
+        self._closures = 0
+
+    def add(self, scan: Scan, odometry: FloatArray) -> None:
+        """Take in the next scan, with its pose by odometry."""
+        s, cloud = self._s, point_cloud(scan, self._s.max_range)
+        step = relative(self._odometry, odometry)
+        if self._area is None:
+            self._add_key(odometry, cloud, odometry)
+            return
+        last = len(self._keys) - 1
+        if np.hypot(*step[:2]) < s.key_distance and abs(step[2]) < s.key_angle:
+            # Too little has changed for a node of its own.
+            guess = compose(self._keys.poses[last], step)
+            pose = refine(self._area, cloud, guess, information=_inverse(self._noise(step))).pose
+            self._scans.append((last, relative(self._keys.poses[last], pose)))
+            return
+        guess, noise = compose(self._keys.poses[last], step), self._noise(step)
+        information = _inverse(noise)
+        self._keys.relations.append(Relation(last, last + 1, step, noise))
+        if len(cloud.points) < MIN_POINTS:
+            self._add_key(guess, cloud, odometry)
+            return
+        window = Window(
+            max(s.window[0], 3.0 * float(np.sqrt(noise[0, 0]))), max(s.window[1], 3.0 * float(np.sqrt(noise[2, 2])))
+        )
+        found = search(self._area, cloud.points, guess, window, information=information)
+        start = guess if found is None else found.pose
+        pose = refine(self._area, cloud, start, information=information, guess=guess).pose
+        covariance, _ = match_covariance(self._area, cloud.points, pose)
+        self._keys.relations.append(self._keys.related(last, last + 1, pose, covariance, certain=True))
+        self._add_key(pose, cloud, odometry)
+        closures = self._loops.find(last + 1)
+        if closures:
+            self._closures += len(closures)
+            self._keys.relations += closures
+            self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, s.outlier_gate)
+            self._renew_area()
+
+    def finish(self) -> ScanPoses:
+        """Return the poses of all scans."""
+        keys, s = self._keys, self._s
+        keys.poses, counts = optimise(keys.relations, keys.poses, s.outlier_gate)
+        relations = [r for r, count in zip(keys.relations, counts, strict=True) if count]
+        covariances = marginal_covariances(relations, keys.poses)
+        own = np.array([key for key, _ in self._scans])
+        poses = compose(keys.poses[own], np.array([pose for _, pose in self._scans]))
+        rejected = int((~counts).sum())
+        return ScanPoses(poses, covariances[own], np.array(self._own), tuple(relations), self._closures, rejected)
+
+    def _noise(self, step: FloatArray) -> FloatArray:
+        """Return the covariance of a step by odometry, shape (3, 3)."""
+        (place, heading), (floor, floor_theta) = self._s.odometry, self._s.odometry_floor
+        length = float(np.hypot(*step[:2]))
+        xy = floor**2 + (place * length) ** 2
+        return np.diag([xy, xy, floor_theta**2 + (0.5 * heading * length) ** 2 + (heading * step[2]) ** 2])
+
+    def _add_key(self, pose: FloatArray, cloud: PointCloud, odometry: FloatArray) -> None:
+        self._keys.add(cloud, pose)
+        self._odometry = odometry
+        self._own.append(len(self._scans))
+        self._scans.append((len(self._keys) - 1, np.zeros(3)))
+        self._renew_area()
+
+    def _renew_area(self) -> None:
+        """Make the local map of the last scans."""
+        s, last = self._s, len(self._keys) - 1
+        chain = self._keys.chain(last, s.local_length, s.local_scans, before=True)
+        self._area = self._keys.area(chain, self._keys.poses[last], s.max_range + 2.0, s.window[0])
+
+
+def _inverse(covariance: FloatArray) -> FloatArray:
+    return np.diag(1.0 / np.diag(covariance))

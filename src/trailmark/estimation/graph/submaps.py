@@ -1,0 +1,92 @@
+"""The scans that are nodes of a pose graph, and local maps made of some of them."""
+
+# Tested by tests/estimation/graph/test_scan_slam.py.
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.estimation.graph.pose_graph import Relation
+from trailmark.estimation.scans.clouds import PointCloud, joined
+from trailmark.estimation.scans.clouds import relative as relative_pose
+from trailmark.estimation.scans.local_map import LocalMap, levels_for, local_map
+from trailmark.se2 import FloatArray
+
+__all__ = ["KeyScans"]
+
+IntArray = NDArray[np.intp]
+
+THIN = 0.1
+"""Metres: a cloud of several scans has one point for each square of this side."""
+
+MAX_POINTS = 300
+"""Points of such a cloud, at most: more make a search slower, and hardly surer."""
+
+
+class KeyScans:
+    """Scans with their poses, in the order of time, and the relations between them.
+
+    Attributes:
+        clouds: of each, in the robot's frame.
+        poses: shape (n, 3).
+        travel: shape (n,), metres driven before each.
+        relations: between them.
+    """
+
+    def __init__(self) -> None:
+        self.clouds: list[PointCloud] = []
+        self.poses = np.empty((0, 3))
+        self.travel = np.empty(0)
+        self.relations: list[Relation] = []
+
+    def __len__(self) -> int:
+        return len(self.clouds)
+
+    def add(self, cloud: PointCloud, pose: FloatArray) -> None:
+        """Add a scan after the others."""
+        way = 0.0 if not self.clouds else self.travel[-1] + float(np.hypot(*(pose - self.poses[-1])[:2]))
+        self.clouds.append(cloud)
+        self.poses, self.travel = np.vstack([self.poses, pose]), np.append(self.travel, way)
+
+    def chain(self, middle: int, length: float, count: int, *, before: bool = False) -> IntArray:
+        """Return the scans around one: at most ``count`` of them, at most half of ``length`` metres driven from it.
+
+        With ``before``, the scans up to that one, at most ``length`` metres before it.
+        """
+        reach = length if before else 0.5 * length
+        first = int(np.searchsorted(self.travel, self.travel[middle] - reach))
+        last = middle + 1 if before else int(np.searchsorted(self.travel, self.travel[middle] + reach, side="right"))
+        half = count - 1 if before else count // 2
+        return np.arange(max(first, middle - half), min(last, middle + half + 1))
+
+    def area(self, chosen: IntArray, centre: FloatArray, reach: float, window: float) -> LocalMap:
+        """Return the local map that some scans make, within ``reach`` metres of a place along each axis.
+
+        It has the resolutions that a search over ``window`` metres to either side needs.
+        """
+        cloud = joined([self.clouds[i] for i in chosen], self.poses[chosen])
+        x, y = float(centre[0]), float(centre[1])
+        return local_map(cloud, (x - reach, y - reach, x + reach, y + reach), levels_for(window))
+
+    def query(self, chosen: IntArray, frame: int) -> PointCloud:
+        """Return what some scans show, in the frame of one of them, thinned."""
+        points, normals = joined([self.clouds[i] for i in chosen], relative_pose(self.poses[frame], self.poses[chosen]))
+        place = np.floor(points / THIN).astype(np.int64)
+        _, one = np.unique(place[:, 0] * 2**31 + place[:, 1], return_index=True)
+        one = one[:: -(-len(one) // MAX_POINTS)]
+        return PointCloud(points[one], normals[one])
+
+    def related(self, a: int, b: int, pose: FloatArray, covariance: FloatArray, *, certain: bool) -> Relation:
+        """Return the relation that the pose of b, found in the world where a lies as it does now, stands for.
+
+        Args:
+            a: the scan that others are held by.
+            b: the one that was matched.
+            pose: of b, shape (3,).
+            covariance: of that pose, in the world's axes, shape (3, 3).
+            certain: see :class:`Relation`.
+        """
+        c, s = np.cos(pose[2]), np.sin(pose[2])
+        turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        return Relation(a, b, relative_pose(self.poses[a], pose), turn @ covariance @ turn.T, certain)

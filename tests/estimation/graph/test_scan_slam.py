@@ -1,0 +1,101 @@
+"""The poses of scans by matching: a loop of corridors driven with odometry that drifts, with its attacks."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from functools import cache
+
+import numpy as np
+import shapely
+from tests.estimation.ray_casting import cast, room
+
+from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
+from trailmark.estimation.logs.records import Scan
+from trailmark.estimation.scans.clouds import relative
+from trailmark.se2 import FloatArray, compose
+
+BLOCK = (
+    room(0.0, 0.0, 24.0, 14.0),
+    shapely.difference(shapely.box(2.5, 2.5, 21.5, 11.5), shapely.box(2.7, 2.7, 21.3, 11.3)),
+    # Niches and pillars, all different.
+    shapely.box(5.0, 0.0, 6.0, 0.5),
+    shapely.box(14.0, 0.0, 14.4, 0.7),
+    shapely.box(23.5, 4.0, 24.0, 5.5),
+    shapely.box(9.0, 13.3, 11.0, 14.0),
+    shapely.box(17.0, 13.6, 17.4, 14.0),
+    shapely.box(0.0, 8.0, 0.6, 8.4),
+    shapely.box(2.2, 4.0, 2.5, 6.0),
+    shapely.box(12.0, 2.2, 13.0, 2.5),
+)
+
+
+@cache
+def truth() -> FloatArray:
+    corners = np.array([[1.2, 1.2], [22.8, 1.2], [22.8, 12.8], [1.2, 12.8], [1.2, 1.2], [9.0, 1.2]])
+    poses = []
+    for a, b in itertools.pairwise(corners):
+        heading = math.atan2(*(b - a)[::-1])
+        steps = np.arange(0.0, float(np.hypot(*(b - a))), 0.5)
+        poses += [[*(a + s * np.array([math.cos(heading), math.sin(heading)])), heading] for s in steps]
+    return np.array(poses)
+
+
+@cache
+def scans() -> tuple[Scan, ...]:
+    rng = np.random.default_rng(0)
+    return tuple(
+        cast(BLOCK, pose.tolist(), sigma_range=0.015, sigma_bearing=0.002, rng=rng, t=float(i))
+        for i, pose in enumerate(truth())
+    )
+
+
+@cache
+def odometry() -> FloatArray:
+    """It turns a degree too far each metre."""
+    rng, poses = np.random.default_rng(1), [truth()[0]]
+    for step in relative(truth()[:-1], truth()[1:]):
+        wrong = step * [1.03, 1.0, 1.0] + [0.0, 0.0, math.radians(0.5)] + rng.normal(size=3) * [0.01, 0.01, 0.01]
+        poses.append(compose(poses[-1], wrong))
+    return np.array(poses)
+
+
+@cache
+def matched() -> ScanPoses:
+    return match_scans(scans(), odometry())
+
+
+def test_a_loop_is_closed_and_the_poses_are_right() -> None:
+    found, true = matched(), truth()
+    assert np.hypot(*(odometry() - true)[-1, :2]) > 4.0
+    assert found.closures >= 2
+    error = found.poses - true
+    assert np.hypot(*error[:, :2].T).max() < 0.3
+    # Where the robot came again, the two visits agree.
+    again = np.flatnonzero(np.hypot(*(true[:, :2] - true[-1, :2]).T) < 0.6)
+    seen = relative(found.poses[again[:1]], found.poses[again[-1:]]) - relative(true[again[:1]], true[again[-1:]])
+    assert np.hypot(*seen[0, :2]) < 0.05
+
+
+def test_covariances_are_those_of_the_errors() -> None:
+    found = matched()
+    error = relative(truth(), found.poses)
+    assert np.allclose(found.covariances, found.covariances.transpose(0, 2, 1))
+    assert found.covariances[0].max() < 1e-6
+    sigma = np.sqrt(found.covariances[:, 0, 0] + found.covariances[:, 1, 1])
+    assert (np.hypot(*error[:, :2].T) <= 3.0 * sigma + 1e-3).mean() > 0.95
+    assert sigma.max() < 1.0
+
+
+def test_scans_between_nodes_have_poses_too() -> None:
+    """A robot that stands or crawls makes no nodes."""
+    slow = [scan._replace(t=scan.t + 0.1 * k) for scan in scans()[:20] for k in range(4)]
+    found = match_scans(slow, np.repeat(odometry()[:20], 4, axis=0))
+    assert len(found.keys) <= 20
+    assert np.hypot(*(found.poses - np.repeat(truth()[:20], 4, axis=0))[:, :2].T).max() < 0.1
+
+
+def test_scans_that_show_nothing_leave_odometry() -> None:
+    blind = [scan._replace(ranges=np.full_like(scan.ranges, scan.range_max)) for scan in scans()[:10]]
+    found = match_scans(blind, odometry()[:10])
+    assert np.allclose(found.poses, odometry()[:10], atol=1e-6)
