@@ -157,6 +157,24 @@ def map_log(
             rich_help_panel=_NOISE,
         ),
     ] = "auto",
+    fit_noise: Annotated[
+        str,
+        typer.Option(
+            "--fit-noise",
+            metavar="WHEN",
+            help="Estimate the noise and systematic errors of odometry and detections: auto (where what is stated does "
+            "not fit), on, or off.",
+            rich_help_panel=_NOISE,
+        ),
+    ] = "auto",
+    smooth: Annotated[
+        bool,
+        typer.Option(
+            "--smooth/--no-smooth",
+            help="Whether a batch over the whole log follows the filter of detections.",
+            rich_help_panel=_NOISE,
+        ),
+    ] = True,
     unknown: Annotated[
         str,
         typer.Option(
@@ -217,6 +235,8 @@ def map_log(
             robot_noise=robot_noise,
             confirm=confirm,
             outlier_gate=outlier_gate,
+            fit_noise=fit_noise,
+            smooth=smooth,
             unknown=unknown,
             cell=cell,
             shapes=shapes,

@@ -28,7 +28,9 @@ def settings_of(**given: Any) -> MapSettings:
     from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
     from trailmark.estimation.maps.map_settings import MappingSettings, MapSettings
 
-    s = MapSettings(obstacles=given["obstacles"], poses=given["poses"])
+    s = MapSettings(
+        obstacles=given["obstacles"], poses=given["poses"], smooth=given["smooth"], fit_noise=given["fit_noise"]
+    )
     slam = replace(s.slam, association=given["association"])
     sizes = _numbers(given["radius"], "--radius", (1, 2), "R or R,SIGMA in metres, R above 0")
     if sizes[0] == 0.0:

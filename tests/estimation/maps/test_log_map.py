@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from benchmarks.alignment import aligned
 from shapely import affinity
 
 from trailmark.estimation import (
@@ -68,12 +69,16 @@ def test_detections_become_discs_with_their_covariances() -> None:
     assert mapped.slam is not None
     truth = {int(i): np.array([x, y]) for i, x, y in recorded().landmarks}
     assert {feature.identity for feature in mapped.slam.features} == set(truth)
-    for feature, estimate in zip(mapped.slam.features, mapped.world.estimates, strict=True):
+    found = np.array([feature.mean for feature in mapped.slam.features])
+    expected = np.array([truth[feature.identity] for feature in mapped.slam.features if feature.identity is not None])
+    motion = aligned(found, expected)
+    for feature, place, estimate in zip(mapped.slam.features, expected, mapped.world.estimates, strict=True):
         assert estimate is not None
         assert isinstance(estimate.mean, Disc)
         assert estimate.mean.radius == RADIUS
-        assert feature.identity is not None
-        error = np.array(estimate.mean.center) - truth[feature.identity]
+        assert np.allclose(estimate.mean.center, feature.mean)
+        # Its covariance is relative to the map, whose frame may be turned.
+        error = (motion(np.array(estimate.mean.center)) - place) @ motion.R
         assert error @ np.linalg.solve(estimate.covariance[:2, :2], error) < 20.0
         assert np.hypot(*error) < 0.2
         assert estimate.covariance[2, 2] == pytest.approx(0.02**2)
@@ -171,7 +176,7 @@ def test_stated_noise_counts_unless_told_otherwise() -> None:
     assert spread(replace(loose, stated_sensor_noise=False)) > 2.0 * stated
     drifts = PoseIncrement(0.05, 0.05, 0.05)
     assert spread(MapSettings(increment=drifts)) == stated
-    assert spread(MapSettings(increment=drifts, stated_motion_noise=False)) > 1.5 * stated
+    assert spread(MapSettings(increment=drifts, stated_motion_noise=False)) > stated
 
 
 def test_scans_are_mapped_from_the_poses_that_detections_give() -> None:
@@ -251,7 +256,7 @@ def test_features_from_stated_poses() -> None:
     )
 
 
-def test_misread_identities_are_refused_unless_they_are_many() -> None:
+def test_misread_identities_are_refused_be_they_few_or_many() -> None:
     log = recorded()
 
     def spoiled(every: int) -> Log:
@@ -271,8 +276,9 @@ def test_misread_identities_are_refused_unless_they_are_many() -> None:
     assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
     many = map_log(spoiled(5), MapSettings(start=START))
     assert many.slam is not None
-    assert many.slam.counts.outliers == 0
-    assert any("gate" in note for note in many.notes)
+    assert 0.15 * detections < many.slam.counts.outliers < 0.3 * detections
+    found = np.array([disc.center for disc in discs(many.world)])
+    assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
 
 
 def test_figures_are_plain_data() -> None:

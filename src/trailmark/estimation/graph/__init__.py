@@ -1,1 +1,1 @@
-"""A graph of poses: relations by odometry, scan matches and loop closures, optimised together."""
+"""Batch estimation by gtsam: poses and features of a log with detections; poses of scans, with loop closures."""

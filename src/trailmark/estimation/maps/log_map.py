@@ -104,7 +104,8 @@ def map_log(
         matched=matched,
         seconds=perf_counter() - begin,
         scan_seconds=scan_seconds,
-        notes=(*log.notes, *(() if run is None else run.notes), *_notes(s, sources, world)),
+        batch=None if run is None else run.batch,
+        notes=(*log.notes, *_notes(s, sources, world)),
     )
 
 
@@ -119,7 +120,7 @@ def _world_of_discs(log: Log, s: MapSettings, run: SlamRun, robot: Robot | None)
             f"tentative features, {counts.dropped} dropped)"
         )
     means = np.array([feature.mean for feature in features])
-    covariances = np.array([feature.covariance for feature in features])
+    covariances = np.array([feature.covariance for feature in features]) if run.batch is None else run.batch.relative
     estimates = disc_estimates(means, covariances, s.radius, s.radius_sigma)
     low, high = means.min(axis=0) - s.radius, means.max(axis=0) + s.radius
     bounds = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))

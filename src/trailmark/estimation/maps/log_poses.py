@@ -13,6 +13,7 @@ import numpy as np
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan, first_pose
+from trailmark.estimation.maps.batch_slam import BatchResult, smoothed
 from trailmark.estimation.maps.map_settings import MappingSettings, MapSettings, ObstacleSource, PoseSource
 from trailmark.estimation.slam.ekf_slam import EkfSlam
 from trailmark.estimation.slam.slam_result import SlamResult
@@ -25,9 +26,6 @@ OnProgress = Callable[[str, int, int], None]
 
 OUTLIER_GATE = 0.9999
 """Probability that a good reading passes. Misread barcodes, some in a thousand, lie far outside."""
-
-MAX_OUTLIERS = 0.02
-"""The share of a log's detections that may be misread."""
 
 _ALLOWED = "expected values that a robot can have"
 
@@ -51,8 +49,8 @@ class SlamRun(NamedTuple):
     """Features that were still to be confirmed at the end."""
     start: FloatArray
     """The pose before the first record, shape (3,)."""
-    notes: tuple[str, ...] = ()
-    """What a reader of the result should know."""
+    batch: BatchResult | None = None
+    """The batch that followed."""
 
     def poses_of(self, scans: Sequence[Scan]) -> FloatArray:
         """Return where the robot was at each scan, shape (m, 3), as it was estimated then."""
@@ -105,22 +103,18 @@ def sources_of(log: Log, settings: MapSettings) -> Sources:
 
 
 def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgress | None = None) -> SlamRun:
-    """Run EKF-SLAM over a log; with poses "log" it takes those for its own and estimates the features only."""
+    """Run EKF-SLAM over a log, and a batch after it; with poses "log" the features alone are estimated."""
     detections = [record for record in log.records if isinstance(record, Detection)]
     s, association = settings.slam, settings.slam.association
     if association == "auto":
         association = "known" if any(detection.identity is not None for detection in detections) else "joint"
-    s = replace(s, association=association)
-    if s.outlier_gate != "auto":
-        return _run(log, settings, s, poses, association, len(detections), on_progress)
-    limit = int(MAX_OUTLIERS * len(detections))
-    gated = replace(s, outlier_gate=OUTLIER_GATE)
-    run = _run(log, settings, gated, poses, association, limit, on_progress)
-    if run.result.counts.outliers <= limit:
+    s = replace(s, association=association, outlier_gate=OUTLIER_GATE if s.outlier_gate == "auto" else s.outlier_gate)
+    run = _run(log, settings, s, poses, association, on_progress)
+    if poses == "log" or not settings.smooth or not run.result.features:
         return run
-    refused = f"one of {OUTLIER_GATE:g} refused over {MAX_OUTLIERS:.0%} of the readings"
-    run = _run(log, settings, replace(s, outlier_gate=None), poses, association, len(detections), on_progress)
-    return run._replace(notes=(f"no gate against misread identities: {refused}",))
+    report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
+    batch = smoothed(list(_records(log, settings)), settings, run.result, run.start, report)
+    return run._replace(result=batch.result, batch=batch)
 
 
 def _run(
@@ -129,10 +123,9 @@ def _run(
     slam_settings: SlamSettings,
     poses: str,
     association: AssociationMethod,
-    max_outliers: int,
     on_progress: OnProgress | None,
 ) -> SlamRun:
-    """Run EKF-SLAM until the log ends, or more than ``max_outliers`` readings are refused."""
+    """Run EKF-SLAM until the log ends."""
     start = np.array(s.start or first_pose(log.records) or (0.0, 0.0, 0.0))
     x, theta = s.mapping.pose_sigma
     slam = EkfSlam(
@@ -151,11 +144,8 @@ def _run(
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             problem = f"{_ALLOWED}, got {type(record).__name__} at {record.t:g} s, which cannot be used ({error})"
             raise EstimationError(problem) from None
-        if i % _REPORT_EVERY == 0 or i == total:
-            if slam.counts.outliers > max_outliers:
-                break
-            if on_progress is not None:
-                on_progress("records", i, total)
+        if on_progress is not None and (i % _REPORT_EVERY == 0 or i == total):
+            on_progress("records", i, total)
     slam.finish()
     result = slam.result()
     lost = ~np.isfinite(result.trajectory).all(axis=1)

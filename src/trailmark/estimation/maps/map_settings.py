@@ -20,6 +20,7 @@ from trailmark.checked import (
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
 from trailmark.estimation.filter.sensors import Cartesian, RangeBearing
+from trailmark.estimation.graph.fit_settings import FitSettings
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.estimation.slam.slam_settings import SlamSettings
@@ -115,6 +116,13 @@ class MapSettings:
     """Noise of increments: 5 cm and 1.8 degrees by each metre, 2.9 degrees by each radian."""
     stated_motion_noise: bool = True
     """Whether the covariances that the log states for increments count, in place of the one above."""
+    smooth: bool = True
+    """Whether a batch over the whole log follows EKF-SLAM."""
+    fit_noise: Literal["auto", "on", "off"] = "auto"
+    """Whether that batch estimates noise and systematic errors from the log. "auto": where the residuals show more
+    noise than is stated, or much less than these settings' own defaults."""
+    fit: FitSettings = field(default_factory=FitSettings)
+    """What it expects of instruments."""
     radius: Positive = 0.1
     """Radius of what was detected, metres: a log says where its centre is, not how large it is."""
     radius_sigma: NonNegative = 0.0
@@ -132,3 +140,13 @@ class MapSettings:
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)
+
+    @property
+    def default_noise(self) -> bool:
+        """Whether nobody chose the noise of detections and odometry: neither a log nor these settings state it."""
+        names = ("range_bearing", "cartesian", "velocity", "increment")
+        chosen = any(getattr(self, name) != getattr(_DEFAULTS, name) for name in names)
+        return self.stated_sensor_noise and self.stated_motion_noise and not chosen
+
+
+_DEFAULTS = MapSettings()

@@ -13,6 +13,7 @@ import numpy as np
 
 from trailmark.estimation.graph.scan_slam import ScanPoses
 from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Scan
+from trailmark.estimation.maps.batch_slam import BatchResult
 from trailmark.estimation.maps.scan_map import ScanMap
 from trailmark.estimation.slam.slam_result import SlamResult
 from trailmark.se2 import FloatArray
@@ -44,6 +45,8 @@ class MappedLog(NamedTuple):
     """EKF-SLAM's result, where it ran."""
     tentative: int
     """Features that were still to be confirmed when its log ended; they are not in the world."""
+    batch: BatchResult | None
+    """The batch over the log after it, where one was asked for."""
     scans: ScanMap | None
     """The map from scans, where obstacles are made of those."""
     matched: ScanPoses | None
@@ -70,6 +73,7 @@ class MappedLog(NamedTuple):
             "matching": self._matching(),
             "features": self._features(),
             "nis": self._nis(),
+            "batch": None if self.batch is None else self.batch.figures,
             "counts": None if self.slam is None else asdict(self.slam.counts),
             "obstacles": self._obstacles(),
             "bounds": list(self.world.bounds),

@@ -270,7 +270,7 @@ class EkfSlam:
                 self._features.add(feature, identity, confirmed=confirmed, time=self.time)
             if feature is not None:
                 seen.append(feature)
-            self._assignments.append(Assignment(detection.t, detection.identity, feature))
+            self._assignments.append(Assignment(detection.t, detection.identity, feature, detection))
         self.counts.used += len(seen)
         if not known and self.settings.merge_gate is not None and self.filter.mode == "slam":
             self._features.separate(seen)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trailmark.estimation.filter.consistency import Consistency, average
+from trailmark.estimation.logs.records import Detection
 from trailmark.se2 import FloatArray
 
 __all__ = ["Assignment", "Counts", "MapFeature", "SlamResult", "Update"]
@@ -71,6 +72,8 @@ class Assignment(NamedTuple):
     """What the log says the feature was, used or not."""
     feature: int | None
     """The feature that it was assigned to; None if it was ignored."""
+    detection: Detection
+    """What was read."""
 
 
 class MapFeature(NamedTuple):

@@ -46,8 +46,7 @@ class SlamSettings:
     view (:mod:`trailmark.estimation.slam.field_of_view`), before it is dropped, confirmed or not; None drops none."""
     outlier_gate: Probability | Literal["auto"] | None = None
     """With known identities: probability that a reading passes, those that do not are ignored; None lets all pass.
-    "auto": 0.9999, but None for a log of which that would refuse more than 2 %: where the filter errs, not the
-    readings, a gate would lock out the very readings that set it right."""
+    "auto": 0.9999; where much fails it, the noise is estimated."""
     confirm: Count = 3
     """Readings after which a feature is confirmed. One of known identity is from the first on."""
     timeout: PositiveOrInfinite = 10.0

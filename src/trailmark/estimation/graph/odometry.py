@@ -1,0 +1,188 @@
+# ruff: noqa: N806 # the names are the filter's own symbols: F, P, W
+"""A log's odometry between any two instants, as one motion with its covariance.
+
+A batch needs poses only where something was read. What lies in between is put together into one motion, by the same
+model as the filter's, and its covariance is kept as a sum of components: one matrix for each source of noise, to be
+multiplied by that source's variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from trailmark.compiled import njit
+from trailmark.estimation.filter.motion import PoseIncrement, Unicycle
+from trailmark.estimation.logs.records import Increment, Odometry, Record
+from trailmark.se2 import FloatArray
+
+__all__ = ["Motions", "OdometryCalibration", "OdometryTrack"]
+
+
+@dataclass(frozen=True)
+class OdometryCalibration:
+    """Systematic errors of odometry; the defaults are those of odometry without any."""
+
+    distance: float = 1.0
+    """Metres driven for each metre that odometry states."""
+    turn: float = 1.0
+    """Radians turned for each radian that odometry states."""
+    curvature: float = 0.0
+    """Radians turned besides, for each metre driven: wheels of unequal size."""
+    direction: float = 0.0
+    """Radians from the direction that the sensor calls ahead to the one that the robot drives in."""
+    delay: float = 0.0
+    """Seconds by which the motion follows its record; for velocities only."""
+
+    def array(self) -> FloatArray:
+        """Return the five numbers, shape (5,)."""
+        return np.array([self.distance, self.turn, self.curvature, self.direction, self.delay])
+
+
+class Motions(NamedTuple):
+    """The motions from each of n instants to the next."""
+
+    u: FloatArray
+    """Each in the frame that it begins in, shape (n − 1, 3)."""
+    components: FloatArray
+    """Covariance of u for a variance of one of each source of noise, shape (n − 1, k, 3, 3)."""
+
+    def covariance(self, variances: FloatArray) -> FloatArray:
+        """Return the covariances of u, shape (n − 1, 3, 3), for the variances of the sources, shape (k,)."""
+        return np.asarray(np.einsum("k,nkij->nij", variances, self.components))
+
+
+class OdometryTrack:
+    """All odometry of a log.
+
+    Velocities have four sources of noise, those of :class:`trailmark.estimation.Unicycle` with a period of one second:
+    σ_v², α₁, σ_ω², α₄. Increments have five, those of :class:`trailmark.estimation.PoseIncrement`: σ of place, a, σ of
+    heading, b, c; where all state their covariances, these are the two sources, place and heading.
+
+    Args:
+        records: of the log, in the order of time; velocities or increments.
+    """
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        self._velocities = np.array([r for r in records if isinstance(r, Odometry)], dtype=np.float64).reshape(-1, 3)
+        increments = [record for record in records if isinstance(record, Increment)]
+        repeated = [a[:4] == b[:4] for a, b in zip(increments[1:], increments, strict=False)]
+        increments = [record for record, again in zip(increments, [False, *repeated], strict=False) if not again]
+        self._increments = np.array([record[:4] for record in increments], dtype=np.float64).reshape(-1, 4)
+        stated = [record.covariance for record in increments if record.covariance is not None]
+        self._stated = np.array(stated) if increments and len(stated) == len(increments) else None
+
+    @property
+    def by_velocities(self) -> bool:
+        """Whether it consists of velocities."""
+        return len(self._velocities) > 0
+
+    @property
+    def states_noise(self) -> bool:
+        """Whether each increment states its covariance."""
+        return self._stated is not None
+
+    def stated_variances(self, velocity: Unicycle, increment: PoseIncrement) -> FloatArray:
+        """Return the variances of the sources of noise by the log, or by the settings where it states none."""
+        if self.by_velocities:
+            period = velocity.period or 1.0
+            return period * np.array(
+                [velocity.sigma_v**2, velocity.alpha[0], velocity.sigma_omega**2, velocity.alpha[3]]
+            )
+        if self.states_noise:
+            return np.ones(2)
+        a, b, c = increment.growth
+        place = 0.5 * (increment.sigma_x**2 + increment.sigma_y**2)
+        return np.array([place, a, increment.sigma_theta**2, b, c])
+
+    def motions(self, instants: FloatArray, calibration: OdometryCalibration) -> Motions:
+        """Return what lies between instants, shape (n,) in ascending order."""
+        if self.by_velocities:
+            times, pieces, components = self._velocity_pieces(instants, calibration)
+        else:
+            times, pieces, components = self._increment_pieces(calibration)
+        # A piece belongs to the instants between which it ends.
+        bounds = np.searchsorted(times, instants, side="right").astype(np.int64)
+        return Motions(*_put_together(pieces, components, bounds))
+
+    def _velocity_pieces(
+        self, instants: FloatArray, calibration: OdometryCalibration
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        t = self._velocities[:, 0] + calibration.delay
+        cuts = np.unique(np.concatenate([t, instants]))
+        dt = np.diff(cuts)
+        held = np.searchsorted(t, cuts[:-1], side="right") - 1
+        v, omega = np.where(held >= 0, self._velocities[held, 1:].T, 0.0)
+        moving = held >= 0
+        v = calibration.distance * v
+        omega = calibration.turn * omega + calibration.curvature * v
+        turn, chord = omega * dt, v * dt
+        half = 0.5 * turn
+        sinc = np.sinc(half / np.pi)
+        small = np.abs(half) < 1e-4
+        slope = np.where(small, -half / 3.0, (np.cos(half) - sinc) / np.where(small, 1.0, half))
+        direction = half + calibration.direction
+        cos, sin = np.cos(direction), np.sin(direction)
+        pieces = np.column_stack([chord * sinc * cos, chord * sinc * sin, turn])
+        # ∂/∂v and ∂/∂ω, as in Unicycle.
+        by_v = np.column_stack([dt * sinc * cos, dt * sinc * sin, np.zeros(len(dt))])
+        along, across = 0.5 * chord * dt * slope, 0.5 * chord * dt * sinc
+        by_omega = np.column_stack([along * cos - across * sin, along * sin + across * cos, dt])
+        squares = [column[:, :, None] * column[:, None, :] for column in (by_v, by_v, by_omega, by_omega)]
+        scale = np.where(moving, 1.0 / dt, 0.0)
+        weights = np.array([scale, scale * v**2, scale, scale * omega**2])
+        return cuts[1:], pieces, np.stack(squares, axis=1) * weights.T[:, :, None, None]
+
+    def _increment_pieces(self, calibration: OdometryCalibration) -> tuple[FloatArray, FloatArray, FloatArray]:
+        t, dx, dy, turn = self._increments.T
+        cos, sin = np.cos(calibration.direction), np.sin(calibration.direction)
+        x, y = calibration.distance * (cos * dx - sin * dy), calibration.distance * (sin * dx + cos * dy)
+        d = np.hypot(x, y)
+        turn = calibration.turn * turn + calibration.curvature * d
+        place, heading = np.diag([1.0, 1.0, 0.0]), np.diag([0.0, 0.0, 1.0])
+        if self._stated is not None:
+            components = np.stack([place @ self._stated @ place, heading @ self._stated @ heading], axis=1)
+        else:
+            each = np.ones(len(t))
+            weights = np.array([each, d, each, d, np.abs(turn)]).T
+            components = weights[:, :, None, None] * np.array([place, place, heading, heading, heading])
+        return t, np.column_stack([x, y, turn]), components
+
+
+@njit(cache=True)
+def _put_together(
+    pieces: FloatArray, components: FloatArray, bounds: np.ndarray[tuple[int], np.dtype[np.int64]]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the motion and its covariance's components of each run of pieces, bounds[i] to bounds[i + 1]."""
+    n, k = len(bounds) - 1, components.shape[1]
+    u, P = np.zeros((n, 3)), np.zeros((n, k, 3, 3))
+    turned = np.empty((3, 3))
+    for i in range(n):
+        for p in range(bounds[i], bounds[i + 1]):
+            cos, sin = np.cos(u[i, 2]), np.sin(u[i, 2])
+            dx, dy = cos * pieces[p, 0] - sin * pieces[p, 1], sin * pieces[p, 0] + cos * pieces[p, 1]
+            for j in range(k):
+                # P ← F P Fᵀ + R B Rᵀ; F adds −dy and dx times the heading's error to the place.
+                C = P[i, j]
+                for row in range(3):
+                    C[row, 0] -= dy * C[row, 2]
+                    C[row, 1] += dx * C[row, 2]
+                for column in range(3):
+                    C[0, column] -= dy * C[2, column]
+                    C[1, column] += dx * C[2, column]
+                B = components[p, j]
+                for row in range(3):
+                    turned[row, 0] = cos * B[row, 0] - sin * B[row, 1]
+                    turned[row, 1] = sin * B[row, 0] + cos * B[row, 1]
+                    turned[row, 2] = B[row, 2]
+                for column in range(3):
+                    C[0, column] += cos * turned[0, column] - sin * turned[1, column]
+                    C[1, column] += sin * turned[0, column] + cos * turned[1, column]
+                    C[2, column] += turned[2, column]
+            u[i, 0] += dx
+            u[i, 1] += dy
+            u[i, 2] += pieces[p, 2]
+    return u, P

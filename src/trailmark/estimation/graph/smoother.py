@@ -1,0 +1,191 @@
+# ruff: noqa: N803 # the names are those of the literature: A, P, R
+"""The batch optimum of poses and point features, by gtsam, with its covariances.
+
+The factors are those of Dellaert & Kaess 2006, Square Root SAM (International Journal of Robotics Research 25(12)): one
+between each pose and the next, one for each reading. A reading far from what the rest says is weighed down by Huber's
+kernel (Huber 1964, Robust estimation of a location parameter); readings within the gate count in full, so that without
+outliers this is the least-squares optimum.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.estimation.filter.consistency import chi_square_quantile
+from trailmark.estimation.graph.linear_system import LinearSystem
+from trailmark.estimation.graph.readings import Readings
+from trailmark.se2 import FloatArray, wrap
+
+__all__ = ["Smoother", "Solution"]
+
+FLOOR = 1e-4
+"""Metres and radians: standard deviation added to each motion, since gtsam takes no noise of 0."""
+
+HELD = 1e-6
+"""Metres and radians: standard deviation of the first pose, where the map's frame is."""
+
+
+class Solution(NamedTuple):
+    """Poses and features that fit the factors best."""
+
+    poses: FloatArray
+    """Shape (n, 3)."""
+    features: FloatArray
+    """Shape (m, 2)."""
+    error: float
+    """Half the sum of the squared, whitened residuals, beyond the gate by Huber's kernel."""
+
+
+class Smoother:
+    """The factors of one log.
+
+    Args:
+        u: the motions between n poses, each in the frame that it begins in, shape (n − 1, 3).
+        P: their covariances, shape (n − 1, 3, 3).
+        readings: of m features.
+        feature: for each reading the number of its feature, or a negative one to leave it out.
+        gate: probability that a good reading counts in full.
+    """
+
+    def __init__(
+        self, u: FloatArray, P: FloatArray, readings: Readings, feature: NDArray[np.intp], gate: float = 0.9999
+    ) -> None:
+        import gtsam
+
+        self.used = np.flatnonzero(feature >= 0)
+        self._u, self._readings, self._feature = u, readings, feature
+        self._limit = float(np.sqrt(chi_square_quantile(gate, 2)))
+        # A frame's covariance in gtsam is in the frame that the motion ends in.
+        self.motion_roots = _square_roots(_turned(P, -u[:, 2]) + FLOOR**2 * np.eye(3))
+        self.reading_roots = _square_roots(readings.covariance[self.used])
+        factors, n = gtsam.NonlinearFactorGraph(), len(u) + 1
+        between, gaussian = gtsam.BetweenFactorPose2, gtsam.noiseModel.Gaussian.SqrtInformation
+        for i, (motion, root) in enumerate(zip(u.tolist(), self.motion_roots, strict=True)):
+            factors.add(between(i, i + 1, gtsam.Pose2(*motion), gaussian(root)))
+        huber = gtsam.noiseModel.mEstimator.Huber.Create(self._limit)
+        robust, reading = gtsam.noiseModel.Robust.Create, gtsam.BearingRangeFactor2D
+        columns = (readings.instant[self.used], readings.z[self.used], feature[self.used])
+        for root, at, (r, bearing), of in zip(
+            self.reading_roots[:, :, ::-1], *(column.tolist() for column in columns), strict=True
+        ):
+            factors.add(reading(at, n + of, gtsam.Rot2(bearing), r, robust(huber, gaussian(root))))
+        self._factors, self._poses = factors, n
+
+    def solve(self, poses: FloatArray, features: FloatArray) -> Solution:
+        """Return the optimum that is reached from an estimate; its first pose stays.
+
+        Args:
+            poses: shape (n, 3).
+            features: shape (m, 2).
+        """
+        import gtsam
+
+        graph = self._held(poses[0])
+        parameters = gtsam.LevenbergMarquardtParams()
+        parameters.setRelativeErrorTol(1e-7)
+        parameters.setlambdaInitial(1e-9)
+        best = gtsam.LevenbergMarquardtOptimizer(graph, self._values(poses, features), parameters).optimize()
+        points = np.array([best.atPoint2(self._poses + j) for j in range(len(features))]).reshape(-1, 2)
+        return Solution(np.asarray(gtsam.utilities.extractPose2(best)), points, float(graph.error(best)))
+
+    def residuals(self, solution: Solution) -> tuple[FloatArray, FloatArray]:
+        """Return what motions, (n − 1, 3) in the frames that they end in, and readings, (r, 2), say beyond a solution.
+
+        Those of readings that are of no feature are NaN.
+        """
+        off = self._u - self.motions_of(solution)
+        return self.at_end(off), self.reading_residuals(solution, self._feature)
+
+    def motions_of(self, solution: Solution) -> FloatArray:
+        """Return the motions between the poses, each in the frame that it begins in, shape (n − 1, 3)."""
+        a, b = solution.poses[:-1], solution.poses[1:]
+        return _into(b - a, a[:, 2])
+
+    def reading_residuals(self, solution: Solution, feature: NDArray[np.intp]) -> FloatArray:
+        """Return z − ẑ of each reading, (r, 2), were they of these features; NaN for those that are of none."""
+        pose, point = solution.poses[self._readings.instant], solution.features[np.maximum(feature, 0)]
+        dx, dy = (point - pose[:, :2]).T
+        y = self._readings.z - np.column_stack([np.hypot(dx, dy), np.arctan2(dy, dx) - pose[:, 2]])
+        y[:, 1] = wrap(y[:, 1])
+        y[feature < 0] = np.nan
+        return np.asarray(y)
+
+    def at_end(self, changes: FloatArray) -> FloatArray:
+        """Return changes of the motions, shape (n − 1, 3), in the frames that these end in."""
+        return _into(changes, self._u[:, 2])
+
+    def components_at_end(self, components: FloatArray) -> FloatArray:
+        """Return components of the motions' covariances, shape (n − 1, k, 3, 3), in the frames that these end in."""
+        flat = _turned(components.reshape(-1, 3, 3), np.repeat(-self._u[:, 2], components.shape[1]))
+        return flat.reshape(components.shape)
+
+    def whitened(self, solution: Solution, motions: FloatArray, readings: FloatArray) -> FloatArray:
+        """Return residuals, or what they change by, as rows of the linear system, with the kernel's weights.
+
+        Args:
+            solution: where the system was linearised.
+            motions: in the frames that they end in, shape (n − 1, 3, k).
+            readings: ranges and bearings, shape (r, 2, k).
+        """
+        _, y = self.residuals(solution)
+        length = np.linalg.norm(self.reading_roots @ y[self.used, :, None], axis=(1, 2))
+        weights = np.minimum(1.0, self._limit / np.maximum(length, 1e-300))
+        rows = self.motion_roots @ motions, (self.reading_roots @ readings[self.used]) * weights[:, None, None] ** 0.5
+        k = motions.shape[2]
+        return np.concatenate([rows[0].reshape(-1, k), rows[1].reshape(-1, k), np.zeros((3, k))])
+
+    def linearised(self, solution: Solution) -> LinearSystem:
+        """Return the whitened factors at a solution: motions, then readings, then the first pose."""
+        linear = self._held(solution.poses[0]).linearize(self._values(solution.poses, solution.features))
+        rows, columns, entries = linear.sparseJacobian_()
+        return LinearSystem(rows, columns, entries, 3 * self._poses + 2 * len(solution.features))
+
+    def pose_covariances(self, solution: Solution) -> FloatArray:
+        """Return the covariance of each pose in the map's frame, shape (n, 3, 3)."""
+        import gtsam
+
+        values = self._values(solution.poses, solution.features)
+        marginals = gtsam.Marginals(self._held(solution.poses[0]), values)
+        local = np.array([marginals.marginalCovariance(i) for i in range(self._poses)])
+        return _turned(local, solution.poses[:, 2])
+
+    def _held(self, pose: FloatArray) -> Any:
+        import gtsam
+
+        graph = self._factors.clone()
+        tight = gtsam.noiseModel.Diagonal.Sigmas(np.full(3, HELD))
+        graph.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*pose.tolist()), tight))
+        return graph
+
+    def _values(self, poses: FloatArray, features: FloatArray) -> Any:
+        """Return gtsam's values; the keys of features follow those of poses, as do their columns."""
+        import gtsam
+
+        values = gtsam.Values()
+        for i, pose in enumerate(poses.tolist()):
+            values.insert(i, gtsam.Pose2(*pose))
+        for j, point in enumerate(features, start=self._poses):
+            values.insert(j, point)
+        return values
+
+
+def _square_roots(covariances: FloatArray) -> FloatArray:
+    """Return upper triangular R with RᵀR the inverse of each covariance, shape (n, d, d)."""
+    return np.swapaxes(np.linalg.cholesky(np.linalg.inv(covariances)), 1, 2)
+
+
+def _into(vectors: FloatArray, headings: FloatArray) -> FloatArray:
+    """Return vectors (n, 3) of the plane, with an angle, in frames of these headings (n,)."""
+    cos, sin = np.cos(headings), np.sin(headings)
+    x, y, turn = vectors.T
+    return np.column_stack([cos * x + sin * y, cos * y - sin * x, wrap(turn)])
+
+
+def _turned(P: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return covariances (n, 3, 3) of poses in a frame turned by angles (n,)."""
+    cos, sin, zero, one = np.cos(angle), np.sin(angle), np.zeros(len(angle)), np.ones(len(angle))
+    turn = np.array([[cos, -sin, zero], [sin, cos, zero], [zero, zero, one]]).transpose(2, 0, 1)
+    return np.asarray(turn @ P @ turn.transpose(0, 2, 1))

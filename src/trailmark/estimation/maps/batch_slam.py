@@ -1,0 +1,178 @@
+"""After EKF-SLAM, a batch over the same log: its noise estimated, all poses and features smoothed."""
+
+# Tested by tests/estimation/maps/test_batch_slam.py.
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.estimation.graph.batch import Batch, Estimate
+from trailmark.estimation.graph.gauge import relative_covariance
+from trailmark.estimation.graph.odometry import OdometryTrack
+from trailmark.estimation.graph.readings import Readings, polar_readings
+from trailmark.estimation.logs.records import Record
+from trailmark.estimation.maps.map_settings import MapSettings
+from trailmark.estimation.slam.slam_result import SlamResult
+from trailmark.se2 import FloatArray, compose, wrap
+
+__all__ = ["BatchResult", "smoothed"]
+
+IntArray = NDArray[np.intp]
+
+OnRound = Callable[[int, int], None]
+
+
+class BatchResult(NamedTuple):
+    """What a batch makes of a log that EKF-SLAM went through."""
+
+    result: SlamResult
+    """Poses and features of the batch, the rest as EKF-SLAM had it."""
+    relative: FloatArray
+    """Covariance of each feature relative to the map of all of them, shape (m, 2, 2)."""
+    figures: dict[str, Any]
+    """What was found, as plain data."""
+
+
+def smoothed(
+    records: Sequence[Record],
+    settings: MapSettings,
+    result: SlamResult,
+    start: FloatArray,
+    on_round: OnRound | None = None,
+) -> BatchResult:
+    """Return the batch optimum of the readings that EKF-SLAM assigned to the features of its map.
+
+    Args:
+        records: of the log, in the order of time.
+        settings: their noise, and whether it is estimated.
+        result: of EKF-SLAM over these records; it has features.
+        start: the first pose, shape (3,).
+        on_round: called with the number of rounds done, and how many there are at most.
+    """
+    detections = [assignment.detection for assignment in result.assignments]
+    instants = np.unique([detection.t for detection in detections])
+    feature = _features_of(result)
+    track = OdometryTrack(records)
+    readings = polar_readings(detections, instants, settings.range_bearing, settings.cartesian)
+    variances = track.stated_variances(settings.velocity, settings.increment)
+    batch = Batch(track, readings, instants, variances, settings.fit)
+    poses = _poses_at(result.trajectory, instants, start)
+    places = _first_places(result, readings, poses, feature)
+    estimate = batch.solve(poses, places, feature)
+    stated = batch.misfit(estimate)
+    wrong = stated.understated or (stated.overstated and settings.default_noise and not readings.stated)
+    auto, noise = settings.fit_noise == "auto", None
+    if auto and wrong and readings.stated and track.states_noise:
+        # A log that states all of its noise has its readings weighed by that; how wrong they are, they show themselves.
+        noise = batch.shown_noise(estimate)
+    elif settings.fit_noise == "on" or (auto and wrong):
+        estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
+    joint = estimate.feature_covariance(noise)
+    return _result(batch, track, estimate, result, feature, joint, batch.figures(estimate, stated))
+
+
+def _features_of(result: SlamResult) -> IntArray:
+    """Return the number of each reading's feature, -1 for none: by its name where it has one, refused or not."""
+    by_id: dict[int | None, int] = {f.id: i for i, f in enumerate(result.features)}
+    by_name: dict[int | None, int] = {f.identity: i for i, f in enumerate(result.features) if f.identity is not None}
+    numbers = [by_name.get(a.identity, -1) if by_name else by_id.get(a.feature, -1) for a in result.assignments]
+    return np.array(numbers, dtype=np.intp)
+
+
+def _first_places(result: SlamResult, readings: Readings, poses: FloatArray, feature: IntArray) -> FloatArray:
+    """Return where to begin with each feature, shape (m, 2): the filter's estimate, or the middle of its readings.
+
+    A feature that began with a misread name lies where that was, and the filter has refused all others.
+    """
+    z, pose = readings.z, poses[readings.instant]
+    direction = pose[:, 2] + z[:, 1]
+    seen = pose[:, :2] + z[:, :1] * np.column_stack([np.cos(direction), np.sin(direction)])
+    places = np.array([f.mean for f in result.features])
+    for i in range(len(places)):
+        own = seen[feature == i]
+        if len(own):
+            middle = np.median(own, axis=0)
+            far = [np.median(np.hypot(*(own - place).T)) for place in (places[i], middle)]
+            places[i] = middle if 2.0 * far[1] < far[0] else places[i]
+    return places
+
+
+def _result(
+    batch: Batch,
+    track: OdometryTrack,
+    estimate: Estimate,
+    result: SlamResult,
+    feature: IntArray,
+    joint: FloatArray,
+    figures: dict[str, Any],
+) -> BatchResult:
+    scale, solution = batch.scale(estimate), estimate.solution
+    origin = solution.poses[0, :2]
+    means = origin + scale.factor * (solution.features - origin)
+    poses = solution.poses.copy()
+    poses[:, :2] = origin + scale.factor * (poses[:, :2] - origin)
+    away = (means - origin).reshape(-1)
+    joint = joint * scale.factor**2 + scale.sigma**2 * np.outer(away, away)
+    relative = relative_covariance(means, joint)
+    own = np.arange(2 * len(means)).reshape(-1, 2)
+    blocks = joint[own[:, :, None], own[:, None, :]]
+    features = tuple(
+        f._replace(mean=mean, covariance=block, readings=int(np.count_nonzero(estimate.feature == i)))
+        for i, (f, mean, block) in enumerate(zip(result.features, means, blocks, strict=True))
+    )
+    times = result.trajectory[:, 0]
+    between = poses_between(track, batch, poses, times)
+    at = np.clip(np.searchsorted(batch.instants, times, side="right") - 1, 0, None)
+    outliers = int(np.count_nonzero((feature >= 0) & (estimate.feature < 0)))
+    used = int(np.count_nonzero(estimate.feature >= 0))
+    counts = replace(result.counts, outliers=outliers, used=used)
+    smooth = result._replace(
+        trajectory=np.column_stack([times, between]),
+        covariances=estimate.smoother.pose_covariances(solution)[at],
+        features=features,
+        counts=counts,
+    )
+    return BatchResult(smooth, relative[own[:, :, None], own[:, None, :]], figures)
+
+
+def poses_between(track: OdometryTrack, batch: Batch, poses: FloatArray, times: FloatArray) -> FloatArray:
+    """Return poses at times, shape (k, 3): by odometry from the last estimated one, led to the next one.
+
+    What the odometry misses the next pose by is spread over the time between the two.
+    """
+    every = np.union1d(times, batch.instants)
+    u = track.motions(every, batch.noise.odometry).u
+    heading = np.concatenate([[0.0], np.cumsum(u[:, 2])])
+    cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
+    steps = np.column_stack([cos * u[:, 0] - sin * u[:, 1], sin * u[:, 0] + cos * u[:, 1]])
+    reckoned = np.column_stack([np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]), heading])
+    anchors = np.searchsorted(every, batch.instants)
+    last = np.clip(np.searchsorted(batch.instants, every, side="right") - 1, 0, None)
+    found = compose(poses[last], _relative(reckoned[anchors[last]], reckoned))
+    following = np.minimum(last + 1, len(anchors) - 1)
+    ends = compose(poses[last], _relative(reckoned[anchors[last]], reckoned[anchors[following]]))
+    missed = poses[following] - ends
+    missed[:, 2] = wrap(missed[:, 2])
+    span = batch.instants[following] - batch.instants[last]
+    part = np.where(span > 0.0, (every - batch.instants[last]) / np.where(span > 0.0, span, 1.0), 0.0)
+    found += np.clip(part, 0.0, 1.0)[:, None] * missed * (span > 0.0)[:, None]
+    found[:, 2] = wrap(found[:, 2])
+    return found[np.searchsorted(every, times)]
+
+
+def _relative(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return b in the frame of a, both (n, 3)."""
+    cos, sin = np.cos(a[:, 2]), np.sin(a[:, 2])
+    dx, dy, turn = (b - a).T
+    return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, turn])
+
+
+def _poses_at(trajectory: FloatArray, instants: FloatArray, start: FloatArray) -> FloatArray:
+    """Return a trajectory's poses, rows t, x, y, theta, at instants, shape (n, 3), as they were last."""
+    rows = np.vstack([[-np.inf, *start], trajectory])
+    return np.asarray(rows[np.searchsorted(rows[:, 0], instants, side="right") - 1, 1:])

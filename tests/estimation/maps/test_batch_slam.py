@@ -1,0 +1,92 @@
+"""Maps of logs, smoothed: better than the filter's, with wrong noise, misread names, and poses in between."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from benchmarks.alignment import aligned, rms
+
+from trailmark.estimation import (
+    Detection,
+    Detector,
+    Log,
+    MapSettings,
+    Pose,
+    RangeBearing,
+    Unicycle,
+    map_log,
+    simulate,
+)
+from trailmark.estimation.maps.mapped_log import MappedLog
+from trailmark.shapes import Disc
+from trailmark.world import World
+
+POSTS = np.array([[2.0, 2.2], [5.0, 1.0], [9.5, 1.5], [10.5, 5.0], [7.0, 6.5], [3.0, 6.8], [1.0, 5.0], [6.0, 3.8]])
+YARD = World("yard", (0.0, 0.0, 12.0, 8.0), tuple(Disc((float(x), float(y)), 0.15) for x, y in POSTS))
+ROUNDS = [[1.0, 1.0], [8.0, 2.6], [9.0, 5.0], [4.5, 5.3], [2.2, 4.0]] * 3
+SENSOR, MOTION = RangeBearing(0.05, 0.02), Unicycle(0.03, 0.03, period=1.0)
+RIGHT = MapSettings(range_bearing=SENSOR, velocity=MOTION)
+
+
+@cache
+def log(seed: int = 0) -> Log:
+    return simulate(YARD, ROUNDS, MOTION, detector=Detector(SENSOR, 7.0), random_state=seed).log
+
+
+def errors(mapped: MappedLog) -> tuple[float, float]:
+    """Root mean squares of landmarks and of the trajectory, after the landmarks' alignment."""
+    assert mapped.slam is not None
+    surveyed = {int(i): (x, y) for i, x, y in mapped.log.landmarks}
+    true = np.array([surveyed[f.identity] for f in mapped.slam.features if f.identity is not None])
+    found = np.array([f.mean for f in mapped.slam.features])
+    motion = aligned(found, true)
+    truth = np.array([record[:3] for record in mapped.log.records if isinstance(record, Pose)])
+    path = np.column_stack([np.interp(mapped.trajectory[:, 0], truth[:, 0], truth[:, j]) for j in (1, 2)])
+    return rms(motion(found) - true), rms(motion(mapped.trajectory[:, 1:3]) - path)
+
+
+def test_smoothing_makes_the_trajectory_better() -> None:
+    filtered = [errors(map_log(log(seed), MapSettings(smooth=False))) for seed in range(3)]
+    batch = [errors(map_log(log(seed), RIGHT)) for seed in range(3)]
+    assert np.mean([t for _, t in batch]) < 0.8 * np.mean([t for _, t in filtered])
+    assert map_log(log(), MapSettings(smooth=False)).batch is None
+
+
+def test_noise_is_estimated_where_it_is_wrong_and_asked_for() -> None:
+    wrong = MapSettings(range_bearing=RangeBearing(0.01, 0.004), velocity=MOTION, stated_sensor_noise=False)
+    fits = {}
+    for mode in ("auto", "on", "off"):
+        mapped = map_log(log(), replace(wrong, fit_noise=mode))
+        assert mapped.batch is not None
+        fits[mode] = mapped.batch.figures["fitted"], errors(mapped)[0]
+    assert {mode: fitted for mode, (fitted, _) in fits.items()} == {"auto": True, "on": True, "off": False}
+    right = map_log(log(), RIGHT)
+    assert right.batch is not None
+    assert right.batch.figures["fitted"] is False
+    assert fits["auto"][1] < 1.5 * errors(right)[0]
+
+
+def test_names_misread_at_first_sight() -> None:
+    seen: set[int] = set()
+    records = []
+    for record in log().records:
+        if isinstance(record, Detection) and record.identity is not None and record.identity not in seen:
+            seen.add(record.identity)
+            record = record._replace(z=record.z + np.array([2.0, 0.5]))
+        records.append(record)
+    mapped = map_log(log()._replace(records=tuple(records)), RIGHT)
+    assert errors(mapped)[0] < 0.1
+    assert mapped.slam is not None
+    assert mapped.slam.counts.outliers == pytest.approx(len(POSTS), abs=3)
+
+
+def test_obstacles_are_as_uncertain_as_the_map_is_by_itself() -> None:
+    mapped = map_log(log(), RIGHT)
+    assert mapped.slam is not None
+    assert mapped.batch is not None
+    whole = np.mean([np.trace(f.covariance) for f in mapped.slam.features])
+    by_itself = np.mean([np.trace(e.covariance) for e in mapped.world.estimates if e is not None])
+    assert by_itself < 0.5 * whole
