@@ -2,8 +2,8 @@
 
 A simulated robot drives round a yard, once with a detector of discs (EKF-SLAM with odometry: discs whose radius is
 uncertain too, and the robot's own pose), once with a laser scanner (mapping from poses whose errors last: walls, discs
-and hulls). The estimates are grown for a confidence p, even and uneven (``spend_risk``), and LandmarkPlanner plans
-through what is left. Then
+and hulls). The estimates are grown for a confidence p, in even shares, and LandmarkPlanner plans through what is left;
+or the risk is spent along the path (``spend_risk``). Then
 
 1. the true obstacles and the robot's pose are drawn from the estimates' distributions: the share of draws in which the
    planned path collides, over all worlds;
@@ -40,7 +40,8 @@ from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
 from trailmark.estimation.maps.scan_map import map_scans
-from trailmark.estimation.risk.allocation import regrow, spend_risk
+from trailmark.estimation.risk.allocation import regrow
+from trailmark.estimation.risk.spending import spend_risk
 from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.estimation.simulation.simulator import simulate
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
@@ -147,7 +148,7 @@ def scanned(rng: np.random.Generator) -> Case:
     return Case(found.world, true, np.diag(POSE_SIGMA**2), POSE_SIGMA * rng.standard_normal(3))
 
 
-def planned(world: World, uneven: bool) -> FloatArray | None:
+def planned(world: World, along_path: bool) -> FloatArray | None:
     """Return the configurations of a path in a grown world, shape (n, 3)."""
 
     def plan(grown: World) -> tuple[FloatArray, float] | None:
@@ -157,8 +158,8 @@ def planned(world: World, uneven: bool) -> FloatArray | None:
             return None  # an end lies in a grown obstacle
         return None if result.path is None else (result.path.states, result.path.cost)
 
-    if uneven:
-        return spend_risk(world, plan, rounds=3).states
+    if along_path:
+        return spend_risk(world, plan, rounds=6).states
     found = plan(world)
     return None if found is None else found[0]
 
@@ -251,9 +252,9 @@ def main() -> int:
         case = (detected if sensor == "detector" else scanned)(rng)
         for p in (0.0, *CONFIDENCES):
             grown = regrow(case.estimated, p, pose_covariance=case.pose_covariance) if p else case.estimated
-            for uneven in (False, True)[: 2 if p else 1]:
-                own = tally.setdefault((sensor, p, uneven), {"hits": [], "true": [], "length": [], "failed": []})
-                states = planned(grown, uneven)
+            for along_path in (False, True)[: 2 if p else 1]:
+                own = tally.setdefault((sensor, p, along_path), {"hits": [], "true": [], "length": [], "failed": []})
+                states = planned(grown, along_path)
                 if states is None:
                     own["failed"].append(i)
                     continue
@@ -270,12 +271,12 @@ def report(tally: dict[tuple[str, float, bool], dict[str, list[float]]], draws: 
     record: dict[str, Any] = {"machine": describe_machine(), "rows": []}
     tables: tuple[list[list[str]], list[list[str]]] = ([], [])
     kept = True
-    for (sensor, p, uneven), own in sorted(tally.items()):
+    for (sensor, p, along_path), own in sorted(tally.items()):
         outcomes = (
             Counts(int(sum(own["hits"])), draws * len(own["hits"])),
             Counts(int(sum(own["true"])), len(own["true"])),
         )
-        spent = ("uneven" if uneven else "even") if p else "as measured"
+        spent = ("along the path" if along_path else "even") if p else "as measured"
         row: dict[str, Any] = {"sensor": sensor, "confidence": p or None, "spending": spent}
         row["length"], row["no_path"] = float(np.mean(own["length"] or [math.nan])), len(own["failed"])
         row["worst_world"] = max(own["hits"], default=0.0) / draws

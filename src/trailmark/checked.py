@@ -32,6 +32,7 @@ __all__ = [
     "Probability",
     "RandomState",
     "Rule",
+    "Seed",
     "Share",
     "checked",
     "checked_arguments",
@@ -64,6 +65,7 @@ Finite = Annotated[float, Rule("a finite number", math.isfinite)]
 Probability = Annotated[float, Rule("a number above 0 and below 1", lambda v: 0.0 < v < 1.0)]
 Share = Annotated[float, Rule("a number from 0 to 1", lambda v: 0.0 <= v <= 1.0)]
 Count = Annotated[int, Rule("a whole number of 1 or more", lambda v: v >= 1)]
+Seed = Annotated[int, Rule("a whole number of 0 or more", lambda v: v >= 0)]
 Numbers = Annotated[ArrayLike, Rule("an array of finite numbers", lambda v: bool(np.isfinite(v).all()))]
 
 
@@ -82,7 +84,7 @@ def shaped(*sizes: int | None, minimum: int = 0) -> Rule:
     return Rule(text, holds)
 
 
-RandomState = Annotated[int, Rule("a whole number of 0 or more", lambda v: v >= 0)] | np.random.Generator | None
+RandomState = Seed | np.random.Generator | None
 """A seed or a generator; the same one gives the same numbers."""
 
 

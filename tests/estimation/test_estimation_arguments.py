@@ -115,7 +115,18 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         ),
         "spend_risk": (
             estimation.spend_risk,
-            {"world": GROWN, "plan": lambda _: (np.array(PATH), 4.0), "rounds": 1, "rate": 0.5},
+            {
+                "world": GROWN,
+                "plan": lambda _: (np.array(PATH), 4.0),
+                "confidence": 0.9,
+                "rounds": 1,
+                "seed": 0,
+                "margin": 0.0,
+            },
+        ),
+        "path_risk": (
+            estimation.path_risk,
+            {"world": GROWN, "states": PATH, "draws": 10, "seed": 0, "margin": 0.0},
         ),
         "SlamFilter": (
             SlamFilter,

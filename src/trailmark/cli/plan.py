@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trailmark.cli import console
+from trailmark.cli.map_settings import read_probability
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     Configuration,
@@ -39,7 +40,7 @@ from trailmark.cli.options import (
 )
 
 if TYPE_CHECKING:
-    from trailmark.planning import PlanProgress, PlanResult
+    from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
     from trailmark.world import World
 
 __all__ = ["plan"]
@@ -71,6 +72,15 @@ def plan(
             "Rounds of landmarks at most; with a generous time limit the seed alone then decides the path.",
         ),
     ] = None,
+    confidence: Annotated[
+        str | None,
+        option(
+            "--confidence",
+            "P",
+            "In a world with estimates: the path meets none of the true obstacles with probability P; what may be "
+            "risked is spent along this path.",
+        ),
+    ] = None,
     settings: Annotated[
         str | None, option("--settings", "FILE.yaml", "Lines 'name: value' of the planner's settings.")
     ] = None,
@@ -96,6 +106,7 @@ def plan(
     number = read_count(seed, "--seed", 0)
     count = None if landmarks is None else read_count(landmarks, "--landmarks", 1, MAX_LANDMARKS)
     rounds = None if max_iterations is None else read_count(max_iterations, "--max-iterations", 1)
+    probability = None if confidence is None else read_probability(confidence, "--confidence")
     share = read_number(gap, "--gap", "a finite number of 0 or more", low=0.0)
     given = read_robot(robot)
     radius = read_turning_radius(turning_radius)
@@ -108,7 +119,8 @@ def plan(
         loaded = load_world(world)
         protect_inputs(loaded.sources, path_file, picture)
         body = steered(robot_of(loaded, given), radius, forward_only)
-        loaded = grown_for(loaded, body)
+        if probability is None:
+            loaded = grown_for(loaded, body)
         name, a, b = ends or _ends_of(loaded, query)
         loading = time.perf_counter() - begun
 
@@ -124,12 +136,24 @@ def plan(
             cost = "no path yet" if state.cost is None else f"cost {state.cost:.4g}"
             progress.details = (f"{state.landmarks:,} landmarks", cost)
 
-        progress.stage("preparing (compiles on first use)")
-        planner = LandmarkPlanner(loaded, body, seed=number, landmarks=count, settings=chosen)
-        progress.stage("planning", limit)
-        result = planner.plan(a, b, time_limit=limit, on_progress=follow, max_iterations=rounds, gap=share)
+        def solve(world: World, seconds: float) -> tuple[LandmarkPlanner, PlanResult]:
+            progress.stage("preparing (compiles on first use)")
+            planner = LandmarkPlanner(world, body, seed=number, landmarks=count, settings=chosen)
+            progress.stage("planning", seconds)
+            return planner, planner.plan(a, b, time_limit=seconds, on_progress=follow, max_iterations=rounds, gap=share)
+
+        risk: dict[str, Any] | None = None
+        if probability is None:
+            planner, result = solve(loaded, limit)
+        else:
+            from trailmark.cli.plan_at_confidence import plan_at_confidence
+
+            answer = plan_at_confidence(loaded, body, probability, solve, limit, number)
+            loaded, planner, result, risk = answer
 
         record = result.to_dict(world=loaded.name, query=name)
+        if risk is not None:
+            record["risk"] = risk
         record["settings"] = chosen.to_dict()
         record["time"]["load"] = loading
         record["time"]["total"] += loading
@@ -203,6 +227,10 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
             ("clearance", f"{record['min_clearance']:.4f} m at its least"),
             ("first path", f"cost {record['first_cost']:.4f} after {seconds['first_solution']:.3f} s"),
         ]
+    if record.get("risk", {}).get("upper_bound") is not None:
+        risk = record["risk"]
+        bound, allowed = f"{risk['upper_bound']:.2g}", f"{1.0 - risk['confidence']:.2g}"
+        rows.append(("risk", f"meets a true obstacle with probability {bound} at most, {allowed} allowed"))
     rows += [
         ("roadmap", f"{record['landmarks']:,} landmarks, {record['edges']:,} edges"),
         ("time", f"{seconds['total']:.3f} s (load {seconds['load']:.3f}, build {seconds['build']:.3f})"),

@@ -41,8 +41,9 @@ if TYPE_CHECKING:
     from trailmark.estimation.maps.scan_map import map_scans as map_scans
     from trailmark.estimation.risk.allocation import grown_world as grown_world
     from trailmark.estimation.risk.allocation import regrow as regrow
-    from trailmark.estimation.risk.allocation import spend_risk as spend_risk
     from trailmark.estimation.risk.growth import grow as grow
+    from trailmark.estimation.risk.path_risk import path_risk as path_risk
+    from trailmark.estimation.risk.spending import spend_risk as spend_risk
     from trailmark.estimation.scans.scan_settings import ScanSettings as ScanSettings
     from trailmark.estimation.simulation.readings import RefinedPoint as RefinedPoint
     from trailmark.estimation.simulation.readings import refine_point as refine_point
@@ -70,7 +71,9 @@ _NAMES = {
     "maps.mapped_log": "MappedLog",
     "maps.obstacle_estimates": "disc_estimates hull_estimate plain_box wall_estimate",
     "maps.scan_map": "ScanMap map_scans",
-    "risk.allocation": "grown_world regrow spend_risk",
+    "risk.allocation": "grown_world regrow",
+    "risk.path_risk": "path_risk",
+    "risk.spending": "spend_risk",
     "risk.growth": "grow",
     "scans.scan_settings": "ScanSettings",
     "simulation.readings": "RefinedPoint refine_point refine_points sense_obstacles",

@@ -14,15 +14,10 @@ from hypothesis import strategies as st
 from trailmark.errors import FormatError, WorldError
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.allocation import (
-    MIN_RISK,
     grown_world,
-    reallocate,
     regrow,
-    required_risk,
-    spend_risk,
 )
 from trailmark.estimation.risk.growth import grow
-from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
@@ -251,74 +246,3 @@ def test_all_obstacles_together_are_covered_as_often_as_stated(confidence: float
         shapely.prepare(region)
         escaped |= ~shapely.covers(region, true)
     assert escaped.mean() <= 1.0 - confidence + 3.0 * math.sqrt(confidence * (1.0 - confidence) / draws)
-
-
-# --- Spending the risk where it is needed
-
-
-@given(st.floats(0.01, 0.3), st.floats(0.05, 2.0))
-@settings(max_examples=25)
-def test_the_risk_a_path_needs_of_a_round_error(sigma: float, gap: float) -> None:
-    estimate = ObstacleEstimate(Disc((0.0, 0.0), 0.5), sigma**2 * np.eye(2))
-    region = shapely.box(0.5 + gap, -1.0, 2.0 + gap, 1.0)
-    exact = math.exp(-0.5 * (gap / sigma) ** 2)
-    assert required_risk(estimate, region) == pytest.approx(max(MIN_RISK, exact), rel=1e-3)
-
-
-def test_an_obstacle_in_the_way_needs_all_risk() -> None:
-    for covariance in (0.01 * np.eye(2), np.zeros((2, 2))):
-        estimate = ObstacleEstimate(Disc((0.0, 0.0), 0.5), covariance)
-        assert required_risk(estimate, shapely.box(0.4, -1, 1, 1)) == 1.0
-    assert required_risk(ObstacleEstimate(Disc((0, 0), 0.5), np.zeros((2, 2))), shapely.box(2, 2, 3, 3)) == MIN_RISK
-
-
-@given(st.lists(st.tuples(st.floats(1e-6, 1.0), st.floats(0.01, 1.0)), min_size=1, max_size=50), st.floats(0.01, 1.0))
-def test_moving_risk_keeps_its_sum_and_the_paths_need(pairs: list[tuple[float, float]], rate: float) -> None:
-    risks, parts = np.array(pairs).T
-    after = reallocate(risks, risks * parts, rate=rate)
-    assert after.sum() == pytest.approx(risks.sum())
-    assert (after >= risks * parts * (1.0 - 1e-12)).all()
-
-
-@pytest.mark.parametrize(
-    ("risks", "required", "rate"), [([0.1], [0.1, 0.1], 0.5), ([0.1], [0.0], 0.5), ([0.1], [0.1], 0.0)]
-)
-def test_risk_that_cannot_be_moved(risks: list[float], required: list[float], rate: float) -> None:
-    with pytest.raises(EstimationError, match=r"reallocate: "):
-        reallocate(risks, required, rate=rate)
-
-
-def straight_planner(world: World) -> tuple[FloatArray, float] | None:
-    """The free crossing from left to right that is nearest to y = 5."""
-    assert world.robot is not None
-    blocked = shapely.union_all([shape.polygon(1e-3).shapely() for shape in world.obstacles])
-    for offset in np.arange(0.0, 4.5, 0.01):
-        line = shapely.LineString([(1.0, 5.0 + offset), (19.0, 5.0 + offset)])
-        if shapely.distance(line, blocked) > world.robot.circumradius + 0.002:
-            return np.insert(shapely.get_coordinates(line), 2, 0.0, axis=1), float(offset)
-    return None
-
-
-def test_risk_goes_to_the_obstacles_that_the_path_passes() -> None:
-    near = ObstacleEstimate(Disc((10.0, 4.6), 0.5), 0.01 * np.eye(2))
-    far = [ObstacleEstimate(Disc((x, 1.0), 0.5), 0.01 * np.eye(2)) for x in (3.0, 8.0, 13.0, 17.0)]
-    world = grown_world([near, *far], BOUNDS, 0.99, robot=Robot.disc(0.3))
-    spent = spend_risk(world, straight_planner, rounds=5)
-    assert list(spent.costs) == sorted(spent.costs, reverse=True)
-    assert spent.costs[-1] < spent.costs[0] - 0.02
-    assert spent.states is not None
-    assert spent.states[0, 1] == pytest.approx(5.0 + spent.costs[-1])
-    assert spent.world.risk == world.risk
-    shares = [e.share or 0.0 for e in spent.world.estimates if e]
-    assert math.fsum(shares) == pytest.approx(1.0)
-    assert shares[0] > 0.9
-    assert all(0.0 < share < 0.05 for share in shares[1:])
-
-
-def test_no_path_ends_the_spending() -> None:
-    world = grown_world(ESTIMATES, BOUNDS, 0.9, robot=Robot.disc(0.3))
-    spent = spend_risk(world, lambda _: None)
-    assert spent.states is None
-    assert spent.costs == (math.inf,)
-    with pytest.raises(EstimationError, match="grown world with a robot"):
-        spend_risk(World("w", BOUNDS), straight_planner)

@@ -8,29 +8,23 @@ the covariances given: an estimator that is too sure of itself makes the bound w
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.checked import Count, Numbers, Probability, Rule, checked_arguments, shaped
+from trailmark.checked import Numbers, Probability, checked_arguments, shaped
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.growth import Spread
-from trailmark.se2 import FloatArray, difference, interpolate, transform
-from trailmark.shapes import Disc, Polygon, Shape, triangulate
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Polygon, Shape
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
-__all__ = ["grown_world", "reallocate", "regrow", "required_risk", "spend_risk", "swept_region"]
+__all__ = ["grown_less", "grown_world", "regrow"]
 
 Matrix3 = Annotated[ArrayLike, shaped(3, 3)]
-Rate = Annotated[float, Rule("a number above 0, at most 1", lambda v: 0.0 < v <= 1.0)]
-
-MIN_RISK = 1e-15
-"""What an obstacle far from a path is said to cost (nothing that a Gaussian says below this is worth anything)."""
 
 
 @checked_arguments(EstimationError)
@@ -105,152 +99,33 @@ def regrow(
     if pose_covariance is not None and world.robot is None and before.reach == 0.0:
         raise EstimationError("pose_covariance: expected a world with a robot, got one without")
     bound = RiskBound(confidence, pose, 0.0 if pose is None else reach)
-    risks, obstacles = iter(((1.0 - confidence) * shares).tolist()), []
+    share = iter(shares.tolist())
+    estimates = tuple(None if e is None else replace(e, share=next(share)) for e in world.estimates)
+    return _grown(replace(world, estimates=estimates, risk=bound), bound, 1.0)
+
+
+def grown_less(world: World, scale: float) -> World:
+    """Return a grown world with its estimated obstacles grown by ``scale`` times as much, which states no risk.
+
+    Args:
+        world: of :func:`regrow`.
+        scale: 0 for the estimates' means, 1 for the world as it is.
+    """
+    if world.risk is None:
+        raise EstimationError("grown_less: expected a grown world, got one without risk")
+    return replace(_grown(world, world.risk, scale), risk=None)
+
+
+def _grown(world: World, bound: RiskBound, scale: float) -> World:
+    """Return the world with its estimated obstacles grown by ``scale`` times what their shares of the risk ask for."""
+    obstacles = []
     for shape, estimate in zip(world.obstacles, world.estimates or (None,) * len(world.obstacles), strict=True):
-        if estimate is None:
+        if estimate is None or estimate.share is None:
             obstacles.append(shape)
         else:
             spread = Spread.of(estimate, bound)
-            obstacles.append(spread.region(spread.quantile(next(risks))))
-    share = iter(shares.tolist())
-    estimates = [None if e is None else replace(e, share=next(share)) for e in world.estimates]
-    return replace(world, obstacles=tuple(obstacles), estimates=tuple(estimates), risk=bound)
-
-
-def required_risk(estimate: ObstacleEstimate, region: Any, bound: RiskBound | None = None, *, steps: int = 24) -> float:
-    """Return the least risk for which the grown obstacle keeps off a region, MIN_RISK to 1.
-
-    Args:
-        estimate: the obstacle.
-        region: what the robot sweeps, a shapely geometry.
-        bound: whose pose covariance and reach count; None leaves the robot's errors out.
-        steps: of the bisection.
-    """
-    import shapely
-
-    spread = Spread.of(estimate, bound)
-    shapely.prepare(region)
-    low, high = 0.0, spread.quantile(MIN_RISK)
-    if not _overlap(spread.region(high), region):
-        return MIN_RISK
-    for _ in range(steps):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if _overlap(spread.region(middle), region) else (middle, high)
-    return spread.risk(low) if spread.freedom else 1.0
-
-
-@checked_arguments(EstimationError)
-def reallocate(risks: Numbers, required: Numbers, *, rate: Rate = 0.5) -> FloatArray:
-    """Return risks, shape (n,), of the same sum, moved from obstacles that do not need them to those that do.
-
-    A step in the spirit of iterative risk allocation (Ono & Williams 2008, IEEE Conference on Decision and Control):
-    obstacles give up ``rate`` of their risk, and get it back in proportion to what the path needs of them. As long
-    as the needs add up to no more than there is, none falls below its need: the path stays valid, and the next one
-    can cut closer where it matters.
-
-    Args:
-        risks: as they were, shape (n,), each above 0.
-        required: what the path needs of each, shape (n,), above 0, by :func:`required_risk`.
-        rate: above 0 and at most 1.
-
-    Raises:
-        EstimationError: other shapes, values out of these ranges.
-    """
-    before, needed = np.asarray(risks, dtype=np.float64), np.asarray(required, dtype=np.float64)
-    if before.ndim != 1 or needed.shape != before.shape or not ((before > 0.0) & (needed > 0.0)).all():
-        shapes = f"{before.shape}, {needed.shape}"
-        raise EstimationError(f"reallocate: expected risks and needs above 0, shapes (n,), got shapes {shapes}")
-    return np.asarray((1.0 - rate) * before + rate * before.sum() * needed / needed.sum())
-
-
-class SpentRisk(NamedTuple):
-    """What :func:`spend_risk` comes to."""
-
-    world: World
-    """The world that the best path was planned in."""
-    states: FloatArray | None
-    """That path's configurations, shape (n, 3), or None if no path was found."""
-    costs: tuple[float, ...]
-    """The cost of each round's path; infinite where none was found."""
-
-
-@checked_arguments(EstimationError)
-def spend_risk(
-    world: World, plan: Callable[[World], tuple[FloatArray, float] | None], *, rounds: Count = 4, rate: Rate = 0.5
-) -> SpentRisk:
-    """Plan a path and spend the world's risk where that path needs it, in turns.
-
-    Args:
-        world: grown, with a robot.
-        plan: gives a path's configurations, shape (n, 3), and its cost, in a world; None if it finds none.
-        rounds: plans at most, >= 1.
-        rate: see :func:`reallocate`.
-
-    Returns:
-        The best round; its world states the same confidence as ``world``.
-
-    Raises:
-        EstimationError: a world that was not grown, or without a robot.
-    """
-    if world.risk is None or world.robot is None:
-        raise EstimationError("spend_risk: expected a grown world with a robot, got one without risk or robot")
-    best, costs = SpentRisk(world, None, ()), list[float]()
-    for i in range(rounds):
-        found = plan(world)
-        costs.append(math.inf if found is None else found[1])
-        if found is None:
-            break
-        if costs[-1] <= min(costs):
-            best = SpentRisk(world, found[0], ())
-        if i == rounds - 1:
-            break
-        region = swept_region(world.robot, found[0])
-        known = [estimate for estimate in world.estimates if estimate is not None]
-        risks = (1.0 - world.risk.confidence) * _shares_of(known)
-        needed = [required_risk(estimate, region, world.risk) for estimate in known]
-        world = regrow(world, world.risk.confidence, weights=reallocate(risks, needed, rate=rate))
-    return best._replace(costs=tuple(costs))
-
-
-def swept_region(robot: Robot, states: ArrayLike, *, turn: float = 0.02) -> Any:
-    """Return a region that contains what the robot covers along a path, as a shapely geometry.
-
-    Args:
-        robot: its footprint.
-        states: the path's configurations, shape (n, 3), n >= 1.
-        turn: radians: motions are cut into pieces that turn by no more. The region reaches at most R·turn beyond
-            the truth, R the robot's circumradius, and for a disc its outline's 1 mm.
-    """
-    import shapely
-
-    q = np.atleast_2d(np.array(states, dtype=np.float64))
-    # Relative to where it begins: overlays round, and may snap, by shares of their coordinates.
-    origin = q[0, :2].copy()
-    q[:, :2] -= origin
-    placed = [q[:1]]
-    for a, b in itertools.pairwise(q):
-        n = 1 if robot.sweep_radius == 0.0 else max(1, math.ceil(abs(float(difference(a, b)[2])) / turn))
-        placed.append(interpolate(a, b, np.arange(1, n + 1) / n))
-    outline = robot.outline
-    solid = shapely.area(shapely.convex_hull(outline.shapely())) <= outline.area * (1.0 + 1e-12)
-    pieces = outline.vertices[None] if solid else triangulate(outline)
-    poses = np.concatenate(placed)
-    # Shape (pieces, poses, corners, 2); what lies between two poses is the hull of a piece at both.
-    corners = np.stack([transform(poses, piece) for piece in pieces])
-    pairs = np.concatenate([corners[:, :-1], corners[:, 1:]], axis=2) if len(poses) > 1 else corners
-    swept = shapely.convex_hull(shapely.multipoints(pairs.reshape(-1, pairs.shape[2], 2)))
-    # Within a piece a point keeps within R·turn²/8 of the line from its first to its last place. The arcs of a
-    # buffer are drawn inside of it, by 1.1 % at most; what else it does to outlines makes them larger.
-    region = shapely.buffer(shapely.union_all(swept), 1.02 * robot.sweep_radius * turn**2 / 8.0)
-    return shapely.transform(region, lambda points: points + origin)
-
-
-def _overlap(shape: Shape, region: Any) -> bool:
-    import shapely
-
-    if isinstance(shape, Disc):
-        return bool(shapely.distance(region, shapely.Point(shape.center)) < shape.radius)
-    return bool(shapely.intersects(region, shape.polygon().shapely()))
+            obstacles.append(spread.region(scale * spread.quantile((1.0 - bound.confidence) * estimate.share)))
+    return replace(world, obstacles=tuple(obstacles))
 
 
 def _shares(n: int, weights: ArrayLike | None) -> FloatArray:

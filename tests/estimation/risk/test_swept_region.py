@@ -10,7 +10,7 @@ import pytest
 import shapely
 from benchmarks.random_worlds import ROBOTS
 
-from trailmark.estimation.risk.allocation import swept_region
+from trailmark.estimation.risk.swept_region import swept_region
 
 
 @pytest.mark.parametrize("name", ["rectangle", "L", "disc"])
