@@ -94,6 +94,13 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
     squares: tuple[Shape, ...] = tuple(Rectangle((x, y), 1.0, 1.0) for x, y in places)
     frame = _polygon([[2, 2.5], [3, 2.5], [3, 4.5], [2, 4.5]], [[2.25, 2.75], [2.75, 2.75], [2.75, 4.25], [2.25, 4.25]])
     lattice = World("w", room, (*squares, frame))
+    # Beyond the origin on both axes, with cells and robots of more than a metre: neither offset nor size is forgotten.
+    large = tuple(Polygon(20.0 * s.polygon().vertices + (40.0, 30.0)) for s in polygons if not isinstance(s, Disc))
+    yard = World("w", (40.0, 30.0, 160.0, 130.0), (*large, Disc((124.0, 98.0), 11.0)))
+    # In the first and last rows and columns of cells, and just beyond them.
+    edges = [(x, y) for x in (0.02, 0.47, 5.53, 5.98) for y in np.arange(0.5, 5.0, 0.9)]
+    edges += [(x, y) for y in (0.02, 0.47, 4.53, 4.98) for x in np.arange(0.9, 5.4, 0.9)]
+    rim = World("w", room, tuple(Rectangle((x, y), 0.02, 0.02) for x, y in edges))
     far = tuple(Polygon(np.add(s.polygon().vertices, (2e5, -1e5))) for s in polygons if not isinstance(s, Disc))
     distant: tuple[Shape, ...] = (*far, Disc((2e5 + 4.2, 3.4 - 1e5), 0.55))
     return [
@@ -108,6 +115,10 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
         ("mixed, aside", World("w", room, mixed), aside, 0.07),
         ("lattice, square", lattice, Robot.rectangle(0.25, 0.25), 0.25),
         ("lattice, disc", lattice, Robot.disc(0.125), 0.125),
+        ("large, rectangle", yard, Robot.rectangle(14.0, 6.0), 2.2),
+        ("large, disc", yard, Robot.disc(4.2), 2.6),
+        ("rim, rectangle", rim, Robot.rectangle(0.3, 0.15), 0.05),
+        ("rim, small, large cells", rim, Robot.rectangle(0.1, 0.06), 0.45),
         ("far away, hook", World("w", (2e5, -1e5, 2e5 + 6, 5 - 1e5), distant), hook, 0.21),
     ]
 
@@ -164,7 +175,18 @@ def _corners(rng: np.random.Generator, size: int) -> list[Case]:
         after=np.concatenate([tiny[1], close[1]]) + 5e-7,
         size=1e-3,
     )
-    return [near, long, small, _teeth(rng, size)]
+    # The same beside its reference point, whose coordinates are no measure of its size.
+    beside_it = _corner_case(
+        "corners, a millimetre, aside",
+        1e-3,
+        4e-3,
+        depth=rng.uniform(1.6e-7, 4.5e-7, 2 * n),
+        before=np.concatenate([close[0], tiny[0]]) + 5e-7,
+        after=np.concatenate([tiny[1], close[1]]) + 5e-7,
+        size=1e-3,
+        aside=2e-3,
+    )
+    return [near, long, small, beside_it, _teeth(rng, size)]
 
 
 def _teeth(rng: np.random.Generator, size: int) -> Case:
@@ -206,12 +228,14 @@ def _corner_case(
     before: FloatArray,
     after: FloatArray,
     size: float = 1.0,
+    aside: float = 0.0,
 ) -> Case:
     """Return the case of motions along x that reach ``before`` and ``after`` (metres) beyond the tips' meeting.
 
-    ``size`` (metres) is that of either square's diagonal.
+    ``size`` (metres) is that of either square's diagonal, ``aside`` (metres) how far the robot lies to the right and
+    above its reference point.
     """
-    robot = Robot.polygon(size * np.array([[0.5, 0.0], [0.0, 0.5], [-0.5, 0.0], [0.0, -0.5]]))
+    robot = Robot.polygon(size * np.array([[0.5, 0.0], [0.0, 0.5], [-0.5, 0.0], [0.0, -0.5]]) + aside)
     obstacle = _polygon((size * np.array([[0.5, 2.0], [0.0, 2.5], [-0.5, 2.0], [0.0, 1.5]])).tolist())
     world = World("w", (-reach, 0.0, reach, 5.0 * size), (obstacle,))
     y, heading = 3.0 * size - depth, np.zeros(len(depth))
@@ -219,14 +243,15 @@ def _corner_case(
     # Motions that begin or end in contact, as they may.
     gaps = np.geomspace(3e-7, 3e-6, 8)
     touching = np.column_stack([np.zeros(8), 3.0 * size + gaps, np.zeros(8)])
-    away = touching + np.array([0.7 * size, 0.6 * size, 0.3])
+    away = touching + np.array([0.7 * size, 0.6 * size, 0.0 if aside else 0.3])
+    a, b, touching, away = (q - (aside, aside, 0.0) for q in (a, b, touching, away))
     return Case(
         name,
         world,
         robot,
         cell,
-        np.array([[0.0, 3.0 * size - 1e-6, 0.0]]),
-        np.array([[0.0, 3.0 * size + 1e-4, 0.0]]),
+        np.array([[-aside, 3.0 * size - 1e-6 - aside, 0.0]]),
+        np.array([[-aside, 3.0 * size + 1e-4 - aside, 0.0]]),
         np.array([1e-4]),
         np.stack([a, b], axis=1),
         np.concatenate([np.stack([touching, away], axis=1), np.stack([away, touching], axis=1)]),
