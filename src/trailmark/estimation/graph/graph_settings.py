@@ -43,6 +43,8 @@ class GraphSettings:
     """Mean likelihood of the end points that a loop closure needs."""
     loop_ambiguity: Share = 0.9
     """Share of its likelihood that no other place within the window may have."""
+    rounds: Count = 2
+    """How often each scan is matched against the maps of all other visits to its place, and the graph optimised."""
     outlier_gate: Probability = 0.999
     """Probability with which a right closure is consistent with another, and with the optimised graph."""
 

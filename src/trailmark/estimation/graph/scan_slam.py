@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.loop_closure import LoopFinder
 from trailmark.estimation.graph.pose_graph import Relation, marginal_covariances, optimise
+from trailmark.estimation.graph.revisits import revisit_relations
 from trailmark.estimation.graph.submaps import KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, point_cloud, relative
@@ -118,7 +119,11 @@ class _ScanSlam:
     def finish(self) -> ScanPoses:
         """Return the poses of all scans."""
         keys, s = self._keys, self._s
-        keys.poses, counts = optimise(keys.relations, keys.poses, s.outlier_gate)
+        keys.poses, _ = optimise(keys.relations, keys.poses, s.outlier_gate)
+        held = len(keys.relations)
+        for _ in range(s.rounds):
+            keys.relations[held:] = revisit_relations(keys, s)
+            keys.poses, counts = optimise(keys.relations, keys.poses, s.outlier_gate)
         relations = [r for r, count in zip(keys.relations, counts, strict=True) if count]
         covariances = marginal_covariances(relations, keys.poses)
         own = np.array([key for key, _ in self._scans])
