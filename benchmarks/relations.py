@@ -142,9 +142,9 @@ def main() -> int:
             *("# Poses and maps from raw odometry and scans", "", "Written by `python -m benchmarks.relations`.", ""),
             *(text, "", "Mean errors of relations (medians in brackets): of consecutive scans, of pairs of scans from"),
             f"different visits to a place (at most {NEAR:g} m apart), and of both. The reference is the log's",
-            "corrected poses, a proxy for relations that were checked by hand: its own errors, 0.06 to 0.07 m by the published",
-            "table, count as ours. `ends explained`, `way free`: in brackets by the log's corrected poses. Processor",
-            "seconds for poses and map; the corrected CSAIL log has its times rounded to 10,000 s.",
+            "corrected poses, a proxy for relations that were checked by hand: its own errors, 0.06 to 0.07 m by",
+            "the published table, count as ours. `ends explained`, `way free`: in brackets by the log's corrected",
+            "poses. Processor seconds for poses and map; the corrected CSAIL log has its times rounded to 10,000 s.",
             *("", machine),
         ]
         write_atomically(RESULTS / "relations.md", "\n".join(lines) + "\n")
