@@ -1,7 +1,5 @@
 """Poses and relations between them, optimised by gtsam."""
 
-# Tested by tests/estimation/graph/test_scan_slam.py.
-
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -13,7 +11,7 @@ from numpy.typing import NDArray
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.se2 import FloatArray
 
-__all__ = ["Relation", "marginal_covariances", "optimise"]
+__all__ = ["Relation", "optimise", "relative_covariances"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -67,17 +65,42 @@ def optimise(relations: Sequence[Relation], poses: FloatArray, gate: float = 0.9
     return _poses_of(best, len(poses)), counts
 
 
-def marginal_covariances(relations: Sequence[Relation], poses: FloatArray) -> FloatArray:
-    """Return the covariance of each pose (world's axes, the first pose fixed), shape (n, 3, 3), at an optimum."""
-    import gtsam
+def relative_covariances(relations: Sequence[Relation], poses: FloatArray) -> FloatArray:
+    """Return the covariance of each pose relative to the places of all, shape (n, 3, 3), at an optimum.
 
+    A graph's frame is that of its first pose, so that an error of the first heading turns everything. Within the map
+    nothing is wrong by that: Baarda's S-transformation (:mod:`trailmark.estimation.graph.gauge`) takes it out, here
+    without the joint covariance of all poses, which is large.
+
+    Returns:
+        Of x, y and theta, in the world's axes.
+    """
+    import gtsam
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    n = len(poses)
     graph, values = _graph(relations, poses)
     marginals = gtsam.Marginals(graph, values)
-    covariances = np.array([marginals.marginalCovariance(i) for i in range(len(poses))])
-    turn = np.zeros((len(poses), 3, 3))
+    turn = np.zeros((n, 3, 3))
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
-    return np.asarray(turn @ covariances @ turn.transpose(0, 2, 1))
+    own = turn @ np.array([marginals.marginalCovariance(i) for i in range(n)]) @ turn.transpose(0, 2, 1)
+    # What a shift and a turn of the frame do to each pose, and the ones that align the places best.
+    frame = np.zeros((n, 3, 3))
+    frame[:, 0, 0] = frame[:, 1, 1] = frame[:, 2, 2] = 1.0
+    away = poses[:, :2] - poses[:, :2].mean(axis=0)
+    frame[:, 0, 2], frame[:, 1, 2] = -away[:, 1], away[:, 0]
+    align = np.zeros((n, 3, 3))
+    align[:, :, :2] = np.linalg.pinv(frame[:, :2].reshape(-1, 3)).reshape(3, n, 2).transpose(1, 0, 2)
+    rows, columns, entries = graph.linearize(values).sparseJacobian_()
+    inside = columns <= 3 * n
+    jacobian = csc_array((entries[inside], (rows[inside].astype(int) - 1, columns[inside].astype(int) - 1)))
+    local = (align @ turn).transpose(0, 2, 1).reshape(3 * n, 3)
+    shared = turn @ splu((jacobian.T @ jacobian).tocsc()).solve(local).reshape(n, 3, 3)
+    total = np.einsum("nij,njk->ik", align, shared)
+    crossed = shared @ frame.transpose(0, 2, 1)
+    return np.asarray(own - crossed - crossed.transpose(0, 2, 1) + frame @ total @ frame.transpose(0, 2, 1))
 
 
 def _graph(relations: Sequence[Relation], poses: FloatArray) -> tuple[Any, Any]:

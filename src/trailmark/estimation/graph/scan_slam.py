@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.loop_closure import LoopFinder
-from trailmark.estimation.graph.pose_graph import Relation, marginal_covariances, optimise
+from trailmark.estimation.graph.pose_graph import Relation, optimise, relative_covariances
 from trailmark.estimation.graph.revisits import revisit_relations
 from trailmark.estimation.graph.submaps import KeyScans
 from trailmark.estimation.logs.records import Scan
@@ -36,7 +36,7 @@ class ScanPoses(NamedTuple):
     poses: FloatArray
     """Shape (m, 3), one for each scan."""
     covariances: FloatArray
-    """Shape (m, 3, 3), in the world's axes, the first pose fixed."""
+    """Shape (m, 3, 3), in the world's axes, relative to the places of all: what turns or shifts all is no error."""
     keys: NDArray[np.intp]
     """Which scans are nodes of the graph, shape (n,)."""
     relations: tuple[Relation, ...]
@@ -125,7 +125,7 @@ class _ScanSlam:
             keys.relations[held:] = revisit_relations(keys, s)
             keys.poses, counts = optimise(keys.relations, keys.poses, s.outlier_gate)
         relations = [r for r, count in zip(keys.relations, counts, strict=True) if count]
-        covariances = marginal_covariances(relations, keys.poses)
+        covariances = relative_covariances(relations, keys.poses)
         own = np.array([key for key, _ in self._scans])
         poses = compose(keys.poses[own], np.array([pose for _, pose in self._scans]))
         rejected = int((~counts).sum())
