@@ -182,7 +182,7 @@ Less dispersion, more coverage and more success are better. Intervals are not co
   and headings) are configurations. Lattice and K-means centres are positions, each with a random valid heading; the
   centres are those of Algorithm 1 (Forgy's start, until no point changes cluster) on ten uniform valid samples per
   centre, and one that is valid at no heading tried is replaced by its nearest sample.
-- Informed by the query: landmarks in bands around the query's relaxed shortest way, placed anew for each query. They
+- Informed by the query: landmarks in bands around the query's relaxed shortest path, placed anew for each query. They
   answer no other, so dispersion and coverage say nothing of them.
 - Dispersion: radius of the largest disc empty of nodes with its centre at a free position, in units of √(A/n), A the
   free area; regular hexagons have 0.62. A lower bound on a grid of {CELLS} cells; the median distance to its proven

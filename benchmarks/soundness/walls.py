@@ -1,4 +1,4 @@
-"""Worlds in which a wall's vertices lie nearly on a line and something sticks out of it: hard for shortest ways."""
+"""Worlds in which a wall's vertices lie nearly on a line and something sticks out of it: hard for shortest paths."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The relaxed problem: what it closes is proven closed, and its costs are those of Dijkstra's algorithm.
 
-Distances come from shapely, shortest ways from scipy; only the rules of the grid's graph are written down again.
+Distances come from shapely, shortest paths from scipy; only the rules of the grid's graph are written down again.
 """
 
 from __future__ import annotations
@@ -176,7 +176,7 @@ def test_costs_are_dijkstras(name: str, seed: int) -> None:
     assert whole.limit == np.inf
     assert whole.cost.ravel() == pytest.approx(forth, rel=1e-12)
     assert np.array_equal(np.isfinite(whole.cost).ravel(), relaxation.component(source))
-    # Parents: one step back along a shortest way each.
+    # Parents: one step back along a shortest path each.
     columns = relaxation.columns
     cells = np.flatnonzero(whole.parent.ravel() >= 0)
     angle = whole.parent.ravel()[cells] * (np.pi / 4.0)

@@ -49,7 +49,7 @@ def bound(world: World, radius: float, start: FloatArray, goal: FloatArray) -> f
 
 
 def shortest(world: World, radius: float, start: FloatArray, goal: FloatArray) -> float:
-    """The shortest way by a graph of all that see each other, round corners cut fine."""
+    """The shortest path by a graph of all that see each other, round corners cut fine."""
     grown = [
         shapely.Point(s.center).buffer(s.radius + radius, quad_segs=24)
         if isinstance(s, Disc)

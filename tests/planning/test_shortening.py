@@ -90,7 +90,7 @@ def test_in_the_open_the_straight_motion_is_found(seed: int) -> None:
 
 
 def test_around_a_corner_the_shortest_way_is_found() -> None:
-    # A robot like a point around one corner of a block: the shortest way is known. Shortening stops when little
+    # A robot like a point around one corner of a block: the shortest path is known. Shortening stops when little
     # is gained any more.
     world = World("corner", (0, 0, 20, 20), (Rectangle((15.0, 5.0), 10.0, 10.0),))
     checker = StateChecker(world, Robot.disc(1e-3))
@@ -101,7 +101,7 @@ def test_around_a_corner_the_shortest_way_is_found() -> None:
 
 
 def test_added_vertices_lead_around_a_block() -> None:
-    # The shortest way bends twice; moved alone, the one bend that there is has nowhere better to go.
+    # The shortest path bends twice; moved alone, the one bend that there is has nowhere better to go.
     robot = Robot.rectangle(2.0, 1.0)
     checker = StateChecker(World("block", (0, 0, 30, 20), (Rectangle((15.0, 6.0), 6.0, 12.0),)), robot)
     states = np.array([[6.0, 6.0, 0.0], [15.0, 18.2, 0.0], [24.0, 6.0, 0.0]])

@@ -1,4 +1,4 @@
-"""The shortest way of a disc robot, exact but for the chords that stand for round corners."""
+"""The shortest path of a disc robot, exact but for the chords that stand for round corners."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def disc_path(
     most: float,
     seconds_left: Callable[[], float] = lambda: np.inf,
 ) -> FloatArray:
-    """Return the bends of a disc's shortest way, shape (k, 2), metres; (0, 2) if none is found.
+    """Return the bends of a disc's shortest path, shape (k, 2), metres; (0, 2) if none is found.
 
     The obstacles are grown by the radius, with corners cut from outside, so that the disc is free all along. It errs on
     the safe side: a way through a gap hardly wider than the disc, or from a place in contact, may be missed.
@@ -81,6 +81,6 @@ def disc_path(
     for part in shapely.get_parts(region):
         if shapely.intersects_xy(part, [start[0], goal[0]], [start[1], goal[1]]).all():
             mesh = triangulated(part)
-            length, way = (np.inf, np.empty((0, 2))) if mesh is None else shortest_point_path(mesh, start, goal)
-            return way if np.isfinite(length) else np.empty((0, 2))
+            length, path = (np.inf, np.empty((0, 2))) if mesh is None else shortest_point_path(mesh, start, goal)
+            return path if np.isfinite(length) else np.empty((0, 2))
     return np.empty((0, 2))

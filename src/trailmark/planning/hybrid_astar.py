@@ -2,7 +2,7 @@
 
 In a tight place a car gets on by many short drives to and fro, each of which depends on the one before: independent
 samples hardly ever join there. So a tree of drives grows, every one of them certified, those first that promise to be
-on the shortest way; a cell of configurations is entered once. After hybrid A* (Dolgov, Thrun, Montemerlo & Diebel,
+on the shortest path; a cell of configurations is entered once. After hybrid A* (Dolgov, Thrun, Montemerlo & Diebel,
 "Practical search techniques in path planning for autonomous driving", 2008), with several sources, and with the relaxed
 problem's costs as its guide.
 """

@@ -59,7 +59,7 @@ class LandmarkPlanner:
     While there is none, each round draws from a wider band and places more landmarks, in the end over all that
     the robot might reach: a path that exists with some room is found with probability one as time goes on. Once
     there is a path it is shortened; each round looks for another way around over a lattice and places more
-    landmarks where a better path might run, until the path settles or the time is up. A disc robot's shortest way
+    landmarks where a better path might run, until the path settles or the time is up. A disc robot's shortest path
     is computed instead (:func:`trailmark.planning.disc_path.disc_path`), where there is time for it.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not

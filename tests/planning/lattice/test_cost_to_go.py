@@ -1,4 +1,4 @@
-"""Costs to go: shortest ways over cells, by networkx; room in them, by shapely."""
+"""Costs to go: shortest paths over cells, by networkx; room in them, by shapely."""
 
 from __future__ import annotations
 

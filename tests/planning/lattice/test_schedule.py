@@ -262,7 +262,7 @@ def test_a_search_given_up_for_want_of_progress_is_repeated_with_a_better_guide(
 
 
 def test_other_looks_find_other_ways_around(judge: Judge) -> None:
-    # Above, where the robot may pass, it is tighter and longer; below it is the shortest way.
+    # Above, where the robot may pass, it is tighter and longer; below it is the shortest path.
     checker = StateChecker(WALL, CAR)
     lattices, rng = scheduled(checker, ACROSS), np.random.default_rng(0)
     below = cost(np.array([ACROSS[0], [9.2, 4.5, 0.0], [10.8, 4.5, 0.0], ACROSS[1]]))

@@ -31,7 +31,7 @@ def judge(attack: Attack, monkeypatch: pytest.MonkeyPatch) -> None:
         found = LowerBound(attack.world, attack.robot).of(start, goal, known)
         assert found.cost <= most
         # No part of the proof gave way to rounding, either.
-        assert len(found.way) >= 2 or found.cost >= attack.cost * (1.0 - 1e-6)
+        assert len(found.path) >= 2 or found.cost >= attack.cost * (1.0 - 1e-6)
 
 
 @pytest.mark.slow

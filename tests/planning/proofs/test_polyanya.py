@@ -24,7 +24,7 @@ def triangulated(polygon: Any) -> Mesh:
 
 
 def by_visibility(polygon: Any, start: np.ndarray, goal: np.ndarray) -> float:
-    """Return the shortest way's length over all straight lines between vertices that stay inside."""
+    """Return the shortest path's length over all straight lines between vertices that stay inside."""
     points = np.array([start, goal, *np.unique(shapely.get_coordinates(polygon), axis=0)])
     i, j = np.triu_indices(len(points), 1)
     lines = shapely.linestrings(np.stack([points[i], points[j]], axis=1))

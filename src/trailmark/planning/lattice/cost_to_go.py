@@ -1,8 +1,8 @@
 """Costs to go for a search over configurations: the inscribed disc's on a coarse grid, dearer where it is tight.
 
-The disc's shortest way leads through gaps that the robot fits through in few headings or none; a search that follows it
-floods what lies before each of them. Ways with room are nearly as short and found at once, so tight cells are dearer
-here. Nothing is proven by these costs: a cell counts as open if the disc may fit somewhere in it.
+The disc's shortest path leads through gaps that the robot fits through in few headings or none; a search that follows
+it floods what lies before each of them. Paths with room are nearly as short and found at once, so tight cells are
+dearer here. Nothing is proven by these costs: a cell counts as open if the disc may fit somewhere in it.
 """
 
 from __future__ import annotations

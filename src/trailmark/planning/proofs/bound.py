@@ -53,11 +53,11 @@ class Bound(NamedTuple):
 
     Attributes:
         cost: metres; infinite if no path exists.
-        way: the disc centre's shortest way, shape (k, 2); empty if there is none or it was not sought.
+        path: the disc centre's shortest path, shape (k, 2); empty if there is none or it was not sought.
     """
 
     cost: float
-    way: FloatArray
+    path: FloatArray
 
 
 def _work(vertices: float) -> float:
@@ -66,10 +66,10 @@ def _work(vertices: float) -> float:
 
 
 class LowerBound:
-    """The shortest way of a disc inside the robot's footprint, among obstacles that are never too large.
+    """The shortest path of a disc inside the robot's footprint, among obstacles that are never too large.
 
     A path of length L and rotation T costs L + w·T, w = 0.5 (se2.ROTATION_WEIGHT). A disc whose centre lies c from the
-    reference point goes a way of D <= L + c·T. So the cost is at least D + (w − c)·T, and T at least the turn between
+    reference point goes D metres, D <= L + c·T. So the cost is at least D + (w − c)·T, and T at least the turn between
     the headings, if c <= w; otherwise L + w·T >= (w/c)·(L + c·T) >= (w/c)·D. A car's path costs L, and T <= L/ρ: so
     D <= (1 + c/ρ)·L; and L is no less than the length of the shortest curve in the open.
 
@@ -83,57 +83,57 @@ class LowerBound:
         self.world, self.robot = world, robot
         self._grid = grid
 
-    def of(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> Bound:
+    def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> Bound:
         """Return the bound for a query.
 
         Args:
             start: valid, shape (3,).
             goal: valid, shape (3,).
-            most: cost (metres) of a path that is known; in a large world only ways no longer than that are looked at.
+            limit: cost (metres) of a known path; in a large world only paths no longer than that are considered.
         """
-        work, begin = self._cutting(start, goal, most), perf_counter()
-        found = self._found(start, goal, most)
+        work, begin = self._cutting(start, goal, limit), perf_counter()
+        found = self._found(start, goal, limit)
         if work > 0.0:
             CUTTING.note(work, perf_counter() - begin)
         else:
             ASKING.note(1.0, perf_counter() - begin)
         return found
 
-    def _found(self, start: FloatArray, goal: FloatArray, most: float) -> Bound:
+    def _found(self, start: FloatArray, goal: FloatArray, limit: float) -> Bound:
         """Return what :meth:`of` does."""
         straight = Bound(self._in_the_open(start, goal), np.empty((0, 2)))
         center, offset = self._center
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
-        # What a path of that cost can make the disc's centre go at most; longer ways are no rivals.
-        longest = most * self._stretch
+        # What a path of that cost can make the disc's centre go at most; longer paths cannot cost less.
+        longest = limit * self._stretch
         if self.ready or self._size <= LARGE or not np.isfinite(longest):
-            found = self._way(a, b)
+            found = self._shortest(a, b)
         else:
-            found = self._way_within(a, b, longest)
+            found = self._shortest_within(a, b, longest)
         if found is None:
             return straight
-        length, way = found
+        length, path = found
         cost = length / self._stretch
         if self.robot.turning_radius is None:
             turn = abs(float(se2.difference(start, goal)[2]))
             cost += max(0.0, se2.ROTATION_WEIGHT - offset) * turn
-        return Bound(max(straight.cost, cost), way)
+        return Bound(max(straight.cost, cost), path)
 
-    def seconds(self, start: FloatArray, goal: FloatArray, most: float = np.inf) -> float:
+    def seconds(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> float:
         """Return how long :meth:`of` is expected to take."""
-        work = self._cutting(start, goal, most)
+        work = self._cutting(start, goal, limit)
         return CUTTING.seconds(work) if work > 0.0 else ASKING.seconds(1.0)
 
-    def _cutting(self, start: FloatArray, goal: FloatArray, most: float) -> float:
+    def _cutting(self, start: FloatArray, goal: FloatArray, limit: float) -> float:
         """Return how much of the region :meth:`of` will have to cut, in vertices of a small one."""
         if self.ready:
             return 0.0
-        if self._size <= LARGE or not np.isfinite(most):
+        if self._size <= LARGE or not np.isfinite(limit):
             return _work(self._size)
         xmin, ymin, xmax, ymax = self.world.bounds
         center = self._center[0]
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
-        longest = most * self._stretch
+        longest = limit * self._stretch
         share = min(1.0, ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
         return _work(share * self._size) + NEARNESS * len(self.world.obstacles)
 
@@ -170,8 +170,8 @@ class LowerBound:
         """Whether the region of the whole world is cut already, so that a bound takes little."""
         return "_parts" in self.__dict__ and bool(self._meshes)
 
-    def _way_within(self, a: FloatArray, b: FloatArray, longest: float) -> tuple[float, FloatArray] | None:
-        """Return what :meth:`_way` does, as far as it is below ``longest``: all such ways lie within an ellipse."""
+    def _shortest_within(self, a: FloatArray, b: FloatArray, longest: float) -> tuple[float, FloatArray] | None:
+        """Return what `_shortest` does, as far as it is below ``longest``: all such ways lie within an ellipse."""
         around = ellipse(a - self._origin, b - self._origin, longest)
         parts = self._cut(around)
         # The smaller is soonest proven.
@@ -182,8 +182,8 @@ class LowerBound:
                 return None if found is None else (min(found[0], longest * (1.0 - ROUNDING)), found[1])
         return None
 
-    def _way(self, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
-        """Return the length of the disc centre's shortest way and its bends; None if that cannot be told."""
+    def _shortest(self, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
+        """Return the length of the disc centre's shortest path and its bends; None if that cannot be told."""
         near = {int(p) for q in (a, b) for p in self._tree.query(shapely.Point(q - self._origin), "intersects")}
         # The smaller is soonest proven.
         for part in sorted(near, key=lambda n: int(shapely.get_num_coordinates(self._parts[n]))):
@@ -195,7 +195,7 @@ class LowerBound:
         return None
 
     def _in(self, mesh: Mesh, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
-        """Return what :meth:`_way` does, by a mesh that no way leads out of; None if it holds neither end."""
+        """Return what `_shortest` does, by a mesh that no path leaves; None if it holds neither end."""
         ends = a - self._origin, b - self._origin
         inside = [locate(mesh, end) >= 0 for end in ends]
         if not any(inside):
@@ -203,16 +203,16 @@ class LowerBound:
             return None
         if not all(inside):
             return np.inf, np.empty((0, 2))
-        length, way = shortest_point_path(mesh, *ends)
+        length, path = shortest_point_path(mesh, *ends)
         if not np.isfinite(length):
             return None
         size = max(float(np.abs(self.world.bounds).max()), float(np.abs(mesh.points).max()))
-        return max(0.0, length * (1.0 - ROUNDING) - DIGITS * size * (len(way) + 4)), way + self._origin
+        return max(0.0, length * (1.0 - ROUNDING) - DIGITS * size * (len(path) + 4)), path + self._origin
 
     def _proven(
         self, part: Any, ends: tuple[FloatArray, FloatArray] | None = None, longest: float = np.inf
     ) -> Mesh | None:
-        """Return a part of the region cut into triangles, None unless it is proven that none but long ways leave it.
+        """Return a part of the region cut into triangles, None unless it is proven that none but long paths leave it.
 
         Args:
             part: polygon relative to the origin.
@@ -264,7 +264,7 @@ class LowerBound:
 
 
 def _least_detours(edges: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the length of the shortest way from a to b over each edge (n, 2, 2), as if nothing were in between."""
+    """Return the length of the shortest path from a to b over each edge (n, 2, 2), as if nothing were in between."""
     p, d = edges[:, 0], edges[:, 1] - edges[:, 0]
     square = np.maximum((d * d).sum(axis=1), 1e-300)
     u, v = ((point - p)[:, None] for point in (a, b))

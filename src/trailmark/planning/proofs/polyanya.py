@@ -2,7 +2,7 @@
 
 Source: Cui, Harabor & Grastien, "Compromise-free pathfinding on a navigation mesh", IJCAI 2017 (Polyanya). A node
 of the search is a root, where the path bends last, and an interval of an edge that is seen from there; its key is the
-length of the shortest way from start to root, through the interval, to the goal as if nothing lay behind it.
+length of the shortest path from start to root, through the interval, to the goal as if nothing lay behind it.
 
 What decides where the search goes is asked of the mesh's vertices and the start alone, without rounding: a cone of
 sight is told by the points that its two rays pass, not by where they cross an edge. The crossings only enter the keys,
@@ -61,10 +61,10 @@ def shortest_point_path(mesh: Mesh, start: FloatArray, goal: FloatArray) -> tupl
     length, bends, end = _search(points, mesh.triangles, mesh.neighbours, mesh.corner, first, np.array(goal), last)
     if not np.isfinite(length):
         return np.inf, np.empty((0, 2))
-    way = [start, *mesh.points[bends[::-1]], end, goal]
+    path = [start, *mesh.points[bends[::-1]], end, goal]
     # The last interval is crossed on the straight line, or at its end.
-    kept = [np.asarray(p) for i, p in enumerate(way) if i == 0 or np.hypot(*(p - way[i - 1])) > 0.0]
-    return float(length), np.array(kept)
+    different = [np.asarray(p) for i, p in enumerate(path) if i == 0 or np.hypot(*(p - path[i - 1])) > 0.0]
+    return float(length), np.array(different)
 
 
 @njit(cache=True, inline="always")
@@ -104,7 +104,7 @@ def _distance(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float]
 def _through(
     px: float, py: float, lx: float, ly: float, rx: float, ry: float, gx: float, gy: float
 ) -> tuple[float, float, float]:
-    """Return the length of the shortest way from p through the interval from l to r to g, and where it crosses."""
+    """Return the length of the shortest path from p through the interval from l to r to g, and where it crosses."""
     dx, dy = lx - rx, ly - ry
     norm = dx * dx + dy * dy
     if norm == 0.0:
@@ -152,7 +152,7 @@ def _note(
 
 @njit(cache=True, inline="always")
 def _turns(points: FloatArray, best: FloatArray, via: IntArray, root: int, vertex: int) -> bool:
-    """Return whether a shortest way may bend at a vertex, coming from a root, and take that down.
+    """Return whether a shortest path may bend at a vertex, coming from a root, and take that down.
 
     Of ways that are equally long but for rounding one is enough: either it goes on as the other would, or there is a
     still shorter one that cuts its corner.
