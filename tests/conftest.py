@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -18,6 +20,14 @@ settings.load_profile("trailmark")
 # In the background a shell starts programs deaf to Ctrl-C, and so would be those that the tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile all kernels before the workers of pytest-xdist begin: each would compile them for itself."""
+    config = session.config
+    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
+        warmup = [sys.executable, "-m", "trailmark", "warmup"]
+        subprocess.run(warmup, stdout=subprocess.DEVNULL, check=True, timeout=600)
 
 
 def data_folder() -> Path:
