@@ -29,7 +29,7 @@ from trailmark.collision import StateChecker
 from trailmark.formats.files import write_atomically
 from trailmark.landmarks import algorithm_1, algorithm_2, repair_centres, spread_of_runs
 from trailmark.landmarks.executions import execute_se2, readings_in
-from trailmark.landmarks.paper import INITIALISATIONS, PaperLandmarks
+from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, PaperLandmarks
 from trailmark.library import shipped_worlds
 from trailmark.world import World
 
@@ -39,6 +39,9 @@ ENVIRONMENTS = {"environment1": 12, "environment2": 14}
 N = 1000
 PUBLISHED = "169/831, 165/835, 171/829"
 WANTED = (165.0, 171.0)
+
+GROWN = "forgy, boxes grown"
+"""Forgy's initialisation, the obstacles' boxes grown by the robot's inscribed disc."""
 
 LARGE = (1_000_000, 1000)
 LIMITS = {"small": 0.05, "large": 20.0}
@@ -55,16 +58,19 @@ class Environment:
         self.world = World.load(shipped_worlds()[name])
         self.checker = StateChecker(self.world)
         self.start = np.array(self.world.queries[0].start)
-        self.found: dict[str, list[PaperLandmarks]] = {init: [] for init in INITIALISATIONS}
-        self.seconds: dict[str, list[float]] = {init: [] for init in INITIALISATIONS}
+        self.found: dict[str, list[PaperLandmarks]] = {method: [] for method in (*INITIALISATIONS, GROWN)}
+        self.seconds: dict[str, list[float]] = {method: [] for method in self.found}
+        radius = self.checker.robot.inscribed_disc.radius
         for run in range(runs):
             self.readings = readings_in(self.checker, np.random.default_rng([0, run]), start=self.start)
-            for init in INITIALISATIONS:
+            methods: list[tuple[str, Initialisation, float]] = [(init, init, 0.0) for init in INITIALISATIONS]
+            for method, init, margin in (*methods, (GROWN, "forgy", radius)):
                 rng, begin = np.random.default_rng([1, run]), perf_counter()
-                self.found[init].append(
-                    algorithm_2(self.readings, self.world.bounds, N, k, init, rng, robot=self.start[:2])
+                landmarks = algorithm_2(
+                    self.readings, self.world.bounds, N, k, init, rng, robot=self.start[:2], margin=margin
                 )
-                self.seconds[init].append(perf_counter() - begin)
+                self.seconds[method].append(perf_counter() - begin)
+                self.found[method].append(landmarks)
         self.own = [
             execute_se2(self.checker, N, k, np.random.default_rng([1, run]), start=self.start) for run in range(runs)
         ]
@@ -77,20 +83,20 @@ class Environment:
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each method."""
         rows = []
-        for init, found in self.found.items():
+        for method, found in self.found.items():
             repairs = [repair_centres(self.checker, each.centres, each.samples[~each.forbidden]) for each in found]
             counts = [int(each.forbidden.sum()) for each in found]
             valid = [bool(self.checker.valid(each.configurations).all()) for each in repairs]
             assert all(valid)
             rows.append(
-                self._row(init, counts, [each.centres for each in found])
+                self._row(method, counts, [each.centres for each in found])
                 | {
                     "inertia": float(np.mean([each.inertia for each in found])),
                     "iterations": float(np.mean([each.iterations for each in found])),
                     "in_obstacle": float(np.mean([each.in_obstacle.mean() for each in repairs])),
                     "invalid": float(np.mean([each.invalid.mean() for each in repairs])),
-                    "seconds": float(np.median(self.seconds[init])),
-                    "most_seconds": max(self.seconds[init]),
+                    "seconds": float(np.median(self.seconds[method])),
+                    "most_seconds": max(self.seconds[method]),
                 }
             )
         own = [each.centres[:, :2] for each in self.own]
