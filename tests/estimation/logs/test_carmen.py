@@ -298,3 +298,22 @@ def test_the_odometry_alone_is_near_the_corrected_poses(shared_data: Path) -> No
         drifts.append(np.hypot(*(moved[:2] - end.pose[:2])))
     assert np.median(drifts) < 0.1
     assert max(drifts) < 0.6
+
+
+def test_a_single_reading_far_beyond_all_others_is_a_glitch(tmp_path: Path) -> None:
+    """It must not pass for the largest range, or all that met nothing would be walls."""
+    rng = np.random.default_rng(0)
+    lines = []
+    for i in range(20):
+        ranges = np.where(rng.random(180) < 0.1, 50.0, rng.uniform(0.5, 9.0, 180)).round(2)
+        lines.append(flaser(float(i), (ranges if i != 7 else [1000.0, *ranges[1:]]), (i, 0, 0), (i, 0, 0)))
+    log = load(tmp_path / "a.log", *lines)
+    assert {scan.range_max for scan in scans(log.records)} == {50.0}
+    assert np.isnan(scans(log.records)[7].ranges[0])
+    assert sum(np.isnan(scan.ranges).sum() for scan in scans(log.records)) == 1
+    assert log.notes == ("1 reading up to 1000 m, far beyond all others, left out as glitches",)
+
+
+def test_rounded_times_give_way_to_the_loggers(tmp_path: Path) -> None:
+    lines = [f"ODOM {i} 0 0 0 0 0 1.13486e+09 pippo {10.0 + 0.5 * i}" for i in range(9)]
+    assert [r.t for r in load(tmp_path / "a.log", *lines).records] == [10.0 + 0.5 * i for i in range(9)]

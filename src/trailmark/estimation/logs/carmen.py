@@ -19,6 +19,8 @@ of 400 and 401 beams see 100 degrees.
 **Nothing met.** FLASER states no largest range, so ``range_max`` is the largest reading in the log (SICK scanners give
 81.83 m or 50 m where nothing came back), or 81.83 m (8.183 m) where the log holds SICK's codes of faults above that, up
 to 81.91 m (8.191 m). Should that reading have been an echo after all, only it is lost.
+A handful of readings, at most one in GLITCH_SHARE, more than twice as far as all others are glitches: they are taken as
+lost (NaN), with a note, and do not count as the largest.
 
 **Corrected poses.** A log is corrected if GMapping wrote it (it has lines ``NEFF``), or if laser and odometry do not
 keep their distance; other corrected logs cannot be told from raw ones without the argument ``corrected``. Then the
@@ -27,8 +29,8 @@ or what was in memory: in the Intel log from 1e-153 to 13 s), and goes on with t
 motion: the increments leave it out, so that they are the raw odometry's. In raw logs scans have no pose, and the
 laser's place in the robot's frame is their ``mount``.
 
-**Times** are those of the hosts' messages, which arrive a little out of order; the lines' order is the order of the
-motion. A time up to JITTER behind the latest one is raised to it, with a note; one farther behind is bad.
+**Times** are those of the hosts' messages, or the logger's where those of the messages are rounded so that most are
+equal and the logger's are not. They arrive a little out of order; the lines' order is the order of the motion. A time up to JITTER behind the latest one is raised to it, with a note; one farther behind is bad.
 """
 
 from __future__ import annotations
@@ -65,6 +67,9 @@ _MOUNTED = 0.01
 _SICK_NOTHING = ((81.83, 82.0), (8.183, 8.2))
 """Metres: the reading for nothing met, and what bounds the codes above it."""
 
+GLITCH_SHARE = 10_000
+"""Readings of which one may be a glitch, far beyond all others."""
+
 _Triple = tuple[float, float, float]
 
 
@@ -82,6 +87,7 @@ class _Line(NamedTuple):
     t: float
     pose: _Triple
     beams: _Beams | None = None
+    logged: float = 0.0
 
 
 def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> Log:
@@ -102,11 +108,15 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
     mount = None if gmapping else _mount([(line.beams.laser, line.pose) for line in lines if line.beams])
     if corrected is None:
         corrected = gmapping or mount is None
-    range_max = _range_max([line.beams.ranges for line in lines if line.beams and line.beams.range_max is None])
+    unlimited = [line.beams.ranges for line in lines if line.beams and line.beams.range_max is None]
+    glitches, farthest_glitch = _remove_glitches(unlimited)
+    range_max = _range_max(unlimited)
     records: list[Record] = []
+    if 2 * len({line.t for line in lines}) < len({line.logged for line in lines}):
+        lines = [line._replace(t=line.logged) for line in lines]
     base: _Triple | None = None
     latest, raised, farthest = -math.inf, 0, 0.0
-    for number, word, time, pose, beams in lines:
+    for number, word, time, pose, beams, _ in lines:
         behind = latest - time
         if behind > JITTER:
             back = f"time: expected at most {JITTER:g} s before {latest!r}, got {time!r}"
@@ -128,6 +138,9 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
             geometry = (beams.angle_min, beams.angle_increment, beams.range_max or range_max)
             records.append(Scan(t, beams.ranges, *geometry, mount or (0.0, 0.0, 0.0), where))
     notes = (f"{raised} times up to {farthest:.3g} s behind the latest one raised to it",) if raised else ()
+    if glitches:
+        others = "reading" if glitches == 1 else "readings"
+        notes += (f"{glitches} {others} up to {farthest_glitch:g} m, far beyond all others, left out as glitches",)
     return Log(name_of(path), tuple(records), np.empty((0, 3)), notes=notes)
 
 
@@ -195,7 +208,7 @@ def _line(number: int, fields: list[str]) -> _Line | str:
         return f"expected {word}, finite numbers, host, time, got {' '.join(fields)[:60]!r}"
     t = row[-2]
     if word in ("ODOM", "TRUEPOS"):
-        return _Line(number, word, t, _triple(row[:3]))
+        return _Line(number, word, t, _triple(row[:3]), None, row[-1])
     if word == "FLASER":
         start, (step, first), range_max = 1, _angles(n), None
     else:
@@ -204,7 +217,8 @@ def _line(number: int, fields: list[str]) -> _Line | str:
     if ranges.min() < 0.0:
         return f"{word}: range: expected 0 or more, got {ranges.min():g}"
     poses = row[start + n + (0 if word == "FLASER" else m + 1) :]
-    return _Line(number, word, t, _triple(poses[3:6]), _Beams(ranges, first, step, range_max, _triple(poses[:3])))
+    beams = _Beams(ranges, first, step, range_max, _triple(poses[:3]))
+    return _Line(number, word, t, _triple(poses[3:6]), beams, row[-1])
 
 
 def _count(fields: list[str], place: int, minimum: int = 1) -> int:
@@ -226,9 +240,24 @@ def _angles(n: int) -> tuple[float, float]:
     return math.pi / max(1, n if n % 2 == 0 else n - 1), -math.pi / 2.0
 
 
+def _remove_glitches(ranges: list[FloatArray]) -> tuple[int, float]:
+    """Make NaN of the few readings far beyond all others; return how many, and the largest of them."""
+    every = np.concatenate(ranges) if ranges else np.empty(0)
+    # In a log of a few scans, a single far reading may well be all that shows how far the scanner sees.
+    if len(every) < 1000:
+        return 0, 0.0
+    few = len(every) // GLITCH_SHARE + 1
+    limit = 2.0 * float(np.partition(every, -few - 1)[-few - 1])
+    beyond = every[every > limit]
+    if len(beyond):
+        for own in ranges:
+            own[own > limit] = np.nan
+    return len(beyond), float(beyond.max(initial=0.0))
+
+
 def _range_max(ranges: list[FloatArray]) -> float:
     """Return the reading from which on nothing was met; infinite without readings."""
-    largest = max((float(r.max()) for r in ranges), default=math.inf)
+    largest = max((float(np.nanmax(r)) for r in ranges if not np.isnan(r).all()), default=math.inf)
     for nothing, above in _SICK_NOTHING:
         if nothing <= largest < above:
             return nothing

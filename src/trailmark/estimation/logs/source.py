@@ -56,7 +56,7 @@ class BadRecords:
             FormatError: bad records are not to be skipped.
         """
         if not self.skip:
-            raise FormatError(path, f"{problem} (skip-bad leaves it out)", line)
+            raise FormatError(path, f"{problem} (--skip-bad leaves it out)", line)
         self.dropped += count
 
     def report_late(self, path: Path, t: float, latest: float, line: int | None = None, name: str = "") -> None:
