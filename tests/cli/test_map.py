@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -98,7 +99,7 @@ def test_the_json_object(shell: Shell, log: Path, tmp_path: Path) -> None:
             "counts",
             "obstacles",
         ),
-        *("bounds", "trajectory", "queries", "risk", "time", "notes", "robot", "written"),
+        *("bounds", "trajectory", "queries", "risk", "time", "explained", "warnings", "notes", "robot", "written"),
     }
     assert found["records"]["all"] == len(recorded().records)
     assert (found["dropped"], found["poses"], found["association"]) == (0, "slam", "known")
@@ -184,8 +185,12 @@ def test_a_real_laser_log(shell: Shell, shared_data: Path, tmp_path: Path) -> No
     assert found["records"]["scans"] > 50
     assert found["obstacles"]["walls"] > 20
     assert found["risk"]["collision_at_most"] == pytest.approx(0.1)
-    raw = record(shell, log, "--output", file, "--poses", "odometry")
-    assert raw["poses"] == "odometry"
+    drifting = shell("map", log, "--output", file, "--poses", "odometry", "--json")
+    assert (drifting.status, json.loads(drifting.out)["poses"]) == (0, "odometry")
+    assert re.fullmatch(r"trailmark: warning: the map explains \d\d% .* --poses match .*\n", drifting.err)
+    matched = record(shell, log, "--output", file, "--poses", "match")
+    assert matched["explained"] > 0.95
+    assert matched["matching"]["nodes"] > 50
     assert shell("plan", file, "--query", "farthest", "--time-limit", "1").status == 0
 
 

@@ -276,6 +276,8 @@ def map_log(
 
     if read.dropped:
         typer.echo(f"trailmark: {_plural(read.dropped, 'bad record')} left out of {log}", err=True)
+    for warning in mapped.warnings:
+        console.warn(warning)
     if as_json:
         files = {"world": output, "plot": plot}
         record = {"log": log, **mapped.figures(), "robot": body and body.describe(), "written": files}
@@ -311,6 +313,8 @@ def _print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Pa
         where = "in" if nis["inside"] else "below" if nis["mean"] < nis["low"] else "above"
         band = f"expected {nis['expected']:.3f}, {where} its 95 % χ² band {nis['low']:.3f}..{nis['high']:.3f}"
         rows.append(("NIS", f"{nis['mean']:.3f} over {_plural(nis['updates'], 'update')} ({band})"))
+    if found["explained"] is not None:
+        rows.append(("scans", f"{found['explained']:.1%} of their end points explained by an obstacle"))
     seconds = found["time"]
     each = "-" if seconds["per_update"] is None else f"{1e3 * seconds['per_update']:.3g} ms"
     rows += [

@@ -306,7 +306,7 @@ def test_a_single_reading_far_beyond_all_others_is_a_glitch(tmp_path: Path) -> N
     lines = []
     for i in range(20):
         ranges = np.where(rng.random(180) < 0.1, 50.0, rng.uniform(0.5, 9.0, 180)).round(2)
-        lines.append(flaser(float(i), (ranges if i != 7 else [1000.0, *ranges[1:]]), (i, 0, 0), (i, 0, 0)))
+        lines.append(flaser(float(i), ([1000.0, *ranges[1:]] if i == 7 else ranges.tolist()), (i, 0, 0), (i, 0, 0)))
     log = load(tmp_path / "a.log", *lines)
     assert {scan.range_max for scan in scans(log.records)} == {50.0}
     assert np.isnan(scans(log.records)[7].ranges[0])

@@ -30,7 +30,8 @@ motion: the increments leave it out, so that they are the raw odometry's. In raw
 laser's place in the robot's frame is their ``mount``.
 
 **Times** are those of the hosts' messages, or the logger's where those of the messages are rounded so that most are
-equal and the logger's are not. They arrive a little out of order; the lines' order is the order of the motion. A time up to JITTER behind the latest one is raised to it, with a note; one farther behind is bad.
+equal and the logger's are not. They arrive a little out of order; the lines' order is the order of the motion. A time
+up to JITTER behind the latest one is raised to it, with a note; one farther behind is bad.
 """
 
 from __future__ import annotations
@@ -137,7 +138,9 @@ def read_carmen(path: Path, bad: BadRecords, corrected: bool | None = None) -> L
             where = None if not corrected else beams.laser if mount is None else pose
             geometry = (beams.angle_min, beams.angle_increment, beams.range_max or range_max)
             records.append(Scan(t, beams.ranges, *geometry, mount or (0.0, 0.0, 0.0), where))
-    notes = (f"{raised} times up to {farthest:.3g} s behind the latest one raised to it",) if raised else ()
+    notes: tuple[str, ...] = (
+        (f"{raised} times up to {farthest:.3g} s behind the latest one raised to it",) if raised else ()
+    )
     if glitches:
         others = "reading" if glitches == 1 else "readings"
         notes += (f"{glitches} {others} up to {farthest_glitch:g} m, far beyond all others, left out as glitches",)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from time import perf_counter
 
@@ -12,6 +13,7 @@ from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.graph.scan_slam import match_scans
 from trailmark.estimation.logs.records import Log, Scan
 from trailmark.estimation.maps.log_poses import OnProgress, SlamRun, Sources, run_slam, sources_of
+from trailmark.estimation.maps.map_checks import explained_share, scan_warnings
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.mapped_log import MappedLog
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
@@ -64,7 +66,7 @@ def map_log(
     sources = sources_of(log, s)
     detected = sources.obstacles == "detections"
     run = run_slam(log, s, sources.poses, on_progress) if detected or sources.poses == "slam" else None
-    scan_map, matched, scan_begin = None, None, perf_counter()
+    scan_map, matched, explained, scan_begin = None, None, math.nan, perf_counter()
     if run is not None and detected:
         trajectory, world = run.result.trajectory, _world_of_discs(log, s, run, robot)
     else:
@@ -84,6 +86,7 @@ def map_log(
             log, poses, settings=mapping, robot=robot, pose_covariances=covariances, on_progress=report
         )
         trajectory, world = np.column_stack([[scan.t for scan in scans], poses]), scan_map.world
+        explained = explained_share(world, scans, poses, mapping)
     scan_seconds = 0.0 if scan_map is None else perf_counter() - scan_begin
     if confidence is not None:
         x, theta = s.robot_sigma or (0.0, 0.0)
@@ -104,6 +107,8 @@ def map_log(
         matched=matched,
         seconds=perf_counter() - begin,
         scan_seconds=scan_seconds,
+        explained=None if math.isnan(explained) else explained,
+        warnings=tuple(scan_warnings(explained, trajectory, sources.poses)),
         batch=None if run is None else run.batch,
         notes=(*log.notes, *_notes(s, sources, world)),
     )

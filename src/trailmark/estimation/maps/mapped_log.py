@@ -14,6 +14,7 @@ import numpy as np
 from trailmark.estimation.graph.scan_slam import ScanPoses
 from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Scan
 from trailmark.estimation.maps.batch_slam import BatchResult
+from trailmark.estimation.maps.map_checks import duration
 from trailmark.estimation.maps.scan_map import ScanMap
 from trailmark.estimation.slam.slam_result import SlamResult
 from trailmark.se2 import FloatArray
@@ -55,6 +56,10 @@ class MappedLog(NamedTuple):
     """Time that it took."""
     scan_seconds: float
     """Of that, the time for scans."""
+    explained: float | None = None
+    """Share of the scans' end points near an obstacle, where obstacles are made of scans."""
+    warnings: tuple[str, ...] = ()
+    """One sentence for each thing that looks wrong, and what to try."""
     notes: tuple[str, ...] = ()
     """One sentence for each thing left out, assumed or not used, the reader's own among them."""
 
@@ -80,13 +85,15 @@ class MappedLog(NamedTuple):
             "trajectory": {
                 "poses": len(times),
                 "length": float(np.hypot(steps[:, 1], steps[:, 2]).sum()),
-                "duration": float(times[-1] - times[0]) if len(times) else 0.0,
+                "duration": duration(times),
             },
             "queries": [query.name for query in self.world.queries],
             "risk": None
             if risk is None
             else {"confidence": risk.confidence, "collision_at_most": 1.0 - risk.confidence},
             "time": {"total": self.seconds, "per_update": self._per_update()},
+            "explained": self.explained,
+            "warnings": list(self.warnings),
             "notes": list(self.notes),
         }
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from trailmark.estimation.maps.evidence import EvidenceGrid
     from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 
-__all__ = ["ScanMap", "map_scans"]
+__all__ = ["ScanMap", "beam_ends", "map_scans"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -131,7 +131,7 @@ def _read(
     from trailmark.estimation.maps.evidence import EvidenceGrid
     from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 
-    beams = [_beams(scan, pose, s) for scan, pose in zip(scans, x, strict=True)]
+    beams = [beam_ends(scan, pose, s) for scan, pose in zip(scans, x, strict=True)]
     corners = np.concatenate([x[:, :2], *(ends for _, ends, _ in beams)])
     low, high = corners.min(axis=0) - 4.0 * s.cell, corners.max(axis=0) + 4.0 * s.cell
     # On the lines of one grid for all maps of the same cells, so that maps can be compared.
@@ -152,7 +152,7 @@ def _read(
     return grid, lines, discs
 
 
-def _beams(scan: Scan, pose: FloatArray, s: MappingSettings) -> tuple[FloatArray, FloatArray, BoolArray]:
+def beam_ends(scan: Scan, pose: FloatArray, s: MappingSettings) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return where the scanner is, (2,), where its beams end, (n, 2), and which of them met something, (n,)."""
     ranges = np.asarray(scan.ranges, dtype=np.float64)
     readable = ~np.isnan(ranges) & (ranges > 0.0)
