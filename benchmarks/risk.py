@@ -1,9 +1,9 @@
 """Does a path past grown obstacles meet the true ones as seldom as it is said to? Writes results/risk.{json,md}.
 
-A simulated robot drives round a yard, once with a detector of discs (EKF-SLAM with odometry: discs whose radius is
-uncertain too, and the robot's own pose), once with a laser scanner (mapping from poses whose errors last: walls, discs
-and hulls). The estimates are grown for a confidence p, in even shares, and LandmarkPlanner plans through what is left;
-or the risk is spent along the path (``spend_risk``). Then
+A simulated robot drives round a yard, once with a detector of discs (whose radius is uncertain too), once with a laser
+scanner (walls, discs and hulls), and ``trailmark.estimation.map_log`` makes a map by its defaults, with the noise that
+is stated; the truth errs as much, or twice as much. The estimates are grown for a confidence p, in even shares, and
+LandmarkPlanner plans through what is left; or the risk is spent along the path (``spend_risk``). Then
 
 1. the true obstacles and the robot's pose are drawn from the estimates' distributions: the share of draws in which the
    planned path collides, over all worlds;
@@ -23,6 +23,7 @@ import argparse
 import itertools
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
 from typing import Any, NamedTuple
@@ -32,14 +33,11 @@ import shapely
 from numpy.typing import NDArray
 from scipy.stats import beta
 
+from benchmarks.alignment import Alignment, aligned
 from benchmarks.machine import describe_machine, markdown_table
 from benchmarks.random_worlds import star_polygon
 from trailmark.errors import TrailmarkError
-from trailmark.estimation import EkfSlam, RangeBearing, Unicycle
-from trailmark.estimation.logs.records import Scan
-from trailmark.estimation.maps.map_settings import MappingSettings
-from trailmark.estimation.maps.obstacle_estimates import disc_estimates
-from trailmark.estimation.maps.scan_map import map_scans
+from trailmark.estimation import MappingSettings, MapSettings, RangeBearing, Unicycle, disc_estimates, map_log
 from trailmark.estimation.risk.allocation import regrow
 from trailmark.estimation.risk.spending import spend_risk
 from trailmark.estimation.scans.scan_settings import ScanSettings
@@ -47,7 +45,7 @@ from trailmark.estimation.simulation.simulator import simulate
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.formats.files import write_atomically
 from trailmark.planning import LandmarkPlanner
-from trailmark.shapes import Disc, Rectangle, Shape
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
@@ -65,12 +63,12 @@ WAY = np.array([[1, 1], [13, 1], [13, 9], [1, 9], [1, 5], [13, 5], [13, 9], [7, 
 MOTION = Unicycle(0.02, 0.02, period=1.0)
 DETECTOR = Detector(RangeBearing(0.08, 0.02), max_range=5.0, period=0.5)
 SCANNER = Scanner(beams=361, field_of_view=2.0 * math.pi, max_range=8.0, sigma=0.02, period=1.0)
-SETTINGS = MappingSettings(scan=ScanSettings(sigma_range=0.02, sigma_bearing=0.002), pose_sigma=(0.02, 0.005))
+MAPPING = MappingSettings(scan=ScanSettings(sigma_range=0.02, sigma_bearing=0.002))
+FACTORS = (1.0, 2.0)
+"""How many times as large as stated the noise of sensors and odometry is."""
 RADIUS_SIGMA = 0.02
 POSE_SIGMA = np.array([0.02, 0.02, 0.01])
-"""Of the robot that follows the path through a map from scans; the detector's filter states its own."""
-MEMORY = 0.9
-"""Correlation of the errors of a scanner's pose with those of the one before."""
+"""Of the robot that follows the path, as it finds its place in the map."""
 
 
 class Case(NamedTuple):
@@ -117,35 +115,48 @@ def yard(rng: np.random.Generator, sensor: str) -> World:
     return World("yard", BOUNDS, tuple(obstacles), ROBOT)
 
 
-def detected(rng: np.random.Generator) -> Case:
-    """Return what EKF-SLAM makes of a log of detections; the robot stands where its log ended."""
-    true = yard(rng, "detector")
-    log, truth = simulate(true, WAY, MOTION, detector=DETECTOR, random_state=rng)
-    result = EkfSlam({"range-bearing": DETECTOR.model}, velocity=MOTION, start=truth[0, 1:]).run(log.records)
-    discs = [true.obstacles[feature.identity or 0] for feature in result.features]
-    radii = np.array([disc.radius for disc in discs if isinstance(disc, Disc)])
-    radii = np.maximum(0.02, radii + RADIUS_SIGMA * rng.standard_normal(len(radii)))
-    means, covariances = (np.array([feature[i] for feature in result.features]) for i in (3, 4))
-    estimates = disc_estimates(means, covariances, radii, RADIUS_SIGMA)
-    shapes = tuple(estimate.mean for estimate in estimates)
-    world = World("yard", BOUNDS, shapes, ROBOT, estimates=tuple(estimates))
-    error = truth[-1, 1:] - result.trajectory[-1, 1:]
-    error[2] = math.remainder(error[2], 2.0 * math.pi)
-    return Case(world, true, result.covariances[-1], error)
+def mapped(rng: np.random.Generator, sensor: str, factor: float) -> Case:
+    """Return what ``trailmark map`` makes of a drive whose sensors and odometry err ``factor`` times as much as stated.
+
+    The map's frame is its own: the truth is laid over it, detected features or scans' poses nearest to their partners.
+    """
+    true = yard(rng, sensor)
+    motion = Unicycle(factor * MOTION.sigma_v, factor * MOTION.sigma_omega, period=MOTION.period)
+    model = RangeBearing(factor * DETECTOR.model.sigma_range, factor * DETECTOR.model.sigma_bearing)
+    detector = replace(DETECTOR, model=model) if sensor == "detector" else None
+    scanner = replace(SCANNER, sigma=factor * SCANNER.sigma) if sensor == "scanner" else None
+    log, truth = simulate(true, WAY, motion, detector=detector, scanner=scanner, random_state=rng)
+    x, y, theta = (float(value) for value in truth[0, 1:])
+    settings = MapSettings(start=(x, y, theta), velocity=MOTION, range_bearing=DETECTOR.model, mapping=MAPPING)
+    found = map_log(log, settings, robot=ROBOT)
+    world = found.world
+    if sensor == "detector":
+        assert found.slam is not None
+        discs = [true.obstacles[feature.identity or 0] for feature in found.slam.features]
+        radii = np.array([disc.radius for disc in discs if isinstance(disc, Disc)])
+        centres = np.array([disc.center for disc in discs if isinstance(disc, Disc)])
+        radii = np.maximum(0.02, radii + RADIUS_SIGMA * rng.standard_normal(len(radii)))
+        means = np.array([feature.mean for feature in found.slam.features])
+        covariances = np.array([e.covariance for e in world.estimates if e is not None])
+        estimates = tuple(disc_estimates(means, covariances, radii, RADIUS_SIGMA))
+        world = replace(world, obstacles=tuple(e.mean for e in estimates), estimates=estimates)
+        onto = aligned(centres, means)
+    else:
+        rows = np.searchsorted(truth[:, 0], found.trajectory[:, 0] - 1e-9)
+        onto = aligned(truth[rows, 1:3], found.trajectory[:, 1:3])
+    laid_over = replace(true, obstacles=tuple(moved(shape, onto) for shape in true.obstacles))
+    return Case(replace(world, bounds=BOUNDS), laid_over, np.diag(POSE_SIGMA**2), POSE_SIGMA * rng.standard_normal(3))
 
 
-def scanned(rng: np.random.Generator) -> Case:
-    """Return what mapping makes of laser scans from poses whose errors last for some ten scans."""
-    true = yard(rng, "scanner")
-    log, truth = simulate(true, WAY, MOTION, scanner=SCANNER, random_state=rng)
-    scans = [record for record in log.records if isinstance(record, Scan)]
-    rows = np.searchsorted(truth[:, 0], [scan.t - 1e-9 for scan in scans])
-    sigma = np.array([SETTINGS.pose_sigma[0], *SETTINGS.pose_sigma])
-    errors = [sigma * rng.standard_normal(3)]
-    for _ in scans[1:]:
-        errors.append(MEMORY * errors[-1] + math.sqrt(1.0 - MEMORY**2) * sigma * rng.standard_normal(3))
-    found = map_scans(scans, truth[rows, 1:] + np.array(errors), settings=SETTINGS, robot=ROBOT)
-    return Case(found.world, true, np.diag(POSE_SIGMA**2), POSE_SIGMA * rng.standard_normal(3))
+def moved(shape: Shape, onto: Alignment) -> Shape:
+    """Return a shape moved rigidly."""
+    turn = math.atan2(onto.R[1, 0], onto.R[0, 0])
+    if isinstance(shape, Polygon):
+        return Polygon(onto(shape.vertices))
+    x, y = (float(value) for value in onto(np.array([shape.center]))[0])
+    if isinstance(shape, Disc):
+        return Disc((x, y), shape.radius)
+    return Rectangle((x, y), shape.length, shape.width, shape.heading + turn)
 
 
 def planned(world: World, along_path: bool) -> FloatArray | None:
@@ -245,15 +256,21 @@ def main() -> int:
     parser.add_argument("--no-write", action="store_true", help="print only")
     options = parser.parse_args()
     begin = process_time()
-    tally: dict[tuple[str, float, bool], dict[str, list[float]]] = {}
+    tally: dict[tuple[str, float, float, bool], dict[str, list[float]]] = {}
     for i in range(max(options.worlds, options.logs)):
-        sensor = SENSORS[i % 2]
+        sensor, factor = SENSORS[i % 2], FACTORS[i // 2 % 2]
         rng = np.random.default_rng([2026, i])
-        case = (detected if sensor == "detector" else scanned)(rng)
+        try:
+            case = mapped(rng, sensor, factor)
+        except TrailmarkError as error:
+            print(f"{sensor}, noise x {factor:g}, log {i}: no map: {error}")
+            continue
         for p in (0.0, *CONFIDENCES):
             grown = regrow(case.estimated, p, pose_covariance=case.pose_covariance) if p else case.estimated
             for along_path in (False, True)[: 2 if p else 1]:
-                own = tally.setdefault((sensor, p, along_path), {"hits": [], "true": [], "length": [], "failed": []})
+                own = tally.setdefault(
+                    (sensor, factor, p, along_path), {"hits": [], "true": [], "length": [], "failed": []}
+                )
                 states = planned(grown, along_path)
                 if states is None:
                     own["failed"].append(i)
@@ -266,18 +283,18 @@ def main() -> int:
     return report(tally, options.draws, write=not options.no_write)
 
 
-def report(tally: dict[tuple[str, float, bool], dict[str, list[float]]], draws: int, *, write: bool) -> int:
+def report(tally: dict[tuple[str, float, float, bool], dict[str, list[float]]], draws: int, *, write: bool) -> int:
     """Print and write the tables; return 0 if all shares stay under what is allowed."""
     record: dict[str, Any] = {"machine": describe_machine(), "rows": []}
     tables: tuple[list[list[str]], list[list[str]]] = ([], [])
     kept = True
-    for (sensor, p, along_path), own in sorted(tally.items()):
+    for (sensor, factor, p, along_path), own in sorted(tally.items()):
         outcomes = (
             Counts(int(sum(own["hits"])), draws * len(own["hits"])),
             Counts(int(sum(own["true"])), len(own["true"])),
         )
         spent = ("along the path" if along_path else "even") if p else "as measured"
-        row: dict[str, Any] = {"sensor": sensor, "confidence": p or None, "spending": spent}
+        row: dict[str, Any] = {"sensor": sensor, "noise": factor, "confidence": p or None, "spending": spent}
         row["length"], row["no_path"] = float(np.mean(own["length"] or [math.nan])), len(own["failed"])
         row["worst_world"] = max(own["hits"], default=0.0) / draws
         for name, counts, table in zip(("draws", "logs"), outcomes, tables, strict=True):
@@ -288,11 +305,18 @@ def report(tally: dict[tuple[str, float, bool], dict[str, list[float]]], draws: 
             row[name] = {"hits": counts.hits, "trials": counts.trials, "low": low, "high": high}
             # Of a hundred logs none may collide or one: what the interval excludes is a bound that is broken.
             kept &= (not p) or (share < 1.0 - p if name == "draws" else low <= 1.0 - p)
-            cells = [sensor, f"{p:g}" if p else "", spent, f"{100 * (1 - p):.3g} %", f"{counts.hits}/{counts.trials}"]
+            cells = [
+                sensor,
+                f"x {factor:g}",
+                f"{p:g}" if p else "",
+                spent,
+                f"{100 * (1 - p):.3g} %",
+                f"{counts.hits}/{counts.trials}",
+            ]
             cells += [f"{100 * share:.3f} %", f"{100 * low:.3f} to {100 * high:.3f} %"]
             table.append([*cells, f"{100 * row['worst_world']:.2f} %" if name == "draws" else f"{row['length']:.2f}"])
         record["rows"].append(row)
-    header = ["sensor", "p", "risk spent", "allowed", "collisions", "share", "95 % interval"]
+    header = ["sensor", "true noise", "p", "risk spent", "allowed", "collisions", "share", "95 % interval"]
     texts = [
         markdown_table([*header, last], rows)
         for last, rows in zip(("worst world", "metres a path"), tables, strict=True)
