@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["map_log"]
 
 WORLD_SUFFIXES = (".yaml", ".yml")
+TRAJECTORY_SUFFIXES = (".tum", ".txt")
 ROBOT = "disc:0.2"
 
 _NOISE = "Noise and mapping"
@@ -43,14 +44,14 @@ def map_log(
         typer.Argument(
             metavar="LOG",
             show_default=False,
-            help="trailmark JSON Lines, an MRCLAM folder (FOLDER:N for robot N), a CARMEN log, victoria_park.txt, or a "
-            "ROS bag; text may be gzipped.",
+            help="trailmark JSON Lines, an MRCLAM folder (FOLDER:N for robot N), a CARMEN log, victoria_park.txt, a "
+            "g2o graph, or a ROS bag; text may be gzipped.",
         ),
     ],
     output: Annotated[str, _option("--output", "WORLD.yaml", "The world file to write.")],
     form: Annotated[
         str | None,
-        _option("--format", "NAME", "jsonl, mrclam, carmen, victoria or rosbag; default: by the content."),
+        _option("--format", "NAME", "jsonl, mrclam, carmen, victoria, g2o or rosbag; default: by the content."),
     ] = None,
     confidence: Annotated[
         str | None,
@@ -67,6 +68,15 @@ def map_log(
         ),
     ] = ROBOT,
     plot: PlotOption = None,
+    trajectory: Annotated[
+        str | None, _option("--trajectory", "FILE.tum", "Write where the robot was: rows t x y 0 0 0 qz qw, for evo.")
+    ] = None,
+    nav2: Annotated[
+        str | None, _option("--nav2", "MAP.yaml", "Write the map for nav2 too: MAP.yaml and MAP.pgm beside it.")
+    ] = None,
+    graph: Annotated[
+        str | None, _option("--graph", "FILE.g2o", "Write the graph of matched scans (--poses match).")
+    ] = None,
     as_json: JsonOption = False,
     skip_bad: Annotated[
         bool, typer.Option("--skip-bad", help="Leave out bad records, and say how many.", rich_help_panel=_LOG)
@@ -215,13 +225,21 @@ def map_log(
     body = read_robot(robot)
     world_file = output_file(output, WORLD_SUFFIXES)
     picture = output_file(plot, PICTURE_SUFFIXES)
+    tum_file, g2o_file = output_file(trajectory, TRAJECTORY_SUFFIXES), output_file(graph, (".g2o",))
+    nav2_file = output_file(nav2, WORLD_SUFFIXES)
+    image_file = None if nav2_file is None else output_file(str(nav2_file.with_suffix(".pgm")), (".pgm",))
 
     with console.progress("reading") as progress:
         from trailmark.errors import FormatError, TrailmarkError
+        from trailmark.estimation.graph.g2o import write_g2o
         from trailmark.estimation.logs import load_log, log_files
         from trailmark.estimation.maps.log_map import map_log as map_records
+        from trailmark.formats.nav2_output import save_nav2_map
+        from trailmark.formats.tum import write_tum
 
-        protect_inputs(log_files(log), world_file, picture)
+        protect_inputs(log_files(log), world_file, picture, tum_file, g2o_file, nav2_file, image_file)
+        if nav2_file is not None and nav2_file == world_file:
+            raise UsageError(f"expected another file than --output for --nav2, got {nav2!r} twice")
         settings = settings_of(
             obstacles=obstacles,
             poses=poses,
@@ -273,13 +291,23 @@ def map_log(
             written.append(picture)
         if world_file is not None:
             mapped.world.save(world_file)
+        if tum_file is not None:
+            write_tum(tum_file, mapped.trajectory)
+            written.append(tum_file)
+        if nav2_file is not None:
+            written += save_nav2_map(mapped.world, nav2_file, settings.mapping.cell)
+        if g2o_file is not None:
+            if mapped.matched is None:
+                raise UsageError(f"--graph {graph!r} given with poses by {mapped.poses}, allowed: --poses match")
+            write_g2o(g2o_file, mapped.trajectory[mapped.matched.keys, 1:], mapped.matched.relations)
+            written.append(g2o_file)
 
     if read.dropped:
         typer.echo(f"trailmark: {_plural(read.dropped, 'bad record')} left out of {log}", err=True)
     for warning in mapped.warnings:
         console.warn(warning)
     if as_json:
-        files = {"world": output, "plot": plot}
+        files = {"world": output, "plot": plot, "trajectory": trajectory, "nav2": nav2, "graph": graph}
         record = {"log": log, **mapped.figures(), "robot": body and body.describe(), "written": files}
         console.say(console.json_text(record))
     else:

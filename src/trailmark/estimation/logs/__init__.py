@@ -18,12 +18,14 @@ from trailmark.estimation.logs.records import Log
 
 __all__ = ["FORMATS", "load_log", "log_files", "save_log"]
 
-FORMATS = ("jsonl", "mrclam", "carmen", "victoria", "rosbag")
-"""trailmark's own JSON Lines; an MRCLAM folder; a CARMEN log; GTSAM's Victoria Park file; a ROS 1 or ROS 2 bag."""
+FORMATS = ("jsonl", "mrclam", "carmen", "victoria", "g2o", "rosbag")
+"""trailmark's own JSON Lines; an MRCLAM folder; a CARMEN log; GTSAM's Victoria Park file; a g2o graph; a ROS 1 or ROS 2
+bag."""
 
 _ALLOWED = (
     'expected trailmark JSON Lines (first line {"trailmark_log": 1}), an MRCLAM folder (RobotN_Odometry.dat) as '
-    "FOLDER:N or one of robot N's files, a CARMEN log (ODOM, FLASER), victoria_park.txt (ODOMETRY, LANDMARK), a ROS bag"
+    "FOLDER:N or one of robot N's files, a CARMEN log (ODOM, FLASER), victoria_park.txt (ODOMETRY, LANDMARK), "
+    "a g2o graph (VERTEX_SE2, EDGE_SE2), a ROS bag"
 )
 
 _BAG_STARTS = (b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP0\r\n")
@@ -136,7 +138,7 @@ def _format_of(path: FilePath) -> str:
     Raises:
         FormatError: it is missing, or of no known format.
     """
-    from trailmark.estimation.logs import carmen, mrclam, victoria
+    from trailmark.estimation.logs import carmen, g2o, mrclam, victoria
     from trailmark.estimation.logs.source import read_head
 
     if path.is_dir():
@@ -157,6 +159,8 @@ def _format_of(path: FilePath) -> str:
             return "jsonl"
         if word in victoria.KEYWORDS:
             return "victoria"
+        if word in g2o.KEYWORDS or word in ("VERTEX_XY", "FIX"):
+            return "g2o"
         if word in carmen.KEYWORDS or line.startswith("# message formats defined:"):
             return "carmen"
     raise FormatError(path, f"no log of a known format; {_ALLOWED}")
