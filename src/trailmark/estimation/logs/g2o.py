@@ -1,8 +1,8 @@
 """g2o files of a drive: poses joined by odometry, and landmarks seen from them.
 
 Lines that are read: ``VERTEX_SE2 id x y theta``; ``EDGE_SE2 a b dx dy dtheta`` and the upper triangle of the
-information matrix, six numbers; ``EDGE_SE2_XY a b x y`` with three: landmark b in the frame of pose a. ``VERTEX_XY`` and
-``FIX`` are left out.
+information matrix, six numbers; ``EDGE_SE2_XY a b x y`` with three: landmark b in the frame of pose a. Lines with
+``VERTEX_XY`` and ``FIX`` are left out.
 
 The poses are taken in the order of their numbers, one second apart, since the format has no times. Edges between
 consecutive poses become increments; others, loop closures, are no records, and a note has their number. A pose that no
