@@ -12,11 +12,9 @@ in a graph", AI 1970; checks only of what is expanded: Cohen, Phillips & Likhach
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, pi
-from typing import NamedTuple
+from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trailmark.clock import CLOCK_EVERY, Deadline, now
 from trailmark.collision import StateChecker
@@ -26,23 +24,19 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, state, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
-from trailmark.heading import turn
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.landmarks.retraction import retract
 from trailmark.planning.lattice.cost_to_go import CostToGo
+from trailmark.planning.lattice.guide import Guide, best_multi_step, cost_to_go, near_goal
 from trailmark.planning.lattice.nodes import (
     MULTI_STEPS,
     ORIGIN,
-    STEP_X,
-    STEP_Y,
     TURNS,
     Nodes,
     child_of,
     configuration,
     move_cost,
     parent_of,
-    place,
-    position,
 )
 from trailmark.planning.lattice.table import (
     CHECKED,
@@ -67,30 +61,6 @@ MAX_CHILDREN = 18
 
 REACH, MARGIN = 0.75, 0.25
 """Steps by which a node that collides may be moved and turned off the obstacles, and the clearance sought there."""
-
-
-class Guide(NamedTuple):
-    """Costs to go, as compiled functions take them.
-
-    Attributes:
-        cost: (rows, columns), metres; empty: the straight distance counts.
-        column: in ``cost``, of the lattice's first column, with what it lies beyond that cell's edge.
-        row: in ``cost``, of the lattice's first row, likewise.
-        step: cells of ``cost`` from one of the lattice's positions to the next.
-        x: of the goal's position, metres.
-        y: of the goal's position, metres.
-        weight: of the cost to go.
-        limit: metres; no path over a node is of interest whose cost and straight distance to the goal exceed it.
-    """
-
-    cost: NDArray[np.float32]
-    column: float
-    row: float
-    step: float
-    x: float
-    y: float
-    weight: float
-    limit: float
 
 
 @dataclass(frozen=True)
@@ -223,10 +193,10 @@ def _search(
                 grid, field, robot, placed, queue, nodes, table, node, q, before, multi_steps
             ):
                 continue
-        left = _cost_to_go(nodes, node, guide, 0.0)
+        left = cost_to_go(nodes, node, guide, 0.0)
         if left < nearest:
             nearest, nearest_at = left, expanded
-        if (expanded % GOAL_EVERY == 0 or _near_goal(nodes, node, guide, q, goal)) and (
+        if (expanded % GOAL_EVERY == 0 or near_goal(nodes, node, guide, q, goal)) and (
             motion(grid, field, robot, placed, queue, q, goal, True) == FREE
         ):
             last = node
@@ -239,12 +209,12 @@ def _search(
         # One step, or a turn; and the multi-step that promises most.
         for direction in range(10 if nodes.headings > 1 else 8):
             step = direction if direction < 8 else TURNS + direction - 8
-            for move in (step, _best_multi_step(nodes, node, direction, multi_steps, guide) if direction < 8 else -1):
+            for move in (step, best_multi_step(nodes, node, direction, multi_steps, guide) if direction < 8 else -1):
                 other = child_of(nodes, node, move) if move >= 0 else -1
                 if other < 0:
                     continue
                 reached = cost + move_cost(nodes, move)
-                left = _cost_to_go(nodes, other, guide, reached)
+                left = cost_to_go(nodes, other, guide, reached)
                 if left < np.inf:
                     new = _relax(table, other, reached, move)
                     if new >= 0:
@@ -264,61 +234,6 @@ def _configuration_of(nodes: Nodes, table: SearchTable, node: int, q: FloatArray
             q[:] = table.retracted[entry]
             return
     configuration(nodes, node, q)
-
-
-@njit(cache=True, inline="always")
-def _cost_to_go(nodes: Nodes, node: int, guide: Guide, cost: float) -> float:
-    """Return the cost to go from a node's position to the goal's, infinite if ``cost`` is too much to get here."""
-    _, row, column = place(node)
-    if len(guide.cost) == 0 or guide.limit < np.inf:
-        straight = hypot(
-            guide.x - nodes.x - (column - nodes.left) * nodes.size, guide.y - nodes.y - (row - nodes.below) * nodes.size
-        )
-        if cost + straight > guide.limit:
-            return np.inf
-        if len(guide.cost) == 0:
-            return straight
-    return _guided(guide, row, column)
-
-
-@njit(cache=True, inline="always")
-def _guided(guide: Guide, row: int, column: int) -> float:
-    """Return the cost to go from the cell of a position of the lattice."""
-    i, j = int(guide.row + row * guide.step), int(guide.column + column * guide.step)
-    if i < guide.cost.shape[0] and j < guide.cost.shape[1]:
-        return float(guide.cost[i, j])
-    return np.inf
-
-
-@njit(cache=True, inline="always")
-def _best_multi_step(nodes: Nodes, node: int, direction: int, multi_steps: int, guide: Guide) -> int:
-    """Return the move of more than one step in a direction that promises most, -1 if there is none."""
-    _, row, column = place(node)
-    best, most = -1, np.inf
-    for multi_step in range(1, multi_steps):
-        move = direction + 8 * multi_step
-        i, j = row + STEP_Y[move], column + STEP_X[move]
-        if not (0 <= i < nodes.rows and 0 <= j < nodes.columns):
-            break
-        if len(guide.cost):
-            left = _guided(guide, i, j)
-        else:
-            left = hypot(
-                guide.x - nodes.x - (j - nodes.left) * nodes.size, guide.y - nodes.y - (i - nodes.below) * nodes.size
-            )
-        key = move_cost(nodes, move) + guide.weight * left
-        if key < most:
-            best, most = move, key
-    return best
-
-
-@njit(cache=True, inline="always")
-def _near_goal(nodes: Nodes, node: int, guide: Guide, q: FloatArray, goal: FloatArray) -> bool:
-    """Return whether a node lies so near to the goal that a motion there may be expected."""
-    x, y = position(nodes, node)
-    if hypot(x - guide.x, y - guide.y) >= 1.5 * nodes.size:
-        return False
-    return nodes.headings == 1 or abs(turn(q[2], goal[2])) < 3.0 * pi / nodes.headings
 
 
 @njit(cache=True, inline="always")
