@@ -31,6 +31,9 @@ IntArray = NDArray[np.intp]
 FEW = 30.0
 """Expected squares below which no ratio is judged: that of 30 varies by a quarter."""
 
+ROUGH, SETTLED = 1e-4, 0.03
+"""Relative error that is enough while noise is still estimated; change, in deviations, after which nothing changes."""
+
 STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-2])
 """How far each number of the odometry's calibration is moved to see what the motions become: a hundredth of a second
 covers the time between records."""
@@ -207,13 +210,17 @@ class Batch:
         """Return the optimum with noise and calibration estimated from the log; see :meth:`solve`."""
         self._begin_fit()
         solution, good = Solution(poses, features, np.inf), feature
-        for i in range(self.settings.rounds):
-            motions, readings = self.motions(), self.readings()
+        rounds = self.settings.rounds
+        for i in range(rounds):
+            motions, readings, before = self.motions(), self.readings(), self.noise
             smoother = Smoother(motions.u, self.motion_covariance(motions), readings, good, self.settings.gate)
-            solution = smoother.solve(solution.poses, solution.features)
+            solution = smoother.solve(solution.poses, solution.features, ROUGH)
             good = self._improve(smoother, solution, motions, feature)
+            settled = self._change(before, motions, readings) < SETTLED
             if on_round is not None:
-                on_round(i + 1, self.settings.rounds)
+                on_round(rounds if settled else i + 1, rounds)
+            if settled:
+                break
         return self.solve(solution.poses, solution.features, feature)
 
     def misfit(self, estimate: Estimate) -> Misfit:
@@ -271,6 +278,24 @@ class Batch:
             covariances.append(roots @ P @ np.swapaxes(roots, 1, 2))
         return [*covariances, np.eye(3)[None]]
 
+    def description_length(self, estimate: Estimate, feature: IntArray) -> float:
+        """Return how badly features explain the readings: less for a better association, fewer features among the like.
+
+        The criterion of Schwarz 1978 (Estimating the dimension of a model, Annals of Statistics 6(2)), in which a
+        reading that is of no feature costs as much as the gate allows.
+
+        Args:
+            estimate: with these features.
+            feature: for each reading the number of its feature, or -1.
+        """
+        y = np.nan_to_num(estimate.smoother.reading_residuals(estimate.solution, feature))
+        R = self.readings(single=True).covariance
+        limit = float(chi_square_quantile(self.settings.gate, 2))
+        d2 = np.minimum(np.einsum("ni,nij,nj->n", y, np.linalg.inv(R), y), limit)
+        d2[feature < 0] = limit
+        fit = d2 + np.log(np.linalg.det(R))
+        return float(fit.sum() + 2.0 * len(estimate.solution.features) * np.log(max(2, len(fit))))
+
     def scale(self, estimate: Estimate) -> Scale:
         """Return the scale that ranges and odometry agree on, each weighed by how well it is known.
 
@@ -280,7 +305,7 @@ class Batch:
             return Scale(1.0, 0.0)
         sensor, s = self.noise.sensor, self.settings
         ranges = s.scale_share * float(np.std(sensor.basis(self.raw.z[:, 1]) @ sensor.array()))
-        raw = self._track.motions(self.instants, replace(self.noise.odometry, distance=1.0)).u
+        raw = self._track.motions(self.instants, replace(self.noise.odometry, distance=1.0), covariances=False).u
         real = estimate.smoother.motions_of(estimate.solution)[:, :2]
         stated = np.hypot(*raw[:, :2].T)
         along = (real * raw[:, :2]).sum(axis=1) / np.where(stated > 0.0, stated, 1.0)
@@ -300,6 +325,23 @@ class Batch:
             "range": {"tilt": noise.sensor.tilt, "projection": noise.sensor.projection} if self._fitted else None,
             "scale": {"factor": scale.factor, "sigma": scale.sigma},
         }
+
+    def _change(self, before: NoiseModel, motions: Motions, readings: Readings) -> float:
+        """Return by how much of their deviation, at most, noise and typical readings and motions have changed."""
+        moved, old = self._track.motions(self.instants, self.noise.odometry, covariances=False).u, motions.u
+        P = motions.covariance(before.motion_variances * before.motion_times)
+        size = np.sqrt(np.median(np.diagonal(P, axis1=1, axis2=2), axis=0)) + 1e-9
+        R, new = readings.covariance, self.readings()
+        sigma = np.sqrt(np.median(np.diagonal(R, axis1=1, axis2=2), axis=0))
+        return max(
+            float((np.median(np.abs(moved - old), axis=0) / size).max()),
+            float((np.median(np.abs(new.z - readings.z), axis=0) / sigma).max()),
+            float(
+                np.abs(
+                    np.log(np.median(np.diagonal(new.covariance, axis1=1, axis2=2), axis=0)) / 2.0 - np.log(sigma)
+                ).max()
+            ),
+        )
 
     def _begin_fit(self) -> None:
         """Give the readings' noise the sources that are estimated: by range where the log states nothing."""
@@ -395,7 +437,7 @@ class Batch:
         now = self.noise.odometry.array()
         changes = []
         for step in np.diag(STEPS)[: 5 if self._track.by_velocities else 4]:
-            other = self._track.motions(self.instants, OdometryCalibration(*(now + step).tolist()))
+            other = self._track.motions(self.instants, OdometryCalibration(*(now + step).tolist()), covariances=False)
             changes.append(smoother.at_end(other.u - motions.u) / step.max())
         if not self._track.by_velocities:
             changes.append(np.zeros((n, 3)))

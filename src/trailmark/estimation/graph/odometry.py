@@ -98,18 +98,18 @@ class OdometryTrack:
         place = 0.5 * (increment.sigma_x**2 + increment.sigma_y**2)
         return np.array([place, a, increment.sigma_theta**2, b, c])
 
-    def motions(self, instants: FloatArray, calibration: OdometryCalibration) -> Motions:
-        """Return what lies between instants, shape (n,) in ascending order."""
+    def motions(self, instants: FloatArray, calibration: OdometryCalibration, *, covariances: bool = True) -> Motions:
+        """Return what lies between instants, shape (n,) in ascending order; without covariances in half of the time."""
         if self.by_velocities:
-            times, pieces, components = self._velocity_pieces(instants, calibration)
+            times, pieces, components = self._velocity_pieces(instants, calibration, covariances)
         else:
             times, pieces, components = self._increment_pieces(calibration)
         # A piece belongs to the instants between which it ends.
         bounds = np.searchsorted(times, instants, side="right").astype(np.int64)
-        return Motions(*_put_together(pieces, components, bounds))
+        return Motions(*_put_together(pieces, components if covariances else components[:, :0], bounds))
 
     def _velocity_pieces(
-        self, instants: FloatArray, calibration: OdometryCalibration
+        self, instants: FloatArray, calibration: OdometryCalibration, covariances: bool
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         t = self._velocities[:, 0] + calibration.delay
         cuts = np.unique(np.concatenate([t, instants]))
@@ -122,19 +122,23 @@ class OdometryTrack:
         turn, chord = omega * dt, v * dt
         half = 0.5 * turn
         sinc = np.sinc(half / np.pi)
-        small = np.abs(half) < 1e-4
-        slope = np.where(small, -half / 3.0, (np.cos(half) - sinc) / np.where(small, 1.0, half))
         direction = half + calibration.direction
         cos, sin = np.cos(direction), np.sin(direction)
         pieces = np.column_stack([chord * sinc * cos, chord * sinc * sin, turn])
+        if not covariances:
+            return cuts[1:], pieces, np.zeros((len(dt), 0, 3, 3))
+        small = np.abs(half) < 1e-4
+        slope = np.where(small, -half / 3.0, (np.cos(half) - sinc) / np.where(small, 1.0, half))
         # ∂/∂v and ∂/∂ω, as in Unicycle.
         by_v = np.column_stack([dt * sinc * cos, dt * sinc * sin, np.zeros(len(dt))])
         along, across = 0.5 * chord * dt * slope, 0.5 * chord * dt * sinc
         by_omega = np.column_stack([along * cos - across * sin, along * sin + across * cos, dt])
-        squares = [column[:, :, None] * column[:, None, :] for column in (by_v, by_v, by_omega, by_omega)]
         scale = np.where(moving, 1.0 / dt, 0.0)
-        weights = np.array([scale, scale * v**2, scale, scale * omega**2])
-        return cuts[1:], pieces, np.stack(squares, axis=1) * weights.T[:, :, None, None]
+        components = np.empty((len(dt), 4, 3, 3))
+        for j, (column, rate) in enumerate(((by_v, v), (by_omega, omega))):
+            np.multiply(column[:, :, None], (scale[:, None] * column)[:, None, :], out=components[:, 2 * j])
+            np.multiply(components[:, 2 * j], (rate**2)[:, None, None], out=components[:, 2 * j + 1])
+        return cuts[1:], pieces, components
 
     def _increment_pieces(self, calibration: OdometryCalibration) -> tuple[FloatArray, FloatArray, FloatArray]:
         t, dx, dy, turn = self._increments.T

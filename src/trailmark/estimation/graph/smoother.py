@@ -74,18 +74,19 @@ class Smoother:
             factors.add(reading(at, n + of, gtsam.Rot2(bearing), r, robust(huber, gaussian(root))))
         self._factors, self._poses = factors, n
 
-    def solve(self, poses: FloatArray, features: FloatArray) -> Solution:
+    def solve(self, poses: FloatArray, features: FloatArray, tolerance: float = 1e-7) -> Solution:
         """Return the optimum that is reached from an estimate; its first pose stays.
 
         Args:
             poses: shape (n, 3).
             features: shape (m, 2).
+            tolerance: relative change of the error after which it ends.
         """
         import gtsam
 
         graph = self._held(poses[0])
         parameters = gtsam.LevenbergMarquardtParams()
-        parameters.setRelativeErrorTol(1e-7)
+        parameters.setRelativeErrorTol(tolerance)
         parameters.setlambdaInitial(1e-9)
         best = gtsam.LevenbergMarquardtOptimizer(graph, self._values(poses, features), parameters).optimize()
         points = np.array([best.atPoint2(self._poses + j) for j in range(len(features))]).reshape(-1, 2)

@@ -15,9 +15,11 @@ from trailmark.estimation.graph.batch import Batch, Estimate
 from trailmark.estimation.graph.gauge import relative_covariance
 from trailmark.estimation.graph.odometry import OdometryTrack
 from trailmark.estimation.graph.readings import Readings, polar_readings
+from trailmark.estimation.graph.reassociation import Labels
 from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.map_settings import MapSettings
-from trailmark.estimation.slam.slam_result import SlamResult
+from trailmark.estimation.maps.unnamed_features import associated
+from trailmark.estimation.slam.slam_result import MapFeature, SlamResult
 from trailmark.se2 import FloatArray, compose, wrap
 
 __all__ = ["BatchResult", "smoothed"]
@@ -43,6 +45,7 @@ def smoothed(
     settings: MapSettings,
     result: SlamResult,
     start: FloatArray,
+    times: FloatArray,
     on_round: OnRound | None = None,
 ) -> BatchResult:
     """Return the batch optimum of the readings that EKF-SLAM assigned to the features of its map.
@@ -52,6 +55,7 @@ def smoothed(
         settings: their noise, and whether it is estimated.
         result: of EKF-SLAM over these records; it has features.
         start: the first pose, shape (3,).
+        times: of the trajectory's rows, shape (k,), ascending.
         on_round: called with the number of rounds done, and how many there are at most.
     """
     detections = [assignment.detection for assignment in result.assignments]
@@ -63,6 +67,7 @@ def smoothed(
     batch = Batch(track, readings, instants, variances, settings.fit)
     poses = _poses_at(result.trajectory, instants, start)
     places = _first_places(result, readings, poses, feature)
+    named = any(f.identity is not None for f in result.features)
     estimate = batch.solve(poses, places, feature)
     stated = batch.misfit(estimate)
     wrong = stated.understated or (stated.overstated and settings.default_noise and not readings.stated)
@@ -70,10 +75,31 @@ def smoothed(
     if auto and wrong and readings.stated and track.states_noise:
         # A log that states all of its noise has its readings weighed by that; how wrong they are, they show themselves.
         noise = batch.shown_noise(estimate)
-    elif settings.fit_noise == "on" or (auto and wrong):
+    elif named and (settings.fit_noise == "on" or (auto and wrong)):
         estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
+    if not named:
+        # Wrong assignments look like noise: whether it is wrong cannot be told before.
+        fit = settings.fit_noise == "on" or (auto and not (readings.stated and track.states_noise))
+        labels = Labels(estimate.solution.features, feature)
+        (labels, estimate) = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
+        result, feature = _relabelled(result, labels), labels.feature
     joint = estimate.feature_covariance(noise)
-    return _result(batch, track, estimate, result, feature, joint, batch.figures(estimate, stated))
+    found = _Found(batch, track, estimate, feature, joint, batch.figures(estimate, stated))
+    return _result(found, result, times)
+
+
+def _relabelled(result: SlamResult, labels: Labels) -> SlamResult:
+    """Return EKF-SLAM's result with these features, and which reading is of which."""
+    identity = np.zeros((2, 2))
+    features = tuple(
+        MapFeature(i, None, "point", place, identity, int(count))
+        for i, (place, count) in enumerate(zip(labels.places, labels.counts(), strict=True))
+    )
+    assignments = tuple(
+        a._replace(feature=int(j) if j >= 0 else None) for a, j in zip(result.assignments, labels.feature, strict=True)
+    )
+    counts = replace(result.counts, ambiguous=int(np.count_nonzero(labels.feature < 0)))
+    return result._replace(features=features, assignments=assignments, counts=counts)
 
 
 def _features_of(result: SlamResult) -> IntArray:
@@ -102,15 +128,19 @@ def _first_places(result: SlamResult, readings: Readings, poses: FloatArray, fea
     return places
 
 
-def _result(
-    batch: Batch,
-    track: OdometryTrack,
-    estimate: Estimate,
-    result: SlamResult,
-    feature: IntArray,
-    joint: FloatArray,
-    figures: dict[str, Any],
-) -> BatchResult:
+class _Found(NamedTuple):
+    """What the batch came to."""
+
+    batch: Batch
+    track: OdometryTrack
+    estimate: Estimate
+    feature: IntArray
+    joint: FloatArray
+    figures: dict[str, Any]
+
+
+def _result(found: _Found, result: SlamResult, times: FloatArray) -> BatchResult:
+    batch, track, estimate, feature, joint, figures = found
     scale, solution = batch.scale(estimate), estimate.solution
     origin = solution.poses[0, :2]
     means = origin + scale.factor * (solution.features - origin)
@@ -125,7 +155,6 @@ def _result(
         f._replace(mean=mean, covariance=block, readings=int(np.count_nonzero(estimate.feature == i)))
         for i, (f, mean, block) in enumerate(zip(result.features, means, blocks, strict=True))
     )
-    times = result.trajectory[:, 0]
     between = poses_between(track, batch, poses, times)
     at = np.clip(np.searchsorted(batch.instants, times, side="right") - 1, 0, None)
     outliers = int(np.count_nonzero((feature >= 0) & (estimate.feature < 0)))

@@ -113,7 +113,8 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
     if poses == "log" or not settings.smooth or not run.result.features:
         return run
     report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
-    batch = smoothed(list(_records(log, settings)), settings, run.result, run.start, report)
+    times = np.unique([record.t for record in log.records if not isinstance(record, Pose | Scan)])
+    batch = smoothed(list(_records(log, settings)), settings, run.result, run.start, times, report)
     return run._replace(result=batch.result, batch=batch)
 
 
