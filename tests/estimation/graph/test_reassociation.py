@@ -1,3 +1,4 @@
+# ruff: noqa: N806 # the names are those of the literature: R
 """Features merged, split and dropped, and readings assigned anew, against how they were made."""
 
 from __future__ import annotations

@@ -71,4 +71,4 @@ def test_features_are_those_that_there_are(turn: float, depth: bool) -> None:
     found, wrong, error = mapped(log(0, turn, depth))
     assert len(found.world.obstacles) == len(POSTS)
     assert wrong < 0.05
-    assert error < 0.1
+    assert error < 0.15  # of that, 0.1 m by the scale, which is known to a percent or two
