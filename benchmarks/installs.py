@@ -24,7 +24,7 @@ from benchmarks.machine import describe_machine, markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
-PACKAGES = ("numpy", "scipy", "numba", "shapely", "scikit-learn", "networkx", "matplotlib", "typer", "ompl")
+PACKAGES = ("numpy", "scipy", "numba", "shapely", "scikit-learn", "networkx", "matplotlib", "typer", "ompl", "gtsam")
 RESOLUTIONS = {"oldest": "lowest-direct", "newest": "highest"}
 
 PROGRAM = """
