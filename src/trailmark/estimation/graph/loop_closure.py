@@ -18,10 +18,13 @@ from trailmark.estimation.scans.clouds import relative
 from trailmark.estimation.scans.matching import Window, match_covariance, refine, search
 from trailmark.se2 import FloatArray, compose
 
-__all__ = ["LoopFinder", "drift"]
+__all__ = ["LoopFinder"]
 
 MAX_WINDOW = Window(10.0, math.pi)
 """The largest window that is searched."""
+
+OPEN = 0.01
+"""Square metres: what is farther open than that along a corridor is held by odometry."""
 
 MAX_CANDIDATES = 6
 """Earlier places, at most, that one scan is compared with."""
@@ -34,8 +37,10 @@ class LoopFinder:
         self._keys = keys
         self._s = settings
         self._pending: list[Relation] = []
+        self._drift = Drift()
+        self._read = 0  # relations
+        self._ends = np.empty((0, 2), dtype=np.intp)
         self._gate = float(chi_square_quantile(settings.outlier_gate, 3))
-        self.tried = 0
 
     def find(self, k: int) -> list[Relation]:
         """Return the closures that scan k confirms, its own among them."""
@@ -58,9 +63,15 @@ class LoopFinder:
     def _graph_distances(self, k: int) -> FloatArray:
         """Return how many metres along relations each scan is away from scan k, shape (n,)."""
         keys, n = self._keys, len(self._keys)
-        pairs = np.array([(r.a, r.b) for r in keys.relations]).reshape(-1, 2)
+        new = keys.relations[self._read :]
+        self._read += len(new)
+        for relation in new:
+            self._drift.add(relation)
+        pairs = np.vstack([self._ends, [(relation.a, relation.b) for relation in new]])
+        # Two relations of the same pair would count as one of their lengths' sum.
         _, one = np.unique(pairs[:, 0] * n + pairs[:, 1], return_index=True)
-        a, b = pairs[one].T
+        self._ends = pairs[one]
+        a, b = self._ends.T
         lengths = np.hypot(*(keys.poses[a, :2] - keys.poses[b, :2]).T) + 1e-3
         graph = coo_array((lengths, (a, b)), shape=(n, n)).tocsr()
         return np.asarray(dijkstra(graph, directed=False, indices=[k])[0])
@@ -68,7 +79,7 @@ class LoopFinder:
     def _candidates(self, k: int, away: FloatArray) -> list[int]:
         """Return the nearest scan of each stretch of the drive that may have seen the same, the likeliest first."""
         keys, s = self._keys, self._s
-        sigma, _ = drift(keys.relations, away)
+        sigma, _ = self._drift.sigma(away)
         apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
         possible = (away > 2.0 * s.local_length) & (apart <= s.loop_distance + np.minimum(2.0 * sigma, MAX_WINDOW.xy))
         places = np.flatnonzero(possible)
@@ -85,9 +96,8 @@ class LoopFinder:
     def _match(self, k: int, place: int, away: float) -> Relation | None:
         """Return where scan k, with those just before it, lies in the map around a place; None if nowhere for sure."""
         keys, s = self._keys, self._s
-        self.tried += 1
         query = keys.query(keys.chain(k, 0.5 * s.local_length, s.local_scans, before=True), k)
-        sigma, sigma_theta = drift(keys.relations, np.array([away]))
+        sigma, sigma_theta = self._drift.sigma(np.array([away]))
         window = Window(
             float(np.clip(3.0 * sigma[0], 2.0 * s.window[0], MAX_WINDOW.xy)),
             float(np.clip(3.0 * sigma_theta[0], s.window[1], MAX_WINDOW.theta)),
@@ -119,7 +129,7 @@ class LoopFinder:
         path = compose(relative(keys.poses[one.a], keys.poses[other.a]), other.pose)
         path = compose(path, relative(keys.poses[other.b], keys.poses[one.b]))
         error = relative(one.pose, path)
-        sigma, sigma_theta = drift(keys.relations, gaps)
+        sigma, sigma_theta = self._drift.sigma(gaps)
         theta = float((sigma_theta**2).sum())
         own = np.diag([float((sigma**2).sum()), float((sigma**2).sum()), theta])
         # A heading's error acts over the distance between the two.
@@ -130,14 +140,24 @@ class LoopFinder:
         return bool(error @ np.linalg.solve(total, error) <= self._gate)
 
 
-def drift(relations: list[Relation], distances: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the standard deviations of place (metres) and heading (radians) over distances along consecutive scans.
+class Drift:
+    """How errors grow along consecutive scans.
 
-    Errors add up as a random walk: the heading's variance grows with the distance L, and with it the place's by the
+    They add up as a random walk: the heading's variance grows with the distance L, and with it the place's by the
     heading's rate times L³/3. The rates are those of the relations that are certain.
     """
-    own = [relation for relation in relations if relation.certain]
-    length = max(1e-9, sum(float(np.hypot(*relation.pose[:2])) for relation in own))
-    place = sum(0.5 * float(min(r.covariance[0, 0], 0.01) + min(r.covariance[1, 1], 0.01)) for r in own) / length
-    heading = sum(float(relation.covariance[2, 2]) for relation in own) / length
-    return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)
+
+    def __init__(self) -> None:
+        self._length, self._place, self._heading = 1e-9, 0.0, 0.0
+
+    def add(self, relation: Relation) -> None:
+        """Count a relation, if it is certain."""
+        if relation.certain:
+            self._length += float(np.hypot(*relation.pose[:2]))
+            self._place += 0.5 * float(np.minimum(np.diag(relation.covariance)[:2], OPEN).sum())
+            self._heading += float(relation.covariance[2, 2])
+
+    def sigma(self, distances: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the standard deviations of place (metres) and heading (radians) over distances in metres."""
+        place, heading = self._place / self._length, self._heading / self._length
+        return np.sqrt(place * distances + heading * distances**3 / 3.0), np.sqrt(heading * distances)

@@ -8,14 +8,17 @@ Loop closures hold the graph together; these make the walls that several visits 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.pose_graph import Relation
-from trailmark.estimation.graph.submaps import KeyScans
+from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.scans.clouds import relative
 from trailmark.estimation.scans.matching import match_covariance, refine
 
 __all__ = ["revisit_relations"]
+
+IntArray = NDArray[np.intp]
 
 MAX_VISITS = 4
 """Earlier and later visits, at most, that one scan is matched against: the nearest ones."""
@@ -27,22 +30,40 @@ MAX_SHIFT = 0.3, np.radians(5.0)
 def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]:
     """Return where each scan lies in the maps of the other visits to its place, from the poses that it has now."""
     s, found = settings, list[Relation]()
-    for k, cloud in enumerate(keys.clouds):
-        if len(cloud.points) == 0:
+    stretches = np.floor(keys.travel / (0.5 * s.local_length)).astype(np.intp)
+    visitors = _visitors(keys, stretches, s)
+    for stretch in np.unique(stretches):
+        if len(visitors[stretch]) == 0:
             continue
-        apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
-        near = np.flatnonzero(
-            (apart <= 0.5 * s.loop_distance) & (np.abs(keys.travel - keys.travel[k]) > s.local_length)
-        )
-        runs = [run for run in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1) if len(run)]
-        nearest = sorted((int(run[apart[run].argmin()]) for run in runs), key=lambda i: float(apart[i]))
-        for place in nearest[:MAX_VISITS]:
-            chain = keys.chain(place, s.local_length, s.local_scans)
-            area = keys.area(chain, keys.poses[k], float(np.abs(cloud.points).max()) * 1.5, 0.0)
+        own = np.flatnonzero(stretches == stretch)
+        middle = int(own[len(own) // 2])
+        # One map for all scans that see this stretch.
+        chain = keys.chain(middle, 1.5 * s.local_length, s.local_scans)
+        area = keys.area(chain, keys.poses[middle], s.max_range + s.loop_distance, 0.0)
+        for k in visitors[stretch]:
+            cloud = keys.clouds[k]
             match = refine(area, cloud, keys.poses[k])
             shift = relative(keys.poses[k], match.pose)
             if match.score < s.loop_score or np.hypot(*shift[:2]) > MAX_SHIFT[0] or abs(shift[2]) > MAX_SHIFT[1]:
                 continue
             covariance, _ = match_covariance(area, cloud.points, match.pose)
+            place = int(own[np.hypot(*(keys.poses[own, :2] - match.pose[:2]).T).argmin()])
             found.append(keys.related(place, k, match.pose, covariance, certain=False))
     return found
+
+
+def _visitors(keys: KeyScans, stretches: IntArray, s: GraphSettings) -> list[list[int]]:
+    """Return for each stretch the scans of other visits that see it: each scan is in the lists of the nearest ones."""
+    visitors: list[list[int]] = [[] for _ in range(stretches[-1] + 1)]
+    for k, cloud in enumerate(keys.clouds):
+        if len(cloud.points) < MIN_POINTS:
+            continue
+        apart = np.hypot(*(keys.poses[:, :2] - keys.poses[k, :2]).T)
+        near = np.flatnonzero(
+            (apart <= 0.5 * s.loop_distance) & (np.abs(keys.travel - keys.travel[k]) > s.local_length)
+        )
+        nearest = near[np.argsort(apart[near], kind="stable")]
+        _, first = np.unique(stretches[nearest], return_index=True)
+        for at in np.sort(first)[:MAX_VISITS]:
+            visitors[stretches[nearest[at]]].append(k)
+    return visitors

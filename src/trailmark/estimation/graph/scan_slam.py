@@ -17,7 +17,7 @@ from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.loop_closure import LoopFinder
 from trailmark.estimation.graph.pose_graph import Relation, optimise, relative_covariances
 from trailmark.estimation.graph.revisits import revisit_relations
-from trailmark.estimation.graph.submaps import KeyScans
+from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, point_cloud, relative
 from trailmark.estimation.scans.local_map import LocalMap
@@ -26,8 +26,8 @@ from trailmark.se2 import FloatArray, compose
 
 __all__ = ["ScanPoses", "match_scans"]
 
-MIN_POINTS = 10
-"""End points that a scan needs to be matched: fewer do not show a shape."""
+MAX_WINDOW = Window(2.0, np.radians(60.0))
+"""The largest window around what odometry says that is searched: beyond, it is no guess."""
 
 
 class ScanPoses(NamedTuple):
@@ -101,7 +101,8 @@ class _ScanSlam:
             self._add_key(guess, cloud, odometry)
             return
         window = Window(
-            max(s.window[0], 3.0 * float(np.sqrt(noise[0, 0]))), max(s.window[1], 3.0 * float(np.sqrt(noise[2, 2])))
+            min(MAX_WINDOW.xy, max(s.window[0], 3.0 * float(np.sqrt(noise[0, 0])))),
+            min(MAX_WINDOW.theta, max(s.window[1], 3.0 * float(np.sqrt(noise[2, 2])))),
         )
         found = search(self._area, cloud.points, guess, window, information=information)
         start = guess if found is None else found.pose
@@ -113,8 +114,10 @@ class _ScanSlam:
         if closures:
             self._closures += len(closures)
             self._keys.relations += closures
-            self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, s.outlier_gate)
-            self._renew_area()
+            # What agrees with the poses as they are can wait.
+            if max(_surprise(closure, self._keys.poses) for closure in closures) > 1.0:
+                self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, s.outlier_gate)
+                self._renew_area()
 
     def finish(self) -> ScanPoses:
         """Return the poses of all scans."""
@@ -150,6 +153,12 @@ class _ScanSlam:
         s, last = self._s, len(self._keys) - 1
         chain = self._keys.chain(last, s.local_length, s.local_scans, before=True)
         self._area = self._keys.area(chain, self._keys.poses[last], s.max_range + 2.0, s.window[0])
+
+
+def _surprise(relation: Relation, poses: FloatArray) -> float:
+    """Return how far poses are from a relation: squared, by its covariance, a number."""
+    error = relative(relation.pose, relative(poses[relation.a], poses[relation.b]))
+    return float(error @ np.linalg.solve(relation.covariance, error)) / 3.0
 
 
 def _inverse(covariance: FloatArray) -> FloatArray:

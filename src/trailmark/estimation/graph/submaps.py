@@ -13,9 +13,12 @@ from trailmark.estimation.scans.clouds import relative as relative_pose
 from trailmark.estimation.scans.local_map import LocalMap, levels_for, local_map
 from trailmark.se2 import FloatArray
 
-__all__ = ["KeyScans"]
+__all__ = ["MIN_POINTS", "KeyScans"]
 
 IntArray = NDArray[np.intp]
+
+MIN_POINTS = 10
+"""End points that a scan needs to be matched: fewer do not show a shape."""
 
 THIN = 0.1
 """Metres: a cloud of several scans has one point for each square of this side."""
