@@ -31,7 +31,10 @@ def test_a_small_log(tmp_path: Path) -> None:
     assert log.name == "park"
     seen, moved, again, last = log.records
     assert isinstance(seen, Detection)
-    assert (seen.t, seen.z.tolist(), seen.kind, seen.identity) == (0.0, [5.0, -1.0], "cartesian", 7)
+    assert (seen.t, seen.kind, seen.identity) == (0.0, "range-bearing", 7)
+    assert seen.z == pytest.approx([np.hypot(5.0, 1.0), np.arctan2(-1.0, 5.0)])
+    assert seen.covariance is not None
+    assert seen.covariance == pytest.approx(np.diag([0.4, 0.04]))
     assert isinstance(moved, Increment)
     assert moved[:4] == (1.0, 1.0, 0.5, 0.25)
     assert moved.covariance is not None
@@ -39,7 +42,7 @@ def test_a_small_log(tmp_path: Path) -> None:
     assert isinstance(again, Increment)
     assert again.t == 4.0
     assert isinstance(last, Detection)
-    assert last.t == 4.0
+    assert (last.t, last.z.tolist(), last.kind, last.identity) == (4.0, [3.0, -1.5], "cartesian", 7)
     assert last.covariance is not None
     assert last.covariance.tolist() == [[0.4, 0.1], [0.1, 0.5]]
     assert log.landmarks.shape == (0, 3)
@@ -114,9 +117,10 @@ def test_the_real_log(shared_data: Path) -> None:
     rows = [line.split() for line in path.read_text().splitlines()]
     moved = np.array([row[2:6] for row in rows if row[0] == "ODOMETRY"], dtype=float)
     seen = np.array([[row[1], row[3], row[4], row[2]] for row in rows if row[0] == "LANDMARK"], dtype=float)
+    seen[:, 1], seen[:, 2] = np.hypot(seen[:, 1], seen[:, 2]), np.arctan2(seen[:, 2], seen[:, 1])
     assert np.array_equal([r[:4] for r in log.records if isinstance(r, Increment)], moved)
     found = [(r.t, *r.z, r.identity) for r in log.records if isinstance(r, Detection)]
-    assert np.array_equal(np.array(found, dtype=float), seen)
+    assert np.array(found, dtype=float) == pytest.approx(seen)
     assert len({r.identity for r in log.records if isinstance(r, Detection)}) == 151
     times = [r.t for r in log.records]
     assert times == sorted(times)

@@ -31,6 +31,9 @@ IntArray = NDArray[np.intp]
 FEW = 30.0
 """Expected squares below which no ratio is judged: that of 30 varies by a quarter."""
 
+LOST = 4.0
+"""Up to twice the gate's distance a reading is weighed down by the kernel, beyond that it is left out."""
+
 ROUGH, SETTLED = 1e-4, 0.03
 """Relative error that is enough while noise is still estimated; change, in deviations, after which nothing changes."""
 
@@ -179,6 +182,18 @@ class Batch:
         times = 1.0 if single else self.noise.reading_times
         R = np.einsum("k,nkij->nij", self.noise.reading_variances * times, self._sources)
         return self.raw._replace(z=self.noise.sensor.corrected(self.raw.z), covariance=R)
+
+    def best_of(
+        self, guesses: Sequence[tuple[FloatArray, FloatArray]], feature: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the guess, poses (n, 3) and features (m, 2), that leads to the least error with all readings used."""
+        if len(guesses) == 1:
+            return guesses[0]
+        motions = self.motions()
+        smoother = Smoother(motions.u, self.motion_covariance(motions), self.readings(), feature, self.settings.gate)
+        found = [smoother.solve(poses, features, ROUGH) for poses, features in guesses]
+        best = min(found, key=lambda solution: solution.error)
+        return best.poses, best.features
 
     def solve(self, poses: FloatArray, features: FloatArray, feature: IntArray) -> Estimate:
         """Return the optimum with noise and calibration as they are, readings beyond the gate left out.
@@ -424,7 +439,10 @@ class Batch:
             return feature
         # While the noise is still unknown, half of the readings are taken to be good ones.
         scale = max(1.0, float(np.median(d2[feature >= 0]) / chi_square_quantile(0.5, 2)))
-        return np.where(d2 <= scale * chi_square_quantile(self.settings.gate, 2), feature, -1)
+        good = np.where(d2 <= LOST * scale * chi_square_quantile(self.settings.gate, 2), feature, -1)
+        # A feature without any reading is nowhere: the kernel alone weighs down what it has.
+        read = np.bincount(good[good >= 0], minlength=len(solution.features)) > 0
+        return np.where((feature >= 0) & ~read[np.maximum(feature, 0)], feature, good)
 
     def _calibration_columns(
         self, smoother: Smoother, solution: Solution, motions: Motions

@@ -33,7 +33,8 @@ class LinearSystem:
         from scipy.sparse.linalg import splu
 
         own = columns <= width
-        self.A = csc_array((entries[own], (rows[own].astype(np.intp) - 1, columns[own].astype(np.intp) - 1)))
+        places = rows[own].astype(np.intp) - 1, columns[own].astype(np.intp) - 1
+        self.A = csc_array((entries[own], places), shape=(int(rows.max()), width))
         self._factor = splu(
             (self.A.T @ self.A).tocsc(),
             permc_spec="MMD_AT_PLUS_A",

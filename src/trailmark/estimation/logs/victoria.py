@@ -6,12 +6,16 @@ Lines, in the order of the drive (numbers are shared by poses and trees):
   upper triangle;
 - ``LANDMARK i j x y c11 c12 c22``: tree j seen from pose i, in i's frame.
 
+A sighting's covariance that is the same in all directions, c, was not measured for x and y: GTSAM's own reader
+(``load2D``) takes c for the variance of its range, and c/10, without the metres, for that of its bearing; so does this.
+
 The file states no times: t is the number of the pose. Source: Guivant & Nebot 2001, Optimization of the simultaneous
 localization and map-building algorithm, IEEE Trans. Robotics and Automation 17(3).
 """
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from pathlib import Path
 
@@ -31,7 +35,9 @@ KEYWORDS = {
 
 
 def read_victoria(path: Path, bad: BadRecords) -> Log:
-    """Return increments and detections (``cartesian``, identity j) with their covariances; t is the pose's number.
+    """Return increments and detections with their covariances; t is the pose's number, j a detection's identity.
+
+    Detections are ``range-bearing`` where their covariance is the same in all directions, else ``cartesian``.
 
     A line must belong to the pose that the drive has reached: a line about an earlier pose is out of order, and one
     about a later pose shows that the motion to it is missing. With ``skip_bad`` the first is left out, and the second
@@ -62,7 +68,7 @@ def read_victoria(path: Path, bad: BadRecords) -> Log:
             bad.report(path, f"expected pose {pose}, got pose {i}, {what}", number)
             continue
         if fields[0] == "LANDMARK":
-            records.append(Detection(float(i), np.array(row[2:4]), "cartesian", j, _covariance(*row[4:])))
+            records.append(_detection(float(i), j, *row[2:]))
         elif j <= i:
             bad.report(path, f"motion from pose {i}: expected to a later pose, got pose {j}", number)
             continue
@@ -102,6 +108,13 @@ def _row(fields: list[str]) -> tuple[list[float] | None, str]:
     if _covariance(*row[split:]) is None:
         return None, f"covariance: expected the upper triangle of a positive definite matrix, got {row[split:]}"
     return row, ""
+
+
+def _detection(t: float, identity: int, x: float, y: float, c11: float, c12: float, c22: float) -> Detection:
+    if c11 == c22 and c12 == 0.0:
+        polar = np.array([math.hypot(x, y), math.atan2(y, x)])
+        return Detection(t, polar, "range-bearing", identity, _covariance(c11, 0.0, c11 / 10.0))
+    return Detection(t, np.array([x, y]), "cartesian", identity, _covariance(c11, c12, c22))
 
 
 @lru_cache(maxsize=1024)  # most lines of a log state the same one

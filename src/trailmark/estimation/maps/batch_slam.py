@@ -43,7 +43,7 @@ class BatchResult(NamedTuple):
 def smoothed(
     records: Sequence[Record],
     settings: MapSettings,
-    result: SlamResult,
+    begun: Sequence[SlamResult],
     start: FloatArray,
     times: FloatArray,
     on_round: OnRound | None = None,
@@ -53,11 +53,13 @@ def smoothed(
     Args:
         records: of the log, in the order of time.
         settings: their noise, and whether it is estimated.
-        result: of EKF-SLAM over these records; it has features.
+        begun: results of EKF-SLAM over these records, with the same features: the batch begins with each, and goes on
+            with the one that leads to the least error.
         start: the first pose, shape (3,).
         times: of the trajectory's rows, shape (k,), ascending.
         on_round: called with the number of rounds done, and how many there are at most.
     """
+    result = begun[0]
     detections = [assignment.detection for assignment in result.assignments]
     instants = np.unique([detection.t for detection in detections])
     feature = _features_of(result)
@@ -65,8 +67,9 @@ def smoothed(
     readings = polar_readings(detections, instants, settings.range_bearing, settings.cartesian)
     variances = track.stated_variances(settings.velocity, settings.increment)
     batch = Batch(track, readings, instants, variances, settings.fit)
-    poses = _poses_at(result.trajectory, instants, start)
-    places = _first_places(result, readings, poses, feature)
+    guesses = [_poses_at(each.trajectory, instants, start) for each in begun]
+    first = [(poses, _first_places(each, readings, poses, feature)) for each, poses in zip(begun, guesses, strict=True)]
+    poses, places = batch.best_of(first, feature)
     named = any(f.identity is not None for f in result.features)
     estimate = batch.solve(poses, places, feature)
     stated = batch.misfit(estimate)

@@ -27,6 +27,9 @@ OnProgress = Callable[[str, int, int], None]
 OUTLIER_GATE = 0.9999
 """Probability that a good reading passes. Misread barcodes, some in a thousand, lie far outside."""
 
+MANY = 0.01
+"""A hundred times as many refused readings as the gate refuses of good ones: some are good, or many are misread."""
+
 _ALLOWED = "expected values that a robot can have"
 
 _REPORT_EVERY = 64
@@ -112,9 +115,14 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
     run = _run(log, settings, s, poses, association, on_progress)
     if poses == "log" or not settings.smooth or not run.result.features:
         return run
+    begun = [run.result]
+    if association == "known" and run.result.counts.outliers > MANY * run.result.counts.detections:
+        # Where the filter errs, not the readings, the gate refuses the very readings that would set it right. The batch
+        # finds out which it was: it begins with either, and judges each reading again.
+        begun.append(_run(log, settings, replace(s, outlier_gate=None), poses, association, on_progress).result)
     report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
     times = np.unique([record.t for record in log.records if not isinstance(record, Pose | Scan)])
-    batch = smoothed(list(_records(log, settings)), settings, run.result, run.start, times, report)
+    batch = smoothed(list(_records(log, settings)), settings, begun, run.start, times, report)
     return run._replace(result=batch.result, batch=batch)
 
 
