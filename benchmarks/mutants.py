@@ -392,6 +392,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument(
         "--again", action="store_true", help="those that no case told from the code as it is, once more"
     )
+    parser.add_argument("--case", action="append", help="judge by these cases alone, such as new ones; may be repeated")
     parser.add_argument("--line", type=int, action="append", help="mutants of these lines only")
     parser.add_argument(
         "--record", type=Path, default=Path("mutants.jsonl"), help="results as they come; those in it stay"
@@ -404,7 +405,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     if os.environ.get("NUMBA_DISABLE_JIT") != "1":
         parser.error("NUMBA_DISABLE_JIT is not 1: mutants run as plain Python")
-    made = cases(options.seed, options.size)
+    made = [case for case in cases(options.seed, options.size) if options.case is None or case.name in options.case]
     found, where, before = verdict(made)
     if found != "same":
         parser.error(f"the code as it is {found}: {where}")
