@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from trailmark.cli import console
 from trailmark.cli.map_settings import read_probability, settings_of
+from trailmark.cli.map_summary import plural, print_summary
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     JsonOption,
@@ -19,10 +19,6 @@ from trailmark.cli.options import (
     read_count,
     read_robot,
 )
-
-if TYPE_CHECKING:
-    from trailmark.estimation.logs.records import Log
-    from trailmark.estimation.maps.mapped_log import MappedLog
 
 __all__ = ["map_log"]
 
@@ -303,7 +299,7 @@ def map_log(
             written.append(g2o_file)
 
     if read.dropped:
-        typer.echo(f"trailmark: {_plural(read.dropped, 'bad record')} left out of {log}", err=True)
+        typer.echo(f"trailmark: {plural(read.dropped, 'bad record')} left out of {log}", err=True)
     for warning in mapped.warnings:
         console.warn(warning)
     if as_json:
@@ -311,71 +307,9 @@ def map_log(
         record = {"log": log, **mapped.figures(), "robot": body and body.describe(), "written": files}
         console.say(console.json_text(record))
     else:
-        _print_summary(mapped, read, skip_bad, written)
+        print_summary(mapped, read, skip_bad, written)
 
 
 def _bar(done: int, total: int, width: int = 24) -> str:
     full = width * done // max(1, total)
     return f"{'━' * full}{'╌' * (width - full)} {100 * done // max(1, total)} %"
-
-
-def _plural(n: int, noun: str) -> str:
-    return f"{n:,} {noun}{'' if n == 1 else 's'}"
-
-
-def _print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Path]) -> None:
-    found = mapped.figures()
-    obstacles, features, nis = found["obstacles"], found["features"], found["nis"]
-    kinds = [f"{obstacles[name]:,} {name}" for name in ("discs", "walls", "heaps", "unknown") if obstacles[name]]
-    console.say(f"{found['name']}: {_plural(obstacles['all'], 'obstacle')}", fg="green", bold=True)
-    records = [f"{n:,} {name}" for name, n in found["records"].items() if n and name != "all"]
-    left_out = f"; {_plural(log.dropped, 'bad record')} left out" if skip_bad else ""
-    confirmed = f"{features['confirmed']:,} confirmed, {features['dropped']:,} dropped"
-    confirmed += f", {features['tentative']:,} tentative" if features["tentative"] else ""
-    rows = [
-        ("records", f"{found['records']['all']:,} ({', '.join(records)}){left_out}"),
-        ("poses", _poses_text(mapped, found)),
-        ("features", confirmed),
-    ]
-    if nis is not None:
-        where = "in" if nis["inside"] else "below" if nis["mean"] < nis["low"] else "above"
-        band = f"expected {nis['expected']:.3f}, {where} its 95 % χ² band {nis['low']:.3f}..{nis['high']:.3f}"
-        rows.append(("NIS", f"{nis['mean']:.3f} over {_plural(nis['updates'], 'update')} ({band})"))
-    if found["explained"] is not None:
-        rows.append(("scans", f"{found['explained']:.1%} of their end points explained by an obstacle"))
-    seconds = found["time"]
-    each = "-" if seconds["per_update"] is None else f"{1e3 * seconds['per_update']:.3g} ms"
-    rows += [
-        ("time", f"{each} per {'update' if mapped.scans is None else 'scan'}, {seconds['total']:.2f} s in all"),
-        ("obstacles", ", ".join(kinds)),
-        ("bounds", " ".join(f"{value:g}" for value in found["bounds"])),
-        ("queries", ", ".join(found["queries"]) or "none"),
-        ("risk", _risk_text(found)),
-        *(("note", note) for note in found["notes"]),
-        *(("written", str(file)) for file in written),
-    ]
-    console.print_table(rows, indent="  ")
-
-
-def _poses_text(mapped: MappedLog, found: dict[str, Any]) -> str:
-    way = found["trajectory"]
-    matching = found["matching"] or {}
-    source = {
-        "match": "{nodes:,} scans matched, {closures:,} loop closures, {rejected:,} rejected".format_map(
-            {"nodes": 0, "closures": 0, "rejected": 0, **matching}
-        ),
-        "slam": f"EKF-SLAM, association {mapped.association}",
-        "log": "as the log states them",
-        "odometry": "odometry alone",
-    }[mapped.poses]
-    counts = found["counts"] or {}
-    named = ("outliers", "repeated", "late", "ambiguous", "unidentified", "unknown", "cut_short")
-    ignored = [f"{counts[name]:,} {name.replace('_', ' ')}" for name in named if counts.get(name)]
-    return f"{source}; {way['length']:,.1f} m driven" + (f"; {', '.join(ignored)}" if ignored else "")
-
-
-def _risk_text(found: dict[str, Any]) -> str:
-    if found["risk"] is None:
-        return "none stated: the obstacles stand as they were measured (--confidence grows them)"
-    risk = found["risk"]
-    return f"a valid path meets an obstacle with probability {risk['collision_at_most']:.4g} at most"

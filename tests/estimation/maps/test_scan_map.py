@@ -256,3 +256,13 @@ def test_a_part_of_the_intel_lab(shared_data: Path) -> None:
     _, room_left = tree.query_nearest(shapely.points(found.poses[:, :2]), return_distance=True, all_matches=False)
     assert (room_left >= 0.2).mean() >= 0.99
     assert found.walls > 50
+
+
+def test_a_robot_that_stands_is_no_surer_by_seeing_the_same_again() -> None:
+    """And it holds no more end points, however long it stands."""
+    once = scans()[:12]
+    long = tuple(scan._replace(t=scan.t + 0.01 * k) for scan in once for k in range(12))
+    short, standing = (map_scans(log, settings=SETTINGS) for log in (once, long))
+    assert sum(map(len, standing.readings)) <= SETTINGS.confirm * sum(map(len, short.readings)) * 1.2
+    assert standing.grid.hits.sum() == 12 * short.grid.hits.sum()
+    assert standing.walls >= short.walls

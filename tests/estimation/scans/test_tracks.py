@@ -217,3 +217,15 @@ def test_no_features_no_tracks() -> None:
     tracks.update([once, once])
     # Two stretches of one scan count once.
     assert tracks.scans.tolist() == [1]
+
+
+def test_end_points_are_thinned_where_they_are_very_many() -> None:
+    tracks, many = LineTracks(0.999, np.zeros((3, 3)), 0.3), np.random.default_rng(0)
+    for _ in range(1200):
+        points = np.column_stack([np.full(20, 3.0), many.uniform(-1.0, 1.0, 20)])
+        tracks.update([Observation(np.array([3.0, 0.0]), 1e-4 * np.eye(2), 1e-4 * np.eye(2), points)])
+    assert len(tracks) == 1
+    assert (tracks.scans[0], tracks.sightings[0]) == (1200, 1200)
+    assert sum(map(len, tracks.readings[0])) < 20 * 600
+    # The pose's part does not average out, whatever became of the end points.
+    assert tracks.covariance(0)[0, 0] == pytest.approx(1e-4, rel=0.1)

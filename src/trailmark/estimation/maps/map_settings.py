@@ -54,6 +54,9 @@ class MappingSettings:
     """Beams that must have ended in a cell for it to count as occupied."""
     min_share: Share = 0.2
     """The share of the beams that came to a cell that must have ended there. Less, and what was there is gone."""
+    standing: tuple[NonNegative, NonNegative] = (0.05, 0.02)
+    """Metres along x and y each, and radians, within which a robot stands: it sees the same features again, and
+    no more than ``confirm`` scans of them count."""
     gate: Probability = 0.99
     """Probability with which a scan's feature passes the gate of its own track."""
     confirm: Count = 3

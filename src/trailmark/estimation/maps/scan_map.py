@@ -20,7 +20,7 @@ from trailmark.estimation.logs.records import Log, Scan
 from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.scans.scan_features import find_features
 from trailmark.estimation.scans.scan_poses import scan_poses
-from trailmark.se2 import FloatArray, configurations, transform
+from trailmark.se2 import FloatArray, configurations, difference, transform
 from trailmark.world import Robot, World
 
 if TYPE_CHECKING:
@@ -131,9 +131,15 @@ def _read(
     from trailmark.estimation.maps.evidence import EvidenceGrid
     from trailmark.estimation.scans.tracks import DiscTracks, LineTracks
 
-    beams = [beam_ends(scan, pose, s) for scan, pose in zip(scans, x, strict=True)]
-    corners = np.concatenate([x[:, :2], *(ends for _, ends, _ in beams)])
-    low, high = corners.min(axis=0) - 4.0 * s.cell, corners.max(axis=0) + 4.0 * s.cell
+    low, high = x[:, :2].min(axis=0), x[:, :2].max(axis=0)
+    # Beams are worked out twice, not kept: a log may hold a million scans.
+    for scan, pose in zip(scans, x, strict=True):
+        _, ends, _ = beam_ends(scan, pose, s)
+        low, high = (
+            np.minimum(low, ends.min(axis=0, initial=np.inf)),
+            np.maximum(high, ends.max(axis=0, initial=-np.inf)),
+        )
+    low, high = low - 4.0 * s.cell, high + 4.0 * s.cell
     # On the lines of one grid for all maps of the same cells, so that maps can be compared.
     low, high = np.floor(low / s.cell) * s.cell, np.ceil(high / s.cell) * s.cell
     grid = EvidenceGrid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), s.cell)
@@ -141,14 +147,22 @@ def _read(
     place, heading = np.sqrt(0.5 * (covariances[:, 0, 0] + covariances[:, 1, 1])), np.sqrt(covariances[:, 2, 2])
     driven = np.cumsum(np.hypot(*np.diff(x[:, :2], axis=0, prepend=x[:1, :2]).T))
     episodes = np.floor(driven / s.pose_memory).astype(np.intp)
-    for i, (scan, pose, (start, ends, met)) in enumerate(zip(scans, x, beams, strict=True)):
+    stood, times = x[0], 0
+    for i, (scan, pose) in enumerate(zip(scans, x, strict=True)):
+        start, ends, met = beam_ends(scan, pose, s)
         grid.add(start, ends, met, pose_sigma=(float(place[i]), float(heading[i])))
+        if on_progress is not None:
+            on_progress(i + 1, len(scans))
+        # A robot that stands sees the same features again, by the same error of its pose.
+        moved = np.abs(difference(stood, pose))
+        stands = max(moved[0], moved[1]) < s.standing[0] and moved[2] < s.standing[1]
+        stood, times = (stood, times + 1) if stands else (pose, 1)
+        if times > s.confirm:
+            continue
         lines.pose_covariance = discs.pose_covariance = covariances[i]
         hits, features = find_features(scan, s.scan)
         lines.update([lines.observation(fit, hits.points, pose) for fit in features.lines], int(episodes[i]))
         discs.update([discs.observation(fit, hits.points, pose) for fit in features.discs], int(episodes[i]))
-        if on_progress is not None:
-            on_progress(i + 1, len(scans))
     return grid, lines, discs
 
 

@@ -26,6 +26,13 @@ from trailmark.se2 import FloatArray, transform, wrap
 __all__ = ["DiscTracks", "LineTracks", "Observation", "Tracks"]
 
 
+MAX_READINGS = 500
+"""Scans whose end points a track keeps as they are; then one remains for each square of side THIN."""
+
+THIN = 0.02
+"""Metres: a scanner's noise."""
+
+
 class Observation(NamedTuple):
     """A feature of one scan, in the world."""
 
@@ -46,7 +53,8 @@ class Tracks(ABC):
         states: shape (n, d).
         P: shape (n, d, d), covariances as the filter has them.
         scans: shape (n,), how many scans showed each.
-        readings: of each, the end points of all its scans, arrays of shape (m, 2).
+        readings: of each, the end points of its scans, arrays of shape (m, 2), thinned where they are very many.
+        sightings: shape (n,), how many features of scans make up each.
         episodes: of each, how many of its sightings are of which episode.
         pose_covariance: of the scan that observations are made of next, shape (3, 3).
 
@@ -60,6 +68,7 @@ class Tracks(ABC):
         self.states = np.empty((0, dim))
         self.P = np.empty((0, dim, dim))
         self.scans = np.empty(0, dtype=np.intp)
+        self.sightings = np.empty(0, dtype=np.intp)
         self.readings: list[list[FloatArray]] = []
         self.episodes: list[Counter[int]] = []
         self._pose_part = np.empty((0, dim, dim))
@@ -104,19 +113,20 @@ class Tracks(ABC):
         """
         counts = np.array(list(self.episodes[at].values()), dtype=np.float64)
         left = float((counts**2).sum() / counts.sum() ** 2)
-        return np.asarray(self.P[at] + left * self._pose_part[at] / len(self.readings[at]))
+        return np.asarray(self.P[at] + left * self._pose_part[at] / self.sightings[at])
 
     def merge(self) -> None:
         """Join tracks that turn out to be one: those that let each other through their gates."""
         for at in range(len(self) - 1, -1, -1):
             readings = np.concatenate(self.readings[at])
-            whole = Observation(self.states[at], self.P[at], self._pose_part[at] / len(self.readings[at]), readings)
+            whole = Observation(self.states[at], self.P[at], self._pose_part[at] / self.sightings[at], readings)
             other = self._match(whole, without=at)
             if other is not None:
                 self._refine(other, whole)
                 self.readings[other][-1:] = self.readings[at]
                 self._pose_part[other] += self._pose_part[at] - whole.R_pose
                 self.scans[other] += self.scans[at]
+                self.sightings[other] += self.sightings[at] - 1
                 self.episodes[other].update(self.episodes[at])
                 self._drop(at)
 
@@ -144,7 +154,7 @@ class Tracks(ABC):
         self.states = np.concatenate([self.states, observed.state[None]])
         self.P = np.concatenate([self.P, (observed.R + observed.R_pose)[None]])
         self._pose_part = np.concatenate([self._pose_part, observed.R_pose[None]])
-        self.scans = np.append(self.scans, 0)
+        self.scans, self.sightings = np.append(self.scans, 0), np.append(self.sightings, 1)
         self.readings.append([observed.readings])
         self.episodes.append(Counter())
         return len(self) - 1
@@ -156,11 +166,17 @@ class Tracks(ABC):
         I_K = np.eye(len(P)) - K
         self.P[at] = I_K @ P @ I_K.T + K @ R @ K.T
         self._pose_part[at] += observed.R_pose
+        self.sightings[at] += 1
         self.readings[at].append(observed.readings)
+        if len(self.readings[at]) > MAX_READINGS:
+            points = np.concatenate(self.readings[at])
+            _, one = np.unique(np.floor(points / THIN).astype(np.int64), axis=0, return_index=True)
+            self.readings[at] = [points[np.sort(one)]]
 
     def _drop(self, at: int) -> None:
         self.states, self.P = np.delete(self.states, at, axis=0), np.delete(self.P, at, axis=0)
         self._pose_part, self.scans = np.delete(self._pose_part, at, axis=0), np.delete(self.scans, at)
+        self.sightings = np.delete(self.sightings, at)
         del self.readings[at], self.episodes[at]
 
 
