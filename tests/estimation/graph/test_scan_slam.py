@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from tests.estimation.ray_casting import cast, room
 
+from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import relative
@@ -102,3 +103,17 @@ def test_scans_that_show_nothing_leave_odometry() -> None:
     blind = [scan._replace(ranges=np.full_like(scan.ranges, scan.range_max)) for scan in scans()[:10]]
     found = match_scans(blind, odometry()[:10])
     assert np.allclose(found.poses, odometry()[:10], atol=1e-6)
+
+
+def test_no_more_nodes_than_places() -> None:
+    """Three times around: the later rounds stand on the first one's nodes."""
+    one_round = len(truth()) - 16
+    true = np.vstack([truth()[:one_round]] * 3)
+    seen = [scan._replace(t=float(i)) for i, scan in enumerate(scans()[:one_round] * 3)]
+    steps = relative(true[:-1], true[1:])
+    guess = [true[0]]
+    for step in steps:
+        guess.append(compose(guess[-1], step * [1.02, 1.0, 1.0] + [0.0, 0.0, math.radians(0.3)]))
+    found = match_scans(seen, np.array(guess), GraphSettings(max_nodes=one_round))
+    assert len(found.keys) < 1.5 * one_round
+    assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.3

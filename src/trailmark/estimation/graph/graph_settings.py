@@ -31,6 +31,9 @@ class GraphSettings:
     """Metres of driving over which the scans before one make its local map: beyond, matching has drifted."""
     local_scans: Count = 15
     """Scans of a local map, at most."""
+    max_nodes: Count = 3000
+    """Nodes from which on a scan where the graph has one already gets none of its own: memory is bounded by the places
+    that were seen, not by the time of the drive."""
     window: tuple[Positive, Positive] = (0.5, math.radians(20.0))
     """How far from what odometry says a match is searched for at least: metres along x and y each, radians."""
     odometry: tuple[NonNegative, NonNegative] = (0.1, 0.1)

@@ -75,7 +75,9 @@ class _ScanSlam:
         self._keys = KeyScans()
         self._loops = LoopFinder(self._keys, settings)
         self._area: LocalMap | None = None
-        self._odometry = np.zeros(3)  # at the last key
+        self._odometry = np.zeros(3)  # at the node that the robot was last at
+        self._last = 0  # that node
+        self._chain = np.empty(0, dtype=np.intp)  # the nodes whose scans make the local map
         self._scans: list[tuple[int, FloatArray]] = []  # key and pose in its frame
         self._own: list[int] = []
         self._closures = 0
@@ -87,7 +89,7 @@ class _ScanSlam:
         if self._area is None:
             self._add_key(odometry, cloud, odometry)
             return
-        last = len(self._keys) - 1
+        last = self._last
         if np.hypot(*step[:2]) < s.key_distance and abs(step[2]) < s.key_angle:
             # Too little has changed for a node of its own.
             guess = compose(self._keys.poses[last], step)
@@ -96,7 +98,8 @@ class _ScanSlam:
             return
         guess, noise = compose(self._keys.poses[last], step), self._noise(step)
         information = _inverse(noise)
-        self._keys.relations.append(Relation(last, last + 1, step, noise))
+        own = len(self._keys)
+        self._keys.relations.append(Relation(last, own, step, noise))
         if len(cloud.points) < MIN_POINTS:
             self._add_key(guess, cloud, odometry)
             return
@@ -107,10 +110,13 @@ class _ScanSlam:
         found = search(self._area, cloud.points, guess, window, information=information)
         start = guess if found is None else found.pose
         pose = refine(self._area, cloud, start, information=information, guess=guess).pose
+        if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
+            self._keys.relations.pop()
+            return
         covariance, _ = match_covariance(self._area, cloud.points, pose)
-        self._keys.relations.append(self._keys.related(last, last + 1, pose, covariance, certain=True))
+        self._keys.relations.append(self._keys.related(last, own, pose, covariance, certain=True))
         self._add_key(pose, cloud, odometry)
-        closures = self._loops.find(last + 1)
+        closures = self._loops.find(own)
         if closures:
             self._closures += len(closures)
             self._keys.relations += closures
@@ -142,17 +148,41 @@ class _ScanSlam:
         return np.diag([xy, xy, floor_theta**2 + (0.5 * heading * length) ** 2 + (heading * step[2]) ** 2])
 
     def _add_key(self, pose: FloatArray, cloud: PointCloud, odometry: FloatArray) -> None:
-        self._keys.add(cloud, pose)
-        self._odometry = odometry
+        s, own = self._s, len(self._keys)
+        # After a node that is not the one before, the drive begins anew.
+        follows = own == 0 or self._last == own - 1
+        self._keys.add(cloud, pose, 0.0 if follows else 4.0 * s.local_length)
+        recent = self._keys.chain(own, s.local_length, s.local_scans, before=True)
+        self._chain = recent if len(recent) > s.local_scans // 2 else np.union1d(self._chain[-s.local_scans :], recent)
+        self._last, self._odometry = own, odometry
         self._own.append(len(self._scans))
-        self._scans.append((len(self._keys) - 1, np.zeros(3)))
+        self._scans.append((own, np.zeros(3)))
         self._renew_area()
+
+    def _return_to_node(self, pose: FloatArray, cloud: PointCloud, odometry: FloatArray) -> bool:
+        """Hold a scan by a node that stands where it does, and return whether there is one whose map it fits."""
+        keys, s = self._keys, self._s
+        apart = relative(keys.poses, pose)
+        near = (np.hypot(*apart[:, :2].T) < s.key_distance) & (np.abs(apart[:, 2]) < s.key_angle)
+        near[self._last] = False
+        if not near.any():
+            return False
+        node = int(np.flatnonzero(near)[np.hypot(*apart[near, :2].T).argmin()])
+        chain = keys.chain(node, 2.0 * s.local_length, s.local_scans)
+        area = keys.area(chain, keys.poses[node], s.max_range + 2.0, s.window[0])
+        match = refine(area, cloud, pose)
+        if match.score < s.loop_score or np.hypot(*relative(pose, match.pose)[:2]) > 0.5 * s.key_distance:
+            return False
+        self._area, self._chain, self._last = area, chain, node
+        self._scans.append((node, relative(keys.poses[node], match.pose)))
+        # Odometry is known at the scan, which stands beside the node.
+        self._odometry = compose(odometry, relative(match.pose, keys.poses[node]))
+        return True
 
     def _renew_area(self) -> None:
         """Make the local map of the last scans."""
-        s, last = self._s, len(self._keys) - 1
-        chain = self._keys.chain(last, s.local_length, s.local_scans, before=True)
-        self._area = self._keys.area(chain, self._keys.poses[last], s.max_range + 2.0, s.window[0])
+        s, keys = self._s, self._keys
+        self._area = keys.area(self._chain, keys.poses[self._last], s.max_range + 2.0, s.window[0])
 
 
 def _surprise(relation: Relation, poses: FloatArray) -> float:

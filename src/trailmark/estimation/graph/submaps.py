@@ -46,9 +46,9 @@ class KeyScans:
     def __len__(self) -> int:
         return len(self.clouds)
 
-    def add(self, cloud: PointCloud, pose: FloatArray) -> None:
-        """Add a scan after the others."""
-        way = 0.0 if not self.clouds else self.travel[-1] + float(np.hypot(*(pose - self.poses[-1])[:2]))
+    def add(self, cloud: PointCloud, pose: FloatArray, gap: float = 0.0) -> None:
+        """Add a scan after the others, ``gap`` metres further on than its place says."""
+        way = 0.0 if not self.clouds else self.travel[-1] + float(np.hypot(*(pose - self.poses[-1])[:2])) + gap
         self.clouds.append(cloud)
         self.poses, self.travel = np.vstack([self.poses, pose]), np.append(self.travel, way)
 
