@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from trailmark.errors import FormatError
-from trailmark.estimation.logs import load_log, save_log
+from trailmark.estimation.logs import load_log, save_log, source
 
 JSONL = '{"trailmark_log": 1}\n{"type": "odometry", "t": 0, "v": 1, "omega": 0}\n'
 VICTORIA = "# a drive\n\nODOMETRY 0 1 1 0 0 1e-4 0 0 4e-6 0 4e-6\n"
@@ -87,16 +87,16 @@ def test_all_records_bad(tmp_path: Path) -> None:
         load_log(path, skip_bad=True)
 
 
-def test_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from trailmark.estimation.logs import source
-
-    path = tmp_path / "log"
-    path.write_bytes(gzip.compress(JSONL.encode() * 100, mtime=0))
-    with pytest.raises(FormatError, match="expected at most 1,000 bytes when unpacked, got more"):
-        source.read_data(path, limit=1000)
-    path.write_bytes(JSONL.encode() * 100)
-    with pytest.raises(FormatError, match="expected at most 1,000 bytes"):
-        source.read_data(path, limit=1000)
+def test_too_large(tmp_path: Path) -> None:
+    path, bad = tmp_path / "log", source.BadRecords(skip=False)
+    for content in (JSONL.encode() * 100, gzip.compress(JSONL.encode() * 100, mtime=0)):
+        path.write_bytes(content)
+        with pytest.raises(FormatError, match="expected at most 1,000 bytes when unpacked, got more"):
+            list(source.read_lines(path, bad, limit=1000))
+    # What grows a thousandfold is refused before it takes the memory.
+    path.write_bytes(gzip.compress(JSONL.encode() + b" " * 2**25, mtime=0))
+    with pytest.raises(FormatError, match="log:3: expected at most 16,777,216 bytes in a line"):
+        list(source.read_lines(path, bad))
 
 
 def test_save_and_load(tmp_path: Path) -> None:

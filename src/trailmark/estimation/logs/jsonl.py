@@ -53,13 +53,13 @@ def read_jsonl(path: Path, bad: BadRecords) -> Log:
     """
     lines = read_lines(path, bad)
     try:
-        name = parse_header(lines[0] if lines else "").name
+        name = parse_header(next(lines, "")).name
     except RecordError as error:
         raise FormatError(path, str(error), 1) from None
     records: list[Record] = []
     landmarks: list[tuple[float, float, float]] = []
     latest = -math.inf
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in enumerate(lines, start=2):
         if not line.strip():
             continue
         try:

@@ -4,19 +4,19 @@
 
 from __future__ import annotations
 
+import codecs
 import gzip
-import io
+import itertools
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError
-from trailmark.formats.files import MAX_FILE_BYTES, read_bytes
 from trailmark.se2 import FloatArray
 
 __all__ = [
@@ -25,7 +25,6 @@ __all__ = [
     "in_order",
     "name_of",
     "numbers",
-    "read_data",
     "read_head",
     "read_lines",
     "read_table",
@@ -35,7 +34,12 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _GZIP = b"\x1f\x8b"
-_PIECE = 2**20
+
+MAX_LOG_BYTES = 2**32
+"""Largest log, unpacked (4 GiB): some million scans."""
+
+MAX_LINE_BYTES = 2**24
+"""Longest line of a log (16 MiB): a record takes some kilobytes; without line ends a file is none."""
 
 
 class BadRecords:
@@ -84,61 +88,55 @@ def read_head(path: Path, size: int) -> bytes:
         FormatError: missing, unreadable, or a broken gzip stream.
     """
     try:
-        with path.open("rb") as file:
-            packed = file.read(len(_GZIP)) == _GZIP
-            file.seek(0)
-            if not packed:
-                return file.read(size)
-            with gzip.GzipFile(fileobj=file) as unpacked:
-                return unpacked.read(size)
+        with path.open("rb") as raw, _unpacked(raw) as file:
+            return file.read(size)
     except (OSError, ValueError, EOFError, zlib.error) as error:
         reason = getattr(error, "strerror", None) or error
         raise FormatError(path, f"cannot be read: {reason}") from None
 
 
-def read_data(path: Path, limit: int = MAX_FILE_BYTES) -> bytes:
-    """Return the content of a file, unpacked if it is gzipped (recognised by its first bytes).
-
-    Raises:
-        FormatError: missing, unreadable, a broken gzip stream, or larger than ``limit`` bytes, packed or not.
-    """
-    data = read_bytes(path, limit)
-    if not data.startswith(_GZIP):
-        return data
-    try:
-        # Counted first, piece by piece: what grows a thousandfold is refused before it takes the memory.
-        with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
-            size = 0
-            while piece := file.read(_PIECE):
-                size += len(piece)
-                if size > limit:
-                    raise FormatError(path, f"expected at most {limit:,} bytes when unpacked, got more")
-        return gzip.decompress(data)
-    except (OSError, EOFError, zlib.error) as error:
-        raise FormatError(path, f"cannot be unpacked: {error}") from None
-
-
-def read_lines(path: Path, bad: BadRecords) -> list[str]:
-    """Return the lines of a text file, gzipped or not, without their ends.
+def read_lines(path: Path, bad: BadRecords, limit: int = MAX_LOG_BYTES) -> Iterator[str]:
+    """Yield the lines of a text file, gzipped or not, without their ends; the file is never in memory as a whole.
 
     Bytes that are no UTF-8 spoil their line only: with ``skip_bad`` they are replaced, so that the line is bad.
 
     Raises:
-        FormatError: as :func:`read_data`, or a byte that is no UTF-8.
+        FormatError: missing, unreadable, a broken gzip stream; more than ``limit`` bytes (unpacked), or MAX_LINE_BYTES
+            in a line; a byte that is no UTF-8.
     """
-    data = read_data(path)
     try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        if not bad.skip:
-            line = data.count(b"\n", 0, error.start) + 1
-            raise FormatError(path, f"expected UTF-8 text, got byte {data[error.start]:#04x}", line) from None
-        text = data.decode("utf-8-sig", errors="replace")
-    # str.splitlines also breaks at characters that editors, which count lines, do not break at.
-    lines = [line.removesuffix("\r") for line in text.split("\n")]
-    if lines and not lines[-1]:
-        lines.pop()
-    return lines
+        with path.open("rb") as raw, _unpacked(raw) as file:
+            size = 0
+            for number in itertools.count(1):
+                line = file.readline(MAX_LINE_BYTES + 1)
+                if not line:
+                    return
+                size += len(line)
+                if size > limit:
+                    raise FormatError(path, f"expected at most {limit:,} bytes when unpacked, got more")
+                if len(line) > MAX_LINE_BYTES:
+                    raise FormatError(path, f"expected at most {MAX_LINE_BYTES:,} bytes in a line, got more", number)
+                if number == 1:
+                    line = line.removeprefix(codecs.BOM_UTF8)
+                # Only at line feeds, as editors count lines: str.splitlines breaks at other characters too.
+                line = line.removesuffix(b"\n").removesuffix(b"\r")
+                try:
+                    yield line.decode("utf-8")
+                except UnicodeDecodeError as error:
+                    if not bad.skip:
+                        byte = line[error.start]
+                        raise FormatError(path, f"expected UTF-8 text, got byte {byte:#04x}", number) from None
+                    yield line.decode("utf-8", errors="replace")
+    except (OSError, ValueError, EOFError, zlib.error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise FormatError(path, f"cannot be read: {reason}") from None
+
+
+def _unpacked(raw: BinaryIO) -> BinaryIO | gzip.GzipFile:
+    """Return a file's content, unpacked if it is gzipped (recognised by its first bytes)."""
+    packed = raw.read(len(_GZIP)) == _GZIP
+    raw.seek(0)
+    return gzip.GzipFile(fileobj=raw) if packed else raw
 
 
 def read_table(path: Path, columns: Sequence[str], bad: BadRecords, separator: str | None = None) -> Table:
