@@ -137,7 +137,7 @@ def test_scans_become_walls(shell: Shell, tmp_path: Path) -> None:
 
 def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> None:
     def areas(*words: str) -> float:
-        record(shell, log, "--output", tmp_path / "world.yaml", "--confidence", "0.99", *words)
+        assert shell("map", log, "--output", tmp_path / "world.yaml", "--confidence", "0.99", *words).status == 0
         return sum(shape.area for shape in World.load(tmp_path / "world.yaml").obstacles)
 
     plain = areas()

@@ -170,7 +170,7 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
         (["--robot", "disc"], "expected disc:RADIUS, "),
         (
             ["--format", "carmn"],
-            "yard.jsonl: format: expected carmen, jsonl, mrclam, rosbag, victoria, got 'carmn'",
+            "yard.jsonl: format: expected carmen, g2o, jsonl, mrclam, rosbag, victoria, got 'carmn'",
         ),
         (["--format", "victoria"], "yard.jsonl:1: expected a line with ODOMETRY"),
         (["--radius", "0"], "expected R or R,SIGMA in metres, R above 0, got --radius '0'"),

@@ -42,6 +42,8 @@ def print_summary(mapped: MappedLog, log: Log, skip_bad: bool, written: list[Pat
         rows.append(("NIS", f"{nis['mean']:.3f} over {plural(nis['updates'], 'update')} ({band})"))
     if found["explained"] is not None:
         rows.append(("scans", f"{found['explained']:.1%} of their end points explained by an obstacle"))
+    if found["batch"] is not None:
+        rows.append(("batch", _batch_text(found["batch"])))
     seconds = found["time"]
     each = "-" if seconds["per_update"] is None else f"{1e3 * seconds['per_update']:.3g} ms"
     rows += [
@@ -71,6 +73,19 @@ def _poses_text(mapped: MappedLog, found: dict[str, Any]) -> str:
     named = ("outliers", "repeated", "late", "ambiguous", "unidentified", "unknown", "cut_short")
     ignored = [f"{counts[name]:,} {name.replace('_', ' ')}" for name in named if counts.get(name)]
     return f"{source}; {way['length']:,.1f} m driven" + (f"; {', '.join(ignored)}" if ignored else "")
+
+
+def _batch_text(batch: dict[str, Any]) -> str:
+    """Return what the batch after the filter made of the stated noise, and the systematic errors that it found."""
+    text = f"all poses smoothed over {batch['readings']:,} readings"
+    if not batch["fitted"]:
+        return f"{text}; noise as stated"
+    odometry, ranges = batch["odometry"], batch["range"]
+    return (
+        f"{text}; noise estimated: odometry's distances times {odometry['distance']:.3f}, turns times "
+        f"{odometry['turn']:.3f}, {odometry['delay']:.2f} s late; ranges' error by the bearing's square "
+        f"{ranges['projection']:+.2f}, their scale known to {100 * batch['scale']['sigma']:.1f} %"
+    )
 
 
 def _risk_text(found: dict[str, Any]) -> str:

@@ -12,6 +12,7 @@ from benchmarks.alignment import aligned, rms
 from trailmark.estimation import (
     Detection,
     Detector,
+    EstimationError,
     Log,
     MapSettings,
     Pose,
@@ -90,3 +91,12 @@ def test_obstacles_are_as_uncertain_as_the_map_is_by_itself() -> None:
     whole = np.mean([np.trace(f.covariance) for f in mapped.slam.features])
     by_itself = np.mean([np.trace(e.covariance) for e in mapped.world.estimates if e is not None])
     assert by_itself < 0.5 * whole
+
+
+@pytest.mark.parametrize("z", [[1e308, 0.0], [1e18, 0.0], [5.0, 1e308], [np.inf, 0.0], [np.nan, 0.0]])
+@pytest.mark.parametrize("identity", [0, 99, None])
+def test_a_reading_that_cannot_be_is_told_in_one_line(z: list[float], identity: int | None) -> None:
+    records = [*log().records, Detection(log().records[-1].t, np.array(z), identity=identity)]
+    with pytest.raises(EstimationError, match="expected z of at most") as caught:
+        map_log(log()._replace(records=tuple(records)), RIGHT)
+    assert "\n" not in str(caught.value)

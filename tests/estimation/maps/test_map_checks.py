@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from trailmark.estimation.logs.records import Scan
-from trailmark.estimation.maps.map_checks import duration, explained_share, scan_warnings, top_speed
+from trailmark.estimation.maps.map_checks import (
+    detection_warnings,
+    duration,
+    explained_share,
+    scan_warnings,
+    top_speed,
+)
 from trailmark.estimation.maps.map_settings import MappingSettings
+from trailmark.estimation.maps.obstacle_estimates import disc_estimates
+from trailmark.estimation.slam.slam_result import Counts, SlamResult, Update
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import World
 
@@ -48,3 +57,25 @@ def test_warnings_say_what_is_wrong_and_what_to_try() -> None:
     fast = slow * [1.0, 40.0, 1.0, 1.0]
     (speed,) = scan_warnings(0.95, fast, "match")
     assert "40 m/s" in speed
+
+
+def test_maps_of_detections_that_look_wrong() -> None:
+    line = np.column_stack([np.arange(30.0), np.linspace(0.0, 10.0, 30), np.zeros((30, 2))])
+    updates = tuple(Update(float(t), 2.0, 2, 0.0) for t in range(200))
+    counts = Counts(detections=100, used=100)
+    right = SlamResult(line, np.zeros((30, 3, 3)), (), updates, (), counts)
+    apart = disc_estimates([[0.0, 0.0], [0.2, 0.0]], [1e-4 * np.eye(2)] * 2, 0.05)
+    assert detection_warnings(right, apart, False, "slam") == []
+    loud = right._replace(updates=tuple(u._replace(nis=9.0) for u in updates))
+    (nis,) = detection_warnings(loud, apart, False, "slam")
+    assert "--fit-noise on" in nis
+    assert "larger" in nis
+    assert detection_warnings(loud, apart, True, "slam") == []
+    near = disc_estimates([[0.0, 0.0], [0.2, 0.0]], [1e-2 * np.eye(2)] * 2, 0.05)
+    (double,) = detection_warnings(right, near, False, "slam")
+    assert "1 of 2 features" in double
+    misread = right._replace(counts=replace(counts, outliers=9))
+    (share,) = detection_warnings(misread, apart, False, "slam")
+    assert "9%" in share
+    (fast,) = detection_warnings(right._replace(trajectory=line * [1.0, 99.0, 1.0, 1.0]), apart, False, "slam")
+    assert "m/s" in fast

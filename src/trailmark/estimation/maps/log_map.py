@@ -13,7 +13,7 @@ from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.graph.scan_slam import match_scans
 from trailmark.estimation.logs.records import Log, Scan
 from trailmark.estimation.maps.log_poses import OnProgress, SlamRun, Sources, run_slam, sources_of
-from trailmark.estimation.maps.map_checks import explained_share, scan_warnings
+from trailmark.estimation.maps.map_checks import detection_warnings, explained_share, scan_warnings
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.mapped_log import MappedLog
 from trailmark.estimation.maps.obstacle_estimates import disc_estimates
@@ -87,6 +87,12 @@ def map_log(
         )
         trajectory, world = np.column_stack([[scan.t for scan in scans], poses]), scan_map.world
         explained = explained_share(world, scans, poses, mapping)
+    if scan_map is None and run is not None:
+        fitted = run.batch is not None and run.batch.figures["fitted"]
+        known = [estimate for estimate in world.estimates if estimate is not None]
+        warnings = detection_warnings(run.result, known, fitted, sources.poses)
+    else:
+        warnings = scan_warnings(explained, trajectory, sources.poses)
     scan_seconds = 0.0 if scan_map is None else perf_counter() - scan_begin
     if confidence is not None:
         x, theta = s.robot_sigma or (0.0, 0.0)
@@ -108,7 +114,7 @@ def map_log(
         seconds=perf_counter() - begin,
         scan_seconds=scan_seconds,
         explained=None if math.isnan(explained) else explained,
-        warnings=tuple(scan_warnings(explained, trajectory, sources.poses)),
+        warnings=tuple(warnings),
         batch=None if run is None else run.batch,
         notes=(*log.notes, *_notes(s, sources, world)),
     )

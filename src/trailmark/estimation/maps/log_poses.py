@@ -27,6 +27,9 @@ OnProgress = Callable[[str, int, int], None]
 OUTLIER_GATE = 0.9999
 """Probability that a good reading passes. Misread barcodes, some in a thousand, lie far outside."""
 
+FARTHEST = 1e6
+"""Metres (and radians): no sensor reads farther, and squares of larger numbers lose what is near."""
+
 MANY = 0.01
 """A hundred times as many refused readings as the gate refuses of good ones: some are good, or many are misread."""
 
@@ -108,6 +111,10 @@ def sources_of(log: Log, settings: MapSettings) -> Sources:
 def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgress | None = None) -> SlamRun:
     """Run EKF-SLAM over a log, and a batch after it; with poses "log" the features alone are estimated."""
     detections = [record for record in log.records if isinstance(record, Detection)]
+    for detection in detections:
+        if not np.abs(detection.z).max() <= FARTHEST:
+            z = np.asarray(detection.z).tolist()
+            raise EstimationError(f"detection at {detection.t:g} s: expected z of at most {FARTHEST:g}, got {z}")
     s, association = settings.slam, settings.slam.association
     if association == "auto":
         association = "known" if any(detection.identity is not None for detection in detections) else "joint"
@@ -122,7 +129,11 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
         begun.append(_run(log, settings, replace(s, outlier_gate=None), poses, association, on_progress).result)
     report = None if on_progress is None else lambda done, total: on_progress("rounds", done, total)
     times = np.unique([record.t for record in log.records if not isinstance(record, Pose | Scan)])
-    batch = smoothed(list(_records(log, settings)), settings, begun, run.start, times, report)
+    try:
+        batch = smoothed(list(_records(log, settings)), settings, begun, run.start, times, report)
+    except (RuntimeError, ArithmeticError, np.linalg.LinAlgError) as error:
+        reason = str(error).strip().partition("\n")[0]
+        raise EstimationError(f"{_ALLOWED}, got a log that no batch fits ({reason}): --no-smooth") from None
     return run._replace(result=batch.result, batch=batch)
 
 

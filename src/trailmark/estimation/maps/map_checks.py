@@ -6,13 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.maps.scan_map import beam_ends
+from trailmark.estimation.slam.slam_result import SlamResult
 from trailmark.se2 import FloatArray
-from trailmark.world import World
+from trailmark.shapes import Disc
+from trailmark.world import ObstacleEstimate, World
 
-__all__ = ["duration", "explained_share", "scan_warnings", "top_speed"]
+__all__ = ["detection_warnings", "duration", "explained_share", "scan_warnings", "top_speed"]
 
 NEAR = 0.15
 """Metres from an obstacle's outline within which a scan's end point counts as explained."""
@@ -22,6 +25,18 @@ MIN_EXPLAINED = 0.9
 
 MAX_SPEED = 10.0
 """Metres a second: no indoor robot is as fast, and few outdoors are."""
+
+MIN_RATIO = 0.7
+"""NIS to its expectation: what is nearer to 1 changes a covariance by less than a fifth of its deviation."""
+
+MIN_UPDATES = 30
+"""Updates before which the NIS says little."""
+
+MAX_LEFT_OUT = 0.05
+"""Share of the readings that may fit no feature."""
+
+SAME = 0.99
+"""Probability that two estimates of one thing pass as one."""
 
 MAX_POINTS = 20_000
 """End points, at most, that are looked at."""
@@ -95,6 +110,56 @@ def scan_warnings(explained: float, trajectory: FloatArray, poses: str) -> list[
             f"the map explains {explained:.0%} of the scans' end points, a right one {MIN_EXPLAINED:.0%} or more: "
             f"{advice}"
         )
+    return [*found, *_speed_warnings(trajectory)]
+
+
+def detection_warnings(
+    result: SlamResult, estimates: Sequence[ObstacleEstimate], fitted: bool, poses: str
+) -> list[str]:
+    """Return what looks wrong with a map of detections, and what to try.
+
+    Args:
+        result: features and readings; of its NIS that of the filter.
+        estimates: of its features, with covariances relative to the map.
+        fitted: whether noise was estimated from the log after the filter, so that its NIS says nothing of the map.
+        poses: what they are by.
+    """
+    found, counts, nis = [], result.counts, result.nis()
+    judged = not fitted and nis.size >= MIN_UPDATES
+    if judged and not (nis.inside or MIN_RATIO < nis.mean / nis.expected < 1.0 / MIN_RATIO):
+        kind = "larger" if nis.mean > nis.expected else "smaller"
+        found.append(
+            f"the readings' errors are {kind} than the noise that is stated (NIS {nis.mean:.3g}, expected "
+            f"{nis.expected:.3g}): --fit-noise on estimates it; --sensor-noise and --odometry-noise state it"
+        )
+    left_out = counts.outliers + counts.ambiguous
+    if left_out > MAX_LEFT_OUT * max(1, counts.detections):
+        found.append(
+            f"{left_out / counts.detections:.0%} of the readings fit no feature: misread identities, things that "
+            "moved, or wrong noise (--fit-noise on)"
+        )
+    if (doubled := _doubled(estimates)) > 0:
+        found.append(
+            f"{doubled} of {len(estimates)} features may be others seen twice, so that the map shows more than there "
+            "is: look at it with --plot; --confirm 20 keeps those with more readings"
+        )
+    return [*found, *(_speed_warnings(result.trajectory) if poses == "slam" else [])]
+
+
+def _doubled(estimates: Sequence[ObstacleEstimate]) -> int:
+    """Return how many features lie so near to another one that, by their covariances, they may be the same."""
+    points = np.array([estimate.mean.center for estimate in estimates if isinstance(estimate.mean, Disc)])
+    if len(points) < 2:
+        return 0
+    blocks = np.array([estimate.covariance[:2, :2] for estimate in estimates])
+    i, j = np.triu_indices(len(points), 1)
+    gap, spread = points[j] - points[i], blocks[i] + blocks[j] + 1e-12 * np.eye(2)
+    d2 = np.einsum("ni,nij,nj->n", gap, np.linalg.inv(spread), gap)
+    return len(np.unique(j[d2 <= chi_square_quantile(SAME, 2)]))
+
+
+def _speed_warnings(trajectory: FloatArray) -> list[str]:
+    found = list[str]()
     if (speed := top_speed(trajectory)) > MAX_SPEED:
         found.append(
             f"speeds of {speed:.3g} m/s and more: expected at most {MAX_SPEED:g}; are the log's times right, and its "
