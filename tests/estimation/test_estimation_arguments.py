@@ -194,6 +194,7 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             {"association": "known", "gate": 0.9, "margin": 1.0, "confirm": 2, "late": "skip"},
         ),
         "ScanSettings": (ScanSettings, {"groups": "jump", "split": 0.1, "disc_radii": (0.1, 0.2), "min_points": 6}),
+        "GraphSettings": (estimation.GraphSettings, {"max_range": 15.0, "rounds": 1, "loop_score": 0.6}),
         "MappingSettings": (
             MappingSettings,
             {"pose_sigma": (0.1, 0.1), "cell": 0.1, "shapes": "hulls"},

@@ -79,7 +79,7 @@ def test_ellipses_too_small_to_see_are_drawn_larger_and_the_legend_says_so() -> 
         (False, 0.99, "grown for 0.99"),
         (True, None, "where it lies, 95% each"),
         (True, 0.9, "grown for 0.9"),
-        (True, 0.9, "trajectory, by odometry alone"),
+        (True, 0.9, "trajectory, by scan matching"),
         (True, None, "unknown"),
     ],
 )

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from trailmark.estimation.filter.sensors import Cartesian as Cartesian
     from trailmark.estimation.filter.sensors import LinePolar as LinePolar
     from trailmark.estimation.filter.sensors import RangeBearing as RangeBearing
+    from trailmark.estimation.graph.graph_settings import GraphSettings as GraphSettings
     from trailmark.estimation.logs import load_log as load_log
     from trailmark.estimation.logs import save_log as save_log
     from trailmark.estimation.logs.records import Detection as Detection
@@ -64,6 +65,7 @@ _NAMES = {
     "filter.motion": "MotionModel PoseIncrement Unicycle",
     "filter.sensor_model": "SensorModel",
     "filter.sensors": "Cartesian LinePolar RangeBearing",
+    "graph.graph_settings": "GraphSettings",
     "logs": "load_log save_log",
     "logs.records": "Detection Increment Log Odometry Pose Scan",
     "maps.log_map": "map_log",

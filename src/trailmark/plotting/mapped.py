@@ -148,8 +148,12 @@ def _draw_trajectory(axes: Axes, mapped: MappedLog, world: World) -> list[Entry]
     if len(poses) == 0:
         return []
     axes.plot(*poses[:, :2].T, color=PATH, lw=0.9, alpha=0.9, zorder=3.5, solid_joinstyle="round")
+    before: list[Entry] = []
+    if mapped.matched is not None:
+        axes.plot(*mapped.matched.odometry[:, :2].T, color=LANDMARK, lw=0.7, ls=":", zorder=3.4)
+        before = [(Line2D([], [], color=LANDMARK, lw=1.0, ls=":"), "by odometry alone")]
     names = {"match": "scan matching", "slam": "EKF-SLAM", "log": "the log's poses", "odometry": "odometry alone"}
-    entries: list[Entry] = [(Line2D([], [], color=PATH, lw=1.5), f"trajectory, by {names[mapped.poses]}")]
+    entries: list[Entry] = [(Line2D([], [], color=PATH, lw=1.5), f"trajectory, by {names[mapped.poses]}"), *before]
     for q, colour, marker, label in ((poses[0], START, "o", "its start"), (poses[-1], GOAL, "s", "its end")):
         draw_end(axes, world.robot, q, colour, marker, "_")
         entries.append((Line2D([], [], color=colour, marker=marker, ls="none", mec="white"), label))

@@ -117,3 +117,28 @@ def test_no_more_nodes_than_places() -> None:
     found = match_scans(seen, np.array(guess), GraphSettings(max_nodes=one_round))
     assert len(found.keys) < 1.5 * one_round
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.3
+
+
+def test_places_that_look_alike_close_no_loop() -> None:
+    """A comb of equal rooms along a corridor: each looks like the next, and odometry drifts by less than to that."""
+    rooms = [shapely.box(4.0 * k - 0.1, 1.5, 4.0 * k + 0.1, 5.0) for k in range(9)]
+    walls = (room(0.0, 0.0, 32.0, 5.0), *rooms)
+    doors = [shapely.box(4.0 * k + 1.5, 1.4, 4.0 * k + 2.5, 1.6) for k in range(8)]
+    front = shapely.difference(shapely.box(0.0, 1.4, 32.0, 1.6), shapely.union_all(doors))
+    poses = []
+    for k in range(8):
+        poses += [[4.0 * k + s, 0.7, 0.0] for s in (0.5, 1.0, 1.5)] + [
+            [4.0 * k + 2.0, 0.7, 0.25 * turn * math.pi] for turn in (0, 1, 2)
+        ]
+        poses += [[4.0 * k + 2.0, y, 0.5 * math.pi] for y in (1.2, 1.7, 2.2, 2.7)]
+        poses += [[4.0 * k + 2.0, y, -0.5 * math.pi] for y in (2.2, 1.7, 1.2, 0.7)] + [
+            [4.0 * k + 2.0, 0.7, -0.25 * math.pi]
+        ]
+        poses += [[4.0 * k + s, 0.7, 0.0] for s in (2.5, 3.0, 3.5, 4.0)]
+    true, rng = np.array(poses), np.random.default_rng(3)
+    seen = [cast((*walls, front), pose.tolist(), sigma_range=0.015, rng=rng, t=float(i)) for i, pose in enumerate(true)]
+    guess = [true[0]]
+    for step in relative(true[:-1], true[1:]):
+        guess.append(compose(guess[-1], step * [1.03, 1.0, 1.0] + rng.normal(size=3) * [0.01, 0.01, 0.01]))
+    found = match_scans(seen, np.array(guess))
+    assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.6

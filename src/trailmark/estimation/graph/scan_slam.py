@@ -37,6 +37,8 @@ class ScanPoses(NamedTuple):
     """Shape (m, 3), one for each scan."""
     covariances: FloatArray
     """Shape (m, 3, 3), in the world's axes, relative to the places of all: what turns or shifts all is no error."""
+    odometry: FloatArray
+    """Where odometry had them, shape (m, 3)."""
     keys: NDArray[np.intp]
     """Which scans are nodes of the graph, shape (n,)."""
     relations: tuple[Relation, ...]
@@ -66,7 +68,7 @@ def match_scans(
         slam.add(scan, pose)
         if on_progress is not None:
             on_progress(i, len(scans))
-    return slam.finish()
+    return slam.finish(odometry)
 
 
 class _ScanSlam:
@@ -125,7 +127,7 @@ class _ScanSlam:
                 self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, s.outlier_gate)
                 self._renew_area()
 
-    def finish(self) -> ScanPoses:
+    def finish(self, odometry: FloatArray) -> ScanPoses:
         """Return the poses of all scans."""
         keys, s = self._keys, self._s
         keys.poses, _ = optimise(keys.relations, keys.poses, s.outlier_gate)
@@ -138,7 +140,9 @@ class _ScanSlam:
         own = np.array([key for key, _ in self._scans])
         poses = compose(keys.poses[own], np.array([pose for _, pose in self._scans]))
         rejected = int((~counts).sum())
-        return ScanPoses(poses, covariances[own], np.array(self._own), tuple(relations), self._closures, rejected)
+        return ScanPoses(
+            poses, covariances[own], odometry, np.array(self._own), tuple(relations), self._closures, rejected
+        )
 
     def _noise(self, step: FloatArray) -> FloatArray:
         """Return the covariance of a step by odometry, shape (3, 3)."""

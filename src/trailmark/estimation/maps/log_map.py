@@ -75,7 +75,8 @@ def map_log(
         if sources.poses == "match":
             matching = None if on_progress is None else lambda done, total: on_progress("scans matched", done, total)
             _, odometry = scan_poses(log, "odometry", s.start)
-            matched = match_scans(scans, odometry, s.graph, matching)
+            graph = replace(s.graph, max_range=min(s.graph.max_range, mapping.scan.max_range))
+            matched = match_scans(scans, odometry, graph, matching)
             poses, covariances = matched.poses, matched.covariances
         elif run is not None:
             poses, mapping = run.poses_of(scans), run.with_pose_sigma(scans, mapping)
