@@ -50,6 +50,7 @@ def smooth(records: Sequence[Record], motion: Unicycle, result: SlamResult) -> S
     graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
     for identity, place in names.items():
         values.insert(gtsam.symbol("l", identity), place)
+    huber = gtsam.noiseModel.mEstimator.Huber.Create(1.345)
     x, P, t, held = np.zeros(3), np.zeros((3, 3)), -np.inf, None  # noqa: N806 # the filter's own symbol
     times: list[float] = []
 
@@ -84,7 +85,7 @@ def smooth(records: Sequence[Record], motion: Unicycle, result: SlamResult) -> S
                     gtsam.symbol("l", record.identity),
                     gtsam.Rot2(float(record.z[1])),
                     float(record.z[0]),
-                    _diagonal(sigma[::-1]),
+                    gtsam.noiseModel.Robust.Create(huber, _diagonal(sigma[::-1])),
                 )
             )
     best = gtsam.LevenbergMarquardtOptimizer(graph, values, gtsam.LevenbergMarquardtParams()).optimize()

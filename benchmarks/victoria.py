@@ -1,4 +1,4 @@
-"""Victoria Park: the filter against the batch optimum and against iSAM2. Writes results/victoria.{json,md}.
+"""Victoria Park: maps and the filter against the batch optimum and against iSAM2. Writes results/victoria.{json,md}.
 
 The log's noise is read as GTSAM reads it (``gtsam.load2D``; bearing σ = √(c/10), range σ = √c), and the graph that
 ``load2D`` builds is what GTSAM solves, with the first pose held. The batch optimum is Levenberg-Marquardt from iSAM2's
@@ -33,29 +33,15 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.alignment import aligned, rms
 from benchmarks.machine import describe_machine, markdown_table
-from trailmark.estimation import EkfSlam, PoseIncrement, RangeBearing, SlamResult, SlamSettings
+from trailmark.estimation import EkfSlam, PoseIncrement, RangeBearing, SlamResult, SlamSettings, map_log
 from trailmark.estimation.logs import load_log
-from trailmark.estimation.logs.records import Detection, Record
+from trailmark.estimation.logs.records import Detection, Increment, Log, Record
 
 FloatArray = NDArray[np.float64]
 Landmarks = dict[int, FloatArray]
 
 RESULTS = Path(__file__).resolve().parent / "results"
 ROOT = Path(__file__).resolve().parents[1]
-
-
-def polar_records(path: Path) -> list[Record]:
-    """Return the log's records with its sightings as range and bearing, noise as GTSAM reads it."""
-    records: list[Record] = []
-    for record in load_log(path).records:
-        if isinstance(record, Detection) and record.covariance is not None:
-            x, y = record.z
-            c = float(record.covariance[0, 0])
-            polar = np.array([np.hypot(x, y), np.arctan2(y, x)])
-            records.append(record._replace(z=polar, kind="range-bearing", covariance=np.diag([c, c / 10.0])))
-        else:
-            records.append(record)
-    return records
 
 
 def held_graph(path: Path) -> Any:
@@ -106,6 +92,36 @@ def run_filter(records: list[Record], settings: SlamSettings) -> tuple[SlamResul
     return result, perf_counter() - begin
 
 
+def scaled(log: Log, odometry: float, sensor: float) -> Log:
+    """Return a log whose stated deviations are these factors times what they were."""
+    factor = {Increment: odometry**2, Detection: sensor**2}
+    records = [
+        r._replace(covariance=r.covariance * factor[type(r)])
+        if isinstance(r, Increment | Detection) and r.covariance is not None
+        else r
+        for r in log.records
+    ]
+    return log._replace(records=tuple(records))
+
+
+def maps(path: Path, optimum: Landmarks, limit: float) -> list[dict[str, Any]]:
+    """Return the rows of maps by the shell's defaults, with the noise as stated and larger or smaller."""
+    log, rows = load_log(path), []
+    for name, odometry, sensor in (
+        ("trailmark map, defaults", 1.0, 1.0),
+        ("  odometry's noise 20 % larger", 1.2, 1.0),
+        ("  odometry's noise 20 % smaller", 0.8, 1.0),
+        ("  sensor's noise 20 % larger", 1.0, 1.2),
+        ("  sensor's noise 20 % smaller", 1.0, 0.8),
+    ):
+        mapped = map_log(scaled(log, odometry, sensor))
+        assert mapped.slam is not None
+        found = {f.identity: f.mean for f in mapped.slam.features if f.identity is not None}
+        nothing = {"updates": "", "NIS": "", "expected": "", "95 % band": ""}
+        rows.append(row(name, found, optimum, mapped.seconds, limit, **nothing))
+    return rows
+
+
 def best_of(repeats: int, run: Callable[[], tuple[Any, ...]]) -> tuple[Any, float]:
     """Return the first result of a run, and the least of its seconds."""
     outcomes = [run() for _ in range(repeats)]
@@ -145,7 +161,7 @@ def main() -> int:
     )
     given = parser.parse_args()
     path = given.data / "victoria" / "victoria_park.txt"
-    records, graph = polar_records(path), held_graph(path)
+    records, graph = list(load_log(path).records), held_graph(path)
     identities = {r.identity for r in records if isinstance(r, Detection) and r.identity is not None}
     with threadpool_limits(1):
         (sparse, _, updates), sparse_seconds = best_of(given.repeats, lambda: isam2(graph, every_pose=False))
@@ -155,7 +171,8 @@ def main() -> int:
         once, once_seconds = run_filter(records, SlamSettings(iterations=1))
     batch = gtsam.LevenbergMarquardtOptimizer(graph, sparse, gtsam.LevenbergMarquardtParams()).optimize()
     optimum = landmarks_of(batch, identities)
-    rows = []
+    with threadpool_limits(1):
+        rows = maps(path, optimum, sparse_seconds)
     for name, found, took in (
         ("EkfSlam (invariant error, iterated)", result, seconds),
         ("  without iteration", once, once_seconds),
@@ -177,9 +194,10 @@ def main() -> int:
     cells = [[f"{v:.3f}" if isinstance(v, float) else str(v) for v in r.values()] for r in rows]
     text = ["# Victoria Park", "", machine, "", *(__doc__ or "").strip().splitlines()[2:-2]]
     text += ["", markdown_table(list(rows[0]), cells), "", f"Batch optimum: error {graph.error(batch):.1f}."]
+    reached = rows[0]["RMSE m"] <= 0.2 and rows[0]["seconds"] <= sparse_seconds
     text += [
-        f"To reach: RMSE under 1.5 m ({'reached' if rows[0]['RMSE m'] < 1.5 else 'not reached'}), in no more time than "
-        f"iSAM2 ({'reached' if seconds <= sparse_seconds else 'not reached'})."
+        f"To reach: the map at most 0.2 m from the optimum, in less time than iSAM2 ({'' if reached else 'not '}"
+        "reached); at most 0.3 m with other noise, by which the optimum itself moves by 0.29 to 0.38 m.",
     ]
     print("\n".join(text))
     RESULTS.mkdir(exist_ok=True)

@@ -18,6 +18,7 @@ from trailmark.estimation.graph.fit_settings import FitSettings
 from trailmark.estimation.graph.gauge import relative_covariance
 from trailmark.estimation.graph.odometry import OdometryTrack
 from trailmark.estimation.graph.readings import polar_readings
+from trailmark.estimation.graph.residual_checks import inflation, misfit, scale
 from trailmark.estimation.logs.records import Detection, Log, Odometry, Pose, Record
 from trailmark.shapes import Disc
 from trailmark.world import World
@@ -83,18 +84,33 @@ def in_view(records: list[Record]) -> list[Record]:
 def test_right_noise_is_left_as_it_is() -> None:
     given = case(list(log().records))
     estimate = given.batch.solve(given.poses, given.places(), given.feature)
-    misfit = given.batch.misfit(estimate)
-    assert not misfit.understated
-    assert not misfit.overstated
-    assert misfit.ratios["range"] == pytest.approx(1.0, abs=0.25)
+    found = misfit(given.batch, estimate)
+    assert not found.understated
+    assert not found.overstated
+    assert found.ratios["range"] == pytest.approx(1.0, abs=0.25)
     assert (estimate.feature >= 0).mean() > 0.999
+    assert inflation(given.batch, estimate) < 1.8
+
+
+def test_errors_that_last_for_half_of_a_log_are_seen_in_its_halves() -> None:
+    records = list(log().records)
+    middle = records[len(records) // 2].t
+    bent = [
+        r._replace(z=r.z + np.array([0.15 if (r.identity or 0) % 2 else -0.15, 0.0]))
+        if isinstance(r, Detection) and r.t > middle
+        else r
+        for r in records
+    ]
+    given = case(bent)
+    estimate = given.batch.solve(given.poses, given.places(), given.feature)
+    assert inflation(given.batch, estimate) > 3.0
 
 
 @pytest.mark.parametrize("factor", [0.3, 3.0])
 def test_wrong_noise_is_found(factor: float) -> None:
     sensor = RangeBearing(0.03 * factor, 0.01 * factor)
     given = case(unstated(list(log().records)), sensor, Unicycle(0.02 * factor, 0.02 * factor, period=1.0))
-    first = given.batch.misfit(given.batch.solve(given.poses, given.places(), given.feature))
+    first = misfit(given.batch, given.batch.solve(given.poses, given.places(), given.feature))
     assert (first.understated, first.overstated) == (factor < 1.0, factor > 1.0)
     estimate = given.batch.fit(given.poses, given.places(), given.feature)
     sigma = np.sqrt(np.diagonal(given.batch.readings(single=True).covariance, axis1=1, axis2=2)).mean(axis=0)
@@ -109,7 +125,7 @@ def test_systematic_errors_are_found_and_taken_off() -> None:
     found = given.batch.noise
     assert found.odometry.turn == pytest.approx(0.9, abs=0.02)
     assert found.sensor.projection == pytest.approx(-0.5, abs=0.1)
-    factor, sigma = given.batch.scale(estimate)
+    factor, sigma = scale(given.batch, estimate)
     features = factor * estimate.solution.features
     errors = [rms(aligned(points, given.true)(points) - given.true) for points in (plain, features)]
     assert errors[1] < 0.06

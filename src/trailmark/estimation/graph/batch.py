@@ -9,27 +9,20 @@ SIAM Journal on Numerical Analysis 10(2)), and the noise is what the residuals s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
+from trailmark.estimation.graph.estimate import Estimate, IntArray, NoiseModel
 from trailmark.estimation.graph.fit_settings import FitSettings
-from trailmark.estimation.graph.linear_system import LinearSystem
 from trailmark.estimation.graph.noise import correlation_time, updated_variances
 from trailmark.estimation.graph.odometry import Motions, OdometryCalibration, OdometryTrack
 from trailmark.estimation.graph.readings import Readings, SensorCalibration
 from trailmark.estimation.graph.smoother import Smoother, Solution
 from trailmark.se2 import FloatArray
 
-__all__ = ["Batch", "Estimate", "NoiseModel"]
-
-IntArray = NDArray[np.intp]
-
-FEW = 30.0
-"""Expected squares below which no ratio is judged: that of 30 varies by a quarter."""
+__all__ = ["Batch"]
 
 LOST = 4.0
 """Up to twice the gate's distance a reading is weighed down by the kernel, beyond that it is left out."""
@@ -40,93 +33,6 @@ ROUGH, SETTLED = 1e-4, 0.03
 STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4, 1e-2])
 """How far each number of the odometry's calibration is moved to see what the motions become: a hundredth of a second
 covers the time between records."""
-
-
-@dataclass(frozen=True)
-class NoiseModel:
-    """What readings and odometry are taken to be like."""
-
-    odometry: OdometryCalibration
-    """Systematic errors of odometry."""
-    sensor: SensorCalibration
-    """Systematic errors of ranges."""
-    motion_variances: FloatArray
-    """Of each source of odometry's noise, shape (k,)."""
-    motion_times: FloatArray
-    """How many successive errors of odometry are worth one, for the same sources, shape (k,)."""
-    reading_variances: FloatArray
-    """Of each source of the readings' noise, shape (j,)."""
-    reading_times: FloatArray
-    """How many successive errors of readings are worth one, for the same sources, shape (j,)."""
-
-
-class Estimate(NamedTuple):
-    """What a batch comes to."""
-
-    solution: Solution
-    """Poses and features."""
-    feature: IntArray
-    """For each reading the number of its feature, negative where it was left out, shape (r,)."""
-    smoother: Smoother
-    """The factors."""
-    system: LinearSystem
-    """The factors, linearised at the solution."""
-    calibrated: FloatArray
-    """How the whitened residuals change with calibration, shape (rows, c)."""
-    precision: FloatArray
-    """Of the calibration before the log, shape (c,)."""
-
-    def feature_covariance(self, noise: Sequence[FloatArray] | None = None) -> FloatArray:
-        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m).
-
-        Args:
-            noise: covariances of the whitened rows, of motions (n − 1, 3, 3), readings (r, 2, 2) and the first pose
-                (1, 3, 3), where they are others than those that the estimate weighs them by (Huber 1967, The behavior
-                of maximum likelihood estimates under nonstandard conditions); None where they are the same.
-        """
-        first = 3 * len(self.solution.poses)
-        columns = first + np.arange(2 * len(self.solution.features))
-        if noise is not None:
-            return self.system.sandwich(columns, noise)
-        joint = self.system.covariance(columns)
-        if self.calibrated.shape[1] == 0:
-            return joint
-        follow = self.system.estimate(self.calibrated)
-        left = self.calibrated - self.system.A @ follow
-        own = np.linalg.inv(self.calibrated.T @ left + np.diag(self.precision))
-        return np.asarray(joint + follow[columns] @ own @ follow[columns].T)
-
-
-class Scale(NamedTuple):
-    """The scale of a map, which nothing but the instruments' own calibration states."""
-
-    factor: float
-    """By which to multiply what was estimated as if ranges were right on average."""
-    sigma: float
-    """Relative standard deviation of what that gives."""
-
-
-class Misfit(NamedTuple):
-    """How the residuals compare to the noise that an estimate was made with."""
-
-    ratios: dict[str, float]
-    """Squared residuals for each expected one, of "range", "bearing", "distance" and "heading"."""
-    times: dict[str, float]
-    """How many successive errors are worth one, likewise."""
-
-    @property
-    def understated(self) -> bool:
-        """Whether there is more noise than stated, by a share that is no accident and matters.
-
-        Errors that last count as often as they repeat.
-        """
-        lasting = max(self.ratios[name] * self.times[name] for name in ("range", "bearing"))
-        return bool(max(self.ratios.values()) > 1.5 or lasting > 2.0)
-
-    @property
-    def overstated(self) -> bool:
-        """Whether there is much less noise than stated in readings, and no more in odometry."""
-        return not self.understated and max(self.ratios["range"], self.ratios["bearing"]) < 0.5
 
 
 class Batch:
@@ -149,7 +55,7 @@ class Batch:
         settings: FitSettings,
     ) -> None:
         self.instants, self.raw, self.settings = instants, readings, settings
-        self._track, self._rng = track, np.random.default_rng(0)
+        self.track, self.rng = track, np.random.default_rng(0)
         bearing = readings.z[:, 1]
         middle = (float(bearing.mean()), float((bearing**2).mean()))
         k = len(motion_variances)
@@ -162,14 +68,14 @@ class Batch:
             np.ones(2),
         )
         # Until noise is estimated: ranges' and bearings' own covariance, as stated.
-        self._sources = np.zeros((len(readings.z), 2, 2, 2))
-        self._sources[:, 0, 0, 0] = readings.covariance[:, 0, 0]
-        self._sources[:, 1, 1, 1] = readings.covariance[:, 1, 1]
-        self._fitted = False
+        self.sources = np.zeros((len(readings.z), 2, 2, 2))
+        self.sources[:, 0, 0, 0] = readings.covariance[:, 0, 0]
+        self.sources[:, 1, 1, 1] = readings.covariance[:, 1, 1]
+        self.fitted = False
 
     def motions(self) -> Motions:
         """Return the motions between the instants, calibrated."""
-        return self._track.motions(self.instants, self.noise.odometry)
+        return self.track.motions(self.instants, self.noise.odometry)
 
     def motion_covariance(self, motions: Motions) -> FloatArray:
         """Return their covariances, shape (n − 1, 3, 3)."""
@@ -177,10 +83,10 @@ class Batch:
 
     def readings(self, *, single: bool = False) -> Readings:
         """Return the readings, calibrated, with their noise; ``single``: as one is spread, not what many are worth."""
-        if not self._fitted:
+        if not self.fitted:
             return self.raw
         times = 1.0 if single else self.noise.reading_times
-        R = np.einsum("k,nkij->nij", self.noise.reading_variances * times, self._sources)
+        R = np.einsum("k,nkij->nij", self.noise.reading_variances * times, self.sources)
         return self.raw._replace(z=self.noise.sensor.corrected(self.raw.z), covariance=R)
 
     def best_of(
@@ -238,112 +144,9 @@ class Batch:
                 break
         return self.solve(solution.poses, solution.features, feature)
 
-    def misfit(self, estimate: Estimate) -> Misfit:
-        """Return how an estimate's residuals compare to its noise."""
-        smoother, solution = estimate.smoother, estimate.solution
-        n = len(solution.poses) - 1
-        moved, read = smoother.residuals(solution)
-        square = smoother.whitened(solution, moved[:, :, None], np.nan_to_num(read)[:, :, None])[:, 0] ** 2
-        redundancy = estimate.system.redundancy(self._rng)
-        ratios = {}
-        for name, rows in (
-            ("range", slice(3 * n, -3, 2)),
-            ("bearing", slice(3 * n + 1, -3, 2)),
-            ("distance", slice(0, 3 * n, 3)),
-            ("heading", slice(2, 3 * n, 3)),
-        ):
-            expected = float(redundancy[rows].sum())
-            # A sum of squares that is expected to be small says nothing.
-            ratios[name] = float(square[rows].sum()) / expected if expected > FEW else 1.0
-        times = self._correlation_times(smoother, solution, moved, estimate.feature)
-        return Misfit(ratios, dict(zip(("range", "bearing", "distance", "heading"), times, strict=True)))
-
-    def shown_noise(self, estimate: Estimate) -> list[FloatArray]:
-        """Return what noise the residuals show: for :meth:`Estimate.feature_covariance`."""
-        smoother, solution, noise = estimate.smoother, estimate.solution, self.noise
-        n = len(solution.poses) - 1
-        moved, read = smoother.residuals(solution)
-        b = smoother.whitened(solution, moved[:, :, None], np.nan_to_num(read)[:, :, None])[:, 0]
-        redundancy = estimate.system.redundancy(self._rng)
-        ranges, bearings, along, turning = self._correlation_times(smoother, solution, moved, estimate.feature)
-        k = len(noise.motion_variances)
-        times = np.where(np.arange(k) < k // 2, along, turning), np.array([ranges, bearings])
-        covariances = []
-        for variances, components, roots, rows, size, repeated in (
-            (
-                noise.motion_variances,
-                smoother.components_at_end(self.motions().components),
-                smoother.motion_roots,
-                slice(0, 3 * n),
-                3,
-                times[0],
-            ),
-            (
-                noise.reading_variances,
-                self._sources[smoother.used],
-                smoother.reading_roots,
-                slice(3 * n, -3),
-                2,
-                times[1],
-            ),
-        ):
-            left, share = b[rows].reshape(-1, size), redundancy[rows].reshape(-1, size)
-            shown = updated_variances(variances, components, roots, left, share) * repeated
-            P = np.einsum("k,nkij->nij", shown, components)
-            covariances.append(roots @ P @ np.swapaxes(roots, 1, 2))
-        return [*covariances, np.eye(3)[None]]
-
-    def description_length(self, estimate: Estimate, feature: IntArray) -> float:
-        """Return how badly features explain the readings: less for a better association, fewer features among the like.
-
-        The criterion of Schwarz 1978 (Estimating the dimension of a model, Annals of Statistics 6(2)), in which a
-        reading that is of no feature costs as much as the gate allows.
-
-        Args:
-            estimate: with these features.
-            feature: for each reading the number of its feature, or -1.
-        """
-        y = np.nan_to_num(estimate.smoother.reading_residuals(estimate.solution, feature))
-        R = self.readings(single=True).covariance
-        limit = float(chi_square_quantile(self.settings.gate, 2))
-        d2 = np.minimum(np.einsum("ni,nij,nj->n", y, np.linalg.inv(R), y), limit)
-        d2[feature < 0] = limit
-        fit = d2 + np.log(np.linalg.det(R))
-        return float(fit.sum() + 2.0 * len(estimate.solution.features) * np.log(max(2, len(fit))))
-
-    def scale(self, estimate: Estimate) -> Scale:
-        """Return the scale that ranges and odometry agree on, each weighed by how well it is known.
-
-        Of ranges it is known the better, the less they err from one bearing to another.
-        """
-        if not self._fitted:
-            return Scale(1.0, 0.0)
-        sensor, s = self.noise.sensor, self.settings
-        ranges = s.scale_share * float(np.std(sensor.basis(self.raw.z[:, 1]) @ sensor.array()))
-        raw = self._track.motions(self.instants, replace(self.noise.odometry, distance=1.0), covariances=False).u
-        real = estimate.smoother.motions_of(estimate.solution)[:, :2]
-        stated = np.hypot(*raw[:, :2].T)
-        along = (real * raw[:, :2]).sum(axis=1) / np.where(stated > 0.0, stated, 1.0)
-        weight = ranges**2 / (ranges**2 + s.odometry_scale_sigma**2)
-        excess = np.log(stated.sum() / along.sum()) if along.sum() > 0.0 else 0.0
-        return Scale(float(np.exp(weight * excess)), float(ranges * np.sqrt(1.0 - weight)))
-
-    def figures(self, estimate: Estimate, stated: Misfit) -> dict[str, Any]:
-        """Return what was found, as plain data that JSON can hold."""
-        used = int(np.count_nonzero(estimate.feature >= 0))
-        noise, scale = self.noise, self.scale(estimate)
-        return {
-            "fitted": self._fitted,
-            "readings": used,
-            "stated_noise": {"ratio": stated.ratios, "repeated": stated.times},
-            "odometry": asdict(noise.odometry) if self._fitted else None,
-            "range": {"tilt": noise.sensor.tilt, "projection": noise.sensor.projection} if self._fitted else None,
-            "scale": {"factor": scale.factor, "sigma": scale.sigma},
-        }
-
     def _change(self, before: NoiseModel, motions: Motions, readings: Readings) -> float:
         """Return by how much of their deviation, at most, noise and typical readings and motions have changed."""
-        moved, old = self._track.motions(self.instants, self.noise.odometry, covariances=False).u, motions.u
+        moved, old = self.track.motions(self.instants, self.noise.odometry, covariances=False).u, motions.u
         P = motions.covariance(before.motion_variances * before.motion_times)
         size = np.sqrt(np.median(np.diagonal(P, axis1=1, axis2=2), axis=0)) + 1e-9
         R, new = readings.covariance, self.readings()
@@ -360,13 +163,13 @@ class Batch:
 
     def _begin_fit(self) -> None:
         """Give the readings' noise the sources that are estimated: by range where the log states nothing."""
-        self._fitted = True
+        self.fitted = True
         if self.raw.stated:
             return
         r = np.maximum(self.raw.z[:, 0], 0.05)
-        self._sources = np.zeros((len(r), 4, 2, 2))
-        self._sources[:, 0, 0, 0], self._sources[:, 1, 0, 0] = 1.0, r**2
-        self._sources[:, 2, 1, 1], self._sources[:, 3, 1, 1] = 1.0, 1.0 / r**2
+        self.sources = np.zeros((len(r), 4, 2, 2))
+        self.sources[:, 0, 0, 0], self.sources[:, 1, 0, 0] = 1.0, r**2
+        self.sources[:, 2, 1, 1], self.sources[:, 3, 1, 1] = 1.0, 1.0 / r**2
         if len(self.noise.reading_variances) == 2:
             size = np.median(r)
             level = [np.median(self.raw.covariance[:, j, j]) for j in (0, 1)]
@@ -384,7 +187,7 @@ class Batch:
         odometry, sensor = noise.odometry.array(), noise.sensor.array()
         now = np.concatenate([odometry - OdometryCalibration().array(), sensor])
         step = np.linalg.solve(calibrated.T @ left + np.diag(precision), (left.T @ b)[:, 0] + precision * now)
-        redundancy = system.redundancy(self._rng)
+        redundancy = system.redundancy(self.rng)
         motion_rows, reading_rows = slice(0, 3 * n), slice(3 * n, -3)
         motion_variances = updated_variances(
             noise.motion_variances * noise.motion_times,
@@ -395,7 +198,7 @@ class Batch:
         )
         reading_variances = updated_variances(
             noise.reading_variances * noise.reading_times,
-            self._sources[smoother.used],
+            self.sources[smoother.used],
             smoother.reading_roots,
             b[reading_rows].reshape(-1, 2),
             redundancy[reading_rows].reshape(-1, 2),
@@ -409,7 +212,7 @@ class Batch:
             sensor=replace(noise.sensor, tilt=tilt, projection=projection),
         )
         good = self._judged(smoother, solution, feature)
-        ranges, bearings, along, turning = self._correlation_times(smoother, solution, moved, good)
+        ranges, bearings, along, turning = self.correlation_times(smoother, solution, moved, good)
         k = len(noise.motion_variances)
         self.noise = replace(
             self.noise,
@@ -418,7 +221,7 @@ class Batch:
         )
         return good
 
-    def _correlation_times(
+    def correlation_times(
         self, smoother: Smoother, solution: Solution, moved: FloatArray, feature: IntArray
     ) -> tuple[float, float, float, float]:
         """Return how many successive errors are worth one: of ranges, bearings, distances and headings."""
@@ -450,14 +253,14 @@ class Batch:
         """Return how the whitened residuals change with calibration, and the precision it has before the log."""
         s = self.settings
         r, n = self.raw.z, len(motions.u)
-        if not self._fitted:
+        if not self.fitted:
             return np.zeros((3 * n + 2 * len(smoother.used) + 3, 0)), np.zeros(0)
         now = self.noise.odometry.array()
         changes = []
-        for step in np.diag(STEPS)[: 5 if self._track.by_velocities else 4]:
-            other = self._track.motions(self.instants, OdometryCalibration(*(now + step).tolist()), covariances=False)
+        for step in np.diag(STEPS)[: 5 if self.track.by_velocities else 4]:
+            other = self.track.motions(self.instants, OdometryCalibration(*(now + step).tolist()), covariances=False)
             changes.append(smoother.at_end(other.u - motions.u) / step.max())
-        if not self._track.by_velocities:
+        if not self.track.by_velocities:
             changes.append(np.zeros((n, 3)))
         of_motions = np.stack(changes, axis=2)
         bent = self.noise.sensor.basis(r[:, 1])

@@ -12,7 +12,7 @@ import numpy as np
 
 from trailmark.se2 import FloatArray
 
-__all__ = ["relative_covariance"]
+__all__ = ["gauge_free", "relative_covariance"]
 
 
 def relative_covariance(points: FloatArray, joint: FloatArray) -> FloatArray:
@@ -24,9 +24,14 @@ def relative_covariance(points: FloatArray, joint: FloatArray) -> FloatArray:
         points: shape (m, 2), metres.
         joint: covariance of x₁, y₁, x₂, y₂, … in any frame, shape (2m, 2m).
     """
+    S = gauge_free(points)
+    return np.asarray(S @ joint @ S.T)
+
+
+def gauge_free(points: FloatArray) -> FloatArray:
+    """Return the matrix, shape (2m, 2m), that takes off errors x₁, y₁, x₂, … what a rigid motion explains."""
     away = points - points.mean(axis=0)
     G = np.zeros((2 * len(points), 3))
     G[0::2, 0] = G[1::2, 1] = 1.0
     G[0::2, 2], G[1::2, 2] = -away[:, 1], away[:, 0]
-    S = np.eye(len(G)) - G @ np.linalg.pinv(G)
-    return np.asarray(S @ joint @ S.T)
+    return np.asarray(np.eye(len(G)) - G @ np.linalg.pinv(G))

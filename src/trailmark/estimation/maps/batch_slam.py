@@ -11,11 +11,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.estimation.graph.batch import Batch, Estimate
+from trailmark.estimation.graph.batch import Batch
+from trailmark.estimation.graph.estimate import Estimate
 from trailmark.estimation.graph.gauge import relative_covariance
 from trailmark.estimation.graph.odometry import OdometryTrack
 from trailmark.estimation.graph.readings import Readings, polar_readings
 from trailmark.estimation.graph.reassociation import Labels
+from trailmark.estimation.graph.residual_checks import figures, inflation, misfit, shown_noise
+from trailmark.estimation.graph.residual_checks import scale as scale_of
 from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.unnamed_features import associated
@@ -72,12 +75,12 @@ def smoothed(
     poses, places = batch.best_of(first, feature)
     named = any(f.identity is not None for f in result.features)
     estimate = batch.solve(poses, places, feature)
-    stated = batch.misfit(estimate)
+    stated = misfit(batch, estimate)
     wrong = stated.understated or (stated.overstated and settings.default_noise and not readings.stated)
     auto, noise = settings.fit_noise == "auto", None
     if auto and wrong and readings.stated and track.states_noise:
         # A log that states all of its noise has its readings weighed by that; how wrong they are, they show themselves.
-        noise = batch.shown_noise(estimate)
+        noise = shown_noise(batch, estimate)
     elif named and (settings.fit_noise == "on" or (auto and wrong)):
         estimate = batch.fit(estimate.solution.poses, estimate.solution.features, feature, on_round)
     if not named:
@@ -87,7 +90,9 @@ def smoothed(
         (labels, estimate) = associated(batch, labels, estimate.solution.poses, settings.slam, fit, on_round)
         result, feature = _relabelled(result, labels), labels.feature
     joint = estimate.feature_covariance(noise)
-    found = _Found(batch, track, estimate, feature, joint, batch.figures(estimate, stated))
+    if batch.fitted:
+        joint *= inflation(batch, estimate)
+    found = _Found(batch, track, estimate, feature, joint, figures(batch, estimate, stated))
     return _result(found, result, times)
 
 
@@ -143,8 +148,8 @@ class _Found(NamedTuple):
 
 
 def _result(found: _Found, result: SlamResult, times: FloatArray) -> BatchResult:
-    batch, track, estimate, feature, joint, figures = found
-    scale, solution = batch.scale(estimate), estimate.solution
+    batch, track, estimate, feature, joint, plain = found
+    scale, solution = scale_of(batch, estimate), estimate.solution
     origin = solution.poses[0, :2]
     means = origin + scale.factor * (solution.features - origin)
     poses = solution.poses.copy()
@@ -169,7 +174,7 @@ def _result(found: _Found, result: SlamResult, times: FloatArray) -> BatchResult
         features=features,
         counts=counts,
     )
-    return BatchResult(smooth, relative[own[:, :, None], own[:, None, :]], figures)
+    return BatchResult(smooth, relative[own[:, :, None], own[:, None, :]], plain)
 
 
 def poses_between(track: OdometryTrack, batch: Batch, poses: FloatArray, times: FloatArray) -> FloatArray:

@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.filter.motion import PoseIncrement
 from trailmark.estimation.filter.sensors import RangeBearing
-from trailmark.estimation.graph.batch import Batch, Estimate
+from trailmark.estimation.graph.batch import Batch
+from trailmark.estimation.graph.estimate import Estimate
 from trailmark.estimation.graph.gauge import relative_covariance
 from trailmark.estimation.graph.reassociation import Labels, assigned, merged, split, without_unseen
+from trailmark.estimation.graph.residual_checks import description_length
 from trailmark.estimation.logs.records import Detection, Increment, Record
 from trailmark.estimation.slam.ekf_slam import EkfSlam
 from trailmark.estimation.slam.slam_settings import SlamSettings
@@ -88,7 +90,7 @@ def associated(
         labels, estimate = optimum(labels, poses)
         labels, estimate = _settled(batch, labels, estimate, settings.confirm)
         known = labels
-        cost = batch.description_length(estimate, labels.feature)
+        cost = description_length(batch, estimate, labels.feature)
         if cost < least:
             best, least = (labels, estimate, batch.noise), cost
         settled = turn == TURNS - 1 or _agreement(before, labels.feature) > ALIKE

@@ -1,0 +1,78 @@
+# the names are those of the literature: A, P
+"""What a batch is made with and what it comes to."""
+
+# Tested by tests/estimation/graph/test_batch.py.
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.estimation.graph.linear_system import LinearSystem
+from trailmark.estimation.graph.odometry import OdometryCalibration
+from trailmark.estimation.graph.readings import SensorCalibration
+from trailmark.estimation.graph.smoother import Smoother, Solution
+from trailmark.se2 import FloatArray
+
+__all__ = ["Estimate", "IntArray", "NoiseModel"]
+
+IntArray = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """What readings and odometry are taken to be like."""
+
+    odometry: OdometryCalibration
+    """Systematic errors of odometry."""
+    sensor: SensorCalibration
+    """Systematic errors of ranges."""
+    motion_variances: FloatArray
+    """Of each source of odometry's noise, shape (k,)."""
+    motion_times: FloatArray
+    """How many successive errors of odometry are worth one, for the same sources, shape (k,)."""
+    reading_variances: FloatArray
+    """Of each source of the readings' noise, shape (j,)."""
+    reading_times: FloatArray
+    """How many successive errors of readings are worth one, for the same sources, shape (j,)."""
+
+
+class Estimate(NamedTuple):
+    """What a batch comes to."""
+
+    solution: Solution
+    """Poses and features."""
+    feature: IntArray
+    """For each reading the number of its feature, negative where it was left out, shape (r,)."""
+    smoother: Smoother
+    """The factors."""
+    system: LinearSystem
+    """The factors, linearised at the solution."""
+    calibrated: FloatArray
+    """How the whitened residuals change with calibration, shape (rows, c)."""
+    precision: FloatArray
+    """Of the calibration before the log, shape (c,)."""
+
+    def feature_covariance(self, noise: Sequence[FloatArray] | None = None) -> FloatArray:
+        """Return the covariance of all features' errors together, those of the calibration included, shape (2m, 2m).
+
+        Args:
+            noise: covariances of the whitened rows, of motions (n − 1, 3, 3), readings (r, 2, 2) and the first pose
+                (1, 3, 3), where they are others than those that the estimate weighs them by (Huber 1967, The behavior
+                of maximum likelihood estimates under nonstandard conditions); None where they are the same.
+        """
+        first = 3 * len(self.solution.poses)
+        columns = first + np.arange(2 * len(self.solution.features))
+        if noise is not None:
+            return self.system.sandwich(columns, noise)
+        joint = self.system.covariance(columns)
+        if self.calibrated.shape[1] == 0:
+            return joint
+        follow = self.system.estimate(self.calibrated)
+        left = self.calibrated - self.system.A @ follow
+        own = np.linalg.inv(self.calibrated.T @ left + np.diag(self.precision))
+        return np.asarray(joint + follow[columns] @ own @ follow[columns].T)
