@@ -58,9 +58,7 @@ def grid_polygons(
     upright = _sides(padded.view(np.int8).T, labels.T, turned=True)
     if len(across.label) + len(upright.label) > MAX_CORNERS:
         corners = len(across.label) + len(upright.label)
-        raise WorldError(
-            f"map: expected outlines with at most {MAX_CORNERS:,} corners, got {corners:,} (larger cells have fewer)"
-        )
+        raise WorldError(f"map: expected outlines with at most {MAX_CORNERS:,} corners, got {corners:,}")
     sides = _Sides(*(np.concatenate(pair) for pair in zip(across.fields(), upright.fields(), strict=True)))
     corners_xy = _place(sides.start, cell, origin)
     outlines: dict[int, tuple[Vertices, list[Vertices]]] = {}

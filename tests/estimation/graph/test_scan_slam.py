@@ -142,3 +142,15 @@ def test_places_that_look_alike_close_no_loop() -> None:
         guess.append(compose(guess[-1], step * [1.03, 1.0, 1.0] + rng.normal(size=3) * [0.01, 0.01, 0.01]))
     found = match_scans(seen, np.array(guess))
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.6
+
+
+def test_odometry_that_jumps_or_slips_is_not_believed() -> None:
+    true = truth()[:40]
+    steps = relative(true[:-1], true[1:])
+    steps[12] = [25.0, -3.0, 2.0]
+    steps[25] = [0.5, 0.0, 1.2]
+    guess = [true[0]]
+    for step in steps:
+        guess.append(compose(guess[-1], step))
+    found = match_scans(scans()[:40], np.array(guess))
+    assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.3

@@ -101,8 +101,8 @@ class _ScanSlam:
         guess, noise = compose(self._keys.poses[last], step), self._noise(step)
         information = _inverse(noise)
         own = len(self._keys)
-        self._keys.relations.append(Relation(last, own, step, noise))
         if len(cloud.points) < MIN_POINTS:
+            self._keys.relations.append(Relation(last, own, step, noise))
             self._add_key(guess, cloud, odometry)
             return
         window = Window(
@@ -110,6 +110,13 @@ class _ScanSlam:
             min(MAX_WINDOW.theta, max(s.window[1], 3.0 * float(np.sqrt(noise[2, 2])))),
         )
         found = search(self._area, cloud.points, guess, window, information=information)
+        if found is None or found.score < s.loop_score:
+            # Wheels that slipped, or a jump in the log: perhaps the robot is still near where it was.
+            here, floor = self._keys.poses[last], s.loop_score if found is None else max(s.loop_score, found.score)
+            if other := search(self._area, cloud.points, here, MAX_WINDOW, coarseness=2, min_score=floor):
+                found, guess, noise = other, other.pose, np.eye(3)
+                step, information = relative(here, guess), _inverse(noise)
+        self._keys.relations.append(Relation(last, own, step, noise))
         start = guess if found is None else found.pose
         pose = refine(self._area, cloud, start, information=information, guess=guess).pose
         if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark.checked import Numbers, Probability, checked_arguments, shaped
+from trailmark.errors import WorldError
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log, Scan
 from trailmark.estimation.maps.map_settings import MappingSettings
@@ -105,7 +106,11 @@ def map_scans(
     for tracks in (lines, discs):
         tracks.merge()
         dropped += tracks.drop_unconfirmed(s.confirm)
-    found = find_obstacles(lines, discs, grid, x, s)
+    try:
+        found = find_obstacles(lines, discs, grid, x, s)
+    except WorldError as error:
+        advice = "larger cells (--cell 0.1) and far readings left out (--scan-range 20) have fewer"
+        raise EstimationError(f"{error}; {advice}") from None
     sighted = found.walls + found.discs
     estimates = [*(estimate for estimate, _ in sighted), *found.heaps]
     world = World(
