@@ -13,7 +13,7 @@ from trailmark.compiled import njit
 from trailmark.estimation.logs.records import Scan
 from trailmark.se2 import FloatArray, compose
 
-__all__ = ["PointCloud", "point_cloud", "transformed"]
+__all__ = ["PointCloud", "joined", "point_cloud", "relative", "transformed"]
 
 NEIGHBOURS = 5
 """Beams to either side that a surface's direction is found from."""
