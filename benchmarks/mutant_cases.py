@@ -184,7 +184,7 @@ def _corners(rng: np.random.Generator, size: int) -> list[Case]:
         before=np.concatenate([close[0], tiny[0]]) + 5e-7,
         after=np.concatenate([tiny[1], close[1]]) + 5e-7,
         size=1e-3,
-        aside=2e-3,
+        aside=2e-2,
     )
     return [near, long, small, beside_it, _teeth(rng, size)]
 

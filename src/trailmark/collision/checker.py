@@ -114,7 +114,7 @@ class StateChecker:
             ConfigurationError: another shape, or values that are not finite.
         """
         states = se2.configurations(q)
-        free = self._states_free(np.atleast_2d(states))
+        free = self.states_free(np.atleast_2d(states))
         return free if states.ndim == 2 else bool(free[0])
 
     @overload
@@ -162,7 +162,7 @@ class StateChecker:
             ConfigurationError: other shapes, different lengths, or values that are not finite.
         """
         starts, ends = ends_of_motions(a, b)
-        free = self._states_free(starts) & self._states_free(ends)
+        free = self.states_free(starts) & self.states_free(ends)
         free[free] = self.motions_between_valid(starts[free], ends[free])
         return free
 
@@ -175,10 +175,14 @@ class StateChecker:
 
     def motions_between_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
         """Return which motions between configurations known to be valid are certified; shapes (n, 3)."""
-        a, b = ends_of_motions(a, b)
+        return self.motions_free(*ends_of_motions(a, b))
+
+    def motions_free(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
+        """Return what :meth:`motions_between_valid` does, for arrays (n, 3) that are not checked."""
         if self.exact == "fcl":
             return self._motions_by_fcl(a, b)
-        answer = certify.motions_certified(self.grid, self.field, self.footprint, a, b, True)
+        # Copies: read-only arrays would be another type to the kernels, and compiled for anew.
+        answer = certify.motions_certified(self.grid, self.field, self.footprint, np.array(a), np.array(b), True)
         return np.asarray(answer == kernels.FREE)
 
     def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.uint8]:
@@ -227,7 +231,8 @@ class StateChecker:
     def __repr__(self) -> str:
         return f"StateChecker({self.robot.describe()} in world {self.world.name!r}, exact {self.exact!r})"
 
-    def _states_free(self, q: se2.FloatArray) -> NDArray[np.bool_]:
+    def states_free(self, q: se2.FloatArray) -> NDArray[np.bool_]:
+        """Return which configurations are valid, shape (n,): :meth:`valid` for an array (n, 3) that is not checked."""
         if self.exact == "fcl":
             answer = kernels.field_states(self.field, self.footprint, q)
         else:

@@ -49,7 +49,7 @@ class StraightMotion(Motion):
 
     def motions_between_valid(self, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
         """Return which motions between configurations known to be valid are certified; shapes (n, 3), unchecked."""
-        return self.checker.motions_between_valid(a, b)
+        return self.checker.motions_free(a, b)
 
     def motions_by_field(self, a: FloatArray, b: FloatArray) -> NDArray[np.uint8]:
         """Return what the clearance field alone proves about motions: FREE, BLOCKED or UNDECIDED, shape (n,)."""

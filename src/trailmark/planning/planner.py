@@ -298,10 +298,12 @@ class LandmarkPlanner:
     def _valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
         """Return start and goal, shape (2, 3), both valid."""
         ends = [se2.configurations(start, name="start"), se2.configurations(goal, name="goal")]
-        if any(q.ndim != 1 for q in ends) or not self.checker.valid(ends).all():
-            # Says what is wrong with which.
-            ends = [self.checker.require_valid(q, name) for q, name in zip(ends, ("start", "goal"), strict=True)]
-        return np.array(ends)
+        if all(q.ndim == 1 for q in ends):
+            pair = np.array(ends)
+            if self.checker.states_free(pair).all():
+                return pair
+        # Says what is wrong with which.
+        return np.array([self.checker.require_valid(q, name) for q, name in zip(ends, ("start", "goal"), strict=True)])
 
     def _valid_ends(self, starts: ArrayLike, goals: ArrayLike) -> se2.FloatArray:
         """Return starts and goals, shape (n, 2, 3), all valid."""

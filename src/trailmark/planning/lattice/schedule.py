@@ -221,7 +221,7 @@ class LatticeSchedule:
         path = np.asarray(without_needless(self.motion.kind, path, EFFORT))
         # Once more, as the path is: the reverse of exactly half a turn is another motion, and the lattice's own idea
         # of the start is a rounding away from it.
-        return path if self.checker.motions_between_valid(path[:-1], path[1:]).all() else np.empty((0, 3))
+        return path if self.motion.motions_between_valid(path[:-1], path[1:]).all() else np.empty((0, 3))
 
     def _to_go(self, cells: int, forward: bool, tightness: float = TIGHTNESS) -> CostToGo:
         if cells == 0:
