@@ -31,7 +31,7 @@ def test_bags(shell: Shell, tmp_path: Path) -> None:
     file = tmp_path / "world.yaml"
     found = record(shell, tmp_path / "drive", "--output", file, "--confidence", "0.9")
     assert found["records"] | {"poses": 1} == found["records"] | {"scans": 12}
-    assert found["poses"] == "odometry"
+    assert found["poses"] == "match"
     assert found["obstacles"]["walls"] >= 1
     World.load(file)
     words = ["--scan-topic", "/scan", "--odometry-topic", "/odom"]

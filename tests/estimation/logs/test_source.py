@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import math
 from pathlib import Path
 
 import pytest
@@ -97,6 +98,20 @@ def test_too_large(tmp_path: Path) -> None:
     path.write_bytes(gzip.compress(JSONL.encode() + b" " * 2**25, mtime=0))
     with pytest.raises(FormatError, match="log:3: expected at most 16,777,216 bytes in a line"):
         list(source.read_lines(path, bad))
+
+    with pytest.raises(FormatError, match=r"^[^:]*log:3: expected at most 16,777,216 bytes in a line"):
+        list(source.read_lines(path, bad))
+
+
+def test_a_file_that_unpacks_to_many_times_its_size_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(source, "MIN_UNPACKED_BYTES", 2**16)
+    path, bad = tmp_path / "log", source.BadRecords(skip=False)
+    path.write_bytes(gzip.compress((b"x" * 999 + b"\n") * 10_000, mtime=0))
+    with pytest.raises(FormatError, match="bytes when unpacked, got more"):
+        list(source.read_lines(path, bad))
+    lines = "\n".join(str(math.sqrt(number)) for number in range(5000))
+    path.write_bytes(gzip.compress(lines.encode(), mtime=0))
+    assert list(source.read_lines(path, bad)) == lines.split("\n")
 
 
 def test_save_and_load(tmp_path: Path) -> None:

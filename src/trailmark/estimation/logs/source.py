@@ -38,6 +38,10 @@ _GZIP = b"\x1f\x8b"
 MAX_LOG_BYTES = 2**32
 """Largest log, unpacked (4 GiB): some million scans."""
 
+MAX_RATIO, MIN_UNPACKED_BYTES = 50, 2**27
+"""Times its own size that a gzipped log may unpack to, and the bytes (128 MiB) that it may in any case: numbers as text
+pack three- to tenfold, a file made to fill memory a thousandfold."""
+
 MAX_LINE_BYTES = 2**24
 """Longest line of a log (16 MiB): a record takes some kilobytes; without line ends a file is none."""
 
@@ -106,6 +110,8 @@ def read_lines(path: Path, bad: BadRecords, limit: int = MAX_LOG_BYTES) -> Itera
     """
     try:
         with path.open("rb") as raw, _unpacked(raw) as file:
+            if isinstance(file, gzip.GzipFile):
+                limit = min(limit, max(MIN_UNPACKED_BYTES, MAX_RATIO * path.stat().st_size))
             size = 0
             for number in itertools.count(1):
                 line = file.readline(MAX_LINE_BYTES + 1)
@@ -128,6 +134,8 @@ def read_lines(path: Path, bad: BadRecords, limit: int = MAX_LOG_BYTES) -> Itera
                         raise FormatError(path, f"expected UTF-8 text, got byte {byte:#04x}", number) from None
                     yield line.decode("utf-8", errors="replace")
     except (OSError, ValueError, EOFError, zlib.error) as error:
+        if isinstance(error, FormatError):
+            raise
         reason = getattr(error, "strerror", None) or error
         raise FormatError(path, f"cannot be read: {reason}") from None
 
