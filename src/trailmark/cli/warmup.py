@@ -51,6 +51,7 @@ def _warm_up_pointwise() -> None:
     """Run every kernel that answers for one configuration or motion per call."""
     from trailmark.collision import StateChecker
     from trailmark.curves import Steering
+    from trailmark.motion.curve_marks import CurveMarks
     from trailmark.motion.pointwise import PointwiseChecker
     from trailmark.planning.warmup import ROBOTS, SMALL
 
@@ -62,6 +63,8 @@ def _warm_up_pointwise() -> None:
         single.clearance(*a)
         single.motion_valid(a, b)
         single.step_valid(*a, *b)
+        if steering is not None:
+            CurveMarks(single)
 
 
 def _warm_up_scans() -> None:

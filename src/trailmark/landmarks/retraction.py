@@ -24,8 +24,9 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["retract", "retract_all"]
 
-SHARE_OF_REACH = 0.5
-"""Clearance that many configurations are pushed to at once, in units of how far they may move."""
+SHARE_OF_REACH = 0.1
+"""Clearance that many configurations are pushed to, in units of how far they may move: in a passage hardly wider
+than the robot there is no more, and walls that both push for more push it askew."""
 
 STEPS = 4
 """At most."""

@@ -11,8 +11,8 @@ import numpy as np
 from trailmark import se2
 from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.curves import CurvePath, Steering
+from trailmark.motion.curve_marks import TIE, CurveMarks
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.ompl_bridge.curve_marks import TIE, CurveMarks
 from trailmark.ompl_bridge.states import configuration, opened, state, states_of
 from trailmark.se2 import FloatArray
 

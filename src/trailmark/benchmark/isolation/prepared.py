@@ -11,6 +11,7 @@ from trailmark.benchmark.problems import read_problem
 from trailmark.benchmark.referee import Referee
 from trailmark.collision import StateChecker
 from trailmark.motion import kind_of
+from trailmark.motion.curve_marks import CurveMarks
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.planning.warmup import warm_up
 
@@ -40,8 +41,8 @@ class Prepared:
         self.checker = StateChecker(self.problem.world, self.problem.robot)
         self.setup_time = read + perf_counter() - begin
         if self.problem.steering is not None:
-            # It compiles what OMPL's simplifier asks of a car's curves: in a process whose time is up it never would.
-            PointwiseChecker(self.checker, self.problem.steering)
+            # They compile what OMPL's simplifier asks of a car's curves: a process whose time is up would never finish.
+            CurveMarks(PointwiseChecker(self.checker, self.problem.steering))
         self.referee = Referee(self.problem.world, self.problem.robot)
 
     @property

@@ -6,7 +6,7 @@ arcs and straight lines that is as long as a marked one and passes its marks is 
 either halfway, if no other one is as long, or all along it.
 """
 
-# Tested by tests/ompl_bridge/test_curve_marks.py.
+# Tested by tests/motion/test_curve_marks.py.
 
 from __future__ import annotations
 

@@ -11,8 +11,8 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
+from trailmark.motion.curve_marks import CurveMarks
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.ompl_bridge.curve_marks import CurveMarks
 from trailmark.shapes import Disc, Shape
 from trailmark.world import Robot, World
 
