@@ -29,7 +29,7 @@ def warmup(as_json: JsonOption = False) -> None:
         "discs": partial(warm_up, "translation"),
         "many queries of discs": partial(warm_up_queries, "translation"),
         "OMPL's planners": _warm_up_pointwise,
-        "laser scans": _warm_up_scans,
+        "maps from logs": _warm_up_logs,
         "many queries of cars": partial(warm_up_queries, "curve"),
         "cars": partial(warm_up, "curve"),
     }
@@ -67,12 +67,17 @@ def _warm_up_pointwise() -> None:
             CurveMarks(single)
 
 
-def _warm_up_scans() -> None:
-    """Run every kernel that makes a map from scans."""
-    import numpy as np
+def _warm_up_logs() -> None:
+    """Run every kernel that makes a map from a log, of scans and of detections."""
+    from trailmark.estimation import Detector, MapSettings, RangeBearing, Scanner, Unicycle, map_log, simulate
+    from trailmark.shapes import Disc
+    from trailmark.world import World
 
-    from trailmark.estimation.logs.records import Scan
-    from trailmark.estimation.maps.scan_map import map_scans
-
-    scan = Scan(0.0, np.full(31, 2.0), -1.0, 2.0 / 30.0, 5.0)
-    map_scans([scan, scan._replace(t=1.0), scan._replace(t=2.0)], np.zeros((3, 3)))
+    room = World("room", (0.0, 0.0, 6.0, 4.0), (Disc((2.0, 2.0), 0.2), Disc((4.0, 2.0), 0.2)))
+    round_trip = [[1.0, 1.0], [5.0, 1.0], [5.0, 3.0], [1.0, 3.0], [1.0, 1.0]]
+    detector, scanner = Detector(RangeBearing(0.05, 0.02)), Scanner(beams=61, period=1.0)
+    log, _ = simulate(
+        room, round_trip, Unicycle(0.02, 0.02, period=1.0), detector=detector, scanner=scanner, random_state=0
+    )
+    map_log(log)
+    map_log(log, MapSettings(obstacles="detections", fit_noise="on"))
