@@ -34,6 +34,6 @@ def test_a_gzip_bomb_of_three_gigabytes(tmp_path: Path, kind: str) -> None:
     done = subprocess.run([sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, timeout=120)
     status, megabytes = map(int, done.stdout.split())
     assert status == 2
-    assert done.stderr == f"trailmark: error: {bomb}:2: expected at most 16,777,216 bytes in a line, got more\n"
+    assert done.stderr == f"trailmark: error: {bomb}:2: expected at most 4,194,304 bytes in a line, got more\n"
     assert megabytes < 200
     assert not (tmp_path / "world.yaml").exists()

@@ -96,10 +96,10 @@ def test_too_large(tmp_path: Path) -> None:
             list(source.read_lines(path, bad, limit=1000))
     # What grows a thousandfold is refused before it takes the memory.
     path.write_bytes(gzip.compress(JSONL.encode() + b" " * 2**25, mtime=0))
-    with pytest.raises(FormatError, match="log:3: expected at most 16,777,216 bytes in a line"):
+    with pytest.raises(FormatError, match="log:3: expected at most 4,194,304 bytes in a line"):
         list(source.read_lines(path, bad))
 
-    with pytest.raises(FormatError, match=r"^[^:]*log:3: expected at most 16,777,216 bytes in a line"):
+    with pytest.raises(FormatError, match=r"^[^:]*log:3: expected at most 4,194,304 bytes in a line"):
         list(source.read_lines(path, bad))
 
 

@@ -42,8 +42,8 @@ MAX_RATIO, MIN_UNPACKED_BYTES = 50, 2**27
 """Times its own size that a gzipped log may unpack to, and the bytes (128 MiB) that it may in any case: numbers as text
 pack three- to tenfold, a file made to fill memory a thousandfold."""
 
-MAX_LINE_BYTES = 2**24
-"""Longest line of a log (16 MiB): a record takes some kilobytes; without line ends a file is none."""
+MAX_LINE_BYTES = 2**22
+"""Longest line of a log (4 MiB): a record takes some kilobytes; without line ends a file is none."""
 
 
 class BadRecords:
