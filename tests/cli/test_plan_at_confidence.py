@@ -52,3 +52,17 @@ def test_risk_is_spent_along_the_path_where_obstacles_are_estimates(shell: Shell
     assert refused.status == 2
     assert "world without estimates" in refused.err
     assert shell("plan", tmp_path / "posts.yaml", "--confidence", "1").status == 2
+
+
+def test_where_every_path_risks_too_much_none_is_returned(shell: Shell, tmp_path: Path) -> None:
+    # A gap 0.1 m wider than the robot, between posts that err by 0.15 m; walls on either side.
+    posts = [Disc((10.0, y), 0.5) for y in (0.4, 1.4, 2.4, 3.4, 5.1, 6.1, 7.1, 8.1, 9.1, 9.8)]
+    estimates = tuple(ObstacleEstimate(post, 0.0225 * np.eye(2)) for post in posts)
+    bounds, query = (0.0, 0.0, 20.0, 10.0), Query("across", (2.0, 4.25, 0.0), (18.0, 4.25, 0.0))
+    World("gap", bounds, tuple(posts), Robot.disc(0.3), None, (query,), estimates).save(tmp_path / "gap.yaml")
+    assert shell("plan", tmp_path / "gap.yaml").status == 0
+    run = shell("plan", tmp_path / "gap.yaml", "--confidence", "0.99", "--json")
+    found = json.loads(run.out)
+    assert (run.status, found["status"], found["states"]) == (3, "timeout", [])
+    assert found["risk"]["upper_bound"] is None
+    assert (found["cost"], found["min_clearance"], found["first_cost"]) == (None, None, None)

@@ -94,7 +94,9 @@ def plan_at_confidence(
         upper = min(spent.risk.upper_bound, 1.0 - confidence)
         risk |= {"probability": spent.risk.probability, "upper_bound": upper, "growth": spent.scale}
     grown, planner, result = chosen
-    # What is proven for obstacles grown so far is not proven for paths whose risk is small enough.
-    status = "timeout" if result.status == "infeasible" else result.status
     seconds = {**result.time, "total": sum(answer[2].time["total"] or 0.0 for answer in answers)}
-    return Answer(grown, planner, replace(result, status=status, lower_bound=None, time=seconds), risk)
+    result = replace(result, lower_bound=None, time=seconds)
+    if spent.risk is None:
+        # The last path, if there is one, risks too much. Nor is it proven that none risks little enough.
+        result = replace(result, status="timeout", path=None, first_cost=None, min_clearance=None, history=())
+    return Answer(grown, planner, result, risk)
