@@ -22,6 +22,7 @@ from trailmark.estimation.graph.residual_checks import scale as scale_of
 from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.map_settings import MapSettings
 from trailmark.estimation.maps.unnamed_features import associated
+from trailmark.estimation.scans.clouds import relative
 from trailmark.estimation.slam.slam_result import MapFeature, SlamResult
 from trailmark.se2 import FloatArray, compose, wrap
 
@@ -190,9 +191,9 @@ def poses_between(track: OdometryTrack, batch: Batch, poses: FloatArray, times: 
     reckoned = np.column_stack([np.vstack([np.zeros(2), np.cumsum(steps, axis=0)]), heading])
     anchors = np.searchsorted(every, batch.instants)
     last = np.clip(np.searchsorted(batch.instants, every, side="right") - 1, 0, None)
-    found = compose(poses[last], _relative(reckoned[anchors[last]], reckoned))
+    found = compose(poses[last], relative(reckoned[anchors[last]], reckoned))
     following = np.minimum(last + 1, len(anchors) - 1)
-    ends = compose(poses[last], _relative(reckoned[anchors[last]], reckoned[anchors[following]]))
+    ends = compose(poses[last], relative(reckoned[anchors[last]], reckoned[anchors[following]]))
     missed = poses[following] - ends
     missed[:, 2] = wrap(missed[:, 2])
     span = batch.instants[following] - batch.instants[last]
@@ -200,13 +201,6 @@ def poses_between(track: OdometryTrack, batch: Batch, poses: FloatArray, times: 
     found += np.clip(part, 0.0, 1.0)[:, None] * missed * (span > 0.0)[:, None]
     found[:, 2] = wrap(found[:, 2])
     return found[np.searchsorted(every, times)]
-
-
-def _relative(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return b in the frame of a, both (n, 3)."""
-    cos, sin = np.cos(a[:, 2]), np.sin(a[:, 2])
-    dx, dy, turn = (b - a).T
-    return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, turn])
 
 
 def _poses_at(trajectory: FloatArray, instants: FloatArray, start: FloatArray) -> FloatArray:
