@@ -66,12 +66,7 @@ class StateChecker:
         chosen = robot or world.robot
         if chosen is None:
             raise WorldError(f"world {world.name!r} names no robot: expected one, such as disc:0.2, got none")
-        if world.risk is not None and not world.risk.covers(chosen):
-            raise WorldError(
-                f"world {world.name!r}: grown for a robot that reaches {world.risk.reach:g} m: expected one that "
-                "reaches no farther, or trailmark.estimation.regrow(world.with_robot(robot), confidence), got robot "
-                f"{chosen.describe()}"
-            )
+        _require_covered(world, chosen)
         if not isinstance(exact, str) or exact not in ("kernel", "fcl"):
             raise WorldError(f"exact: expected 'kernel' or 'fcl', got {brief(exact)}")
         if cell is not None:
@@ -79,11 +74,25 @@ class StateChecker:
         self.world = world
         self.robot: Robot = chosen
         self.exact = exact
+        self._cell = cell
         wanted = 0.2 * chosen.inscribed_disc.radius if cell is None else cell
         self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted, 1.5 * chosen.inscribed_disc.radius))
         self.field: ClearanceField = build_field(self.grid)
         self.footprint: Footprint = build_footprint(chosen)
         self._scene: FclScene | None = None
+
+    def edited(self, world: World) -> StateChecker:
+        """Return a checker for a world that differs from this one's in its obstacles only.
+
+        Its answers are those of a checker built anew. This checker stays as it is, for as long as anyone uses it.
+
+        Raises:
+            WorldError: the obstacles were grown for the errors of a robot that reaches less far.
+        """
+        one_of(world, World, "world:", error=WorldError)
+        if world is self.world:
+            return self
+        return StateChecker(world, self.robot, exact=self.exact, cell=self._cell)
 
     @property
     def scene(self) -> FclScene:
@@ -269,6 +278,16 @@ class StateChecker:
             reach = (d - kernels.ROUNDING) / bound
             gaps += [(low, middle - reach), (middle + reach, high)]
         return False
+
+
+def _require_covered(world: World, robot: Robot) -> None:
+    """Raise a WorldError if the world's obstacles were grown for the errors of a robot that reaches less far."""
+    if world.risk is not None and not world.risk.covers(robot):
+        raise WorldError(
+            f"world {world.name!r}: grown for a robot that reaches {world.risk.reach:g} m: expected one that "
+            "reaches no farther, or trailmark.estimation.regrow(world.with_robot(robot), confidence), got robot "
+            f"{robot.describe()}"
+        )
 
 
 def _one(q: ArrayLike, name: str) -> se2.FloatArray:
