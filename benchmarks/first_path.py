@@ -1,7 +1,8 @@
 """Are first paths as soon as they were? This checkout against another, in turns in one run; what the final check costs.
 
-Two processes load either checkout's package and answer the same problems of benchmarks/ahead_problems.py in turns, so
-that whatever else the machine does meets both. Writes results/first_path.{json,md}.
+Two processes load either checkout's package and answer the same problems in turns, those of
+benchmarks/ahead_problems.py and the cars of benchmarks/car.py, so that whatever else the machine does meets both.
+Writes results/first_path.{json,md}.
 
     python -m benchmarks.first_path --base PATH [--worlds 8] [--seeds 3] [--repeats 3] [--limit 0.25]
 
@@ -22,6 +23,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.machine import describe_machine, markdown_table
+from trailmark.world import Query, Robot, World
+
+CAR = "car: "
+"""How the names of cars' problems begin."""
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
@@ -30,22 +35,31 @@ RESULTS = ROOT / "benchmarks" / "results"
 def answer(worlds: int) -> None:
     """Answer problems by number, read from standard input, until it ends: what the two processes do."""
     from benchmarks.ahead_problems import cases
+    from benchmarks.car import PROBLEMS
     from trailmark.planning import LandmarkPlanner
     from trailmark.planning.warmup import warm_up
 
     warm_up()
-    known = [case for case in cases(worlds, data=True) if case.feasible is not False]
-    print(json.dumps([case.problem.key for case in known]), flush=True)
+    known: list[tuple[str, World, Robot, Query]] = [
+        (case.problem.key, case.problem.world, case.problem.robot, case.problem.query)
+        for case in cases(worlds, data=True)
+        if case.feasible is not False
+    ]
+    for car in PROBLEMS:
+        world = car.load()
+        assert world.robot is not None
+        known.append((CAR + car.name, world, world.robot, world.query(car.query)))
+    print(json.dumps([key for key, *_ in known]), flush=True)
     for line in sys.stdin:
         number, seed, limit = json.loads(line)
-        problem = known[number].problem
-        planner = LandmarkPlanner(problem.world, problem.robot, seed=seed)
-        result = planner.plan(problem.query.start, problem.query.goal, time_limit=limit)
+        key, world, robot, query = known[number]
+        planner = LandmarkPlanner(world, robot, seed=seed)
+        result = planner.plan(query.start, query.goal, time_limit=limit)
         row: dict[str, Any] = {"first": result.time["first_solution"], "cost": result.cost}
         # By its name in either checkout.
-        own = getattr(planner, "_verification", None)
+        own = getattr(getattr(planner, "_model", None), "verification", getattr(planner, "_verification", None))
         check: Any = getattr(planner, "_last_look", None) if own is None else own.final_check
-        if result.path is not None:
+        if result.path is not None and not key.startswith(CAR):
             # The median of three, since a cold cache is the last plan's fault.
             times = []
             for _ in range(3):
@@ -125,30 +139,39 @@ def main() -> int:
     return 0
 
 
-def _write(rows: list[dict[str, Any]], options: argparse.Namespace) -> None:
+def _compare(rows: list[dict[str, Any]], of: str) -> list[list[str]]:
+    """Return the table's lines for the rows of some problems, ``of`` their name."""
     both = [r for r in rows if r["before"]["first"] is not None and r["now"]["first"] is not None]
     ratios = np.log([r["now"]["first"] / r["before"]["first"] for r in both])
+    costs = np.log([r["now"]["cost"] / r["before"]["cost"] for r in both if r["before"]["cost"] > 0.0])
     problems = sorted({r["problem"] for r in both})
     each = np.array([np.mean([x for x, r in zip(ratios, both, strict=True) if r["problem"] == p]) for p in problems])
-    draws = np.random.default_rng(0).choice(each, (2000, len(each))).mean(axis=1)
-    low, high = np.exp(np.quantile(draws, [0.025, 0.975]))
-    looks = np.array([r["now"]["look"] for r in rows if "look" in r["now"]])
     solved = [sum(r[side]["first"] is not None for r in rows) for side in ("before", "now")]
-    costs = np.log([r["now"]["cost"] / r["before"]["cost"] for r in both if r["before"]["cost"] > 0.0])
-    ratio, look = float(np.exp(each.mean())), float(np.median(looks))
+    return [
+        [f"{of}: first path, now / before, geometric mean over problems", _interval(each), "at most 1.05"],
+        [f"{of}: solved within the limit, before / now", f"{solved[0]} / {solved[1]} of {len(rows)}", "not fewer"],
+        [f"{of}: cost at the limit, now / before, geometric mean", _interval(costs, 4), "not higher beyond chance"],
+    ]
+
+
+def _interval(logs: np.ndarray, digits: int = 3) -> str:
+    """Return the geometric mean of ratios and its 95 % interval by bootstrap; ``logs`` are the ratios' logarithms."""
+    draws = np.random.default_rng(0).choice(logs, (2000, len(logs))).mean(axis=1)
+    low, high = np.exp(np.quantile(draws, [0.025, 0.975]))
+    return f"{np.exp(logs.mean()):.{digits}f} ({low:.{digits}f}..{high:.{digits}f})"
+
+
+def _write(rows: list[dict[str, Any]], options: argparse.Namespace) -> None:
+    looks = np.array([r["now"]["look"] for r in rows if "look" in r["now"]])
     table = [
-        [
-            "first path, now / before, geometric mean over problems",
-            f"{ratio:.3f} ({low:.3f}..{high:.3f})",
-            "at most 1.05",
-        ],
-        ["final check, median", f"{look * 1e3:.2f} ms", "at most 1 ms"],
+        *_compare([r for r in rows if not r["problem"].startswith(CAR)], "ahead's problems"),
+        *_compare([r for r in rows if r["problem"].startswith(CAR)], "cars"),
+        ["final check, median", f"{float(np.median(looks)) * 1e3:.2f} ms", "at most 1 ms"],
         ["final check, 95 %", f"{np.quantile(looks, 0.95) * 1e3:.2f} ms", ""],
-        ["solved within the limit, before / now", f"{solved[0]} / {solved[1]} of {len(rows)}", ""],
-        ["cost at the limit, now / before, geometric mean", f"{float(np.exp(costs.mean())):.4f}", ""],
     ]
     table_text = markdown_table(["figure", "value", "wanted"], table)
-    what = f"{len(problems)} problems, {options.seeds} seeds, soonest of {options.repeats}, limit {options.limit:g} s."
+    problems = len({r["problem"] for r in rows})
+    what = f"{problems} problems, {options.seeds} seeds, soonest of {options.repeats}, limit {options.limit:g} s."
     machine = describe_machine()
     text = f"# First paths, before and now\n\n{what}\n\n{table_text}\n\n{machine}\n"
     (RESULTS / "first_path.md").write_text(text)
