@@ -9,6 +9,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trailmark.changes import Change as Change
+    from trailmark.changes import Changes as Changes
     from trailmark.collision import StateChecker as StateChecker
     from trailmark.curves import CurvePath as CurvePath
     from trailmark.curves import Steering as Steering
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from trailmark.errors import ShapeError as ShapeError
     from trailmark.errors import TrailmarkError as TrailmarkError
     from trailmark.errors import WorldError as WorldError
+    from trailmark.moving import Moving as Moving
     from trailmark.path import Path as Path
     from trailmark.planning import LandmarkPlanner as LandmarkPlanner
     from trailmark.planning import PlannerSettings as PlannerSettings
@@ -34,6 +37,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "Change": "changes",
+    "Changes": "changes",
     "StateChecker": "collision",
     "CurvePath": "curves",
     "Steering": "curves",
@@ -44,6 +49,7 @@ _HOME = {
     "ShapeError": "errors",
     "TrailmarkError": "errors",
     "WorldError": "errors",
+    "Moving": "moving",
     "Path": "path",
     "LandmarkPlanner": "planning",
     "PlanProgress": "planning",

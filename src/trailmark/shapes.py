@@ -20,7 +20,7 @@ from trailmark.errors import ShapeError
 if TYPE_CHECKING:
     import shapely
 
-__all__ = ["LIMIT", "Disc", "Polygon", "Rectangle", "Shape", "signed_area", "triangulate"]
+__all__ = ["LIMIT", "Disc", "Polygon", "Rectangle", "Shape", "displaced", "signed_area", "triangulate"]
 
 FloatArray = NDArray[np.float64]
 
@@ -175,6 +175,29 @@ class Polygon:
 
 
 Shape = Disc | Rectangle | Polygon
+
+
+def displaced(shape: Shape, dx: float, dy: float, dtheta: float = 0.0) -> Shape:
+    """Return a shape moved by (dx, dy) metres and turned by dtheta radians about its own centre.
+
+    The centre is that of a disc or rectangle, and the mean of a polygon's outline's vertices.
+
+    Raises:
+        ShapeError: it would leave the range of coordinates.
+    """
+    if isinstance(shape, Disc):
+        return Disc((shape.center[0] + dx, shape.center[1] + dy), shape.radius)
+    if isinstance(shape, Rectangle):
+        center = shape.center[0] + dx, shape.center[1] + dy
+        return Rectangle(center, shape.length, shape.width, shape.heading + dtheta)
+    step = np.array([dx, dy])
+    if dtheta == 0.0:
+        return Polygon(shape.vertices + step, tuple(hole + step for hole in shape.holes))
+    center = shape.vertices.mean(axis=0)
+    cos, sin = math.cos(dtheta), math.sin(dtheta)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    outline, *holes = ((ring - center) @ turn + center + step for ring in (shape.vertices, *shape.holes))
+    return Polygon(outline, tuple(holes))
 
 
 def signed_area(ring: ArrayLike) -> float:

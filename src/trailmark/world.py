@@ -7,17 +7,21 @@ risk it was grown (:class:`RiskBound`); :mod:`trailmark.estimation.risk.allocati
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import weakref
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
-from trailmark.arguments import brief, each_of, number_array, one_of, real
+from trailmark.arguments import brief, each_of, one_of, real
+from trailmark.changes import Changes, Obstacles, apply, difference
+from trailmark.edits import Obstacle, changes_of_edits, require_id
 from trailmark.errors import WorldError, expected_name
+from trailmark.estimates import ObstacleEstimate, RiskBound
+from trailmark.moving import Moving
 from trailmark.robot import Robot
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
@@ -44,95 +48,6 @@ class Query:
             object.__setattr__(self, end, tuple(float(v) for v in q))
 
 
-@dataclass(frozen=True, eq=False)
-class ObstacleEstimate:
-    """An obstacle that is known from noisy readings: its mean shape, and the covariance of the numbers that place it.
-
-    Those numbers are, in this order, a disc's x, y and radius; a rectangle's x, y, heading, length and width; a
-    polygon's shift in x and y and its turn about the mean of its outline's vertices. The covariance is that of the
-    first k of them; the others count as known exactly.
-
-    Attributes:
-        mean: the most likely shape.
-        covariance: shape (k, k), 2 <= k <= 5 (rectangle) or 3; metres and radians.
-        share: the part of the world's risk that this obstacle may take, above 0 and at most 1; None if not shared
-            out.
-
-    Raises:
-        WorldError: a covariance of another shape, not finite, not symmetric or with a negative variance; a share
-            out of range.
-    """
-
-    mean: Shape
-    covariance: se2.FloatArray
-    share: float | None = None
-
-    def __post_init__(self) -> None:
-        one_of(self.mean, (Disc, Rectangle, Polygon), "estimate: mean:", error=WorldError)
-        max_size = 5 if isinstance(self.mean, Rectangle) else 3
-        kind = type(self.mean).__name__.lower()
-        name = f"estimate of a {kind}: covariance"
-        object.__setattr__(self, "covariance", _covariance(self.covariance, name, range(2, max_size + 1)))
-        if self.share is not None:
-            object.__setattr__(self, "share", _between(self.share, "estimate: share", 0.0, 1.0))
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, ObstacleEstimate):
-            return NotImplemented
-        alike = self.mean == other.mean and self.share == other.share
-        return alike and np.array_equal(self.covariance, other.covariance)
-
-    def __hash__(self) -> int:
-        return hash((self.mean, self.share, (self.covariance + 0.0).tobytes()))
-
-
-@dataclass(frozen=True, eq=False)
-class RiskBound:
-    """What a world's obstacles are grown for.
-
-    Attributes:
-        confidence: least probability, above 0 and below 1, with which a valid path meets none of the true obstacles.
-        pose_covariance: shape (3, 3), of the robot's x, y and theta in the world's frame about where it takes itself
-            to be; None if that counts as exact.
-        reach: metres that a radian of heading moves the robot's outline at most (``Robot.sweep_radius``), >= 0.
-
-    Raises:
-        WorldError: a value out of these ranges.
-    """
-
-    confidence: float
-    pose_covariance: se2.FloatArray | None = None
-    reach: float = 0.0
-
-    def __post_init__(self) -> None:
-        confidence = _between(self.confidence, "risk: confidence", 0.0, 1.0)
-        if confidence == 1.0:
-            raise WorldError("risk: confidence: expected a number above 0 and below 1, got 1")
-        object.__setattr__(self, "confidence", confidence)
-        reach = real(self.reach)
-        if not 0.0 <= reach < math.inf:
-            raise WorldError(f"risk: reach: expected metres, 0 or more, got {brief(self.reach)}")
-        object.__setattr__(self, "reach", reach)
-        if self.pose_covariance is not None:
-            covariance = _covariance(self.pose_covariance, "risk: pose_covariance", (3,))
-            object.__setattr__(self, "pose_covariance", covariance)
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, RiskBound):
-            return NotImplemented
-        mine, theirs = self.pose_covariance, other.pose_covariance
-        same = mine is theirs if mine is None or theirs is None else np.array_equal(mine, theirs)
-        return same and self.confidence == other.confidence and self.reach == other.reach
-
-    def __hash__(self) -> int:
-        return hash((self.confidence, self.reach))
-
-    def covers(self, robot: Robot) -> bool:
-        """Return whether obstacles grown for this bound keep it for that robot too: a heading error moves it less."""
-        pose = self.pose_covariance
-        return pose is None or pose[2, 2] == 0.0 or robot.sweep_radius <= (1.0 + 1e-9) * self.reach
-
-
 @dataclass(frozen=True)
 class World:
     """A planar world: free space lies inside ``bounds`` and ``boundary`` and outside all obstacles.
@@ -140,18 +55,23 @@ class World:
     Attributes:
         name: what reports call it.
         bounds: xmin, ymin, xmax, ymax in metres; no part of the robot may leave it.
-        obstacles: discs, rectangles and polygons; they may overlap.
+        obstacles: discs, rectangles and polygons; they may overlap. One that is given as :class:`Moving` becomes the
+            region that it sweeps, so that who knows no time avoids it at any.
         robot: the robot to plan for, if the file names one.
         boundary: optional simple polygon, also not left by any part of the robot.
         queries: named planning problems.
         estimates: one for each obstacle, None where the obstacle is known exactly; empty if all are.
         risk: what the obstacles with estimates are grown for; None if they stand as they were measured.
+        ids: one for each obstacle, unique texts, None where it has none; empty if none has. An obstacle without one is
+            spoken of by its index.
+        moving: one for each obstacle, None where it stands; empty if all do.
         sources: the files that it was read from, absolute, which nothing that is written may replace. Worlds compare
             without them.
 
     Raises:
-        WorldError: empty or infinite bounds, two queries of the same name, a boundary with holes, another number of
-            estimates than of obstacles, shares of the risk that add up to more than 1.
+        WorldError: empty or infinite bounds, two queries or obstacles of the same name, a boundary with holes, another
+            number of estimates, ids or moving obstacles than of obstacles, one that moves and has an estimate, shares
+            of the risk that add up to more than 1.
     """
 
     name: str
@@ -162,7 +82,10 @@ class World:
     queries: tuple[Query, ...] = field(default=())
     estimates: tuple[ObstacleEstimate | None, ...] = field(default=())
     risk: RiskBound | None = None
+    ids: tuple[str | None, ...] = field(default=())
+    moving: tuple[Moving | None, ...] = field(default=())
     sources: tuple[FilePath, ...] = field(default=(), repr=False, compare=False)
+    _origin: tuple[weakref.ref[World], Changes] | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         one_of(self.name, str, "world: name:", error=WorldError)
@@ -178,8 +101,10 @@ class World:
         if not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
             raise WorldError(f"bounds: expected xmin < xmax and ymin < ymax, got {list(bounds)}")
         object.__setattr__(self, "bounds", bounds)
-        kinds: dict[str, Any] = {"obstacles": (Disc, Rectangle, Polygon), "queries": Query}
+        kinds: dict[str, Any] = {"obstacles": (Disc, Rectangle, Polygon, Moving), "queries": Query}
         kinds["estimates"] = (ObstacleEstimate, type(None))
+        kinds["ids"] = (str, type(None))
+        kinds["moving"] = (Moving, type(None))
         for name, kind in kinds.items():
             object.__setattr__(self, name, each_of(getattr(self, name), kind, name, error=WorldError))
         one_of(self.robot, (Robot, type(None)), "world: robot:", hint=" (Robot.parse)", error=WorldError)
@@ -191,7 +116,12 @@ class World:
         twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
         if twice:
             raise WorldError(f"queries: expected each name once, got {twice[0]!r} more than once")
-        self._check_estimates()
+        self._check_obstacles()
+        self._check_shares()
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The world that it was made from may go at any time, and is nothing to another process.
+        return {**self.__dict__, "_origin": None}
 
     def __repr__(self) -> str:
         xmin, ymin, xmax, ymax = self.bounds
@@ -247,46 +177,110 @@ class World:
         """Return the same world with another robot."""
         return replace(self, robot=robot)
 
+    def edited(
+        self,
+        add: Iterable[Obstacle] | Mapping[str, Obstacle] = (),
+        remove: Iterable[str | int] = (),
+        move: Mapping[Any, ArrayLike] | None = None,
+        replace: Mapping[Any, Obstacle] | None = None,
+    ) -> World:
+        """Return the world with other obstacles; this one stays as it is.
+
+        Obstacles are named by their id or by their index in this world. Those that are moved or replaced keep their
+        place among the others, those added come last.
+
+        Args:
+            add: new obstacles (shapes, :class:`Moving`, :class:`ObstacleEstimate`), or a mapping of ids to them.
+            remove: ids or indices.
+            move: for each id or index (dx, dy) or (dx, dy, dtheta): metres and radians, a turn being one about the
+                obstacle's own centre (:func:`trailmark.shapes.displaced`). An estimate's mean is moved too.
+            replace: for each id or index the new obstacle.
+
+        Raises:
+            WorldError: an unknown or duplicate identity, an obstacle named twice, or what is no obstacle; an estimate
+                or a turned estimated obstacle in a world whose obstacles are grown for a risk.
+        """
+        grown = self.risk is not None
+        return self.apply(changes_of_edits(self._described(), add, remove, move or {}, replace or {}, grown))
+
+    def difference(self, other: World) -> Changes:
+        """Return what turns this world's obstacles into the other's, whatever else the two say.
+
+        Obstacles with an id are matched by it, those without by equal content. Where the other world was made from
+        this one (:meth:`edited`, :meth:`apply`), that is known already.
+
+        Raises:
+            WorldError: bounds or boundary differ.
+        """
+        one_of(other, World, "difference:", error=WorldError)
+        if other is self:
+            return Changes()
+        if other._origin is not None and other._origin[0]() is self:
+            return other._origin[1]
+        for name in ("bounds", "boundary"):
+            mine, theirs = getattr(self, name), getattr(other, name)
+            if mine is not theirs and mine != theirs:
+                raise WorldError(f"difference: {name}: expected the same in both worlds, got {mine} and {theirs}")
+        return difference(self._described(), other._described())
+
+    def apply(self, changes: Changes) -> World:
+        """Return the world after changes of its obstacles; this one stays as it is.
+
+        What is changed or added stands at its index; the others stand around it, in their order.
+
+        Raises:
+            WorldError: changes of another world, or an id that would be there twice.
+        """
+        one_of(changes, Changes, "apply:", error=WorldError)
+        obstacles, ids, estimates, moving = apply(self._described(), changes)
+        # Not by __init__: with thousands of obstacles, checking again what did not change takes longer than all else.
+        world = object.__new__(World)
+        world.__dict__.update(self.__dict__, obstacles=obstacles, ids=ids, estimates=estimates, moving=moving)
+        world.__dict__["_origin"] = (weakref.ref(self), changes)
+        if any(item.estimate is not None for item in changes.items):
+            world._check_shares()
+        return world
+
     @property
     def extent(self) -> float:
         """The diagonal of the bounds, in metres."""
         return math.hypot(self.bounds[2] - self.bounds[0], self.bounds[3] - self.bounds[1])
 
-    def _check_estimates(self) -> None:
-        estimates = tuple(self.estimates)
-        known = [estimate for estimate in estimates if estimate is not None]
-        if estimates and len(estimates) != len(self.obstacles):
-            raise WorldError(
-                f"estimates: expected one for each of {len(self.obstacles)} obstacles, or none, got {len(estimates)}"
-            )
+    def _described(self) -> Obstacles:
+        return Obstacles(self.obstacles, self.ids, self.estimates, self.moving)
+
+    def _check_obstacles(self) -> None:
+        """Check what is said of each obstacle, and put the regions that moving ones sweep in their place."""
+        given = tuple(shape if isinstance(shape, Moving) else None for shape in self.obstacles)
+        if any(given):
+            if any(self.moving):
+                raise WorldError(
+                    "moving: expected moving obstacles either among the obstacles or beside them, got both"
+                )
+            swept = (motion.swept if motion else shape for shape, motion in zip(self.obstacles, given, strict=True))
+            object.__setattr__(self, "obstacles", tuple(swept))
+            object.__setattr__(self, "moving", given)
+        count = len(self.obstacles)
+        for name in ("estimates", "ids", "moving"):
+            column = getattr(self, name)
+            if column and len(column) != count:
+                raise WorldError(f"{name}: expected one for each of {count} obstacles, or none, got {len(column)}")
+            if not any(value is not None for value in column):
+                object.__setattr__(self, name, ())
+        names = [require_id(name, "ids:") for name in self.ids if name is not None]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise WorldError(f"ids: expected each id once, got {twice!r} more than once")
+        for i, motion in enumerate(self.moving):
+            if motion is not None and self.estimates and self.estimates[i] is not None:
+                raise WorldError(f"obstacles[{i}]: expected an estimate or a motion, got both")
+            if motion is not None and self.obstacles[i] is not motion.swept and self.obstacles[i] != motion.swept:
+                raise WorldError(
+                    f"moving[{i}]: expected the region that it sweeps in its place, got {self.obstacles[i]}"
+                )
+
+    def _check_shares(self) -> None:
         # Rounding of many shares may carry their sum a little over 1.
-        total = math.fsum(estimate.share or 0.0 for estimate in known)
+        total = math.fsum(estimate.share or 0.0 for estimate in self.estimates if estimate is not None)
         if total > 1.0 + 1e-9:
             raise WorldError(f"estimates: expected shares that add up to at most 1, got {total:g}")
-        object.__setattr__(self, "estimates", estimates if known else ())
-
-
-def _covariance(value: ArrayLike, name: str, sizes: Sequence[int]) -> se2.FloatArray:
-    """Return a symmetric matrix without negative eigenvalues, read-only, or say what is wrong."""
-    matrix = number_array(value, name, "no matrix of numbers given", error=WorldError)
-    if matrix.shape not in {(k, k) for k in sizes}:
-        allowed = " or ".join(f"({k}, {k})" for k in sizes)
-        raise WorldError(f"{name}: expected shape {allowed}, got {matrix.shape}")
-    if not np.isfinite(matrix).all():
-        raise WorldError(f"{name}: holds a value that is not a finite number")
-    slack = 1e-9 * float(np.abs(matrix).max())
-    if np.abs(matrix - matrix.T).max() > slack:
-        raise WorldError(f"{name}: expected a symmetric matrix, got {matrix.tolist()}")
-    matrix = 0.5 * (matrix + matrix.T)
-    if float(np.linalg.eigvalsh(matrix)[0]) < -slack:
-        raise WorldError(f"{name}: expected a matrix without negative eigenvalues, got {matrix.tolist()}")
-    matrix.flags.writeable = False
-    return matrix
-
-
-def _between(value: object, name: str, low: float, high: float) -> float:
-    """Return a number above ``low`` and at most ``high``, or say what is wrong."""
-    number = real(value)
-    if not low < number <= high:
-        raise WorldError(f"{name}: expected a number above {low:g} and at most {high:g}, got {brief(value)}")
-    return number

@@ -14,6 +14,7 @@ from trailmark.errors import FormatError, OutputError, TrailmarkError
 from trailmark.formats import load_world, save_world, world_json_schema
 from trailmark.formats.world_yaml import world_from_data, world_text
 from trailmark.formats.yaml_data import parse_yaml
+from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
 
@@ -90,6 +91,8 @@ obstacles = st.one_of(
     st.builds(Rectangle, point, length, length, st.floats(-10.0, 10.0)),
     polygons(holes=True),
 )
+speed = st.floats(-10.0, 10.0)
+motions = st.builds(Moving, st.builds(Rectangle, point, length, length), st.tuples(speed, speed), st.floats(0.1, 60.0))
 robots = st.one_of(
     st.builds(Robot.disc, length),
     st.builds(Robot.rectangle, length, length),
@@ -104,13 +107,16 @@ def any_world(draw: st.DrawFn) -> World:
     size = draw(st.tuples(length, length))
     ends = draw(st.lists(st.tuples(pose, pose), max_size=3))
     unique = draw(st.lists(names, min_size=len(ends), max_size=len(ends), unique=True))
+    shapes = draw(st.lists(obstacles | motions, max_size=5))
+    ids = draw(st.none() | st.lists(names.filter(bool), min_size=len(shapes), max_size=len(shapes), unique=True))
     return World(
         draw(names),
         (*low, low[0] + size[0], low[1] + size[1]),
-        tuple(draw(st.lists(obstacles, max_size=5))),
+        tuple(shapes),  # type: ignore[arg-type]  # a world takes moving ones apart
         draw(st.none() | robots),
         draw(st.none() | polygons(holes=False)),
         tuple(Query(name, *both) for name, both in zip(unique, ends, strict=True)),
+        ids=tuple(ids or ()),
     )
 
 
@@ -128,9 +134,10 @@ def test_other_yaml_readers_see_the_same(world: World) -> None:
     data = yaml.safe_load(world_text(world))
     assert data["name"] == world.name
     assert data["bounds"] == list(world.bounds)
-    for entry, shape in zip(data.get("obstacles", []), world.obstacles, strict=True):
+    for i, (entry, shape) in enumerate(zip(data.get("obstacles", []), world.obstacles, strict=True)):
         if isinstance(shape, Disc):
-            assert entry == {"shape": "disc", "center": list(shape.center), "radius": shape.radius}
+            name = {"id": world.ids[i]} if world.ids else {}
+            assert entry == {"shape": "disc", "center": list(shape.center), "radius": shape.radius} | name
 
 
 def test_saved_files_are_for_people(tmp_path: Path) -> None:
@@ -152,6 +159,23 @@ def test_saved_files_are_for_people(tmp_path: Path) -> None:
         "  - {shape: rectangle, center: [9.0, 3.0], length: 2.0, width: 1.0, heading: 0.3}",
     ]
     assert load_world(file) == OFFICE
+
+
+def test_obstacles_may_have_ids_and_move(tmp_path: Path) -> None:
+    text = (
+        "trailmark: 1\nbounds: [0, 0, 9, 9]\nobstacles:\n"
+        "  - {shape: disc, center: [1, 1], radius: 0.5, id: pallet-7}\n"
+        "  - {shape: rectangle, center: [4, 4], length: 2, width: 1, motion: {velocity: [0.5, 0], until: 4}}\n"
+    )
+    world = load_world(write(tmp_path, text))
+    motion = Moving(Rectangle((4.0, 4.0), 2.0, 1.0), (0.5, 0.0), 4.0)
+    assert world.ids == ("pallet-7", None)
+    assert world.moving == (None, motion)
+    assert world.obstacles == (Disc((1.0, 1.0), 0.5), motion.swept)
+    saved = world_text(world)
+    assert "{shape: disc, center: [1.0, 1.0], radius: 0.5, id: pallet-7}" in saved
+    assert "length: 2.0, width: 1.0, motion: {velocity: [0.5, 0.0], until: 4.0}}" in saved
+    assert load_world(write(tmp_path, saved)) == world
 
 
 def test_a_name_that_utf8_cannot_hold(tmp_path: Path) -> None:
@@ -197,7 +221,7 @@ def polygon(points: str) -> str:
         (HEAD + disc("[1]"), f"obstacles[3].radius: {LENGTH}, got [1]"),
         (
             HEAD + "obstacles: [{shape: disc, center: [1, 2], radus: 1}]",
-            "obstacles[0].radus: unknown key; expected center, estimate, radius, shape, got 'radus' (did you",
+            "obstacles[0].radus: unknown key; expected center, estimate, id, motion, radius, shape, got 'radus'",
         ),
         (HEAD + "obstacles: [{shape: disk}]", "obstacles[0].shape: expected disc, polygon, rectangle, got 'disk'"),
         (HEAD + "obstacles: [{radius: 1}]", "obstacles[0].shape: expected disc, polygon, rectangle, got nothing"),
@@ -243,6 +267,20 @@ def polygon(points: str) -> str:
         (HEAD + f"queries: [{QUERY}, {QUERY}]", "queries: expected each name once, got 'a' more than once"),
         (HEAD + "obstacels: []", "obstacels: unknown key; expected boundary, bounds, name, obstacles, queries,"),
         (HEAD + '"a\\nb": []', "'a\\nb': unknown key; expected boundary, "),
+        (HEAD + disc("1, id: 7"), "obstacles[3].id: expected a text that is not empty"),
+        (HEAD + disc("1, id: ''"), "obstacles[3].id: expected a text that is not empty"),
+        (
+            HEAD + f"obstacles: [{2 * '{shape: disc, center: [1, 2], radius: 1, id: a}, '}]",
+            "ids: expected each id once, got 'a' more than once",
+        ),
+        (HEAD + disc("1, motion: 3"), "obstacles[3].motion: expected a mapping {velocity, until}, got 3"),
+        (
+            HEAD + disc("1, motion: {velocity: [1], until: 2}"),
+            "obstacles[3].motion.velocity: expected two finite numbers [vx, vy] (metres per second), got [1]",
+        ),
+        (HEAD + disc("1, motion: {velocity: [1, 0]}"), "obstacles[3].motion.until: expected a finite number above 0"),
+        (HEAD + disc("1, motion: {velocity: [1, 0], til: 2}"), "motion.til: unknown key; expected until, velocity"),
+        (HEAD + disc("1, motion: {velocity: [1e9, 0], until: 9}"), "obstacles[3]: moving: the region swept: polygon"),
         (HEAD + "x" * 500 + ": []", "unknown key; expected boundary, "),
         (HEAD + "name: x", "expected each key once, got 'name' twice in one mapping"),
         ("trailmark: 1", "bounds: expected four finite numbers [xmin, ymin, xmax, ymax] (metres), got nothing"),

@@ -39,6 +39,8 @@ _RING = "three or more points [x, y] of finite numbers (metres)"
 _POSE = "a configuration [x, y, theta] of finite numbers (metres, radians)"
 _KIND = "a mapping with the key shape: disc, rectangle or polygon"
 _ESTIMATE = "a mapping {mean, covariance, share}"
+_ID = "a text that is not empty and names no other obstacle (quote it if it looks like a number)"
+_MOTION = "a mapping {velocity, until}"
 
 
 class _Strict(BaseModel):
@@ -109,22 +111,29 @@ class EstimateEntry(_Strict):
     share: Share | None = Field(default=None, description="a number above 0 and at most 1 (of the risk)")
 
 
-class DiscObstacle(DiscShape):
+class MotionEntry(_Strict):
+    """How an obstacle moves: in a straight line, without turning; all that it covers up to the horizon is avoided."""
+
+    velocity: Point = Field(description="two finite numbers [vx, vy] (metres per second)")
+    until: Positive = Field(description="a finite number above 0 (seconds from now)")
+
+
+class _Obstacle(_Strict):
+    id: Text | None = Field(default=None, min_length=1, description=_ID)
+    estimate: EstimateEntry | None = Field(default=None, description=_ESTIMATE)
+    motion: MotionEntry | None = Field(default=None, description=_MOTION)
+
+
+class DiscObstacle(DiscShape, _Obstacle):
     """A disc."""
 
-    estimate: EstimateEntry | None = Field(default=None, description=_ESTIMATE)
 
-
-class RectangleObstacle(RectangleShape):
+class RectangleObstacle(RectangleShape, _Obstacle):
     """A rectangle, its length along its heading."""
 
-    estimate: EstimateEntry | None = Field(default=None, description=_ESTIMATE)
 
-
-class PolygonObstacle(PolygonShape):
+class PolygonObstacle(PolygonShape, _Obstacle):
     """A simple polygon, convex or not."""
-
-    estimate: EstimateEntry | None = Field(default=None, description=_ESTIMATE)
 
 
 class RiskEntry(_Strict):
@@ -185,7 +194,12 @@ _KINDS: dict[str, dict[str, type[BaseModel]]] = {
     "obstacles": {"disc": DiscObstacle, "rectangle": RectangleObstacle, "polygon": PolygonObstacle},
     "mean": {"disc": DiscShape, "rectangle": RectangleShape, "polygon": PolygonShape},
 }
-_PARTS: dict[str, type[BaseModel]] = {"queries": QueryEntry, "estimate": EstimateEntry, "risk": RiskEntry}
+_PARTS: dict[str, type[BaseModel]] = {
+    "queries": QueryEntry,
+    "estimate": EstimateEntry,
+    "motion": MotionEntry,
+    "risk": RiskEntry,
+}
 _MODELS = (*_KINDS["robot"].values(), *_KINDS["obstacles"].values(), *_PARTS.values())
 _POINT_DEPTH = {"vertices": 1, "boundary": 1, "holes": 2}  # indices from the field down to one point
 _SHAPES = ("disc", "polygon", "rectangle")

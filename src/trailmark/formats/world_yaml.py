@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trailmark.errors import ConfigurationError, FormatError, OutputError, ShapeError, WorldError
+from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
@@ -42,7 +44,7 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
     robot = None if file.robot is None else _build(path, "robot", _robot, file.robot)
     boundary = None if file.boundary is None else _build(path, "boundary", Polygon, file.boundary)
     entries = file.obstacles or ()
-    obstacles = [_build(path, f"obstacles[{i}]", _obstacle, entry) for i, entry in enumerate(entries)]
+    obstacles = [_build(path, f"obstacles[{i}]", _any_obstacle, entry) for i, entry in enumerate(entries)]
     estimates = [
         None if entry.estimate is None else _build(path, f"obstacles[{i}].estimate", _estimate, entry.estimate)
         for i, entry in enumerate(entries)
@@ -58,6 +60,7 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         queries=tuple(queries),
         estimates=tuple(estimates),
         risk=None if file.risk is None else _build(path, "risk", _risk, file.risk),
+        ids=tuple(entry.id for entry in entries),
         sources=(path.absolute(),),
     )
 
@@ -80,9 +83,9 @@ def world_text(world: World) -> str:
     if world.risk is not None:
         lines.append(f"risk: {_risk_text(world.risk)}")
     if world.obstacles:
-        estimates = world.estimates or (None,) * len(world.obstacles)
         lines.append("obstacles:")
-        lines += [f"  - {_obstacle_text(*pair)}" for pair in zip(world.obstacles, estimates, strict=True)]
+        columns = (column or repeat(None) for column in (world.ids, world.estimates, world.moving))
+        lines += [f"  - {_obstacle_text(*row)}" for row in zip(world.obstacles, *columns, strict=False)]
     if world.queries:
         lines.append("queries:")
         lines += [
@@ -115,6 +118,14 @@ def _obstacle(entry: schema.DiscShape | schema.RectangleShape | schema.PolygonSh
     if entry.shape == "rectangle":
         return Rectangle((entry.center[0], entry.center[1]), entry.length, entry.width, entry.heading)
     return Polygon(entry.vertices, entry.holes)  # type: ignore[arg-type]  # it turns lists into arrays itself
+
+
+def _any_obstacle(entry: schema.DiscObstacle | schema.RectangleObstacle | schema.PolygonObstacle) -> Shape | Moving:
+    shape = _obstacle(entry)
+    if entry.motion is None:
+        return shape
+    vx, vy = entry.motion.velocity
+    return Moving(shape, (vx, vy), entry.motion.until)
 
 
 def _estimate(entry: schema.EstimateEntry) -> ObstacleEstimate:
@@ -152,13 +163,16 @@ def _robot_text(robot: Robot) -> str:
     return f"{text[:-1]}, turning_radius: {_number(robot.turning_radius)}{reverse}}}"
 
 
-def _obstacle_text(shape: Shape, estimate: ObstacleEstimate | None) -> str:
-    text = _shape(shape, placed=True)
-    if estimate is None:
-        return text
-    share = "" if estimate.share is None else f", share: {_number(estimate.share)}"
-    fields = f"mean: {_shape(estimate.mean, placed=True)}, covariance: {_points(estimate.covariance.tolist())}{share}"
-    return f"{text[:-1]}, estimate: {{{fields}}}}}"
+def _obstacle_text(shape: Shape, name: str | None, estimate: ObstacleEstimate | None, moving: Moving | None) -> str:
+    text = _shape(shape if moving is None else moving.shape, placed=True)
+    fields = "" if name is None else f", id: {_text(name)}"
+    if estimate is not None:
+        share = "" if estimate.share is None else f", share: {_number(estimate.share)}"
+        mean, covariance = _shape(estimate.mean, placed=True), _points(estimate.covariance.tolist())
+        fields += f", estimate: {{mean: {mean}, covariance: {covariance}{share}}}"
+    if moving is not None:
+        fields += f", motion: {{velocity: {_numbers(moving.velocity)}, until: {_number(moving.until)}}}"
+    return f"{text[:-1]}{fields}}}"
 
 
 def _risk_text(risk: RiskBound) -> str:

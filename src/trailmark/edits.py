@@ -1,0 +1,159 @@
+"""Edits of a world's obstacles, as a caller states them, to the changes that they are."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterable, Mapping
+from dataclasses import replace as replaced
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.arguments import brief, each_of, number_array, one_of
+from trailmark.changes import Change, Changes, Obstacles
+from trailmark.errors import WorldError, expected_name
+from trailmark.estimates import ObstacleEstimate
+from trailmark.moving import Moving
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape, displaced
+
+__all__ = ["KINDS", "Obstacle", "changes_of_edits", "require_id"]
+
+Obstacle = Shape | Moving | ObstacleEstimate
+"""What a world may be given as an obstacle."""
+
+KINDS = (Disc, Rectangle, Polygon, Moving, ObstacleEstimate)
+
+
+class _Entry(NamedTuple):
+    """An obstacle as a world holds it."""
+
+    shape: Shape
+    estimate: ObstacleEstimate | None = None
+    moving: Moving | None = None
+
+
+def changes_of_edits(
+    obstacles: Obstacles,
+    add: Iterable[Obstacle] | Mapping[str, Obstacle],
+    remove: Iterable[str | int],
+    move: Mapping[str | int, ArrayLike],
+    replace: Mapping[str | int, Obstacle],
+    grown: bool,
+) -> Changes:
+    """Return the changes that edits make of some obstacles.
+
+    Args:
+        obstacles: what there is.
+        add: new obstacles, in their order; with their ids if a mapping.
+        remove: ids or indices.
+        move: for ids or indices: dx, dy and, if turned, dtheta; metres and radians.
+        replace: for ids or indices: the new obstacles.
+        grown: whether obstacles with estimates are grown for a risk, which an estimate that is new here is not.
+
+    Raises:
+        WorldError: an unknown or duplicate identity, an obstacle that is edited twice, or a value that is none.
+    """
+    edits: dict[int, _Entry | None] = {}
+    done: dict[int, str] = {}
+
+    def place_of(name: object, verb: str) -> int:
+        place = _index(obstacles, name, verb)
+        if place in done:
+            raise WorldError(
+                f"edited: expected each obstacle in one edit, got {brief(name)} in {done[place]} and {verb}"
+            )
+        done[place] = verb
+        return place
+
+    for name in each_of(remove, object, "edited: remove", error=WorldError):
+        edits[place_of(name, "remove")] = None
+    for name, by in _mapping(move, "move").items():
+        place = place_of(name, "move")
+        edits[place] = _moved(obstacles, place, by, f"edited: move[{brief(name)}]", grown)
+    for name, obstacle in _mapping(replace, "replace").items():
+        place = place_of(name, "replace")
+        edits[place] = _entry(obstacle, f"edited: replace[{brief(name)}]", grown)
+
+    lost = sorted(place for place, entry in edits.items() if entry is None)
+    items = []
+    for place, entry in sorted(edits.items()):
+        name = obstacles.ids[place] if obstacles.ids else None
+        after = None if entry is None else place - bisect_left(lost, place)
+        items.append(
+            Change(name, obstacles.shapes[place], entry and entry.shape, place, after, *(entry or (None,))[1:])
+        )
+    named = isinstance(add, Mapping)
+    new: Iterable[tuple[Any, Any]] = (
+        add.items() if isinstance(add, Mapping) else enumerate(each_of(add, KINDS, "edited: add", error=WorldError))
+    )
+    for k, (name, obstacle) in enumerate(new, start=len(obstacles.shapes) - len(lost)):
+        entry = _entry(obstacle, f"edited: add[{brief(name)}]", grown)
+        items.append(
+            Change(require_id(name, "edited: add:") if named else None, None, entry.shape, None, k, *entry[1:])
+        )
+    return Changes(tuple(items))
+
+
+def require_id(value: object, name: str) -> str:
+    """Return an obstacle's id: a text that is not empty."""
+    if isinstance(value, str) and value:
+        return value
+    raise WorldError(f"{name} expected ids that are texts and not empty, got {brief(value)}")
+
+
+def _index(obstacles: Obstacles, name: object, verb: str) -> int:
+    """Return the index of an obstacle that is named by its id or by its index."""
+    count = len(obstacles.shapes)
+    if isinstance(name, str):
+        if name in obstacles.ids:
+            return obstacles.ids.index(name)
+        known = [known for known in obstacles.ids if known is not None]
+        problem = (
+            expected_name(name, known[:50]) if known else f"expected an index, for no obstacle has an id, got {name!r}"
+        )
+        raise WorldError(f"edited: {verb}: {problem}")
+    if isinstance(name, int | np.integer) and not isinstance(name, bool) and 0 <= name < count:
+        return int(name)
+    allowed = f"an id or an index from 0 to {count - 1}" if count else "nothing, for there are no obstacles"
+    raise WorldError(f"edited: {verb}: expected {allowed}, got {brief(name)}")
+
+
+def _mapping(value: Any, verb: str) -> Mapping[Any, Any]:
+    if isinstance(value, Mapping):
+        return value
+    raise WorldError(f"edited: {verb}: expected a mapping of ids or indices, got {brief(value)}")
+
+
+def _entry(obstacle: Any, where: str, grown: bool) -> _Entry:
+    """Return a new obstacle as a world holds it."""
+    one_of(obstacle, KINDS, where, error=WorldError)
+    if grown and isinstance(obstacle, ObstacleEstimate):
+        raise WorldError(
+            f"{where}: expected a shape, for this world's obstacles are grown for a risk, got an estimate; "
+            "trailmark.estimation.refined takes estimates"
+        )
+    if isinstance(obstacle, ObstacleEstimate):
+        return _Entry(obstacle.mean, obstacle)
+    return _Entry(obstacle.swept, moving=obstacle) if isinstance(obstacle, Moving) else _Entry(obstacle)
+
+
+def _moved(obstacles: Obstacles, place: int, by: ArrayLike, where: str, grown: bool) -> _Entry:
+    """Return the obstacle at an index, displaced."""
+    step = number_array(by, where, "expected dx, dy or dx, dy, dtheta, got {}", error=WorldError)
+    if step.shape not in ((2,), (3,)) or not np.isfinite(step).all():
+        raise WorldError(f"{where}: expected two or three finite numbers dx, dy, dtheta, got {brief(by)}")
+    dx, dy, dtheta = (*step.tolist(), 0.0)[:3]
+    estimate = obstacles.estimates[place] if obstacles.estimates else None
+    moving = obstacles.moving[place] if obstacles.moving else None
+    if moving is not None:
+        moving = moving.displaced(dx, dy, dtheta)
+        return _Entry(moving.swept, moving=moving)
+    shape = displaced(obstacles.shapes[place], dx, dy, dtheta)
+    if estimate is None:
+        return _Entry(shape)
+    if grown and dtheta and not isinstance(estimate.mean, Disc):
+        raise WorldError(
+            f"{where}: expected dx, dy, for an obstacle that is grown for a risk is not turned, got {brief(by)}"
+        )
+    return _Entry(shape, replaced(estimate, mean=displaced(estimate.mean, dx, dy, dtheta)))

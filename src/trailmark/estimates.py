@@ -1,0 +1,137 @@
+"""How well an obstacle is known, and for which risk a world's obstacles were grown.
+
+:mod:`trailmark.estimation.risk.allocation` makes worlds of such obstacles.
+"""
+
+# Tested by tests/estimation/risk/test_growth.py and test_allocation.py.
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark import se2
+from trailmark.arguments import brief, number_array, one_of, real
+from trailmark.errors import WorldError
+from trailmark.robot import Robot
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+
+__all__ = ["ObstacleEstimate", "RiskBound"]
+
+
+@dataclass(frozen=True, eq=False)
+class ObstacleEstimate:
+    """An obstacle that is known from noisy readings: its mean shape, and the covariance of the numbers that place it.
+
+    Those numbers are, in this order, a disc's x, y and radius; a rectangle's x, y, heading, length and width; a
+    polygon's shift in x and y and its turn about the mean of its outline's vertices. The covariance is that of the
+    first k of them; the others count as known exactly.
+
+    Attributes:
+        mean: the most likely shape.
+        covariance: shape (k, k), 2 <= k <= 5 (rectangle) or 3; metres and radians.
+        share: the part of the world's risk that this obstacle may take, above 0 and at most 1; None if not shared
+            out.
+
+    Raises:
+        WorldError: a covariance of another shape, not finite, not symmetric or with a negative variance; a share
+            out of range.
+    """
+
+    mean: Shape
+    covariance: se2.FloatArray
+    share: float | None = None
+
+    def __post_init__(self) -> None:
+        one_of(self.mean, (Disc, Rectangle, Polygon), "estimate: mean:", error=WorldError)
+        max_size = 5 if isinstance(self.mean, Rectangle) else 3
+        kind = type(self.mean).__name__.lower()
+        name = f"estimate of a {kind}: covariance"
+        object.__setattr__(self, "covariance", _covariance(self.covariance, name, range(2, max_size + 1)))
+        if self.share is not None:
+            object.__setattr__(self, "share", _between(self.share, "estimate: share", 0.0, 1.0))
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, ObstacleEstimate):
+            return NotImplemented
+        alike = self.mean == other.mean and self.share == other.share
+        return alike and np.array_equal(self.covariance, other.covariance)
+
+    def __hash__(self) -> int:
+        return hash((self.mean, self.share, (self.covariance + 0.0).tobytes()))
+
+
+@dataclass(frozen=True, eq=False)
+class RiskBound:
+    """What a world's obstacles are grown for.
+
+    Attributes:
+        confidence: least probability, above 0 and below 1, with which a valid path meets none of the true obstacles.
+        pose_covariance: shape (3, 3), of the robot's x, y and theta in the world's frame about where it takes itself
+            to be; None if that counts as exact.
+        reach: metres that a radian of heading moves the robot's outline at most (``Robot.sweep_radius``), >= 0.
+
+    Raises:
+        WorldError: a value out of these ranges.
+    """
+
+    confidence: float
+    pose_covariance: se2.FloatArray | None = None
+    reach: float = 0.0
+
+    def __post_init__(self) -> None:
+        confidence = _between(self.confidence, "risk: confidence", 0.0, 1.0)
+        if confidence == 1.0:
+            raise WorldError("risk: confidence: expected a number above 0 and below 1, got 1")
+        object.__setattr__(self, "confidence", confidence)
+        reach = real(self.reach)
+        if not 0.0 <= reach < math.inf:
+            raise WorldError(f"risk: reach: expected metres, 0 or more, got {brief(self.reach)}")
+        object.__setattr__(self, "reach", reach)
+        if self.pose_covariance is not None:
+            covariance = _covariance(self.pose_covariance, "risk: pose_covariance", (3,))
+            object.__setattr__(self, "pose_covariance", covariance)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, RiskBound):
+            return NotImplemented
+        mine, theirs = self.pose_covariance, other.pose_covariance
+        same = mine is theirs if mine is None or theirs is None else np.array_equal(mine, theirs)
+        return same and self.confidence == other.confidence and self.reach == other.reach
+
+    def __hash__(self) -> int:
+        return hash((self.confidence, self.reach))
+
+    def covers(self, robot: Robot) -> bool:
+        """Return whether obstacles grown for this bound keep it for that robot too: a heading error moves it less."""
+        pose = self.pose_covariance
+        return pose is None or pose[2, 2] == 0.0 or robot.sweep_radius <= (1.0 + 1e-9) * self.reach
+
+
+def _covariance(value: ArrayLike, name: str, sizes: Sequence[int]) -> se2.FloatArray:
+    """Return a symmetric matrix without negative eigenvalues, read-only, or say what is wrong."""
+    matrix = number_array(value, name, "no matrix of numbers given", error=WorldError)
+    if matrix.shape not in {(k, k) for k in sizes}:
+        allowed = " or ".join(f"({k}, {k})" for k in sizes)
+        raise WorldError(f"{name}: expected shape {allowed}, got {matrix.shape}")
+    if not np.isfinite(matrix).all():
+        raise WorldError(f"{name}: holds a value that is not a finite number")
+    slack = 1e-9 * float(np.abs(matrix).max())
+    if np.abs(matrix - matrix.T).max() > slack:
+        raise WorldError(f"{name}: expected a symmetric matrix, got {matrix.tolist()}")
+    matrix = 0.5 * (matrix + matrix.T)
+    if float(np.linalg.eigvalsh(matrix)[0]) < -slack:
+        raise WorldError(f"{name}: expected a matrix without negative eigenvalues, got {matrix.tolist()}")
+    matrix.flags.writeable = False
+    return matrix
+
+
+def _between(value: object, name: str, low: float, high: float) -> float:
+    """Return a number above ``low`` and at most ``high``, or say what is wrong."""
+    number = real(value)
+    if not low < number <= high:
+        raise WorldError(f"{name}: expected a number above {low:g} and at most {high:g}, got {brief(value)}")
+    return number
