@@ -72,7 +72,7 @@ def test_winding_counts_the_regions_over_every_cell_centre() -> None:
     assert world.boundary is not None
     expected += ~shapely.contains_xy(world.boundary.shapely(), x, y)
     expected += ~shapely.contains_xy(shapely.box(*world.bounds), x, y)
-    assert (grid.winding == expected).all()
+    assert (grid.winding.ravel() == expected).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -90,9 +90,10 @@ def test_every_cell_lists_all_that_touches_it(seed: int) -> None:
     )
     touched = shapely.STRtree(cells).query(items, predicate="intersects")
     listed = {
-        (int(item), cell)
-        for cell in range(len(cells))
-        for item in grid.items[grid.cell_start[cell] : grid.cell_start[cell + 1]]
+        (int(item) if item >= 0 else len(grid.segments) - 1 - int(item), row * grid.columns + column)
+        for row in range(grid.rows)
+        for column in range(grid.columns)
+        for item in grid.items[grid.cell_start[row, column] : grid.cell_start[row, column + 1]]
     }
     assert {(int(item), int(cell)) for item, cell in touched.T} <= listed
 

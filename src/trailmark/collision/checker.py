@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from math import cos, sin
 from typing import Any, Literal, overload
 
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark import se2
 from trailmark.arguments import brief, number, one_of
 from trailmark.collision import certify, kernels
+from trailmark.collision.cells import Cells
 from trailmark.collision.explain import invalid_reason
 from trailmark.collision.fcl_scene import FclScene
 from trailmark.collision.field import ClearanceField, build_field
@@ -23,6 +25,10 @@ from trailmark.errors import ConfigurationError, WorldError
 from trailmark.world import Robot, World
 
 __all__ = ["StateChecker", "ends_of_motions"]
+
+
+MANY_CHANGES = 8
+"""A checker is built anew where more than one in so many obstacles changed, since it takes no longer then."""
 
 
 class StateChecker:
@@ -79,12 +85,14 @@ class StateChecker:
         self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted, 1.5 * chosen.inscribed_disc.radius))
         self.field: ClearanceField = build_field(self.grid)
         self.footprint: Footprint = build_footprint(chosen)
+        self._cells: Cells | None = None
         self._scene: FclScene | None = None
 
     def edited(self, world: World) -> StateChecker:
-        """Return a checker for a world that differs from this one's in its obstacles only.
+        """Return a checker for a world with other obstacles; it answers as one built anew does.
 
-        Its answers are those of a checker built anew. This checker stays as it is, for as long as anyone uses it.
+        What the changes do not reach is taken over. This checker stays as it is, for as long as anyone uses it. A world
+        with other bounds or another boundary, or in which much changed, is built anew.
 
         Raises:
             WorldError: the obstacles were grown for the errors of a robot that reaches less far.
@@ -92,7 +100,21 @@ class StateChecker:
         one_of(world, World, "world:", error=WorldError)
         if world is self.world:
             return self
-        return StateChecker(world, self.robot, exact=self.exact, cell=self._cell)
+        if world.bounds != self.world.bounds or world.boundary != self.world.boundary:
+            return StateChecker(world, self.robot, exact=self.exact, cell=self._cell)
+        changes = [(item.before, item.after) for item in self.world.difference(world).items]
+        changes = [(before, after) for before, after in changes if before != after]
+        if MANY_CHANGES * len(changes) > len(world.obstacles) + 64:
+            return StateChecker(world, self.robot, exact=self.exact, cell=self._cell)
+        _require_covered(world, self.robot)
+        new = copy(self)
+        new.world = world
+        if self._cells is None:
+            self._cells = Cells(self.world, self.grid, self.field)
+        new._cells = self._cells.edited(changes)
+        new.grid, new.field = new._cells.grid, new._cells.field
+        new._scene = None if self._scene is None else self._scene.edited(changes)
+        return new
 
     @property
     def scene(self) -> FclScene:

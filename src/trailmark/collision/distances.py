@@ -83,12 +83,11 @@ def _blocked_regions(grid: ObstacleGrid, px: float, py: float) -> int:
     row = floor((py - grid.y0) / grid.size)
     if not (0 <= row < grid.rows and 0 <= column < grid.columns):
         return 1
-    cell = row * grid.columns + column
     cx, cy = grid.x0 + (column + 0.5) * grid.size, grid.y0 + (row + 0.5) * grid.size
-    winding = int(grid.winding[cell])
-    for k in range(grid.cell_start[cell], grid.cell_start[cell + 1]):
+    winding = int(grid.winding[row, column])
+    for k in range(grid.cell_start[row, column], grid.cell_start[row, column + 1]):
         item = grid.items[k]
-        if item >= len(grid.segments):
+        if item < 0:
             continue
         ax, ay, bx, by = grid.segments[item]
         corner_above = cy >= max(ay, by)
@@ -121,18 +120,16 @@ def ring_clearance(grid: ObstacleGrid, ring: FloatArray, n: int, x: float, y: fl
     high = min(grid.rows - 1, floor((y + y2 + cap - grid.y0) / grid.size))
     if left > right or low > high:
         return 0.0
-    m = len(grid.segments)
     best, best2 = cap, cap * cap
-    last = before = -1
+    last = before = len(grid.segments)  # no item's number
     for row in range(low, high + 1):
-        base = row * grid.columns
-        for k in range(grid.cell_start[base + left], grid.cell_start[base + right + 1]):
+        for k in range(grid.cell_start[row, left], grid.cell_start[row, right + 1]):
             item = grid.items[k]
             # A segment lies in many consecutive cells.
             if item in (last, before):
                 continue
             last, before = item, last
-            if item < m:
+            if item >= 0:
                 # Relative to the robot, where coordinates are small and rounding with them.
                 ax, ay = grid.segments[item, 0] - x, grid.segments[item, 1] - y
                 bx, by = grid.segments[item, 2] - x, grid.segments[item, 3] - y
@@ -151,8 +148,8 @@ def ring_clearance(grid: ObstacleGrid, ring: FloatArray, n: int, x: float, y: fl
                 if best2 == 0.0 or (x1 < ax < x2 and y1 < ay < y2 and _in_ring(ring, n, ax, ay)):
                     return 0.0
             else:
-                dx, dy = grid.discs[item - m, 0] - x, grid.discs[item - m, 1] - y
-                r = grid.discs[item - m, 2]
+                dx, dy = grid.discs[-1 - item, 0] - x, grid.discs[-1 - item, 1] - y
+                r = grid.discs[-1 - item, 2]
                 if dx - r - x2 > best or x1 - dx - r > best or dy - r - y2 > best or y1 - dy - r > best:
                     continue
                 reach2 = (best + r) * (best + r)
@@ -183,13 +180,11 @@ def point_clearance(grid: ObstacleGrid, x: float, y: float, cap: float) -> float
     high = min(grid.rows - 1, floor((y + cap - grid.y0) / grid.size))
     if left > right or low > high or _blocked_regions(grid, x, y) > 0:
         return 0.0
-    m = len(grid.segments)
     best, best2 = cap, cap * cap
     for row in range(low, high + 1):
-        base = row * grid.columns
-        for k in range(grid.cell_start[base + left], grid.cell_start[base + right + 1]):
+        for k in range(grid.cell_start[row, left], grid.cell_start[row, right + 1]):
             item = grid.items[k]
-            if item < m:
+            if item >= 0:
                 ax, ay = grid.segments[item, 0] - x, grid.segments[item, 1] - y
                 bx, by = grid.segments[item, 2] - x, grid.segments[item, 3] - y
                 found = _point_segment(0.0, 0.0, ax, ay, bx, by)
@@ -197,7 +192,7 @@ def point_clearance(grid: ObstacleGrid, x: float, y: float, cap: float) -> float
                     best2 = found
                     best = sqrt(best2)
             else:
-                found = hypot(grid.discs[item - m, 0] - x, grid.discs[item - m, 1] - y) - grid.discs[item - m, 2]
+                found = hypot(grid.discs[-1 - item, 0] - x, grid.discs[-1 - item, 1] - y) - grid.discs[-1 - item, 2]
                 if found < best:
                     if found <= 0.0:
                         return 0.0
@@ -215,15 +210,13 @@ def point_depth(grid: ObstacleGrid, x: float, y: float, cap: float) -> float:
     high = min(grid.rows - 1, floor((y + cap - grid.y0) / grid.size))
     if left > right or low > high:
         return 0.0
-    m = len(grid.segments)
     covered = _blocked_regions(grid, x, y) > 0
     deepest, boundary2 = 0.0, cap * cap
     for row in range(low, high + 1):
-        base = row * grid.columns
-        for k in range(grid.cell_start[base + left], grid.cell_start[base + right + 1]):
+        for k in range(grid.cell_start[row, left], grid.cell_start[row, right + 1]):
             item = grid.items[k]
-            if item >= m:
-                inside = grid.discs[item - m, 2] - hypot(grid.discs[item - m, 0] - x, grid.discs[item - m, 1] - y)
+            if item < 0:
+                inside = grid.discs[-1 - item, 2] - hypot(grid.discs[-1 - item, 0] - x, grid.discs[-1 - item, 1] - y)
                 deepest = max(deepest, inside)
             elif covered:
                 ax, ay = grid.segments[item, 0] - x, grid.segments[item, 1] - y

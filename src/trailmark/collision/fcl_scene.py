@@ -9,23 +9,34 @@ one another are exact.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from copy import copy
 from threading import Lock
 from typing import Any
 
 import fcl
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
+from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, triangulate
+from trailmark.shapes import Disc, Polygon, Shape, triangulate
 from trailmark.world import Robot, World
 
 __all__ = ["FclScene"]
 
+Box = tuple[float, float, float, float]
+
+NOWHERE = (math.inf, math.inf, -math.inf, -math.inf)
+"""The bounding box of nothing."""
+
 
 class FclScene:
-    """A world and a robot as FCL objects. Threads that share it take turns, since each query moves the robot.
+    """A world and a robot as FCL objects, each obstacle's made when the robot first comes near it.
+
+    Threads that share it, or scenes edited from it, take turns, since each query moves the robot.
 
     Args:
         world: obstacles, boundary and bounds.
@@ -35,61 +46,158 @@ class FclScene:
     def __init__(self, world: World, robot: Robot) -> None:
         self._turns = Lock()
         self._bounds = world.bounds
-        self._outline = robot.outline.vertices if not isinstance(robot.footprint, Disc) else None
-        self._radius = robot.footprint.radius if isinstance(robot.footprint, Disc) else 0.0
+        disc = robot.footprint if isinstance(robot.footprint, Disc) else None
+        self._radius = 0.0 if disc is None else disc.radius
+        # A copy: shapes are read-only, which numba would take for another type and compile anew for.
+        self._outline = np.array(robot.outline.vertices) if disc is None else np.zeros((1, 2))
         self._robot = fcl.CollisionObject(_robot_geometry(robot, eroding=False))
         self._robot_eroded = fcl.CollisionObject(_robot_geometry(robot, eroding=True))
-        self._obstacles = _obstacle_objects(world)
-        self._manager = fcl.DynamicAABBTreeCollisionManager()
-        self._manager.registerObjects(self._obstacles)
-        self._manager.setup()
+        self._shapes: list[Any] = [*_outside_boundary(world), *world.obstacles]
+        self._objects: list[Any] = [None] * len(self._shapes)
+        boxes = [shape.bounding_box() for shape in self._shapes]
+        self._boxes = np.array(boxes).reshape(-1, 4).T.copy()
+        self._places: dict[Shape, tuple[int, ...]] = {}
+        for place, shape in enumerate(self._shapes):
+            self._places[shape] = (*self._places.get(shape, ()), place)
+        self._free: list[int] = []
+
+    def edited(self, changes: Iterable[tuple[Shape | None, Shape | None]]) -> FclScene:
+        """Return a scene in which obstacles are replaced by others; all objects that stay are shared.
+
+        Args:
+            changes: pairs of an obstacle and what replaces it; None stands for no obstacle.
+        """
+        new = copy(self)
+        new._shapes, new._objects, new._boxes = self._shapes.copy(), self._objects.copy(), self._boxes.copy()
+        new._places, new._free = self._places.copy(), self._free.copy()
+        for before, after in changes:
+            if before is not None:
+                place, *others = new._places.pop(before)
+                if others:
+                    new._places[before] = tuple(others)
+                new._put(place, None)
+                new._free.append(place)
+            if after is not None:
+                if not new._free:
+                    more = 16 + len(new._shapes) // 4
+                    new._free += range(len(new._shapes), len(new._shapes) + more)
+                    new._shapes += [None] * more
+                    new._objects += [None] * more
+                    new._boxes = np.hstack([new._boxes, np.tile(NOWHERE, (more, 1)).T])
+                place = new._free.pop()
+                new._places[after] = (*new._places.get(after, ()), place)
+                new._put(place, after)
+        return new
+
+    def _put(self, place: int, shape: Shape | None) -> None:
+        """Put a shape, or nothing, to a place in the lists of shapes, objects and bounding boxes."""
+        self._shapes[place], self._objects[place] = shape, None
+        self._boxes[:, place] = NOWHERE if shape is None else shape.bounding_box()
 
     def collides(self, q: FloatArray) -> bool:
         """Return whether the robot at q = (x, y, theta), shape (3,), overlaps an obstacle or leaves the bounds."""
-        if self._beyond_bounds(q) > TOUCHING_TOLERANCE:
+        box = _placed_box(self._outline, self._radius, float(q[0]), float(q[1]), float(q[2]))
+        if self._beyond_bounds(box) > TOUCHING_TOLERANCE:
             return True
-        if not self._obstacles:
+        near = _meeting(self._boxes, *box)
+        if len(near) == 0:
             return False
         with self._turns:
             self._robot_eroded.setTransform(_transform(q))
-            if len(self._obstacles) == 1:
-                request, result = fcl.CollisionRequest(), fcl.CollisionResult()
-                return bool(fcl.collide(self._robot_eroded, self._obstacles[0], request, result) > 0)
-            data = fcl.CollisionData()
-            self._manager.collide(self._robot_eroded, data, fcl.defaultCollisionCallback)
-            return bool(data.result.is_collision)
+            return any(_overlap(self._robot_eroded, self._object(place)) for place in near.tolist())
 
     def clearance(self, q: FloatArray) -> float:
         """Return the distance (metres) of the robot at q to all that blocks it; 0 on overlap or outside."""
+        box = _placed_box(self._outline, self._radius, float(q[0]), float(q[1]), float(q[2]))
+        clearance = -self._beyond_bounds(box)
+        if clearance <= 0.0:
+            return 0.0
+        gaps = _gaps(self._boxes, *box)
         with self._turns:
             self._robot.setTransform(_transform(q))
-            return self._distance(-self._beyond_bounds(q))
+            while len(gaps) > 0:
+                # Nearest boxes first: few of the others come into question then.
+                place = int(gaps.argmin())
+                if gaps[place] >= clearance:
+                    break
+                clearance = self._distance(place, gaps[place], clearance)
+                gaps[place] = math.inf
+        return max(0.0, clearance)
 
-    def _distance(self, clearance: float) -> float:
-        """Return the distance (metres) of the robot at its present place to the obstacles, or ``clearance`` if less."""
-        for obstacle in self._obstacles:
-            # One call per object: distances through a manager do not show overlap reliably. Nor does the distance of
-            # a sphere and a mesh, an undefined value when they overlap: so collisions are checked first.
-            if fcl.collide(self._robot, obstacle, fcl.CollisionRequest(), fcl.CollisionResult()) > 0:
-                return 0.0
-            result = fcl.DistanceResult()
-            distance = fcl.distance(self._robot, obstacle, fcl.DistanceRequest(), result)
-            clearance = min(clearance, distance)
-            if clearance <= 0.0:
-                return 0.0
-        return max(0.0, float(clearance))
+    def _distance(self, place: int, gap: float, clearance: float) -> float:
+        """Return the distance (metres) of the robot, as it stands, to an obstacle, or ``clearance`` if that is less."""
+        obstacle = self._object(place)
+        # The distance of a sphere and a mesh is an undefined value when they overlap: so collisions are checked first.
+        if gap <= 0.0 and _overlap(self._robot, obstacle):
+            return 0.0
+        return min(clearance, float(fcl.distance(self._robot, obstacle, fcl.DistanceRequest(), fcl.DistanceResult())))
 
-    def _beyond_bounds(self, q: FloatArray) -> float:
-        """Return how far (metres) the robot reaches over the bounds; negative where it stays inside."""
+    def _object(self, place: int) -> Any:
+        """Return an obstacle's collision object, made when it is first needed."""
+        found = self._objects[place]
+        if found is None:
+            found = self._objects[place] = _obstacle_object(self._shapes[place])
+        return found
+
+    def _beyond_bounds(self, box: Box) -> float:
+        """Return how far (metres) a box reaches over the bounds; negative where it stays inside."""
         xmin, ymin, xmax, ymax = self._bounds
-        x, y = float(q[0]), float(q[1])
-        if self._outline is None:
-            r = self._radius
-            return max(xmin - x + r, x + r - xmax, ymin - y + r, y + r - ymax)
-        cos, sin = math.cos(q[2]), math.sin(q[2])
-        xs = x + self._outline @ (cos, -sin)
-        ys = y + self._outline @ (sin, cos)
-        return float(max(xmin - xs.min(), xs.max() - xmax, ymin - ys.min(), ys.max() - ymax))
+        return max(xmin - box[0], box[2] - xmax, ymin - box[1], box[3] - ymax)
+
+
+@njit(cache=True)
+def _placed_box(outline: FloatArray, radius: float, x: float, y: float, theta: float) -> Box:
+    """Return xmin, ymin, xmax, ymax of an outline (v, 2) at a configuration, thickened by ``radius``; metres."""
+    c, s = math.cos(theta), math.sin(theta)
+    xmin = ymin = math.inf
+    xmax = ymax = -math.inf
+    for px, py in outline:
+        ax, ay = x + c * px - s * py, y + s * px + c * py
+        xmin, xmax = min(xmin, ax), max(xmax, ax)
+        ymin, ymax = min(ymin, ay), max(ymax, ay)
+    return xmin - radius, ymin - radius, xmax + radius, ymax + radius
+
+
+@njit(cache=True)
+def _gaps(boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: float) -> FloatArray:
+    """Return lower bounds on the distances (metres) of boxes, shape (4, n), from a box: 0 or less if they may meet."""
+    gaps = np.empty(boxes.shape[1])
+    for k in range(len(gaps)):
+        # Without min and max, whose care for NaN takes ten times as long.
+        left, right = boxes[0, k] - xmax, xmin - boxes[2, k]
+        low, high = boxes[1, k] - ymax, ymin - boxes[3, k]
+        across = left if left > right else right
+        along = low if low > high else high
+        across = across if across > 0.0 else 0.0
+        along = along if along > 0.0 else 0.0
+        gaps[k] = math.sqrt(across * across + along * along) - TOUCHING_TOLERANCE
+    return gaps
+
+
+@njit(cache=True)
+def _meeting(boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: float) -> NDArray[np.int64]:
+    """Return which of the boxes, shape (4, n), may meet a box, first those that overlap it most."""
+    meets = np.empty(boxes.shape[1], np.bool_)
+    xmin, ymin, xmax, ymax = (
+        xmin - TOUCHING_TOLERANCE,
+        ymin - TOUCHING_TOLERANCE,
+        xmax + TOUCHING_TOLERANCE,
+        ymax + TOUCHING_TOLERANCE,
+    )
+    for k in range(len(meets)):
+        meets[k] = (boxes[0, k] <= xmax) & (boxes[1, k] <= ymax) & (boxes[2, k] >= xmin) & (boxes[3, k] >= ymin)
+    found = np.flatnonzero(meets)
+    if len(found) < 2:
+        return found
+    apart = np.empty(len(found))
+    for i in range(len(found)):
+        left, low, right, high = boxes[:, found[i]]
+        apart[i] = max(left - xmax, xmin - right, low - ymax, ymin - high)
+    return found[np.argsort(apart)]
+
+
+def _overlap(a: Any, b: Any) -> bool:
+    return bool(fcl.collide(a, b, fcl.CollisionRequest(), fcl.CollisionResult()) > 0)
 
 
 def _transform(q: FloatArray) -> Any:
@@ -106,16 +214,11 @@ def _robot_geometry(robot: Robot, *, eroding: bool) -> Any:
     return _mesh([_polygon(part) for part in parts] or [robot.outline])
 
 
-def _obstacle_objects(world: World) -> list[Any]:
-    """Return one mesh for all polygons and for what lies outside the boundary, and one sphere for each disc."""
-    polygons = [shape.polygon() for shape in world.obstacles if not isinstance(shape, Disc)]
-    polygons += _outside_boundary(world)
-    objects = [fcl.CollisionObject(_mesh(polygons))] if polygons else []
-    for shape in world.obstacles:
-        if isinstance(shape, Disc):
-            center = np.array([*shape.center, 0.0])
-            objects.append(fcl.CollisionObject(fcl.Sphere(shape.radius), fcl.Transform(np.eye(3), center)))
-    return objects
+def _obstacle_object(shape: Shape) -> Any:
+    """Return a mesh for a polygon or rectangle, a sphere for a disc."""
+    if not isinstance(shape, Disc):
+        return fcl.CollisionObject(_mesh([shape.polygon()]))
+    return fcl.CollisionObject(fcl.Sphere(shape.radius), fcl.Transform(np.eye(3), np.array([*shape.center, 0.0])))
 
 
 def _outside_boundary(world: World) -> list[Polygon]:

@@ -13,10 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
-from trailmark.shapes import Disc
+from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import World
 
-__all__ = ["ObstacleGrid", "boundary_segments", "build_grid", "cell_size_for", "obstacle_discs"]
+__all__ = [
+    "ObstacleGrid",
+    "add_winding",
+    "boundary_segments",
+    "build_grid",
+    "cell_of",
+    "cell_size_for",
+    "obstacle_discs",
+    "shape_segments",
+    "touched_cells",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -27,12 +37,16 @@ MAX_CELLS = 1 << 18
 class ObstacleGrid(NamedTuple):
     """All that blocks the robot, sorted by square cells.
 
+    After a change (:mod:`trailmark.collision.cells`) there may be gaps in ``items``, and segments and discs that no
+    cell lists.
+
     Attributes:
         segments: (m, 4) boundary segments x1, y1, x2, y2 in metres, blocked side on the left.
         discs: (k, 3) disc obstacles x, y, radius in metres.
-        cell_start: (cells + 1,) where each cell's items begin in ``items``; cell = row * columns + column.
-        items: indices of segments (below m) and of discs (m + index) that touch the cell.
-        winding: (cells,) number of blocked regions without the discs over the cell's centre.
+        cell_start: (rows, columns + 1) where each cell's items begin in ``items``, and at the end of a row where those
+            of its last cell end.
+        items: what touches the cells: the index of a segment, or -1 - index of a disc.
+        winding: (rows, columns) number of blocked regions without the discs over the cell's centre.
         x0: left edge of the first column, metres.
         y0: lower edge of the first row, metres.
         size: edge of a cell, metres.
@@ -42,7 +56,7 @@ class ObstacleGrid(NamedTuple):
 
     segments: FloatArray
     discs: FloatArray
-    cell_start: NDArray[np.int64]
+    cell_start: NDArray[np.int32]
     items: NDArray[np.int32]
     winding: NDArray[np.int32]
     x0: float
@@ -66,8 +80,16 @@ def boundary_segments(world: World) -> tuple[FloatArray, int]:
     for shape in world.obstacles:
         if not isinstance(shape, Disc):
             rings.extend(shape.polygon().rings())
-    segments = np.concatenate([np.hstack([ring, np.roll(ring, -1, axis=0)]) for ring in rings])
-    return np.ascontiguousarray(segments), enclosing
+    return _ring_segments(rings), enclosing
+
+
+def shape_segments(shape: Rectangle | Polygon) -> FloatArray:
+    """Return the boundary segments of one obstacle, shape (m, 4), blocked side on the left."""
+    return _ring_segments(shape.polygon().rings())
+
+
+def _ring_segments(rings: list[FloatArray]) -> FloatArray:
+    return np.concatenate([np.hstack([ring, np.concatenate([ring[1:], ring[:1]])]) for ring in rings])
 
 
 def obstacle_discs(world: World) -> FloatArray:
@@ -102,24 +124,28 @@ def build_grid(world: World, size: float) -> ObstacleGrid:
     x0, y0 = world.bounds[0] - margin, world.bounds[1] - margin
     columns = int(np.ceil((world.bounds[2] + margin - x0) / size))
     rows = int(np.ceil((world.bounds[3] + margin - y0) / size))
-    cells, owners = _touched_cells(segments, discs, x0, y0, size, columns, rows)
+    cells, owners = touched_cells(segments, discs, x0, y0, size, columns, rows)
     order = np.argsort(cells, kind="stable")
-    start = np.concatenate([[0], np.cumsum(np.bincount(cells, minlength=columns * rows))]).astype(np.int64)
-    winding = _winding_of_centres(segments, enclosing, x0, y0, size, columns, rows)
+    ends = np.cumsum(np.bincount(cells, minlength=columns * rows)).reshape(rows, columns)
+    start = np.empty((rows, columns + 1), np.int32)
+    start[:, 1:] = ends
+    start[0, 0], start[1:, 0] = 0, ends[:-1, -1]
+    winding = np.full((rows, columns), enclosing, np.int32)
+    add_winding(winding, segments, 1, x0, y0, size, 0, rows, 0, columns)
     return ObstacleGrid(
         segments, discs, start, owners[order], winding, float(x0), float(y0), float(size), columns, rows
     )
 
 
 @njit(cache=True)
-def _cell(value: float, origin: float, size: float, count: int) -> int:
+def cell_of(value: float, origin: float, size: float, count: int) -> int:
     """Return the index of the column or row that holds a coordinate, -1 below the grid and ``count`` above it."""
     # Clipped while it is still a float: an obstacle may reach so far that no integer holds the index.
     return int(min(max(np.floor((value - origin) / size), -1.0), float(count)))
 
 
 @njit(cache=True)
-def _touched_cells(
+def touched_cells(
     segments: FloatArray, discs: FloatArray, x0: float, y0: float, size: float, columns: int, rows: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Return (cell, item) pairs of every item with every cell that it touches; cells grown by 1e-6 of their size."""
@@ -138,8 +164,8 @@ def _touched_cells(
             x1, y1, x2, y2 = segments[item]
             cx = cy = r = 0.0
             low_y, high_y = min(y1, y2), max(y1, y2)
-        first = max(0, _cell(low_y - slack, y0, size, rows))
-        last = min(rows - 1, _cell(high_y + slack, y0, size, rows))
+        first = max(0, cell_of(low_y - slack, y0, size, rows))
+        last = min(rows - 1, cell_of(high_y + slack, y0, size, rows))
         for row in range(first, last + 1):
             bottom, top = y0 + row * size - slack, y0 + (row + 1) * size + slack
             if disc:
@@ -157,8 +183,8 @@ def _touched_cells(
                 t2 = min(1.0, max(0.0, (top - y1) / (y2 - y1)))
                 xa, xb = x1 + t1 * (x2 - x1), x1 + t2 * (x2 - x1)
                 low_x, high_x = min(xa, xb), max(xa, xb)
-            left = max(0, _cell(low_x - slack, x0, size, columns))
-            right = min(columns - 1, _cell(high_x + slack, x0, size, columns))
+            left = max(0, cell_of(low_x - slack, x0, size, columns))
+            right = min(columns - 1, cell_of(high_x + slack, x0, size, columns))
             for column in range(left, right + 1):
                 if count == capacity:
                     capacity *= 2
@@ -168,29 +194,50 @@ def _touched_cells(
                     more_owners[:count] = owners
                     cells, owners = more_cells, more_owners
                 cells[count] = row * columns + column
-                owners[count] = item
+                owners[count] = -1 - (item - len(segments)) if disc else item
                 count += 1
     return cells[:count], owners[:count]
 
 
 @njit(cache=True)
-def _winding_of_centres(
-    segments: FloatArray, enclosing: int, x0: float, y0: float, size: float, columns: int, rows: int
-) -> NDArray[np.int32]:
-    """Return how many blocked regions (discs left out) lie over each cell's centre, shape (cells,).
+def add_winding(
+    winding: NDArray[np.int32],
+    segments: FloatArray,
+    sign: int,
+    x0: float,
+    y0: float,
+    size: float,
+    first_row: int,
+    end_row: int,
+    first_column: int,
+    end_column: int,
+) -> None:
+    """Add to ``winding``, shape (rows, columns), how many regions within closed rings lie over each cell's centre.
 
     Along the line through a row's centres every segment that crosses it changes the number by one for all
     centres to its right. Half-open rule: a segment spans y if min <= y < max.
+
+    Args:
+        winding: changed in place.
+        segments: all those of closed rings, (m, 4), blocked side on the left.
+        sign: 1 adds the regions, -1 takes them away.
+        x0: left edge of the first column, metres.
+        y0: lower edge of the first row, metres.
+        size: edge of a cell, metres.
+        first_row: of a window that holds the rings, as far as they lie in the grid, and a column beyond.
+        end_row: one behind its last row.
+        first_column: of the window.
+        end_column: one behind its last column.
     """
-    change = np.zeros((rows, columns + 1), np.int32)
+    change = np.zeros((max(end_row - first_row, 0), max(end_column - first_column, 0) + 1), np.int32)
     for x1, y1, x2, y2 in segments:
         if y1 == y2:
             continue
         # Left of an edge that runs upwards is blocked: crossing it to the right leaves the blocked side.
-        step = -1 if y2 > y1 else 1
+        step = -sign if y2 > y1 else sign
         low, high = min(y1, y2), max(y1, y2)
-        first = max(0, _cell(low - 0.5 * size, y0, size, rows))
-        last = min(rows - 1, _cell(high + 0.5 * size, y0, size, rows))
+        first = max(first_row, cell_of(low - 0.5 * size, y0, size, end_row))
+        last = min(end_row - 1, cell_of(high + 0.5 * size, y0, size, end_row))
         for row in range(first, last + 1):
             y = y0 + (row + 0.5) * size
             if not (low <= y < high):
@@ -198,16 +245,14 @@ def _winding_of_centres(
             x = x1 + (y - y1) / (y2 - y1) * (x2 - x1)
             # First column whose centre lies at or right of the crossing. The comparison must have the same result as
             # the one in distances._blocked_regions, despite rounding: so the first guess is corrected.
-            column = max(0, _cell(x + 0.5 * size, x0, size, columns))
-            while column > 0 and x <= x0 + (column - 1 + 0.5) * size:
+            column = max(first_column, cell_of(x + 0.5 * size, x0, size, end_column))
+            while column > first_column and x <= x0 + (column - 1 + 0.5) * size:
                 column -= 1
-            while column < columns and x > x0 + (column + 0.5) * size:
+            while column < end_column and x > x0 + (column + 0.5) * size:
                 column += 1
-            change[row, column] += step
-    winding = np.empty(rows * columns, np.int32)
-    for row in range(rows):
-        total = enclosing
-        for column in range(columns):
-            total += change[row, column]
-            winding[row * columns + column] = total
-    return winding
+            change[row - first_row, column - first_column] += step
+    for row in range(first_row, end_row):
+        total = 0
+        for column in range(first_column, end_column):
+            total += change[row - first_row, column - first_column]
+            winding[row, column] += total

@@ -169,9 +169,9 @@ def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     grid = ObstacleGrid(
         carray(pointer(places[0]), (places[1], places[2]), np.float64),
         carray(pointer(places[3]), (places[4], places[5]), np.float64),
-        carray(pointer(places[6]), (places[7],), np.int64),
+        carray(pointer(places[6]), (places[7], places[8]), np.int32),
         carray(pointer(places[9]), (places[10],), np.int32),
-        carray(pointer(places[12]), (places[13],), np.int32),
+        carray(pointer(places[12]), (places[13], places[14]), np.int32),
         numbers[0],
         numbers[1],
         numbers[2],

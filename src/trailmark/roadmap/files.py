@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.collision.obstacles import boundary_segments, obstacle_discs
 from trailmark.errors import FormatError, OutputError
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
 from trailmark.formats.outputs import require_not_an_input
@@ -127,9 +128,11 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
 
 def fingerprint(checker: StateChecker) -> str:
     """Return the SHA-256, in hexadecimal, of all that validity depends on: bounds, obstacles, footprint, steering."""
-    robot = checker.footprint
+    robot, world = checker.footprint, checker.world
     digest = hashlib.sha256(f"trailmark roadmap {VERSION}".encode())
-    for array in (checker.world.bounds, checker.grid.segments, checker.grid.discs, robot.outline, robot.disc_radius):
+    # Not as the checker has them: in which order depends on how the world came about.
+    segments, discs = boundary_segments(world)[0], obstacle_discs(world)
+    for array in (world.bounds, segments, discs, robot.outline, robot.disc_radius):
         _digest(digest, np.asarray(array), "<f8")
     if checker.robot.turning_radius is not None:
         _digest(digest, np.array([checker.robot.turning_radius, checker.robot.reverse]), "<f8")

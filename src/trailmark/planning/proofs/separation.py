@@ -71,8 +71,7 @@ def _one_blocks(grid: ObstacleGrid, corners: FloatArray, reach: float) -> bool:
     last_row = min(grid.rows - 1, int((y + reach - grid.y0) / grid.size))
     for row in range(first[1], last_row + 1):
         for column in range(first[0], last_column + 1):
-            cell = row * grid.columns + column
-            for place in range(grid.cell_start[cell], grid.cell_start[cell + 1]):
+            for place in range(grid.cell_start[row, column], grid.cell_start[row, column + 1]):
                 item, k = grid.items[place], 0
                 while k < len(corners) and _near(grid, item, corners[k, 0], corners[k, 1], reach):
                     k += 1
@@ -84,8 +83,8 @@ def _one_blocks(grid: ObstacleGrid, corners: FloatArray, reach: float) -> bool:
 @njit(cache=True)
 def _near(grid: ObstacleGrid, item: int, x: float, y: float, reach: float) -> bool:
     """Return whether a point lies within reach of a segment or a disc."""
-    if item >= len(grid.segments):
-        disc = grid.discs[item - len(grid.segments)]
+    if item < 0:
+        disc = grid.discs[-1 - item]
         return bool(hypot(x - disc[0], y - disc[1]) <= disc[2] + reach)
     ax, ay, bx, by = grid.segments[item]
     dx, dy = bx - ax, by - ay

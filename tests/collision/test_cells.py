@@ -1,0 +1,148 @@
+"""Cells: after any change, grid and field are those of the changed world built anew, and versions before stay."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import random_world, star_polygon
+
+from trailmark.collision.cells import Cells
+from trailmark.collision.field import build_field
+from trailmark.collision.obstacles import ObstacleGrid, build_grid
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.world import World
+
+SIZE = 12.0
+"""Edge of the worlds, metres."""
+
+
+def random_shape(rng: np.random.Generator) -> Shape:
+    """Return an obstacle of any kind: tiny or huge, partly or wholly outside the bounds, on round coordinates."""
+    radius = float(rng.choice([1e-4, 0.05, 0.4, 1.5, 5.0, 40.0], p=[0.1, 0.2, 0.3, 0.25, 0.13, 0.02]))
+    x, y = rng.uniform(-2.0, SIZE + 2.0, 2)
+    if rng.random() < 0.3:
+        x, y = np.round((x, y))
+    center = float(x), float(y)
+    kind = rng.integers(4)
+    if kind == 0:
+        return Disc(center, radius)
+    if kind == 1:
+        heading = float(rng.choice([0.0, 0.5 * np.pi, rng.uniform(-3, 3)]))
+        return Rectangle(center, 2.0 * radius, radius * float(rng.uniform(0.01, 2.0)), heading)
+    polygon = star_polygon(rng, center, radius)
+    if kind == 3 and len(polygon.vertices) > 3:
+        return Polygon(polygon.vertices, (0.5 * (polygon.vertices + np.array(center)),))
+    return polygon
+
+
+def changed(rng: np.random.Generator, shapes: list[Shape]) -> list[tuple[Shape | None, Shape | None]]:
+    """Change the list of obstacles in one to three places, and return the changes."""
+    changes: list[tuple[Shape | None, Shape | None]] = []
+    for _ in range(int(rng.integers(1, 4))):
+        kind = rng.integers(4)
+        i = int(rng.integers(len(shapes))) if shapes else 0
+        if not shapes or kind == 0:
+            # Equal obstacles, too.
+            shapes.append(shapes[i] if shapes and rng.random() < 0.1 else random_shape(rng))
+            changes.append((None, shapes[-1]))
+        elif kind == 1 or len(shapes) > 25:
+            changes.append((shapes.pop(i), None))
+        else:
+            before = shapes[i]
+            if kind == 2 and isinstance(before, Disc):
+                shapes[i] = Disc(tuple(np.add(before.center, rng.normal(0, 0.3, 2))), before.radius)
+            elif kind == 2 and isinstance(before, Polygon):
+                shift = rng.normal(0, 0.3, 2)
+                shapes[i] = Polygon(before.vertices + shift, tuple(hole + shift for hole in before.holes))
+            else:
+                shapes[i] = random_shape(rng)
+            changes.append((before, shapes[i]))
+    return changes
+
+
+def content(grid: ObstacleGrid) -> list[Counter[tuple[float, ...]]]:
+    """Return the coordinates of what each cell lists."""
+    found = []
+    for row in range(grid.rows):
+        for column in range(grid.columns):
+            items = grid.items[grid.cell_start[row, column] : grid.cell_start[row, column + 1]]
+            segments, discs = grid.segments[items[items >= 0]], grid.discs[-1 - items[items < 0]]
+            found.append(Counter(map(tuple, [*segments.tolist(), *discs.tolist()])))
+    return found
+
+
+def arrays_of(cells: Cells) -> list[np.ndarray]:
+    grid = cells.grid
+    return [grid.segments, grid.discs, grid.cell_start, grid.items, grid.winding, cells.field.distance]
+
+
+def assert_same(cells: Cells, world: World) -> None:
+    """Compare with a grid and a field built anew: nothing may differ but the order of items."""
+    grid = build_grid(world, cells.grid.size)
+    field = build_field(grid)
+    assert np.array_equal(cells.grid.winding, grid.winding)
+    assert np.array_equal(np.diff(cells.grid.cell_start), np.diff(grid.cell_start))
+    assert content(cells.grid) == content(grid)
+    assert np.array_equal(cells.field.distance, field.distance)
+    assert cells.field[1:] == field[1:]
+    assert cells.grid[5:] == grid[5:]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_changes_make_what_is_built_anew(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    boundary = Polygon(np.array([[0.5, 0.3], [11.0, 1.0], [11.5, 11.0], [6.0, 7.0], [1.0, 11.9]])) if seed % 3 else None
+    shapes = [random_shape(rng) for _ in range(int(rng.integers(0, 12)))]
+    world = World("w", (0.0, 0.0, SIZE, SIZE), tuple(shapes), boundary=boundary)
+    grid = build_grid(world, float(rng.choice([0.2, 0.37, 1.0, 3.0])))
+    cells = Cells(world, grid, build_field(grid))
+    held: list[tuple[Cells, list[np.ndarray]]] = []
+    for _ in range(25):
+        if rng.random() < 0.3:
+            # Old versions, which someone still uses, or no longer.
+            held = [(cells, [array.copy() for array in arrays_of(cells)]), *held[: rng.integers(4)]]
+        cells = cells.edited(changed(rng, shapes))
+        assert_same(cells, replace(world, obstacles=tuple(shapes)))
+        for old, arrays in held:
+            assert all(np.array_equal(a, b) for a, b in zip(arrays, arrays_of(old), strict=True))
+
+
+def test_two_versions_of_the_same_one_do_not_know_each_other() -> None:
+    rng = np.random.default_rng(3)
+    world = random_world(1, 15, size=SIZE, radii=(0.2, 2.0), discs=0.3, holes=0.4)
+    grid = build_grid(world, 0.3)
+    branches = [(Cells(world, grid, build_field(grid)), list(world.obstacles))]
+    for _ in range(60):
+        cells, shapes = branches[int(rng.integers(len(branches)))]
+        shapes = list(shapes)
+        cells = cells.edited(changed(rng, shapes))
+        assert_same(cells, replace(world, obstacles=tuple(shapes)))
+        branches.append((cells, shapes))
+        if len(branches) > 4:
+            branches.pop(int(rng.integers(4)))
+    for cells, shapes in branches:
+        assert_same(cells, replace(world, obstacles=tuple(shapes)))
+
+
+def test_a_world_without_obstacles_or_with_no_free_place() -> None:
+    world = World("w", (0.0, 0.0, SIZE, SIZE))
+    grid = build_grid(world, 0.4)
+    cells = Cells(world, grid, build_field(grid))
+    all_of_it = Rectangle((6.0, 6.0), 40.0, 40.0)
+    for before, after in ((None, all_of_it), (all_of_it, Disc((6.0, 6.0), 1.0)), (Disc((6.0, 6.0), 1.0), None)):
+        cells = cells.edited([(before, after)])
+        assert_same(cells, replace(world, obstacles=() if after is None else (after,)))
+
+
+def test_rows_get_more_room_when_many_obstacles_gather() -> None:
+    rng = np.random.default_rng(0)
+    world = World("w", (0.0, 0.0, SIZE, SIZE))
+    grid = build_grid(world, 0.3)
+    cells, shapes = Cells(world, grid, build_field(grid)), []
+    for _ in range(60):
+        shapes.append(Rectangle((6.0, float(rng.uniform(5.9, 6.1))), 11.0, 0.05))
+        cells = cells.edited([(None, shapes[-1])])
+    assert_same(cells, replace(world, obstacles=tuple(shapes)))

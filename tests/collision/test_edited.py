@@ -1,0 +1,116 @@
+"""StateChecker.edited: the answers of a checker built anew, and nothing changes for those who use the old one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_states, random_world, short_motions, star_polygon
+
+from trailmark import Disc, Polygon, Rectangle, Robot, World, WorldError
+from trailmark.collision import StateChecker
+from trailmark.world import RiskBound
+
+KINDS = ["disc", "rectangle", "L", "thin"]
+
+
+def random_edit(world: World, rng: np.random.Generator) -> World:
+    """Return the world with an obstacle added, removed, moved or replaced."""
+    i = int(rng.integers(len(world.obstacles)))
+    center = tuple(rng.uniform(0.0, 20.0, 2).tolist())
+    shape = (
+        Disc(center, float(rng.uniform(0.1, 1.5))),
+        Rectangle(center, float(rng.uniform(0.1, 3.0)), float(rng.uniform(0.1, 3.0)), float(rng.uniform(-3, 3))),
+        star_polygon(rng, center, float(rng.uniform(0.2, 2.0))),
+    )[int(rng.integers(3))]
+    match int(rng.integers(4)):
+        case 0:
+            return world.edited(add=[shape])
+        case 1:
+            return world.edited(remove=[i])
+        case 2:
+            return world.edited(move={i: (*rng.normal(0.0, 0.5, 2), float(rng.normal()))})
+        case _:
+            return world.edited(replace={i: shape})
+
+
+@pytest.mark.parametrize("exact", ["kernel", "fcl"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_edited_checker_answers_as_one_built_anew(kind: str, exact: str) -> None:
+    rng = np.random.default_rng(5)
+    world = random_world(3, 25, size=20.0, radii=(0.3, 2.0), discs=0.3, holes=0.4, boundary=True)
+    checker = StateChecker(world, ROBOTS[kind], exact=exact)  # type: ignore[arg-type]  # one of the two
+    n = 300 if exact == "kernel" else 40
+    checker.scene.collides(np.array([5.0, 5.0, 0.0]))
+    for _ in range(12):
+        world = random_edit(world, rng)
+        checker = checker.edited(world)
+        anew = StateChecker(world, ROBOTS[kind], exact=exact)  # type: ignore[arg-type]  # one of the two
+        assert checker.world is world
+        q = random_states(world, n, rng)
+        free = checker.valid(q)
+        assert np.array_equal(free, anew.valid(q))
+        assert np.array_equal(checker.clearance(q), anew.clearance(q))
+        a, b = short_motions(world, n, rng, 2.0)
+        assert np.array_equal(checker.motions_valid(a, b), anew.motions_valid(a, b))
+        assert np.array_equal(
+            checker.motions_by_field(q[free][:-1], q[free][1:]), anew.motions_by_field(q[free][:-1], q[free][1:])
+        )
+        for row in q[:20]:
+            assert checker.scene.collides(row) == anew.scene.collides(row)
+            assert checker.scene.clearance(row) == pytest.approx(anew.scene.clearance(row), abs=1e-12)
+
+
+def test_the_old_checker_stays_as_it_is() -> None:
+    rng = np.random.default_rng(0)
+    world = random_world(3, 25, size=20.0, radii=(0.3, 2.0), discs=0.3)
+    checker = StateChecker(world, ROBOTS["rectangle"])
+    q = random_states(world, 2000, rng)
+    old: list[tuple[StateChecker, np.ndarray, np.ndarray]] = []
+    for _ in range(20):
+        old = [(checker, checker.valid(q), checker.clearance(q)), *old[:3]]
+        world = random_edit(world, rng)
+        checker = checker.edited(world)
+        for before, free, clearance in old:
+            assert np.array_equal(before.valid(q), free)
+            assert np.array_equal(before.clearance(q), clearance)
+    assert any(not np.array_equal(free, checker.valid(q)) for _, free, _ in old)
+
+
+def test_obstacles_in_another_order_change_nothing() -> None:
+    world = random_world(3, 25, size=20.0, radii=(0.3, 2.0), discs=0.3)
+    checker = StateChecker(world, ROBOTS["rectangle"])
+    turned = replace(world, obstacles=world.obstacles[::-1])
+    edited = checker.edited(turned).edited(turned.edited(remove=[0]))
+    anew = StateChecker(edited.world, ROBOTS["rectangle"])
+    q = random_states(world, 1000, np.random.default_rng(0))
+    assert np.array_equal(edited.valid(q), anew.valid(q))
+    assert np.array_equal(edited.clearance(q), anew.clearance(q))
+
+
+def test_the_same_world_needs_no_new_checker() -> None:
+    world = random_world(3, 5, size=20.0)
+    checker = StateChecker(world, ROBOTS["rectangle"])
+    assert checker.edited(world) is checker
+
+
+def test_what_cannot_be_edited_is_built_anew() -> None:
+    world = random_world(3, 200, size=20.0)
+    checker = StateChecker(world, Robot.rectangle(1.0, 0.5), cell=0.4)
+    wider = replace(world, bounds=(0.0, 0.0, 30.0, 20.0))
+    walled = replace(world, boundary=Polygon(np.array([[1.0, 1.0], [19.0, 1.0], [19.0, 19.0], [1.0, 19.0]])))
+    for other in (wider, walled, random_world(4, 200, size=20.0)):
+        edited, anew = checker.edited(other), StateChecker(other, checker.robot, cell=0.4)
+        q = random_states(other, 500, np.random.default_rng(0))
+        assert edited.robot is checker.robot
+        assert np.array_equal(edited.valid(q), anew.valid(q))
+        assert edited.field[1:] == anew.field[1:]
+
+
+def test_a_world_grown_for_another_robot_is_refused() -> None:
+    world = random_world(3, 5, size=20.0)
+    checker = StateChecker(world, Robot.rectangle(2.0, 1.0))
+    risk = RiskBound(0.9, np.eye(3) * 1e-4, reach=0.1)
+    with pytest.raises(WorldError, match="grown for a robot that reaches"):
+        checker.edited(replace(world, risk=risk))
