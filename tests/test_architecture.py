@@ -31,6 +31,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"landmarks"}),
     frozenset({"roadmap"}),
     frozenset({"planning"}),
+    frozenset({"audit"}),
     frozenset({"exploration", "ompl_bridge"}),
     frozenset({"benchmark"}),
     frozenset({"plotting", "library"}),

@@ -9,6 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trailmark.audit import PathAudit as PathAudit
+    from trailmark.audit import PathAuditor as PathAuditor
+    from trailmark.audit import check_path as check_path
     from trailmark.changes import Change as Change
     from trailmark.changes import Changes as Changes
     from trailmark.collision import StateChecker as StateChecker
@@ -37,6 +40,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "PathAudit": "audit",
+    "PathAuditor": "audit",
+    "check_path": "audit",
     "Change": "changes",
     "Changes": "changes",
     "StateChecker": "collision",

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 
 from trailmark import se2
 from trailmark.curves import CurvePath, Steering
@@ -106,3 +107,15 @@ def test_a_single_knot_and_equal_knots() -> None:
     assert math.isfinite(twice.states.sum())
     with pytest.raises(ConfigurationError, match="path"):
         CurvePath(np.empty((0, 3)), Steering(1.0))
+
+
+def test_a_polyline_stays_as_near_to_the_curves_as_asked() -> None:
+    path = CurvePath(np.array([[0.0, 0.0, 0.0], [6.0, 3.0, 2.0], [0.0, 1.0, -1.0]]), Steering(1.5))
+    for sagitta in (1e-2, 1e-5):
+        line = path.polyline(sagitta)
+        assert type(line) is Path
+        near = shapely.LineString(line.states[:, :2])
+        dense = shapely.points(path.resample(1e-3).states[:, :2])
+        assert shapely.distance(near, dense).max() < 1.1 * sagitta
+    with pytest.raises(ConfigurationError, match="polyline: sagitta"):
+        path.polyline(0.0)

@@ -1,7 +1,5 @@
 """CurvePath: a path whose configurations are joined by a car's shortest curves, not by straight motions."""
 
-# Tested by tests/curves/test_curve_path.py.
-
 from __future__ import annotations
 
 from dataclasses import dataclass, field
@@ -109,6 +107,14 @@ class CurvePath(Path):
         """
         step = number(step, "resample: step", above=0.0)
         return Path(self._rows(self._places(SAGITTA, step)))
+
+    def polyline(self, sagitta: float) -> Path:
+        """Return a plain path whose straight motions are at most ``sagitta`` metres off the curves.
+
+        Raises:
+            ConfigurationError: a distance that is not a finite number above 0.
+        """
+        return Path(self._rows(self._places(number(sagitta, "polyline: sagitta", above=0.0))))
 
     def reversed(self) -> CurvePath:
         """Return the path driven back from its end to its start; it has the same length.

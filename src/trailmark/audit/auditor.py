@@ -1,0 +1,121 @@
+"""PathAuditor: where a path collides and with what, how near it comes, how long it is; whoever planned it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark import se2
+from trailmark.arguments import one_of
+from trailmark.audit.attribution import Attribution, merged
+from trailmark.audit.body import core_of, whole
+from trailmark.audit.nearest import least_clearance
+from trailmark.audit.result import PathAudit
+from trailmark.audit.scale import Scale
+from trailmark.audit.verdict import colliding_parts
+from trailmark.collision import StateChecker
+from trailmark.curves import CurvePath
+from trailmark.errors import ConfigurationError
+from trailmark.path import Path
+from trailmark.world import Robot, World
+
+__all__ = ["PathAuditor", "check_path"]
+
+SAGITTA = 5e-7
+"""Metres that a car's arc may be off its chords: half of what its certified curves keep from obstacles."""
+
+STILL = 1e-9
+"""Metres, and radians, below which a robot does not move, or turn: rounding has no curvature."""
+
+REMEMBERED = 2
+"""Auditors that :func:`check_path` keeps, so that one who asks for path after path builds none anew."""
+
+_recent: list[PathAuditor] = []
+
+
+class PathAuditor:
+    """Audits paths of one robot in one world: a fraction of a millisecond for a free path of 50 m.
+
+    A path is free if nowhere along it the robot overlaps an obstacle, or reaches over bounds or boundary, by more than
+    1e-7 m: touching is allowed (:class:`trailmark.collision.StateChecker`). It is certified, not sampled: intervals are
+    cleared by distances, and where the robot comes near to something, all events are found at which it may begin or
+    cease to overlap it.
+
+    Args:
+        checker: for the world and the robot.
+    """
+
+    def __init__(self, checker: StateChecker) -> None:
+        one_of(checker, StateChecker, "audit: checker:")
+        self.checker = checker
+        self._core, self._body = core_of(checker.robot), whole(checker.robot)
+        self._attribution = Attribution(checker, self._core)
+
+    def audit(self, path: Path | ArrayLike) -> PathAudit:
+        """Audit a path.
+
+        Args:
+            path: straight motions between states, shape (n, 3), n >= 2, metres and radians, or a Path; of a
+                :class:`~trailmark.curves.CurvePath` the curves.
+
+        Raises:
+            ConfigurationError: another shape, or values that are not finite.
+        """
+        given = path if isinstance(path, Path) else Path(path)  # type: ignore[arg-type]  # it makes an array itself
+        audited = given.polyline(SAGITTA) if isinstance(given, CurvePath) else given
+        if len(audited) < 2:
+            raise ConfigurationError(f"path: expected two or more states, got {len(audited)}")
+        # A copy: read-only arrays would be another type to the kernels, and compiled for anew.
+        states = np.array(audited.states)
+        field, grid, footprint = self.checker.field, self.checker.grid, self.checker.footprint
+        parts = colliding_parts(grid, field, footprint, self._core, states)
+        scale = Scale(states, footprint.sweep_radius)
+        if len(parts):
+            collisions = self._attribution.collisions(scale, merged(parts, scale))
+            clearance, at = 0.0, collisions[0].begin
+        else:
+            collisions = ()
+            clearance, motion, share = least_clearance(grid, field, footprint, self._body, states)
+            at = scale.length(float(scale.place(motion, share)))
+        return PathAudit(
+            path=audited,
+            free=not collisions,
+            collisions=collisions,
+            min_clearance=float(clearance),
+            min_clearance_at=at,
+            length=given.length,
+            rotation=given.rotation,
+            cost=given.cost,
+            max_curvature=_max_curvature(states),
+        )
+
+
+def check_path(world: World, robot: Robot | None, path: Path | ArrayLike) -> PathAudit:
+    """Audit a path of a robot in a world, whoever planned it.
+
+    Args:
+        world: obstacles, bounds and boundary.
+        robot: whose path it is; the world's own robot if None.
+        path: states (n, 3), n >= 2, metres and radians, or a Path; see :meth:`PathAuditor.audit`.
+
+    Raises:
+        ConfigurationError: a path of another shape, or values that are not finite.
+        WorldError: no world, or no robot.
+    """
+    for auditor in _recent:
+        known = auditor.checker
+        if known.world is world and known.robot == (robot or world.robot):
+            return auditor.audit(path)
+    auditor = PathAuditor(StateChecker(world, robot))
+    _recent[:] = [auditor, *_recent[: REMEMBERED - 1]]
+    return auditor.audit(path)
+
+
+def _max_curvature(states: se2.FloatArray) -> float:
+    """Return the largest curvature (1/metres) of the circles that a path's motions are chords of."""
+    moves = se2.difference(states[:-1], states[1:])
+    length, turned = np.hypot(moves[:, 0], moves[:, 1]), np.abs(moves[:, 2])
+    turning = turned > STILL
+    if (turning & (length <= STILL)).any():
+        return np.inf
+    return float((2.0 * np.sin(0.5 * turned[turning]) / length[turning]).max(initial=0.0))

@@ -1,0 +1,83 @@
+"""PathAudit: what an audit of a path says."""
+
+# Tested by tests/audit/test_auditor.py.
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from trailmark.path import Path
+
+__all__ = ["Collision", "PathAudit"]
+
+
+@dataclass(frozen=True)
+class Collision:
+    """An interval of a path on which the robot collides with one obstacle.
+
+    Attributes:
+        begin: where it begins: metres along the path, by the length of its xy curve.
+        end: where it ends.
+        obstacle: the obstacle's id, its index if it has none, ``bounds`` or ``boundary``.
+        depth: metres of the shortest translation that would take the robot out of it (for bounds and boundary: back
+            inside), where that is largest, to a thousandth.
+        motions: the same interval as indices of the path's motions and shares of them: 2.25 is a quarter into the
+            third motion. While a robot turns in place, the length stays the same, and this does not.
+    """
+
+    begin: float
+    end: float
+    obstacle: str | int
+    depth: float
+    motions: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class PathAudit:
+    """What an audit of a path found.
+
+    Attributes:
+        path: what was audited: straight motions between these states, which follow a car's curve within 5e-7 m.
+        free: whether the robot overlaps no obstacle by more than 1e-7 m anywhere along the path, and stays inside.
+        collisions: in their order along the path, by obstacle; empty if it is free.
+        min_clearance: least clearance along the path, metres; found by exact distances, at most 5e-7 m above the true
+            one; 0 if it collides.
+        min_clearance_at: where, metres along the path's xy curve; where the first collision begins if it collides.
+        length: of the xy curve, metres.
+        rotation: Σ |Δθ|, radians.
+        cost: Σ (‖Δxy‖ + 0.5·|Δθ|), metres; a car's is its length.
+        lower_bound: proven lower bound on the cost of any path between the same ends; None if none was computed.
+        max_curvature: largest curvature (1/metres) of a motion in which the robot moves: 2·sin(|Δθ|/2)/‖Δxy‖, that of
+            the circle which both states lie on; infinite where it turns in place.
+    """
+
+    path: Path = field(repr=False)
+    free: bool
+    collisions: tuple[Collision, ...]
+    min_clearance: float
+    min_clearance_at: float
+    length: float
+    rotation: float
+    cost: float
+    max_curvature: float
+    lower_bound: float | None = None
+
+    def to_dict(self, world: str) -> dict[str, Any]:
+        """Return the record that ``check --json`` prints, made of plain numbers, strings and lists.
+
+        An infinite curvature, which JSON cannot hold, is null.
+        """
+        return {
+            "world": world,
+            "free": self.free,
+            "collisions": [
+                {"from": c.begin, "to": c.end, "obstacle": c.obstacle, "depth": c.depth} for c in self.collisions
+            ],
+            "min_clearance": self.min_clearance,
+            "min_clearance_at": self.min_clearance_at,
+            "length": self.length,
+            "rotation": self.rotation,
+            "cost": self.cost,
+            "lower_bound": self.lower_bound,
+            "max_curvature": self.max_curvature if self.max_curvature < float("inf") else None,
+        }

@@ -1,0 +1,168 @@
+"""Where along a path the robot collides: nothing is sampled, no collision is missed and touching is none."""
+
+# Tested by tests/audit/test_auditor.py.
+from __future__ import annotations
+
+from math import cos, fabs, hypot, sin
+
+import numpy as np
+
+from trailmark.audit.body import Body
+from trailmark.audit.pieces import chord_error, nearby, overlapping, sweep
+from trailmark.collision.certify import StraightTrack
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.footprint import Footprint
+from trailmark.collision.kernels import ROUNDING, exact_clearance, field_clearance, field_value, workspace
+from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
+from trailmark.heading import turn
+from trailmark.se2 import FloatArray
+
+__all__ = ["colliding_parts", "pose_on", "track_of"]
+
+OFF_CHORD = 2e-8
+"""Metres that a point may be off its chord where a collision is decided: a fifth of what counts as touching."""
+
+SHARE = 0.1
+"""Of half of an interval: where the clearance is less, bisection takes many steps, and the events of the piece few."""
+
+LONGEST = 4.0
+"""Circumradii that a piece is long at most whose events are sought: over a longer one, too many obstacles are near."""
+
+SHORTEST = 1e-9
+"""Metres: what happens between two events that are nearer to one another is not looked at."""
+
+
+@njit(cache=True)
+def track_of(robot: Footprint, a: FloatArray, b: FloatArray) -> StraightTrack:
+    """Return the straight motion from a to b, each of shape (3,), with a scale that no point of the robot outruns."""
+    dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
+    bound = hypot(dx, dy) + robot.sweep_radius * fabs(dtheta)
+    rate = 1.0 / bound if bound > 0.0 else 0.0
+    return StraightTrack(a[0], a[1], a[2], rate * dx, rate * dy, rate * dtheta, bound)
+
+
+@njit(cache=True)
+def pose_on(track: StraightTrack, along: float) -> FloatArray:
+    """Return the configuration at a place on the track's scale, shape (3,), the heading not wrapped."""
+    return np.array([track.x + along * track.dx, track.y + along * track.dy, track.theta + along * track.dtheta])
+
+
+@njit(cache=True)
+def _field_depth(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float) -> float:
+    """Return how far (metres) the robot can be moved anywhere and surely still collides; 0 if that is not known."""
+    best = 0.0
+    for k in range(len(robot.inner)):
+        bx, by, r = robot.inner[k, 0], robot.inner[k, 1], robot.inner[k, 2]
+        if r - 1e-6 - field.slack <= best:
+            break  # they become smaller
+        best = max(best, r - 1e-6 - field.slack - field_value(field, x + c * bx - s * by, y + s * bx + c * by))
+    return best
+
+
+@njit(cache=True)
+def _add(parts: FloatArray, count: int, motion: int, low: float, high: float) -> FloatArray:
+    """Return the rows with one more, in twice the memory where there is none left."""
+    if count == len(parts):
+        more = np.empty((2 * count, 3))
+        more[:count] = parts
+        parts = more
+    parts[count, 0], parts[count, 1], parts[count, 2] = motion, low, high
+    return parts
+
+
+@njit(cache=True, nogil=True)
+def colliding_parts(
+    grid: ObstacleGrid, field: ClearanceField, robot: Footprint, core: Body, states: FloatArray
+) -> FloatArray:
+    """Return the parts of a path on which the robot collides, in no order; they may abut.
+
+    An interval of a motion is free if the clearance in its middle is at least half of its length, and if chords stay
+    farther from all obstacles than points are off their chords. One so short that points go along their chords is
+    divided at all events (:func:`trailmark.audit.pieces.sweep`): between two of them the robot collides all along, or
+    not at all. Others are halved.
+
+    Args:
+        grid: the obstacles.
+        field: their clearance field.
+        robot: its footprint.
+        core: what of it may meet no obstacle.
+        states: shape (n, 3).
+
+    Returns:
+        Rows (motion, from, to), the latter two as shares of the motion.
+    """
+    parts, count = np.empty((16, 3)), 0
+    placed, core_placed = workspace(robot), np.empty((len(core.vertices), 2))
+    items, times = np.empty(1024, np.int64), np.empty(512)
+    stack = np.empty((256, 2))
+    for i in range(max(1, len(states) - 1)):
+        track = track_of(robot, states[i], states[min(i + 1, len(states) - 1)])
+        bound = track.bound
+        if bound == 0.0:
+            if overlapping(grid, core, core_placed, track.x, track.y, track.theta):
+                parts = _add(parts, count, i, 0.0, 1.0)
+                count += 1
+            continue
+        speed, spin = hypot(track.dx, track.dy), fabs(track.dtheta)
+        stack[0, 0], stack[0, 1] = 0.0, bound
+        depth = 1
+        while depth > 0:
+            depth -= 1
+            low, high = stack[depth]
+            middle, half = 0.5 * (low + high), 0.5 * (high - low)
+            need = half + ROUNDING
+            x, y, theta = track.x + middle * track.dx, track.y + middle * track.dy, track.theta + middle * track.dtheta
+            c, s = cos(theta), sin(theta)
+            d = field_clearance(field, robot, x, y, c, s, need)
+            if d >= need:
+                continue
+            hit = 0.0
+            if d < 2.0 * field.slack:
+                hit = _field_depth(field, robot, x, y, c, s) if d < 0.0 else 0.0
+                if hit == 0.0:
+                    cap = min(need + ROUNDING, max(d, 0.0) + 4.0 * field.slack)
+                    d = exact_clearance(grid, robot, placed, x, y, c, s, cap)
+                    if d >= need:
+                        continue
+            if hit > 0.0:
+                parts = _add(parts, count, i, max(low, middle - hit) / bound, min(high, middle + hit) / bound)
+                count += 1
+                d = hit
+            elif half < SHORTEST:
+                if overlapping(grid, core, core_placed, x, y, theta):
+                    parts = _add(parts, count, i, low / bound, high / bound)
+                    count += 1
+                continue
+            elif d <= SHARE * half and high - low <= LONGEST * robot.circumradius:
+                reach = core.reach + half
+                error = chord_error(high - low, speed, spin, core.turning, reach + half)
+                if error <= max(OFF_CHORD, d):
+                    reach += error
+                    near = nearby(grid, x - reach, y - reach, x + reach, y + reach, items)
+                    ends = pose_on(track, low), pose_on(track, high)
+                    found, least = len(times), 0.0
+                    if near >= 0:
+                        found, least, _ = sweep(grid, core, items[:near], ends[0], ends[1], 2.0 * error, times)
+                    if d > 0.0 and least > error + ROUNDING:
+                        continue
+                    if error <= OFF_CHORD and found < len(times):
+                        ordered = np.sort(times[:found])
+                        before = 0.0
+                        for k in range(found + 1):
+                            after = ordered[k] if k < found else 1.0
+                            if (high - low) * (after - before) <= SHORTEST:
+                                continue
+                            q = pose_on(track, low + 0.5 * (before + after) * (high - low))
+                            if overlapping(grid, core, core_placed, q[0], q[1], q[2]):
+                                begin, end = low + before * (high - low), low + after * (high - low)
+                                parts = _add(parts, count, i, begin / bound, end / bound)
+                                count += 1
+                            before = after
+                        continue
+            d = max(0.0, d - ROUNDING)
+            if d < half:
+                stack[depth, 0], stack[depth, 1] = middle + d, high
+                stack[depth + 1, 0], stack[depth + 1, 1] = low, middle - d
+                depth += 2
+    return parts[:count]

@@ -1,0 +1,276 @@
+"""PathAuditor: verdict, intervals, obstacles and least clearance, against geometry that is known and shapely."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from trailmark import se2
+from trailmark.audit import PathAudit, PathAuditor, check_path
+from trailmark.collision import StateChecker
+from trailmark.curves import CurvePath, Steering
+from trailmark.errors import ConfigurationError, WorldError
+from trailmark.path import Path
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.world import Robot, World
+
+BOUNDS = (0.0, 0.0, 20.0, 20.0)
+BOX = Rectangle((10.0, 10.0), 2.0, 2.0)
+SQUARE = Robot.rectangle(1.0, 1.0)
+L_ROBOT = Robot.polygon([[0.0, 0.0], [2.0, 0.0], [2.0, 0.5], [0.5, 0.5], [0.5, 2.0], [0.0, 2.0]])
+
+
+def audit(obstacles: tuple[Shape, ...], robot: Robot, states: Any, **more: Any) -> PathAudit:
+    return check_path(World("w", BOUNDS, obstacles, **more), robot, states)
+
+
+def test_a_robot_that_drives_through_a_box() -> None:
+    found = audit((BOX,), SQUARE, [[5, 10.2, 0], [15, 10.2, 0]])
+    (hit,) = found.collisions
+    assert not found.free
+    assert (hit.begin, hit.end) == pytest.approx((3.5, 6.5), abs=1e-6)
+    assert hit.obstacle == 0
+    assert hit.depth == pytest.approx(1.3, rel=1e-3)  # out by the upper side: half of both less 0.2
+    assert hit.motions == pytest.approx((0.35, 0.65), abs=1e-6)
+    assert (found.min_clearance, found.min_clearance_at) == (0.0, hit.begin)
+    assert (found.length, found.rotation, found.cost) == (10.0, 0.0, 10.0)
+
+
+def test_a_free_path_and_where_it_is_narrowest() -> None:
+    found = audit((BOX, Disc((14.0, 8.0), 0.5)), SQUARE, [[5, 12, 0], [15, 12, 0], [15, 5, 0]])
+    assert found.free
+    assert found.collisions == ()
+    assert found.min_clearance == pytest.approx(0.0, abs=1e-6)  # the disc's edge at x = 14.5, as the robot's side
+    corner = audit((BOX,), SQUARE, [[5, 12.25, 0], [15, 12.25, 0]])
+    assert corner.min_clearance == pytest.approx(0.75, abs=1e-6)
+    assert 3.4 <= corner.min_clearance_at <= 6.6
+
+
+def test_every_obstacle_met_has_its_own_intervals() -> None:
+    discs = tuple(Disc((x, 10.0), 0.5) for x in (6.0, 8.0, 10.0))
+    world = World("w", BOUNDS, (*discs, Disc((3.0, 3.0), 1.0)), ids=("first", None, "third", None))
+    found = check_path(world, Robot.disc(0.5), np.array([[4, 10, 0], [12, 10, 0], [4, 10, math.pi]]))
+    assert [c.obstacle for c in found.collisions] == ["first", 1, "third", "third", 1, "first"]
+    assert [c.begin for c in found.collisions] == pytest.approx([1, 3, 5, 9, 11, 13], abs=1e-6)
+    assert [c.depth for c in found.collisions] == pytest.approx([1.0] * 6, rel=1e-3)
+
+
+def test_overlapping_obstacles_are_told_apart() -> None:
+    found = audit((BOX, Disc((11.0, 10.0), 1.0)), Robot.disc(0.25), [[5, 10, 0], [15, 10, 0]])
+    rows: list[Any] = [(c.obstacle, c.begin, c.end) for c in found.collisions]
+    assert rows == [
+        (0, pytest.approx(3.75, abs=1e-6), pytest.approx(6.25, abs=1e-6)),
+        (1, pytest.approx(4.75, abs=1e-6), pytest.approx(7.25, abs=1e-6)),
+    ]
+
+
+def test_bounds_and_boundary() -> None:
+    inside = Polygon(np.array([[2, 2], [18, 2], [18, 18], [2, 18.0]]))
+    out = audit((), SQUARE, [[10, 10, 0], [19.7, 10, 0]])
+    rows: list[Any] = [(c.obstacle, c.depth) for c in out.collisions]
+    assert rows == [("bounds", pytest.approx(0.2, rel=1e-3))]
+    over = audit((), SQUARE, [[10, 10, 0], [17.6, 10, 0], [10, 10, 0]], boundary=inside)
+    rows = [(c.obstacle, c.depth) for c in over.collisions]
+    assert rows == [("boundary", pytest.approx(0.1, rel=1e-3))]
+    assert (over.collisions[0].begin, over.collisions[0].end) == pytest.approx((7.5, 7.7), abs=1e-6)
+    both = audit((), Robot.disc(0.5), [[10, 10, 0], [25, 10, 0]], boundary=inside)
+    assert {c.obstacle for c in both.collisions} == {"bounds", "boundary"}
+
+
+@pytest.mark.parametrize("offset", [0.0, 1e5, -3e6])
+@pytest.mark.parametrize("robot", [SQUARE, L_ROBOT, Robot.disc(0.5)], ids=["square", "L", "disc"])
+def test_touching_is_free_and_a_micrometre_deeper_is_not(robot: Robot, offset: float) -> None:
+    # The lower edge of the robot slides along the upper edge of a wall, 8 m long.
+    low = robot.footprint.bounding_box()[1]
+    bounds = (offset, offset, offset + 20.0, offset + 20.0)
+    wall = Rectangle((offset + 10.0, offset + 5.0), 12.0, 1.0)
+    digits = 1e-9 * max(1.0, abs(offset) / 1e5)
+    for gap, free in ((0.0, True), (5e-8, True), (-5e-8, True), (-1e-6, False), (1e-6, True)):
+        y = offset + 5.5 - low + gap
+        found = check_path(World("w", bounds, (wall,)), robot, [[offset + 6, y, 0], [offset + 14, y, 0]])
+        assert found.free == free, gap
+        if free:
+            assert found.min_clearance == pytest.approx(max(0.0, gap), abs=2e-7 + digits)
+
+
+def test_touching_while_turning() -> None:
+    # A regular 64-gon turns in place, its corners passing a wall at a distance of 1e-8 m, then a micrometre deep.
+    angles = 2 * math.pi * np.arange(64) / 64
+    robot = Robot.polygon(np.column_stack([np.cos(angles), np.sin(angles)]).tolist())
+    for gap, free in ((1e-8, True), (-1e-6, False)):
+        wall = Rectangle((10.0, 8.5 - gap), 20.0, 1.0)
+        found = audit((wall,), robot, [[10, 10, 0.02], [10, 10, 3.0], [10, 10, -0.5]])
+        assert found.free == free
+        assert found.length == 0.0
+        if not free:
+            assert all(c.begin == c.end == 0.0 for c in found.collisions)
+            assert 28 <= len(found.collisions) <= 62  # each corner that passes
+            assert found.max_curvature == math.inf
+            assert found.to_dict("w")["max_curvature"] is None
+
+
+def test_a_tiny_turn_on_a_long_way_along_a_wall() -> None:
+    wall = Rectangle((10.0, 5.0), 18.0, 1.0)
+    for turn in (1e-12, 1e-9, 1e-6):
+        assert audit((wall,), SQUARE, [[3, 6.0, 0], [17, 6.0, turn]]).free == (turn < 1e-6)
+        assert audit((wall,), SQUARE, [[3, 6.0 + 1e-6, 0], [17, 6.0 + 1e-6, turn]]).free
+
+
+def test_a_thin_wall_between_two_states() -> None:
+    for thickness in (1e-3, 1e-6):
+        wall = Rectangle((10.0, 10.0), thickness, 19.0)
+        (hit,) = audit((wall,), Robot.disc(0.3), [[5, 10, 0], [15, 10, 0]]).collisions
+        assert (hit.begin, hit.end) == pytest.approx((4.7 - thickness / 2, 5.3 + thickness / 2), abs=1e-6)
+
+
+def test_a_vertex_that_is_passed() -> None:
+    # The tip of a diamond at (10, 11): the square's lower right corner comes to it and no farther, then 1e-5 m deeper.
+    diamond = Polygon(np.array([[9, 10], [10, 9], [11, 10], [10, 11.0]]))
+    for gap, free in ((0.0, True), (-1e-5, False)):
+        y = 11.5 + gap
+        assert audit((diamond,), SQUARE, [[5, y, 0], [15, y, 0]]).free == free
+    straight_through = audit(
+        (diamond,), Robot.polygon([[-0.5, 0], [0, -0.5], [0.5, 0], [0, 0.5]]), [[10, 19, 0], [10, 2, 0]]
+    )
+    (hit,) = straight_through.collisions
+    assert (hit.begin, hit.end) == pytest.approx((7.5, 10.5), abs=1e-6)
+
+
+def test_wholly_inside_an_obstacle_and_inside_a_hole() -> None:
+    ring = Polygon(
+        np.array([[2, 2], [18, 2], [18, 18], [2, 18.0]]), (np.array([[6, 6], [14, 6], [14, 14], [6, 14.0]]),)
+    )
+    small = Robot.rectangle(0.4, 0.2)
+    inside = audit((ring,), small, [[3, 4, 0], [4, 4, 2.0]])
+    (hit,) = inside.collisions
+    assert hit.motions == pytest.approx((0.0, 1.0))
+    hole = audit((ring,), small, [[8, 8, 0], [12, 12, 3.0]])
+    assert hole.free
+    through = audit((ring,), small, [[10, 10, 0], [1, 10, 0]])
+    rows: list[Any] = [(c.begin, c.end) for c in through.collisions]
+    assert rows == [(pytest.approx(3.8, abs=1e-6), pytest.approx(8.2, abs=1e-6))]
+    whole = audit((Disc((10, 10), 3.0),), small, [[10, 10, 0], [10, 10, 0]])
+    rows = [(c.begin, c.end, c.obstacle) for c in whole.collisions]
+    assert rows == [(0.0, 0.0, 0)]
+    assert whole.collisions[0].depth == pytest.approx(3.1, rel=2e-3)
+
+
+def test_headings_around_pi_go_the_shorter_way() -> None:
+    post = Disc((10.0, 12.0), 0.5)
+    bar = Robot.rectangle(4.0, 0.2)
+    near_pi = math.pi - 0.1
+    assert audit((post,), bar, [[10, 10, near_pi], [10, 10, -near_pi]]).free
+    # Half a turn has one stated direction, +pi: by the side where the post stands, or by the other.
+    assert not audit((post,), bar, [[10, 10, 0], [10, 10, math.pi]]).free
+    assert not audit((post,), bar, [[10, 10, 0.1], [10, 10, 3.0]]).free
+    assert audit(
+        (Disc((10.0, 12.0), 0.5),),
+        Robot.polygon([[0, -0.1], [2, -0.1], [2, 0.1], [0, 0.1]]),
+        [[10, 10, -3.0], [10, 10, -0.1]],
+    ).free
+
+
+def test_a_non_convex_robot_may_hold_an_obstacle_in_its_notch() -> None:
+    post = Disc((11.0, 11.0), 0.3)
+    assert audit((post,), L_ROBOT, [[10, 10, 0], [10.1, 10.1, 0]]).free
+    (hit,) = audit((post,), L_ROBOT, [[10, 10, 0], [12, 10, 0]]).collisions
+    assert hit.begin == pytest.approx(0.2, abs=1e-6)
+
+
+def test_a_car_s_curve_is_audited_not_the_chords_of_its_states() -> None:
+    steering = Steering(4.0)
+    path = CurvePath(np.array([[5.0, 5.0, 0.0], [9.0, 9.0, math.pi / 2]]), steering)
+    car = Robot.rectangle(1.0, 0.5).steered(4.0)
+    # A wall that the arc's outer corner passes at 2 µm.
+    places = path.resample(1e-3).states
+    corner = se2.transform(places, car.outline.vertices).reshape(-1, 2)
+    away = corner @ np.array([math.sqrt(0.5), -math.sqrt(0.5)])
+    centre = np.array([7.0, 7.0]) + (away.max() + 0.5 + 2e-6 - 0.0) * np.array([math.sqrt(0.5), -math.sqrt(0.5)])
+    wall = Rectangle((float(centre[0]), float(centre[1])), 4.0, 1.0, math.pi / 4)
+    found = audit((wall,), car, path)
+    assert found.free
+    assert 0.0 < found.min_clearance < 3e-6
+    assert found.max_curvature == pytest.approx(0.25, rel=1e-6)
+    assert found.cost == found.length == pytest.approx(2 * math.pi)
+
+
+def test_random_paths_agree_with_dense_sampling() -> None:
+    rng = np.random.default_rng(5)
+    compared = collided = 0
+    for _ in range(150):
+        obstacles: list[Shape] = []
+        for _ in range(6):
+            x, y = rng.uniform(3, 17, 2)
+            kind = rng.integers(3)
+            if kind == 0:
+                obstacles.append(Disc((x, y), rng.uniform(0.2, 1.5)))
+            elif kind == 1:
+                obstacles.append(Rectangle((x, y), rng.uniform(0.2, 3), rng.uniform(0.2, 3), rng.uniform(-3, 3)))
+            else:
+                radii, angles = rng.uniform(0.3, 2, 8), np.sort(rng.uniform(0, 2 * math.pi, 8))
+                ring = np.column_stack([x + radii * np.cos(angles), y + radii * np.sin(angles)])
+                if shapely.Polygon(ring).is_valid:
+                    obstacles.append(Polygon(ring))
+        robot = (SQUARE, L_ROBOT, Robot.disc(0.4), Robot.rectangle(2.0, 0.3))[rng.integers(4)]
+        states = np.column_stack([rng.uniform(2.5, 17.5, (3, 2)), rng.uniform(-math.pi, math.pi, 3)])
+        auditor = PathAuditor(StateChecker(World("w", BOUNDS, tuple(obstacles)), robot))
+        found = auditor.audit(states)
+        dense = Path(states).resample(0.002)
+        steps = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense.states[:, :2], axis=0).T))])
+        hit = ~auditor.checker.valid(dense.states)
+        compared += 1
+        collided += not found.free
+        if hit.any():
+            assert not found.free
+            covered = np.zeros(len(hit), dtype=bool)
+            for c in found.collisions:
+                covered |= (steps >= c.begin - 1e-6) & (steps <= c.end + 1e-6)
+            assert covered[hit].all()
+            assert covered.sum() <= hit.sum() + 2 * len(found.collisions)
+            assert found.min_clearance_at == pytest.approx(steps[np.argmax(hit)], abs=0.003)
+        elif found.free:
+            least = auditor.checker.clearance(dense.states).min()
+            assert least - 0.005 <= found.min_clearance <= least + 1e-6
+        else:  # shallow, between two samples
+            assert sum(c.end - c.begin for c in found.collisions) < 0.05
+    assert 40 < collided < compared - 20
+
+
+def test_an_auditor_is_reused_while_world_and_robot_stay() -> None:
+    world = World("w", BOUNDS, (BOX,), SQUARE)
+    path = np.array([[5, 5, 0], [6, 5, 0]])
+    assert check_path(world, None, path) == check_path(world, SQUARE, path)
+    moved = world.edited(move={0: (-4.5, -5.0)})
+    assert not check_path(moved, None, path).free
+    assert check_path(world, None, path).free
+    assert check_path(world, Robot.disc(0.1), path).min_clearance > 4.0
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ([], "path"),
+        ([[1, 1, 0]], "path: expected two or more states, got 1"),
+        ([[1, 1, 0], [math.nan, 1, 0]], "not a finite number"),
+        ([[1, 1], [2, 2]], "expected shape"),
+        ("path", "path"),
+        (None, "path"),
+    ],
+)
+def test_what_is_no_path_is_refused_in_one_line(path: Any, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        audit((), SQUARE, path)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_a_robot_or_a_world_nothing_is_audited() -> None:
+    with pytest.raises(WorldError, match="names no robot"):
+        check_path(World("w", BOUNDS), None, [[1, 1, 0], [2, 2, 0]])
+    with pytest.raises(WorldError, match="world: expected World"):
+        check_path("office", SQUARE, [[1, 1, 0], [2, 2, 0]])  # type: ignore[arg-type]  # misuse
+    with pytest.raises(ConfigurationError, match="audit: checker: expected StateChecker"):
+        PathAuditor(SQUARE)  # type: ignore[arg-type]  # misuse

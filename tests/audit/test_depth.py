@@ -1,0 +1,88 @@
+"""Penetration depth: known cases, and that a translation of that length separates and no shorter one does."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from trailmark import se2
+from trailmark.audit.depth import Penetration, bounds_depth, deepest
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.world import Robot
+
+U_SHAPE = Polygon(np.array([[0, 0], [4, 0], [4, 4], [3, 4], [3, 1], [1, 1], [1, 4], [0, 4.0]]))
+RING = Polygon(np.array([[-3, -3], [3, -3], [3, 3], [-3, 3.0]]), (np.array([[-2, -2], [2, -2], [2, 2], [-2, 2.0]]),))
+L_ROBOT = Robot.polygon([[0, 0], [1, 0], [1, 0.4], [0.4, 0.4], [0.4, 1], [0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("robot", "shape", "state", "depth"),
+    [
+        (Robot.disc(0.5), Disc((0, 0), 1.0), (1.2, 0, 0), 0.3),
+        (Robot.disc(0.5), Disc((0, 0), 1.0), (1.6, 0, 0), 0.0),
+        (Robot.disc(0.5), Rectangle((0, 0), 2, 4), (1.2, 0, 0), 0.3),
+        (Robot.disc(0.5), Rectangle((0, 0), 2, 4), (0.2, 0, 0), 1.3),
+        (Robot.rectangle(1, 1), Disc((0, 0), 1.0), (1.2, 0, 0), 0.3),
+        (Robot.rectangle(1, 1), Rectangle((0, 0), 2, 2), (1.2, 0, 0), 0.3),
+        (Robot.rectangle(1, 1), Rectangle((0, 0), 0.02, 10), (0.0, 0, 0), 0.51),
+        (Robot.rectangle(1, 1), U_SHAPE, (2, 1.3, 0), 0.2),  # up, out of the bottom of the U
+        (Robot.rectangle(1.8, 1), U_SHAPE, (2, 1.3, 0), 0.2),
+        (Robot.rectangle(2.2, 1), U_SHAPE, (2, 3.8, 0), 0.7),  # too wide for it: above it
+        (Robot.disc(0.5), RING, (1.7, 0, 0), 0.2),
+        (Robot.disc(0.5), RING, (0, 0, 0), 0.0),
+        (Robot.rectangle(1, 1), RING, (0, -1.7, 0), 0.2),
+        (Robot.rectangle(1, 1), RING, (0, -2.5, 0), 1.0),
+    ],
+)
+def test_known_depths(robot: Robot, shape: Shape, state: tuple[float, float, float], depth: float) -> None:
+    assert Penetration(robot, shape).at(np.array([state], dtype=float)) == pytest.approx([depth], abs=2e-4)
+
+
+@pytest.mark.parametrize("robot", [L_ROBOT, Robot.disc(0.4), Robot.rectangle(1.5, 0.3)])
+@pytest.mark.parametrize("shape", [U_SHAPE, RING, Rectangle((1, 1), 3, 1, 0.4), Disc((1, 1), 1.2)])
+def test_the_depth_is_the_shortest_way_out(robot: Robot, shape: Shape) -> None:
+    rng = np.random.default_rng(0)
+    region = (
+        shapely.Point(shape.center).buffer(shape.radius, 128) if isinstance(shape, Disc) else shape.polygon().shapely()
+    )
+    angles = np.linspace(0, 2 * math.pi, 180, endpoint=False)
+    for _ in range(25):
+        state = np.array([*rng.uniform(-3.5, 4.5, 2), rng.uniform(-3, 3)])
+        depth = float(Penetration(robot, shape).at(state[None])[0])
+        if isinstance(robot.footprint, Disc):
+            body = shapely.Point(state[:2]).buffer(robot.footprint.radius, 128)
+        else:
+            body = shapely.Polygon(se2.transform(state, robot.outline.vertices))
+        if depth == 0.0:
+            assert shapely.intersection(body, region).area < 1e-3
+            continue
+        assert shapely.intersects(body, region)
+        ways = np.column_stack([np.cos(angles), np.sin(angles)])
+        overlap = [
+            shapely.intersection(shapely.affinity.translate(body, *(0.98 * depth * w)), region).area for w in ways
+        ]
+        assert min(overlap) > 0.0
+        overlap = [
+            shapely.intersection(shapely.affinity.translate(body, *(1.01 * depth * w)), region).area for w in ways
+        ]
+        assert min(overlap) < 2e-3
+
+
+def test_the_way_back_inside_the_bounds() -> None:
+    bounds = (0.0, 0.0, 10.0, 10.0)
+    states = np.array([[5, 5, 1], [0.3, 5, 0], [9.9, 9.8, 0], [0.5, 0.5, math.pi / 2]])
+    assert bounds_depth(Robot.rectangle(1, 1), bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
+    assert bounds_depth(Robot.disc(0.5), bounds, states) == pytest.approx([0, 0.2, 0.5, 0], abs=1e-12)
+
+
+def test_the_largest_depth_of_an_interval() -> None:
+    disc = Penetration(Robot.disc(0.5), Disc((0, 0), 1.0))
+
+    def poses(places: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.asarray(places) - 3.0, np.full(len(places), 1.1), np.zeros(len(places))])
+
+    assert deepest(disc.at, poses, 0.0, 5.0) == pytest.approx(0.4, rel=1e-3)
+    assert deepest(disc.at, poses, 3.0, 3.0) == pytest.approx(0.4)
