@@ -71,10 +71,9 @@ def nearby(grid: ObstacleGrid, x1: float, y1: float, x2: float, y2: float, found
     count = 0
     if left > right:
         return 0
-    last = before = -1
+    last = before = len(grid.segments)  # no item's number
     for row in range(low, high + 1):
-        base = row * grid.columns
-        for k in range(grid.cell_start[base + left], grid.cell_start[base + right + 1]):
+        for k in range(grid.cell_start[row, left], grid.cell_start[row, right + 1]):
             item = grid.items[k]
             # An item lies in many consecutive cells.
             if item in (last, before):
@@ -213,7 +212,7 @@ def sweep(
         The number of events, all of ``times`` if there may be more; the least distance, 0 if there are events and
         ``cap`` if it is not below; when it comes, 0 to 1.
     """
-    count, m, n = 0, len(grid.segments), len(body.vertices)
+    count, n = 0, len(body.vertices)
     least, when = cap, 0.0
     # Relative to the piece's start, where coordinates are small and rounding with them.
     ox, oy = start[0], start[1]
@@ -231,18 +230,18 @@ def sweep(
         x1, x2 = min(x1, placed[k, 0], placed[k, 2]), max(x2, placed[k, 0], placed[k, 2])
         y1, y2 = min(y1, placed[k, 1], placed[k, 3]), max(y2, placed[k, 1], placed[k, 3])
     for item in items:
-        if item < m:
+        if item >= 0:
             ax, ay = grid.segments[item, 0] - ox, grid.segments[item, 1] - oy
             bx, by = grid.segments[item, 2] - ox, grid.segments[item, 3] - oy
             radius = body.radius
         else:
-            ax, ay = grid.discs[item - m, 0] - ox, grid.discs[item - m, 1] - oy
+            ax, ay = grid.discs[-1 - item, 0] - ox, grid.discs[-1 - item, 1] - oy
             bx, by = ax, ay
-            radius = body.radius + grid.discs[item - m, 2]
+            radius = body.radius + grid.discs[-1 - item, 2]
         reach = least + radius
         if min(ax, bx) > x2 + reach or max(ax, bx) < x1 - reach or min(ay, by) > y2 + reach or max(ay, by) < y1 - reach:
             continue
-        if item < m:
+        if item >= 0:
             for k in range(n):
                 px, py, qx, qy = placed[k]
                 found, at = _chord_distance(px, py, qx, qy, ax, ay, bx, by)
