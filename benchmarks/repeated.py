@@ -33,8 +33,8 @@ from trailmark.formats.files import write_atomically
 from trailmark.landmarks import free_samples
 from trailmark.library import shipped_worlds
 from trailmark.planning import incumbent as incumbent_module
-from trailmark.planning import planner as planner_module
 from trailmark.planning import query as query_module
+from trailmark.planning import single_query as planner_module
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import Query
 from trailmark.planning.result import Status
@@ -70,9 +70,9 @@ def ask(planner: LandmarkPlanner, start: FloatArray, goal: FloatArray, limit: fl
     """Plan, and count the work; times are the thread's own, which other programs do not disturb."""
     queries: list[Query] = []
 
-    def counted(query: Query, bound: LowerBound | None) -> Status:
+    def counted(query: Query, bound: LowerBound | None, known: FloatArray | None = None) -> Status:
         queries.append(query)
-        return solve(query, bound)
+        return solve(query, bound, known)
 
     with ExitStack() as stack:
         stack.enter_context(patch.object(planner_module, "solve", counted))
@@ -123,7 +123,7 @@ def _run(kept: LandmarkPlanner, pairs: FloatArray) -> list[dict[str, Any]]:
     for i, (start, goal) in enumerate(pairs):
         fresh = LandmarkPlanner(kept.world, kept.robot, seed=i, checker=kept.checker)
         # The grid of the relaxed problem belongs to the world, as the checker does.
-        fresh.bound, fresh.relaxation = kept.bound, kept.relaxation
+        fresh._model.bound, fresh._model.relaxation = kept.bound, kept.relaxation
         # By turns: whoever comes first finds the caches cold.
         order = [("kept", kept), ("fresh", fresh)][:: 1 if i % 2 else -1]
         asked = {name: ask(planner, start, goal, LIMIT) for name, planner in order}

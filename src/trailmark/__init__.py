@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from trailmark.planning import PlannerSettings as PlannerSettings
     from trailmark.planning import PlanProgress as PlanProgress
     from trailmark.planning import PlanResult as PlanResult
+    from trailmark.planning import ReplanResult as ReplanResult
+    from trailmark.planning import Update as Update
     from trailmark.roadmap import Roadmap as Roadmap
     from trailmark.shapes import Disc as Disc
     from trailmark.shapes import Polygon as Polygon
@@ -60,6 +62,8 @@ _HOME = {
     "LandmarkPlanner": "planning",
     "PlanProgress": "planning",
     "PlanResult": "planning",
+    "ReplanResult": "planning",
+    "Update": "planning",
     "PlannerSettings": "planning",
     "Roadmap": "roadmap",
     "Disc": "shapes",

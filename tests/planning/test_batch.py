@@ -107,7 +107,7 @@ def test_many_threads_ask_one_planner_while_it_grows() -> None:
     planner.build(6000)
     starts, goals = queries(planner, 40)
     # What the roadmap does not answer, it would learn.
-    snapshot = planner._shared.snapshot(lambda: planner.relaxation)
+    snapshot = planner._model.shared.snapshot(lambda: planner.relaxation)
     known = [snapshot.find_path(a.copy(), b.copy()) is not None for a, b in zip(starts, goals, strict=True)]
     starts, goals = starts[known], goals[known]
     assert len(starts) > 30
@@ -120,7 +120,7 @@ def test_many_threads_ask_one_planner_while_it_grows() -> None:
 
     def grow(i: int) -> bool:
         # What is known already adds nothing.
-        with planner._shared.lock:
+        with planner._model.shared.lock:
             planner.roadmap.add(free_samples(planner.checker, 20, random_state=i))
         return planner.plan(starts[i], goals[i], time_limit=60.0, max_iterations=1).status == "solved"
 
@@ -206,7 +206,7 @@ def test_a_general_roadmap_stops_where_more_would_not_help() -> None:
     assert len(rounds) == 2
     full = LandmarkPlanner(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4.0, 4.0),)), Robot.disc(0.5), seed=0)
     with pytest.raises(TrailmarkError, match="no free place for the robot was found"):
-        full._shared.snapshot(lambda: full.relaxation)
+        full._model.shared.snapshot(lambda: full.relaxation)
 
 
 def test_building_keeps_to_the_time_and_goes_on_later() -> None:
@@ -263,10 +263,10 @@ def test_landmarks_that_were_asked_for_keep_to_half_of_the_limit() -> None:
     result = planner.plan(starts[0], goals[0], 0.5)
     assert result.status == "solved"
     assert 16 <= result.landmarks < 100_000
-    before = planner._shared.to_place
+    before = planner._model.shared.to_place
     assert 0 < before < 100_000
     planner.plan(starts[0], goals[0], 0.5)
-    assert planner._shared.to_place < before
+    assert planner._model.shared.to_place < before
 
 
 def test_each_stops_at_the_first_exception() -> None:

@@ -223,7 +223,7 @@ def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
         assert (answered[i].lower_bound or 0.0) <= path.cost + 1e-9
     # Once more, by threads: what the roadmap answers changes nothing in it, and is answered alike.
     nodes = len(planner.roadmap)
-    snapshot = planner._shared.snapshot(lambda: planner.relaxation)
+    snapshot = planner._model.shared.snapshot(lambda: planner.relaxation)
     known = ends[[i for i in solved if snapshot.find_path(ends[i, 0].copy(), ends[i, 1].copy()) is not None]]
     assert len(known) >= 12
     alone, beside = (planner.plan_many(known[:, 0], known[:, 1], 2.0, workers=n) for n in (1, 2))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 from benchmarks.random_worlds import ROBOTS, random_world
+from numpy.typing import NDArray
 
 from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2
 from trailmark.errors import InternalErrorWarning
@@ -171,15 +172,15 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
     right = solving.solve
     wrong: list[bool] = []
 
-    def solve(query: Query, bound: LowerBound | None) -> Status:
+    def solve(query: Query, bound: LowerBound | None, known: NDArray[np.float64] | None = None) -> Status:
         if not wrong:
             wrong.append(True)
             query.offer(np.array([START, GOAL]))
             return "solved"
-        return right(query, bound)
+        return right(query, bound, known)
 
     planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
-    monkeypatch.setattr("trailmark.planning.planner.solve", solve)
+    monkeypatch.setattr("trailmark.planning.single_query.solve", solve)
     seen: list[PlanProgress] = []
     with pytest.warns(InternalErrorWarning, match="not free"):
         result = planner.plan(START, GOAL, time_limit=20.0, max_iterations=1, on_progress=seen.append)
@@ -199,12 +200,12 @@ def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.M
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     straight = np.array([START, GOAL])
 
-    def solve(query: Query, bound: LowerBound | None) -> Status:
+    def solve(query: Query, bound: LowerBound | None, known: NDArray[np.float64] | None = None) -> Status:
         query.offer(straight)
         return "solved"
 
     planner = LandmarkPlanner(WALL, Robot.disc(0.4), seed=0)
-    monkeypatch.setattr("trailmark.planning.planner.solve", solve)
+    monkeypatch.setattr("trailmark.planning.single_query.solve", solve)
     answer = BatchSolver.answer
 
     def wrong(self: BatchSolver, *arguments: object) -> object:

@@ -27,6 +27,8 @@ WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
 ROADMAP = ("roadmap/roadmap.py", "roadmap/store.py", "roadmap/adjacency.py", "nearest.py")
 PLANNING = (
     "planning/planner.py",
+    "planning/single_query.py",
+    "planning/many_queries.py",
     "planning/solve.py",
     "planning/query.py",
     "planning/rounds.py",

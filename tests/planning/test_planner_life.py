@@ -50,6 +50,8 @@ FILES = (
     "roadmap/files.py",
     "nearest.py",
     "planning/planner.py",
+    "planning/single_query.py",
+    "planning/many_queries.py",
     "planning/solve.py",
     "planning/query.py",
     "planning/rounds.py",

@@ -44,10 +44,13 @@ __all__ = [
     "StraightTrack",
     "certify",
     "curve_motion",
+    "curve_track",
     "end_gap",
     "motion",
     "motions_certified",
     "new_queue",
+    "pose",
+    "straight_track",
 ]
 
 CONTACT = 1e-6
@@ -235,11 +238,16 @@ def motion(
     budget: int = BUDGET,
 ) -> int:
     """Return what :func:`certify` returns for the straight motion from a to b, each of shape (3,)."""
+    return int(certify(grid, field, robot, placed, queue, straight_track(robot, a, b), exact, budget))
+
+
+@njit(cache=True, inline="always")
+def straight_track(robot: Footprint, a: FloatArray, b: FloatArray) -> StraightTrack:
+    """Return the straight motion from a to b, each of shape (3,), as a track."""
     dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
     bound = hypot(dx, dy) + robot.sweep_radius * fabs(dtheta)
     rate = 1.0 / bound if bound > 0.0 else 0.0
-    track = StraightTrack(a[0], a[1], a[2], rate * dx, rate * dy, rate * dtheta, bound)
-    return int(certify(grid, field, robot, placed, queue, track, exact, budget))
+    return StraightTrack(a[0], a[1], a[2], rate * dx, rate * dy, rate * dtheta, bound)
 
 
 @njit(cache=True)
@@ -255,6 +263,12 @@ def curve_motion(
     budget: int = BUDGET,
 ) -> int:
     """Return what :func:`certify` returns for the curve of a word, shape (2, 5), from a."""
+    return int(certify(grid, field, robot, placed, queue, curve_track(robot, a, word, radius), True, budget))
+
+
+@njit(cache=True, inline="always")
+def curve_track(robot: Footprint, a: FloatArray, word: FloatArray, radius: float) -> CurveTrack:
+    """Return the curve of a word, shape (2, 5), from a, shape (3,), as a track; the radius in metres."""
     pieces = np.empty((PIECES, 6))
     used, bound, turning = 0, 0.0, robot.sweep_radius / radius
     x, y, theta = a[0], a[1], a[2]
@@ -267,8 +281,7 @@ def curve_motion(
         bound += fabs(length) * (1.0 + fabs(side) * turning)
         x, y, theta = drive(x, y, theta, side, length, radius)
         used += 1
-    track = CurveTrack(pieces, used, radius, turning, bound)
-    return int(certify(grid, field, robot, placed, queue, track, True, budget))
+    return CurveTrack(pieces, used, radius, turning, bound)
 
 
 @njit(cache=True, nogil=True)

@@ -200,11 +200,16 @@ def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: F
     result = np.empty(len(q))
     for i in range(len(q)):
         x, y, c, s = q[i, 0], q[i, 1], cos(q[i, 2]), sin(q[i, 2])
-        # The nearest obstacle is no farther than the one that the field's value stands for.
-        limit = min(cap, field_value(field, x, y) + field.slack + robot.circumradius)
-        for k in range(len(robot.inner)):
-            bx, by = robot.inner[k, 0], robot.inner[k, 1]
-            reach = field_value(field, x + c * bx - s * by, y + s * bx + c * by) + field.slack - robot.inner[k, 2]
-            limit = min(limit, max(reach, ROUNDING))
-        result[i] = exact_clearance(grid, robot, placed, x, y, c, s, limit)
+        result[i] = exact_clearance(grid, robot, placed, x, y, c, s, field_cap(field, robot, x, y, c, s, cap))
     return result
+
+
+@njit(cache=True, inline="always")
+def field_cap(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float, cap: float) -> float:
+    """Return a cap (metres) on the clearance: the nearest obstacle is no farther than the field's values stand for."""
+    limit = min(cap, field_value(field, x, y) + field.slack + robot.circumradius)
+    for k in range(len(robot.inner)):
+        bx, by = robot.inner[k, 0], robot.inner[k, 1]
+        reach = field_value(field, x + c * bx - s * by, y + s * bx + c * by) + field.slack - robot.inner[k, 2]
+        limit = min(limit, max(reach, ROUNDING))
+    return limit

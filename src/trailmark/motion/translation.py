@@ -18,7 +18,13 @@ from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn
 from trailmark.motion import base
 from trailmark.motion.base import Scratch
-from trailmark.motion.straight import StraightMotion, straight_certified, straight_scratch, sweep_radius
+from trailmark.motion.straight import (
+    StraightMotion,
+    straight_certified,
+    straight_least_clearance,
+    straight_scratch,
+    sweep_radius,
+)
 from trailmark.se2 import FloatArray
 
 __all__ = ["Translation", "TranslationMotion"]
@@ -92,6 +98,7 @@ def turned_evenly(states: FloatArray, start: FloatArray, goal: FloatArray) -> Fl
 # A disc's motions are straight motions with another cost.
 variant_of(base.new_scratch, Translation)(straight_scratch)
 variant_of(base.certified, Translation)(straight_certified)
+variant_of(base.least_clearance, Translation)(straight_least_clearance)
 variant_of(base.embedding_radius, Translation)(sweep_radius)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sized
-from functools import cached_property
+from threading import Lock
 from time import perf_counter
 
 import numpy as np
@@ -11,20 +11,22 @@ from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.arguments import callback, number, one_of, truth, whole
+from trailmark.changes import Changes
 from trailmark.collision import StateChecker
-from trailmark.errors import ConfigurationError, WorldError, as_raised
+from trailmark.errors import WorldError, as_raised
 from trailmark.landmarks import Relaxation
-from trailmark.motion import kind_of, motion_of
-from trailmark.planning.batch import BatchSolver, for_each
-from trailmark.planning.incumbent import Incumbent
+from trailmark.motion import Motion, kind_of
+from trailmark.path import Path
+from trailmark.planning.many_queries import answer_queries
 from trailmark.planning.proofs import LowerBound
-from trailmark.planning.query import Clock, OnProgress, Query
+from trailmark.planning.query import OnProgress
+from trailmark.planning.replanning import Replanner, ReplanResult
 from trailmark.planning.result import PlanResult
 from trailmark.planning.settings import PlannerSettings
-from trailmark.planning.shared_roadmap import SharedRoadmap
-from trailmark.planning.solve import solve
-from trailmark.planning.verification import Verification
+from trailmark.planning.single_query import answer_query
+from trailmark.planning.updating import Update
 from trailmark.planning.warmup import warm_up, warm_up_queries
+from trailmark.planning.world_model import WorldModel
 from trailmark.roadmap import Roadmap
 from trailmark.world import Robot, World
 
@@ -33,17 +35,11 @@ __all__ = ["LandmarkPlanner"]
 MAX_LANDMARKS = 200_000
 """Most landmarks that may be asked for: more take longer than anybody waits."""
 
-TRIES = 3
-"""Attempts at a query, should the paths that are found not pass the final check."""
-
 MAX_WORKERS = 1024
 """Most threads that answer queries, however many are asked for."""
 
 GAP = 1e-4
 """A path within a ten-thousandth of the optimum is as good as any."""
-
-PROOF_SHARE = 0.25
-"""Of the time left: what making lower bounds ready for many queries may take of it."""
 
 
 class LandmarkPlanner:
@@ -95,7 +91,7 @@ class LandmarkPlanner:
     ) -> None:
         if landmarks is not None:
             landmarks = whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
-        self.world = one_of(world, World, "world:", hint=" (World.load reads one)", error=WorldError)
+        one_of(world, World, "world:", hint=" (World.load reads one)", error=WorldError)
         if checker is not None:
             one_of(checker, StateChecker, "checker:").require_for(world, robot)
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
@@ -105,19 +101,47 @@ class LandmarkPlanner:
         if self._warm and moving is not None:
             warm_up(kind_of(one_of(moving, Robot, "robot:", error=WorldError)))
         begin = perf_counter()
-        self.checker = StateChecker(world, robot) if checker is None else checker
-        self.robot = self.checker.robot
-        self.motion = motion_of(self.checker)
-        self._verification = Verification(self.checker, self.motion, self.seed)
+        checker = StateChecker(world, robot) if checker is None else checker
         self._landmarks = landmarks
-        self._rng = np.random.default_rng(self.seed)
-        self._shared = SharedRoadmap(self.motion, self._rng, self.settings, landmarks or 0)
-        self._shared.build_seconds = perf_counter() - begin
+        rng = np.random.default_rng(self.seed)
+        self._model = WorldModel(checker, rng, self.seed, self.settings, landmarks or 0)
+        self._updating = Lock()
+        self._model.shared.build_seconds = perf_counter() - begin
+
+    @property
+    def world(self) -> World:
+        """The world that queries are answered in."""
+        return self._model.checker.world
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that moves in it."""
+        return self._model.checker.robot
+
+    @property
+    def checker(self) -> StateChecker:
+        """Which configurations and motions are valid in it."""
+        return self._model.checker
+
+    @property
+    def motion(self) -> Motion:
+        """How the robot moves."""
+        return self._model.motion
 
     @property
     def roadmap(self) -> Roadmap:
         """The roadmap of the queries so far; ``roadmap.graph`` is a networkx graph."""
-        return self._shared.roadmap
+        return self._model.shared.roadmap
+
+    @property
+    def bound(self) -> LowerBound:
+        """Proves lower bounds; what it computes is kept from query to query."""
+        return self._model.bound
+
+    @property
+    def relaxation(self) -> Relaxation:
+        """The relaxed problem's grid, kept from query to query."""
+        return self._model.relaxation
 
     @as_raised
     def build(self, landmarks: int | None = None) -> Roadmap:
@@ -130,9 +154,10 @@ class LandmarkPlanner:
             ConfigurationError: ``landmarks`` below 1, or no free space to place them in.
         """
         k = self._landmarks or 200 if landmarks is None else whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
-        with self._shared.lock:
-            self._shared.place(k)
-        return self.roadmap
+        shared = self._model.shared
+        with shared.lock:
+            shared.place(k)
+        return shared.roadmap
 
     @as_raised
     def plan(
@@ -167,46 +192,91 @@ class LandmarkPlanner:
         time_limit, max_iterations = _limits(time_limit, max_iterations)
         callback(on_progress, "on_progress:")
         callback(stop, "stop:")
-        with self._shared.lock:
-            return self._plan(start, goal, time_limit, max_iterations, on_progress, stop, gap)
+        model = self._model
+        with model.shared.lock:
+            return answer_query(
+                model,
+                start,
+                goal,
+                time_limit,
+                max_rounds=max_iterations,
+                on_progress=on_progress,
+                stop=stop,
+                gap=gap,
+            )
 
-    def _plan(
+    @as_raised
+    def update(self, changes: Changes | World) -> Update:
+        """Bring all that is known up to date with a world in which obstacles came, went or moved.
+
+        Only what the changes reach is looked at again. Queries that are under way in other threads see the world as it
+        was, later ones the world as it is.
+
+        Args:
+            changes: what changed, or the world as it is now (:meth:`trailmark.World.edited`), its robot left aside.
+
+        Raises:
+            WorldError: a change of an obstacle that this world does not hold. Nothing is changed then.
+        """
+        one_of(changes, (Changes, World), "changes:", error=WorldError)
+        with self._updating:
+            model = self._model
+            world = changes if isinstance(changes, World) else model.checker.world.apply(changes)
+            self._model, update = model.edited(world)
+        return update
+
+    @as_raised
+    def replan(
         self,
         start: ArrayLike,
         goal: ArrayLike,
-        time_limit: float,
-        max_iterations: int | None,
-        on_progress: OnProgress | None,
-        stop: Callable[[], bool] | None,
-        gap: float,
-    ) -> PlanResult:
+        path: Path,
+        time_limit: float = 1.0,
+        *,
+        min_gain: float = 0.05,
+        improvement: float = 0.0,
+    ) -> ReplanResult:
+        """Return the path to follow from here on, in a world that changed while another path was being followed.
+
+        The rest of the path from where the robot is is kept while it is free and no other is known to be better by more
+        than ``min_gain``. Where it is blocked it is led around; failing that, the query is planned anew.
+
+        Args:
+            start: where the robot is, shape (3,).
+            goal: configuration, shape (3,).
+            path: being followed, or the whole of it.
+            time_limit: seconds to find a path.
+            min_gain: share of its cost by which another path must be better to take the place of one that is free.
+            improvement: seconds to go on bettering a path once there is one; another one still has to be better by
+                ``min_gain`` to replace one that is free.
+
+        Raises:
+            ConfigurationError: start or goal is not valid, or an option is out of range.
+        """
         begin = perf_counter()
-        ends = self._valid_pair(start, goal)
-        shared = self._shared
-        if shared.to_place > 0:
-            by = begin + self.settings.build_share * time_limit
-            shared.place(shared.to_place, lambda: -np.inf if stop is not None and stop() else by - perf_counter())
-        for _ in range(TRIES):
-            incumbent = Incumbent(self.motion, ends[0], ends[1], begin)
-            query = Query(
-                self.roadmap,
-                self.relaxation,
-                self._rng,
-                incumbent,
-                Clock(begin, time_limit, stop),
-                self.settings,
-                gap=gap,
-                max_rounds=max_iterations,
-                on_progress=None if on_progress is None else self._verification.progress(on_progress, ends),
+        one_of(path, Path, "path:")
+        min_gain = number(min_gain, "min gain:", minimum=0.0)
+        improvement = number(improvement, "improvement:", minimum=0.0, unit="s")
+        time_limit, _ = _limits(time_limit, None)
+        model = self._model
+
+        def plan(known: se2.FloatArray | None, seconds: float) -> PlanResult:
+            return answer_query(
+                model, start, goal, seconds, max_rounds=None, on_progress=None, stop=None, gap=GAP, known=known
             )
-            status, path = solve(query, self.bound), incumbent.path()
-            if path is None or self._verification.certified(path, ends):
-                break
-            # Whatever is wrong may be in the roadmap.
-            shared.reset()
-            status, path = "timeout", None
-        build, shared.build_seconds = shared.build_seconds, 0.0
-        return self._verification.result(incumbent, status, path, self.roadmap, build)
+
+        with model.shared.lock:
+            ends = model.valid_pair(start, goal)
+            replanner = Replanner(
+                model,
+                ends[0],
+                ends[1],
+                min_gain=min_gain,
+                seconds_left=lambda: begin + time_limit - perf_counter(),
+                plan=plan,
+                improvement=improvement,
+            )
+            return replanner.answer(path)
 
     @as_raised
     def plan_many(
@@ -257,83 +327,27 @@ class LandmarkPlanner:
             # Else what they compile, on a machine's first use, would take up the limit.
             warm_up_queries(kind_of(self.robot))
         begin = perf_counter()
-        ends = self._valid_ends(starts, goals)
-        count = len(ends)
-        results: list[PlanResult | None] = [None] * count
-        deadline = begin + time_limit * count
+        model = self._model
+        ends = model.valid_ends(starts, goals)
 
-        def seconds_left() -> float:
-            return -np.inf if stop is not None and stop() else deadline - perf_counter()
+        def plan(start: se2.FloatArray, goal: se2.FloatArray, seconds: float) -> PlanResult:
+            with model.shared.lock:
+                return answer_query(
+                    model, start, goal, seconds, max_rounds=max_iterations, on_progress=None, stop=stop, gap=GAP
+                )
 
-        def report() -> None:
-            if on_progress is not None:
-                on_progress(0, count)
-
-        if count:
-            later = (1.0 - self.settings.build_share) * time_limit * count
-            snapshot = self._shared.snapshot(lambda: self.relaxation, lambda: seconds_left() - later, report)
-            bound = self._bound_of_all(ends[0], seconds_left()) if bounds else None
-            solver = BatchSolver(snapshot, bound, self.settings, self.seed)
-
-            def answer(i: int) -> None:
-                if (left := seconds_left()) <= 0.0:
-                    return
-                found = solver.answer(i, ends[i, 0], ends[i, 1], min(time_limit, left))
-                path = found.path()
-                if path is not None and self._verification.certified(path, ends[i]):
-                    results[i] = self._verification.result(found, "solved", path, self.roadmap, 0.0)
-
-            for_each(answer, count, workers, on_progress)
-        for i, (start, goal) in enumerate(ends):
-            if results[i] is None:
-                left, nodes = seconds_left(), len(self.roadmap)
-                if left <= 0.0:
-                    nothing = Incumbent(self.motion, start, goal, perf_counter())
-                    results[i] = self._verification.result(nothing, "timeout", None, self.roadmap, 0.0)
-                    continue
-                results[i] = self.plan(start, goal, min(time_limit, left), max_iterations=max_iterations, stop=stop)
-                self._shared.learnt |= len(self.roadmap) > nodes
-        return [result for result in results if result is not None]
-
-    def _valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
-        """Return start and goal, shape (2, 3), both valid."""
-        ends = [se2.configurations(start, name="start"), se2.configurations(goal, name="goal")]
-        if all(q.ndim == 1 for q in ends):
-            pair = np.array(ends)
-            if self.checker.states_free(pair).all():
-                return pair
-        # Says what is wrong with which.
-        return np.array([self.checker.require_valid(q, name) for q, name in zip(ends, ("start", "goal"), strict=True)])
-
-    def _valid_ends(self, starts: ArrayLike, goals: ArrayLike) -> se2.FloatArray:
-        """Return starts and goals, shape (n, 2, 3), all valid."""
-        rows = [np.atleast_2d(se2.configurations(q, name=name)) for q, name in ((starts, "starts"), (goals, "goals"))]
-        if rows[0].shape != rows[1].shape:
-            raise ConfigurationError(f"goals: expected {len(rows[0])}, as many as starts, got {len(rows[1])}")
-        # FCL, which decides what touches, is one thread's at a time.
-        with self._shared.lock:
-            for states, name in zip(rows, ("start", "goal"), strict=True):
-                for i in np.flatnonzero(~self.checker.valid(states)):
-                    self.checker.require_valid(states[i], f"{name} {i}")
-        return np.stack(rows, axis=1)
-
-    def _bound_of_all(self, ends: se2.FloatArray, seconds: float) -> LowerBound | None:
-        """Return what proves lower bounds, with all computed that queries share; None if that may take too long."""
-        with self._shared.lock:
-            if self.bound.seconds(*ends) > PROOF_SHARE * seconds:
-                return None
-            self.bound.of(*ends)
-            return self.bound
-
-    @cached_property
-    def bound(self) -> LowerBound:
-        """Proves lower bounds; what it computes is kept from query to query."""
-        return LowerBound(self.world, self.robot, self.checker.grid)
-
-    @cached_property
-    def relaxation(self) -> Relaxation:
-        """The relaxed problem's grid, kept from query to query."""
-        return Relaxation(self.checker)
+        return answer_queries(
+            model,
+            ends,
+            begin + time_limit * len(ends),
+            time_limit,
+            plan=plan,
+            workers=workers,
+            bounds=bounds,
+            seed=self.seed,
+            on_progress=on_progress,
+            stop=stop,
+        )
 
 
 def _limits(time_limit: float, max_iterations: int | None) -> tuple[float, int | None]:

@@ -59,6 +59,7 @@ class PlannerSettings:
             each time.
         drives: configurations that drives from one part of a car's roadmap reach at first.
         drive_landmarks: landmarks kept of them.
+        replan_shortening: seconds: what a repaired path is shortened for while a robot waits for it.
         placement: what landmarks are: ``k-means`` centres, as many plain ``samples``, those of the source method as
             published (``paper``), or ``none``.
         without: names of mechanisms (:data:`trailmark.planning.mechanisms.MECHANISMS`) that are switched off, to see
@@ -93,6 +94,7 @@ class PlannerSettings:
     longest_drive: float = _factor(0.1, "turning radii")
     drives: int = _counted(6_000, "configurations")
     drive_landmarks: int = _counted(80, "landmarks")
+    replan_shortening: float = _factor(0.002, "s")
     placement: Placement = field(default="k-means", metadata={"unit": "name"})
     without: tuple[str, ...] = field(default=(), metadata={"unit": "names"})
 

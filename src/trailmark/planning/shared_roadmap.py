@@ -12,9 +12,12 @@ import numpy as np
 
 from trailmark.landmarks import Relaxation
 from trailmark.motion import Motion
+from trailmark.planning.freed_space import beside_obstacles, freed_landmarks
 from trailmark.planning.growth import grow_general, spread_landmarks
 from trailmark.planning.settings import PlannerSettings
+from trailmark.planning.updating import Boxes, Update
 from trailmark.roadmap import Roadmap
+from trailmark.roadmap.revalidation import revalidated
 from trailmark.roadmap.snapshot import RoadmapSnapshot
 
 __all__ = ["SharedRoadmap"]
@@ -56,6 +59,33 @@ class SharedRoadmap:
         self._snapshot: RoadmapSnapshot | None = None
         # Whether landmarks have been spread over all free space.
         self._spread, self.learnt = False, False
+
+    def edited(self, motion: Motion, boxes: Boxes) -> tuple[SharedRoadmap, Update]:
+        """Return the roadmap of a world in which obstacles changed, and what changed in it; this one stays as it is.
+
+        Landmarks that are valid no more come back beside the obstacle, if a short push leads there; freed space is
+        given landmarks as dense as elsewhere.
+
+        Args:
+            motion: for that world.
+            boxes: that hold what changed.
+        """
+        changed = SharedRoadmap(motion, self._rng, self.settings, self.to_place)
+        found = revalidated(self.roadmap, motion, boxes.removed, boxes.added)
+        changed.roadmap, changed._spread = found.roadmap, self._spread
+        apart = self.settings.duplicate * motion.checker.robot.inscribed_disc.radius
+        back = beside_obstacles(motion.checker, found.dropped)
+        freed = freed_landmarks(changed.roadmap, boxes.removed, self.settings, self._rng)
+        new = [changed.roadmap.add(changed.roadmap.fresh(q, apart)) for q in (back, freed) if len(q)]
+        counts = [len(nodes) for nodes in new]
+        return changed, Update(
+            checked=found.checked,
+            gained=found.gained,
+            lost=found.lost,
+            landmarks_dropped=len(found.dropped),
+            landmarks_retracted=counts[0] if len(back) else 0,
+            landmarks_added=counts[-1] if len(freed) else 0,
+        )
 
     def place(
         self, count: int, seconds_left: Callable[[], float] = _forever, report: Callable[[], object] | None = None

@@ -104,8 +104,10 @@ def _sweep(
         costs = _costs(kind, scratch, path)
     moved = 0
     for _ in range(3):
-        moved += _move(kind, scratch, path, costs, seed, scale)
+        moved += _move(kind, scratch, path, costs, seed, scale, deadline)
     scale *= 1.2 if 4 * moved > len(path) else 0.6
+    if now(deadline.kind) >= deadline.seconds:
+        return path, scale, costs.sum()
     path = without_needless(kind, path, EFFORT)
     return path, scale, _costs(kind, scratch, path).sum()
 
@@ -280,11 +282,19 @@ def _split(
 
 @njit(cache=True)
 def _move(
-    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
+    kind: Any,
+    scratch: Scratch,
+    path: FloatArray,
+    costs: FloatArray,
+    seed: NDArray[np.uint64],
+    scale: float,
+    deadline: Deadline,
 ) -> int:
     """Move every inner vertex, in place, towards the motion between its neighbours or at random; count what helped."""
     moved, q = 0, np.empty(3)
     for i in range(1, len(path) - 1):
+        if now(deadline.kind) >= deadline.seconds:
+            break
         a, b = path[i - 1], path[i + 1]
         before = costs[i - 1] + costs[i]
         for attempt in range(5):

@@ -22,6 +22,7 @@ from trailmark.planning.result import Status
 from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.rounds import Rounds
 from trailmark.planning.shortening import without_needless
+from trailmark.se2 import FloatArray
 
 __all__ = ["solve"]
 
@@ -35,12 +36,13 @@ ABOUT_AS_GOOD = 1.03
 """Times the best path's cost up to which a path that the planner's own roadmap knows is about as good."""
 
 
-def solve(query: Query, bound: LowerBound | None) -> Status:
+def solve(query: Query, bound: LowerBound | None, known_path: FloatArray | None = None) -> Status:
     """Answer a query; its incumbent holds the path and what is proven.
 
     Args:
         query: with valid ends.
         bound: proves lower bounds; None proves none.
+        known_path: states, shape (n, 3), of a path of certified motions to begin with.
     """
     lookup = RoadmapLookup(query.roadmap, *query.ends)
     lattices = None
@@ -56,6 +58,8 @@ def solve(query: Query, bound: LowerBound | None) -> Status:
             query.offer(query.ends)
             query.known_cost = query.incumbent.cost
             return _answer(query, lookup)
+        if known_path is not None:
+            query.take(known_path)
         query.take_known(lookup.search_free_edges())
         known = query.solved
         if not known and lattices is not None:

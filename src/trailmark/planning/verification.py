@@ -12,9 +12,11 @@ import numpy as np
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.motion import Motion
+from trailmark.motion.base import least_clearance_of
 from trailmark.path import Path
 from trailmark.planning.error_report import report_error
 from trailmark.planning.final_check import FinalCheck
+from trailmark.planning.followed import vertices_of
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.proofs.claims import contradicted
 from trailmark.planning.query import OnProgress
@@ -24,11 +26,9 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["Verification"]
 
-FEW = 50
-"""Places along a path at which its clearance is computed first."""
-
-MAX_PLACES = 2_000
-"""Places along a path at which its clearance is computed at most."""
+NEARLY, LOOKS = 1e-3, 500
+"""Metres by which the true least clearance along a motion may be less than the one reported, and how many places are
+looked at for it: along a motion beside a wall it would take thousands."""
 
 
 class Verification:
@@ -38,12 +38,17 @@ class Verification:
         checker: of the planner; gives world and robot, and clearances.
         motion: that paths are made of.
         seed: of the planner, for reports of errors.
+        final_check: for that world and robot, if there is one already.
     """
 
-    def __init__(self, checker: StateChecker, motion: Motion, seed: int) -> None:
+    def __init__(self, checker: StateChecker, motion: Motion, seed: int, final_check: FinalCheck | None = None) -> None:
         self.checker, self.motion, self.seed = checker, motion, seed
         self.world, self.robot = checker.world, checker.robot
-        self.final_check = FinalCheck(self.world, self.robot)
+        self.final_check = FinalCheck(self.world, self.robot) if final_check is None else final_check
+
+    def edited(self, checker: StateChecker, motion: Motion) -> Verification:
+        """Return one for a world that differs from this one's in its obstacles."""
+        return Verification(checker, motion, self.seed, FinalCheck(checker.world, self.robot))
 
     def certified(self, path: Path, ends: FloatArray) -> bool:
         """Return whether a path passes the final check; report it as trailmark's own error if it does not.
@@ -75,7 +80,13 @@ class Verification:
         return hand_on
 
     def result(
-        self, incumbent: Incumbent, status: Status, path: Path | None, roadmap: Roadmap, build: float
+        self,
+        incumbent: Incumbent,
+        status: Status,
+        path: Path | None,
+        roadmap: Roadmap,
+        build: float = 0.0,
+        min_clearance: float | None = None,
     ) -> PlanResult:
         """Return the result of a query.
 
@@ -85,14 +96,17 @@ class Verification:
             path: that passed the final check, if there is one.
             roadmap: of the planner, to be counted.
             build: seconds that were spent on what other queries use as well.
+            min_clearance: the least clearance along the path, if it is known.
         """
+        if path is not None and min_clearance is None:
+            min_clearance = self.least_clearance(vertices_of(self.motion, path))[0]
         return PlanResult(
             status=status,
             path=path,
             seed=self.seed,
             lower_bound=None if status == "infeasible" else self._lower_bound(incumbent, path),
             first_cost=incumbent.first_cost,
-            min_clearance=None if path is None else self._min_clearance(path),
+            min_clearance=min_clearance,
             landmarks=len(roadmap),
             edges=int(np.count_nonzero(roadmap.status)),
             nearest=None if path is not None else self._nearest(incumbent),
@@ -105,12 +119,12 @@ class Verification:
             },
         )
 
-    def _min_clearance(self, path: Path) -> float:
-        """Return the smallest clearance along a path: between its states too, a tenth of the inscribed disc apart."""
-        places = path.resample(max(0.1 * self.robot.inscribed_disc.radius, path.cost / MAX_PLACES)).states
-        # Elsewhere only what is nearer than at the first few places matters, and that is computed sooner.
-        some = float(np.min(self.checker.clearance(places[:: max(1, len(places) // FEW)])))
-        return float(np.min(self.checker.clearance(places, cap=some)))
+    def least_clearance(self, vertices: FloatArray) -> tuple[float, int]:
+        """Return the least clearance (metres) found along a path of vertices (n, 3), and along which of its motions."""
+        if len(vertices) == 1:
+            return float(self.checker.clearance(vertices)[0]), 0
+        least, motion = least_clearance_of(self.motion.kind, np.array(vertices), NEARLY, LOOKS)
+        return float(least), int(motion)
 
     def _nearest(self, incumbent: Incumbent) -> Path | None:
         """Return the path that ends nearest to the goal, if one was found and it passes the final check."""

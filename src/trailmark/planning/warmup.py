@@ -10,7 +10,7 @@ import numpy as np
 from trailmark.compiled.side_by_side import compiled_side_by_side
 from trailmark.motion import Kind
 from trailmark.planning.pace import Pace
-from trailmark.shapes import Rectangle
+from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
 __all__ = ["SMALL", "warm_up", "warm_up_queries"]
@@ -51,8 +51,15 @@ def _plan(kind: Kind) -> None:
     world, (start, goal) = SMALL
     planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
     found = planner.plan(start, goal, time_limit=600.0, max_iterations=1)
-    if kind == "curve" and found.path is not None:
-        found.path.at(0.5)
+    planner.checker.clearance(start)
+    if found.path is None:
+        return
+    # The world changes: beside the path, then on it, then back.
+    middle = np.asarray(found.path.at(0.5))
+    for obstacle in (Disc((0.3, 3.7), 0.1), Disc((float(middle[0]), float(middle[1])), 0.3)):
+        planner.update(world.edited(add=[obstacle]))
+        planner.replan(start, goal, found.path, time_limit=600.0)
+    planner.update(world)
 
 
 def _plan_many(kind: Kind) -> None:

@@ -72,6 +72,9 @@ class Roadmap:
         configurations: se2.FloatArray,
         edges: NDArray[np.int32],
         status: NDArray[np.uint8],
+        *,
+        motion: Motion | None = None,
+        lengths: se2.FloatArray | None = None,
     ) -> Self:
         """Return a roadmap for the checker's robot made of given nodes and edges, which are not checked.
 
@@ -80,13 +83,15 @@ class Roadmap:
             configurations: (n, 3), valid, headings in (-pi, pi].
             edges: (m, 2), no loops, none twice.
             status: (m,) :class:`trailmark.roadmap.EdgeStatus`.
+            motion: what edges are; by default how the checker's robot moves.
+            lengths: (m,) metres; computed if None.
         """
-        roadmap = cls(checker)
+        roadmap = cls(checker, motion)
         store = roadmap._begin_change()
         store.nodes.append(np.asarray(configurations, dtype=np.float64))
         pairs = np.asarray(edges).reshape(-1, 2)
         require_nodes(pairs, len(configurations))
-        append_edges(store, pairs, np.asarray(status, dtype=np.uint8))
+        append_edges(store, pairs, np.asarray(status, dtype=np.uint8), lengths)
         roadmap._commit(store)
         return roadmap
 

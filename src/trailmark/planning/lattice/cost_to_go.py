@@ -55,7 +55,14 @@ class CostToGo:
         return cls(np.empty((0, 0), np.float32))
 
     @classmethod
-    def of(cls, checker: StateChecker, goal: FloatArray, cells: int, tightness: float = TIGHTNESS) -> CostToGo:
+    def of(
+        cls,
+        checker: StateChecker,
+        goal: FloatArray,
+        cells: int,
+        tightness: float = TIGHTNESS,
+        window: tuple[float, float, float, float] | None = None,
+    ) -> CostToGo:
         """Return the costs to a configuration.
 
         Args:
@@ -63,8 +70,9 @@ class CostToGo:
             goal: shape (3,).
             cells: about how many.
             tightness: how many times dearer a cell is in which the disc hardly fits.
+            window: xmin, ymin, xmax, ymax (metres) that the cells cover; by default the bounds.
         """
-        xmin, ymin, xmax, ymax = checker.world.bounds
+        xmin, ymin, xmax, ymax = checker.world.bounds if window is None else window
         size = sqrt((xmax - xmin) * (ymax - ymin) / cells)
         columns, rows = max(1, ceil((xmax - xmin) / size)), max(1, ceil((ymax - ymin) / size))
         disc = checker.robot.inscribed_disc

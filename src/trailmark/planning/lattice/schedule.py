@@ -111,6 +111,7 @@ class LatticeSchedule:
         cell: metres between neighbouring positions of the coarsest lattice.
         seconds_left: asked before each search.
         without: mechanisms that are switched off.
+        window: xmin, ymin, xmax, ymax (metres) that searches guided by costs to go do not leave; by default the bounds.
 
     Attributes:
         expanded: number of nodes expanded so far.
@@ -123,12 +124,14 @@ class LatticeSchedule:
         cell: float,
         seconds_left: Callable[[], float],
         without: Collection[str] = (),
+        window: tuple[float, float, float, float] | None = None,
     ) -> None:
         self.motion, self.checker, self.ends, self.without = motion, motion.checker, ends, without
         # Without headings to tell apart, closer positions cost little.
         self.cell = cell if motion.turns else 0.5 * cell
         self.seconds_left = seconds_left
-        xmin, ymin, xmax, ymax = self.checker.world.bounds
+        self.window = self.checker.world.bounds if window is None else window
+        xmin, ymin, xmax, ymax = self.window
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
         self.to_go = lru_cache(maxsize=8)(self._to_go)
         self._guided: set[tuple[int, bool, float]] = set()
@@ -228,6 +231,6 @@ class LatticeSchedule:
             return CostToGo.straight()
         self._guided.add((cells, forward, tightness))
         begin, count = perf_counter(), min(cells, self.cells)
-        to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness)
+        to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness, self.window)
         GUIDING.note(count, perf_counter() - begin)
         return to_go

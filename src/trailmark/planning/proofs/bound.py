@@ -45,6 +45,9 @@ ASKING = Pace(0.003)
 NEARNESS = 0.25
 """Vertices whose cutting takes as long as telling whether an obstacle lies near a query."""
 
+MAX_FREED = 64
+"""Obstacles removed after which what was proven before they were is used no more."""
+
 FloatArray = NDArray[np.float64]
 
 
@@ -82,6 +85,48 @@ class LowerBound:
     def __init__(self, world: World, robot: Robot, grid: ObstacleGrid | None = None) -> None:
         self.world, self.robot = world, robot
         self._grid = grid
+        self._before: tuple[LowerBound, FloatArray] | None = None
+
+    def edited(self, world: World, grid: ObstacleGrid, freed: FloatArray) -> LowerBound:
+        """Return what proves lower bounds in a world that differs from this one's in its obstacles.
+
+        Until its own region is cut, :meth:`known` makes do with this one's.
+
+        Args:
+            world: that world.
+            grid: its outlines in cells.
+            freed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed, shape (f, 4).
+        """
+        changed = LowerBound(world, self.robot, grid)
+        if self.ready:
+            changed._before = self, freed
+        elif self._before is not None:
+            changed._before = self._before[0], np.concatenate([self._before[1], freed])
+        if changed._before is not None and len(changed._before[1]) > MAX_FREED:
+            changed._before = None
+        return changed
+
+    def known(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return a lower bound (metres) on any path's cost that takes little time, from what is computed already.
+
+        A path that does not enter what was removed since is a path of the world before. One that does leads the disc's
+        centre within its radius of that place.
+
+        Args:
+            start: valid, shape (3,).
+            goal: valid, shape (3,).
+        """
+        cost = self._in_the_open(start, goal)
+        if self.ready:
+            return max(cost, self.of(start, goal).cost)
+        if self._before is None:
+            return cost
+        before, freed = self._before
+        ends = [se2.transform(q, self._center[0][None])[0] for q in (start, goal)]
+        gap = [np.hypot(*np.maximum(np.maximum(freed[:, :2] - p, p - freed[:, 2:]), 0.0).T) for p in ends]
+        detour = float(np.min(gap[0] + gap[1], initial=np.inf)) - 2.0 * self.robot.inscribed_disc.radius
+        through = max(0.0, detour * (1.0 - ROUNDING)) / self._stretch
+        return max(cost, min(before.of(start, goal).cost, through))
 
     def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> Bound:
         """Return the bound for a query.

@@ -1,0 +1,66 @@
+"""Landmarks where obstacles changed: pushed out of what came, and spread over what went."""
+
+# Tested by tests/planning/test_updating.py.
+
+from __future__ import annotations
+
+from math import ceil
+
+import numpy as np
+
+from trailmark.collision import StateChecker
+from trailmark.landmarks import k_means_landmarks
+from trailmark.landmarks.retraction import retract_all
+from trailmark.landmarks.sampling import draw
+from trailmark.planning.settings import PlannerSettings
+from trailmark.roadmap import Roadmap
+from trailmark.se2 import FloatArray
+
+__all__ = ["beside_obstacles", "freed_landmarks"]
+
+FEWEST = 16
+"""Nodes from which on a roadmap counts as one that is spread over free space, rather than as a query's path."""
+
+MAX_LANDMARKS = 64
+"""That one change of the world places: more would hold up who waits for it."""
+
+
+def beside_obstacles(checker: StateChecker, q: FloatArray) -> FloatArray:
+    """Return those of invalid configurations, shape (n, 3), that a short push makes valid, as they are then."""
+    if len(q) == 0:
+        return q
+    pushed = retract_all(checker, q, checker.robot.circumradius)
+    return np.asarray(pushed[checker.states_free(pushed)])
+
+
+def freed_landmarks(
+    roadmap: Roadmap, removed: FloatArray, settings: PlannerSettings, rng: np.random.Generator
+) -> FloatArray:
+    """Return K-means centres of valid configurations where obstacles were, as dense as the roadmap's nodes are.
+
+    Args:
+        roadmap: as it is without them.
+        removed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed, shape (r, 4).
+        settings: numbers that a person may change.
+        rng: source of randomness.
+
+    Returns:
+        Shape (n, 3); none for a roadmap of a few nodes, and none where the robot still cannot be.
+    """
+    checker, found = roadmap.checker, [np.empty((0, 3))]
+    xmin, ymin, xmax, ymax = checker.world.bounds
+    density = len(roadmap) / ((xmax - xmin) * (ymax - ymin))
+    for box in removed if len(roadmap) >= FEWEST else []:
+        low = np.maximum(box[:2] - checker.robot.circumradius, (xmin, ymin))
+        high = np.minimum(box[2:] + checker.robot.circumradius, (xmax, ymax))
+        if (low >= high).any():
+            continue
+        count = min(MAX_LANDMARKS, ceil(density * float(np.prod(high - low))))
+        samples = draw((*low, *high), settings.samples_per_landmark * count, random_state=rng)
+        if not roadmap.motion.turns:
+            samples[:, 2] = 0.0
+        samples = samples[checker.states_free(samples)]
+        if len(samples):
+            radius = roadmap.motion.radius
+            found.append(k_means_landmarks(samples, count, radius=radius, steps=settings.lloyd_steps, random_state=rng))
+    return np.concatenate(found)

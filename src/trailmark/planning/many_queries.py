@@ -1,0 +1,83 @@
+"""Many queries: most are answered on the roadmap as it is, side by side; the others let it grow, one after another."""
+
+# Tested by tests/planning/test_batch.py.
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+
+from trailmark.planning.batch import BatchSolver, for_each
+from trailmark.planning.incumbent import Incumbent
+from trailmark.planning.result import PlanResult
+from trailmark.planning.world_model import WorldModel
+from trailmark.se2 import FloatArray
+
+__all__ = ["answer_queries"]
+
+
+def answer_queries(
+    model: WorldModel,
+    ends: FloatArray,
+    deadline: float,
+    time_limit: float,
+    *,
+    plan: Callable[[FloatArray, FloatArray, float], PlanResult],
+    workers: int,
+    bounds: bool,
+    seed: int,
+    on_progress: Callable[[int, int], None] | None,
+    stop: Callable[[], bool] | None,
+) -> list[PlanResult]:
+    """Return the answers to queries, in their order.
+
+    Args:
+        model: of the world.
+        ends: starts and goals, shape (n, 2, 3), n >= 1, valid.
+        deadline: reading of ``time.perf_counter`` at which all ends.
+        time_limit: seconds for each query.
+        plan: answers one query that the roadmap does not answer, in so many seconds.
+        workers: threads.
+        bounds: whether to prove lower bounds.
+        seed: of the shortening.
+        on_progress: called with the number of queries answered and of all; 0 and all while the roadmap is built.
+        stop: asked between steps whether to end early.
+    """
+    count = len(ends)
+    results: list[PlanResult | None] = [None] * count
+
+    def seconds_left() -> float:
+        return -np.inf if stop is not None and stop() else deadline - perf_counter()
+
+    def report() -> None:
+        if on_progress is not None:
+            on_progress(0, count)
+
+    later = (1.0 - model.settings.build_share) * time_limit * count
+    snapshot = model.shared.snapshot(lambda: model.relaxation, lambda: seconds_left() - later, report)
+    bound = model.bound_of_all(ends[0], seconds_left()) if bounds else None
+    solver = BatchSolver(snapshot, bound, model.settings, seed)
+    verification, roadmap = model.verification, model.shared.roadmap
+
+    def answer(i: int) -> None:
+        if (left := seconds_left()) <= 0.0:
+            return
+        found = solver.answer(i, ends[i, 0], ends[i, 1], min(time_limit, left))
+        path = found.path()
+        if path is not None and verification.certified(path, ends[i]):
+            results[i] = verification.result(found, "solved", path, roadmap, 0.0)
+
+    for_each(answer, count, workers, on_progress)
+    for i, (start, goal) in enumerate(ends):
+        if results[i] is not None:
+            continue
+        left, nodes = seconds_left(), len(model.shared.roadmap)
+        if left <= 0.0:
+            nothing = Incumbent(model.motion, start, goal, perf_counter())
+            results[i] = verification.result(nothing, "timeout", None, model.shared.roadmap, 0.0)
+            continue
+        results[i] = plan(start, goal, min(time_limit, left))
+        model.shared.learnt |= len(model.shared.roadmap) > nodes
+    return [result for result in results if result is not None]

@@ -1,0 +1,331 @@
+"""Replanning: the path being followed is kept while it holds in the changed world, repaired where it does not."""
+
+# Tested by tests/planning/test_replanning.py.
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.path import Path
+from trailmark.planning.followed import FollowedPath, located, vertices_of
+from trailmark.planning.incumbent import Incumbent
+from trailmark.planning.lattice.schedule import LatticeSchedule
+from trailmark.planning.result import PlanResult
+from trailmark.planning.roadmap_lookup import RoadmapLookup
+from trailmark.planning.shortening import shorten
+from trailmark.planning.world_model import WorldModel
+from trailmark.roadmap.search import without_repetitions
+from trailmark.se2 import FloatArray
+
+__all__ = ["ReplanResult", "Replanner", "Rest", "rest_of"]
+
+LEVELS = 5
+"""Lattices that a way around is sought on before the whole query is planned anew."""
+
+PLACES = 32
+"""Places along a motion that is blocked at which it is looked where."""
+
+BACK_OFF = 2.0
+"""Circumradii from where a motion is blocked to where a way around may begin."""
+
+NEAR = 1.0
+"""Times the distance from where a way around begins to where it ends that it may lead off to the sides."""
+
+SWEEPS = 40
+"""Of shortening at most: mostly the time for it ends it."""
+
+MIN_SECONDS = 1e-3
+"""That planning anew has at least."""
+
+
+@dataclass(frozen=True)
+class ReplanResult(PlanResult):
+    """The answer to a query for which there was a path.
+
+    Attributes:
+        kept: whether the path is the rest of the one that was given.
+        reason: why it was kept or replaced, or why there is none, in a few words.
+        escape: states at the path's beginning that only lead out of an obstacle the robot stands in; 0 elsewhere.
+    """
+
+    kept: bool = False
+    reason: str = ""
+    escape: int = 0
+
+
+class Rest(NamedTuple):
+    """What is left of a path from where the robot is.
+
+    Attributes:
+        vertices: states that motions join, shape (n, 3), the robot's own first.
+        free: which motions are certified in the world as it is, shape (n - 1,).
+        least: the least clearance along the motions that were not checked, metres; None if it is not known.
+        least_at: along which of the motions.
+        checked: which motions were looked at now, shape (n - 1,).
+    """
+
+    vertices: FloatArray
+    free: NDArray[np.bool_]
+    least: float | None
+    least_at: int
+    checked: NDArray[np.bool_]
+
+
+def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
+    """Return what is left of a path, and where it is blocked.
+
+    Motions that passed the final check, and that no change came near since, are free without being looked at.
+
+    Args:
+        model: of the world as it is.
+        path: being followed.
+        start: where the robot is, shape (3,), valid.
+    """
+    motion, followed = model.motion, model.followed
+    vertices = vertices_of(motion, path)
+    unknown, least, least_at = np.ones(len(vertices) - 1, np.bool_), None, 0
+    if followed is not None and np.array_equal(followed.vertices, vertices):
+        unknown, least, least_at = followed.touched, followed.least, followed.least_at
+    here = start if motion.turns else start * np.array([1.0, 1.0, 0.0])
+    if len(vertices) > 1:
+        nearest = located(motion, path, vertices, start)
+        # The first motion is another one, unless the robot stands exactly at a state of the path.
+        same = bool(np.array_equal(here, vertices[nearest]))
+        vertices, unknown = np.vstack([here, vertices[nearest + 1 :]]), unknown[nearest:].copy()
+        unknown[0] |= not same
+        least_at -= nearest
+        if least_at < (not same):
+            least = None
+    else:
+        vertices, unknown = np.vstack([here, vertices]), np.ones(1, np.bool_)
+    # Where the robot stands at the path's next state, or at its end, there is no motion to it.
+    moves = (vertices[1:] != vertices[:-1]).any(axis=1)
+    moves[-1] |= not moves.any()
+    vertices, unknown, least_at = vertices[np.append(True, moves)], unknown[moves], least_at - int((~moves).sum())
+    free = ~unknown
+    a, b = vertices[:-1][unknown], vertices[1:][unknown]
+    if len(a):
+        free[unknown] = model.checker.states_free(a) & model.checker.states_free(b)
+        check = np.flatnonzero(unknown & free)
+        free[check] = motion.motions_between_valid(vertices[check], vertices[check + 1])
+    return Rest(vertices, free, least, least_at, unknown)
+
+
+class Replanner:
+    """Answers one query for which there is a path already.
+
+    Args:
+        model: of the world as it is.
+        start: where the robot is, shape (3,), valid.
+        goal: shape (3,), valid.
+        min_gain: share by which another path must be better to take the place of one that is free.
+        seconds_left: asked before each search.
+        plan: plans the whole query, beginning with a path's states (n, 3) or with None, in so many seconds.
+        improvement: seconds to go on bettering a path.
+    """
+
+    def __init__(
+        self,
+        model: WorldModel,
+        start: FloatArray,
+        goal: FloatArray,
+        *,
+        min_gain: float,
+        seconds_left: Callable[[], float],
+        plan: Callable[[FloatArray | None, float], PlanResult],
+        improvement: float,
+    ) -> None:
+        self.model, self.motion, self.start, self.goal = model, model.motion, start, goal
+        self.ends = self.motion.ends(start, goal)
+        self.min_gain, self.seconds_left, self.plan, self.improvement = min_gain, seconds_left, plan, improvement
+        self.begin = perf_counter()
+
+    def answer(self, path: Path) -> ReplanResult:
+        """Return the path to follow from here on instead of ``path``, or the rest of it."""
+        rest = rest_of(self.model, path, self.start)
+        if not np.array_equal(rest.vertices[-1], self.ends[1]):
+            return _as_replan(self._planned(None), "the path leads to another goal")
+        if rest.free.all():
+            kept = self._kept(rest)
+            if kept is not None:
+                return self._bettered(kept, rest.vertices)
+        repaired = self._repaired(rest)
+        if repaired is not None and self.improvement <= 0.0:
+            result = self._result(repaired)
+            if result is not None:
+                return _as_replan(result, "the path is blocked")
+        return _as_replan(self._planned(repaired), "the path is blocked")
+
+    def _planned(self, known: FloatArray | None) -> PlanResult:
+        """Return what planning the whole query gives, beginning with a path if there is one."""
+        seconds = self.seconds_left() if known is None else self.improvement
+        return self.plan(known, max(seconds, MIN_SECONDS))
+
+    def _kept(self, rest: Rest) -> ReplanResult | None:
+        """Return the rest of the path, if what was looked at now passes the final check as well."""
+        verification, vertices = self.model.verification, rest.vertices
+        for i in np.flatnonzero(rest.checked).tolist():
+            piece = vertices[i : i + 2]
+            if verification.final_check.fault(self.motion.path(piece), *piece) is not None:
+                return None
+        # Mostly only the first motion is new.
+        known = rest.least is not None and not rest.checked[1:].any()
+        least, least_at = verification.least_clearance(vertices[:2] if known else vertices)
+        if known and rest.least is not None and rest.least < least:
+            least, least_at = rest.least, rest.least_at
+        freed = np.empty((0, 4)) if self.model.followed is None else self.model.followed.freed
+        self.model.followed = FollowedPath(vertices, np.zeros(len(rest.free), np.bool_), freed, least, least_at)
+        incumbent = self._incumbent(vertices)
+        result = verification.result(
+            incumbent, "solved", incumbent.path(), self.model.shared.roadmap, min_clearance=least
+        )
+        return replace(_as_replan(result, "the path is free, and no better one is known"), kept=True)
+
+    def _bettered(self, kept: ReplanResult, vertices: FloatArray) -> ReplanResult:
+        """Return a path that is better by more than the share wanted, or the one that is free."""
+        better, limit = self._better(vertices), (kept.cost or 0.0) / (1.0 + self.min_gain)
+        result: PlanResult | None = None
+        if self.improvement > 0.0:
+            result = self._planned(vertices if better is None else better)
+        elif better is not None:
+            result = self._result(better)
+        if result is None or result.cost is None or result.cost >= limit:
+            return kept
+        return _as_replan(result, f"another path costs {result.cost:.4g} m instead of {kept.cost:.4g} m")
+
+    def _better(self, vertices: FloatArray) -> FloatArray | None:
+        """Return a better path, shape (n, 3), sought only where obstacles went since the last look; None if none is."""
+        model, followed = self.model, self.model.followed
+        if followed is None or len(followed.freed) == 0 or len(vertices) < 3:
+            return None
+        model.followed = replace(followed, freed=np.empty((0, 4)))
+        limit = self.motion.cost_of(vertices) / (1.0 + self.min_gain)
+        # A better path leads through what was freed.
+        boxes, reach = followed.freed, model.checker.robot.circumradius
+        gaps = [np.hypot(*np.maximum(np.maximum(boxes[:, :2] - q[:2], q[:2] - boxes[:, 2:]), 0.0).T) for q in self.ends]
+        if (gaps[0] + gaps[1] - 2.0 * reach >= limit).all():
+            return None
+        found = self._first_path(self.ends)
+        if len(found):
+            found = self._shortened(found)
+        return found if len(found) and self.motion.cost_of(found) < limit else None
+
+    def _repaired(self, rest: Rest) -> FloatArray | None:
+        """Return a path for one that is blocked, led around or another one; None if none was found soon."""
+        around, other = self._led_around(rest), self._first_path(self.ends)
+        best = np.inf if around is None else self.motion.cost_of(around)
+        # Shortening saves no more than that.
+        if len(other) and self.motion.cost_of(other) < self.model.settings.worth_shortening * best:
+            other = self._shortened(other)
+            if self.motion.cost_of(other) < best:
+                return other
+        return around
+
+    def _led_around(self, rest: Rest) -> FloatArray | None:
+        """Return the path with a way around where it is blocked, shape (n, 3); None if none was found soon."""
+        blocked = np.flatnonzero(~rest.free)
+        if len(blocked) == 0:
+            return None
+        motion, vertices = self.motion, rest.vertices
+        first, last = int(blocked[0]), int(blocked[-1])
+        before = place_before(self.model, vertices[first], vertices[first + 1], reverse=False)
+        after = place_before(self.model, vertices[last], vertices[last + 1], reverse=True)
+        if before is None or after is None:
+            return None
+        around = self._first_path(np.array([before, after]), near=True)
+        if len(around) == 0:
+            return None
+        piece = without_repetitions(np.vstack([vertices[first], around, vertices[last + 1]]))
+        if not motion.motions_valid(piece[:-1], piece[1:]).all():
+            return None
+        # What is kept of the path is short already, but for where it meets what is new.
+        low, high = max(0, first - 1), min(len(vertices), last + 3)
+        piece = self._shortened(np.vstack([vertices[low:first], piece, vertices[last + 2 : high]]))
+        return np.vstack([vertices[:low], piece, vertices[high:]])
+
+    def _shortened(self, states: FloatArray) -> FloatArray:
+        """Return a path made shorter, in the time that a robot may be kept waiting for it."""
+        end = perf_counter() + min(0.5 * self.model.settings.replan_shortening, self.seconds_left())
+        return shorten(self.motion, states, self.model.rng, sweeps=SWEEPS, seconds_left=lambda: end - perf_counter())
+
+    def _first_path(self, ends: FloatArray, *, near: bool = False) -> FloatArray:
+        """Return a path of certified motions, shape (n, 3), that was soon found; (0, 3) if none was.
+
+        Args:
+            ends: start and goal, valid, shape (2, 3).
+            near: whether to look only around the two.
+        """
+        model, motion = self.model, self.motion
+        if motion.motions_between_valid(ends[:1], ends[1:])[0]:
+            return ends
+        found = np.empty((0, 3))
+        if not near:
+            found = RoadmapLookup(model.shared.roadmap, *ends).search_free_edges()
+        if len(found) == 0 and motion.moves_anywhere:
+            window = self._window(ends) if near else None
+            lattices = LatticeSchedule(
+                motion, ends, model.relaxation.size, self.seconds_left, model.settings.without, window
+            )
+            found = lattices.first_path(LEVELS)
+        return found
+
+    def _window(self, ends: FloatArray) -> tuple[float, float, float, float]:
+        """Return a box xmin, ymin, xmax, ymax (metres) around two configurations, within the bounds."""
+        xy, bounds = ends[:, :2], self.model.checker.world.bounds
+        room = NEAR * max(self.model.checker.robot.circumradius, float(np.hypot(*(xy[1] - xy[0]))))
+        low, high = np.maximum(xy.min(axis=0) - room, bounds[:2]), np.minimum(xy.max(axis=0) + room, bounds[2:])
+        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+    def _result(self, states: FloatArray) -> PlanResult | None:
+        """Return the result for a path of certified motions, which is followed from here on; None if it is not free."""
+        incumbent = self._incumbent(states)
+        path = incumbent.path()
+        if path is None or not self.model.verification.certified(path, np.array([self.start, self.goal])):
+            return None
+        self.model.followed = FollowedPath.of(self.motion, path)
+        return self.model.verification.result(incumbent, "solved", path, self.model.shared.roadmap)
+
+    def _incumbent(self, states: FloatArray) -> Incumbent:
+        incumbent = Incumbent(self.motion, self.start, self.goal, self.begin)
+        incumbent.offer(states)
+        return incumbent
+
+
+def _as_replan(result: PlanResult, reason: str) -> ReplanResult:
+    """Return a result with why the path is not the rest of the one that was given."""
+    if result.path is None:
+        reason += ", and no other was found in time" if result.status == "timeout" else ", and there is no other"
+    return ReplanResult(**{field.name: getattr(result, field.name) for field in fields(PlanResult)}, reason=reason)
+
+
+def place_before(model: WorldModel, a: FloatArray, b: FloatArray, *, reverse: bool) -> FloatArray | None:
+    """Return a configuration on the motion from a to b, some way before where it is blocked; None if a is not valid.
+
+    Args:
+        model: of the world.
+        a: shape (3,).
+        b: shape (3,).
+        reverse: whether to return one some way after where it is blocked instead; None if b is not valid.
+    """
+    motion = model.motion
+    places = np.array(motion.path(np.array([a, b])).at(np.linspace(0.0, 1.0, PLACES + 1)))
+    places[0], places[-1] = a, b
+    if reverse:
+        places = places[::-1].copy()
+    valid = model.checker.states_free(places)
+    if not valid[0]:
+        return None
+    blocked = int(np.argmin(valid)) if not valid.all() else PLACES // 2
+    step = float(motion.costs(a, b)[0]) / PLACES
+    k = blocked - 1 - int(np.ceil(BACK_OFF * model.checker.robot.circumradius / max(step, 1e-9)))
+    if k > 0:
+        ends = (places[k : k + 1], places[:1]) if reverse else (places[:1], places[k : k + 1])
+        if motion.motions_between_valid(*ends)[0]:
+            return np.array(places[k])
+    return np.array(places[0])

@@ -1,0 +1,121 @@
+"""WorldModel: all that a planner keeps about one world: checker, motion, roadmap, relaxed problem, lower bounds."""
+
+# Tested by tests/planning/test_planner.py, test_batch.py, test_updating.py and test_replanning.py.
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark import se2
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.landmarks import Relaxation
+from trailmark.motion import motion_of
+from trailmark.planning.followed import FollowedPath
+from trailmark.planning.proofs import LowerBound
+from trailmark.planning.settings import PlannerSettings
+from trailmark.planning.shared_roadmap import SharedRoadmap
+from trailmark.planning.updating import Boxes, Update
+from trailmark.planning.verification import Verification
+from trailmark.world import World
+
+__all__ = ["WorldModel"]
+
+PROOF_SHARE = 0.25
+"""Of the time left: what making lower bounds ready for many queries may take of it."""
+
+
+class WorldModel:
+    """What queries in one world share. A query uses one model from its beginning to its end.
+
+    Args:
+        checker: of the world and the robot.
+        rng: source of randomness.
+        seed: that it began with, for reports of errors.
+        settings: numbers that a person may change.
+        landmarks: to be spread over all free space before the first query.
+        before: the model of the world before, if its obstacles changed to those of the checker's world.
+
+    Attributes:
+        checker: as given.
+        motion: how the robot moves.
+        verification: checks what is about to be returned.
+        shared: the roadmap, and the lock of those who let it grow.
+        bound: proves lower bounds; what it computes is kept from query to query.
+        relaxation: the relaxed problem's grid, kept from query to query.
+        followed: the path that was returned last, None before there is one.
+    """
+
+    def __init__(
+        self,
+        checker: StateChecker,
+        rng: np.random.Generator,
+        seed: int,
+        settings: PlannerSettings,
+        landmarks: int,
+        before: WorldModel | None = None,
+    ) -> None:
+        self.checker, self.rng, self.seed, self.settings = checker, rng, seed, settings
+        self.motion = motion_of(checker)
+        self.followed: FollowedPath | None = None
+        if before is None:
+            self.verification = Verification(checker, self.motion, seed)
+            self.shared = SharedRoadmap(self.motion, rng, settings, landmarks)
+            self.bound = LowerBound(checker.world, checker.robot, checker.grid)
+            self.relaxation = Relaxation(checker)
+
+    def edited(self, world: World) -> tuple[WorldModel, Update]:
+        """Return the model of another world, and what changed; this one stays as it is.
+
+        Where only obstacles differ, only what the changes reach is looked at again.
+        """
+        begin, old = perf_counter(), self.checker.world
+        if (world.bounds, world.boundary) != (old.bounds, old.boundary):
+            checker = StateChecker(world, self.checker.robot, exact=self.checker.exact)
+            model = WorldModel(checker, self.rng, self.seed, self.settings, self.shared.to_place)
+            return model, Update(seconds=perf_counter() - begin)
+        changes = old.difference(world)
+        checker = self.checker.edited(world)
+        model = WorldModel(checker, self.rng, self.seed, self.settings, 0, before=self)
+        boxes = Boxes.of(changes)
+        model.verification = self.verification.edited(checker, model.motion)
+        model.shared, counts = self.shared.edited(model.motion, boxes)
+        model.bound = self.bound.edited(checker.world, checker.grid, boxes.removed)
+        model.relaxation = self.relaxation.edited(checker, boxes.all)
+        if self.followed is not None:
+            model.followed = self.followed.after(model.motion, boxes.removed, boxes.added)
+        return model, replace(counts, changes=len(changes.items), seconds=perf_counter() - begin)
+
+    def valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
+        """Return start and goal, shape (2, 3), both valid, or raise a ConfigurationError."""
+        ends = [se2.configurations(start, name="start"), se2.configurations(goal, name="goal")]
+        if all(q.ndim == 1 for q in ends):
+            pair = np.array(ends)
+            if self.checker.states_free(pair).all():
+                return pair
+        # Says what is wrong with which.
+        return np.array([self.checker.require_valid(q, name) for q, name in zip(ends, ("start", "goal"), strict=True)])
+
+    def valid_ends(self, starts: ArrayLike, goals: ArrayLike) -> se2.FloatArray:
+        """Return starts and goals, shape (n, 2, 3), all valid, or raise a ConfigurationError."""
+        rows = [np.atleast_2d(se2.configurations(q, name=name)) for q, name in ((starts, "starts"), (goals, "goals"))]
+        if rows[0].shape != rows[1].shape:
+            raise ConfigurationError(f"goals: expected {len(rows[0])}, as many as starts, got {len(rows[1])}")
+        # FCL, which decides what touches, is one thread's at a time.
+        with self.shared.lock:
+            for states, name in zip(rows, ("start", "goal"), strict=True):
+                for i in np.flatnonzero(~self.checker.valid(states)):
+                    self.checker.require_valid(states[i], f"{name} {i}")
+        return np.stack(rows, axis=1)
+
+    def bound_of_all(self, ends: se2.FloatArray, seconds: float) -> LowerBound | None:
+        """Return what proves lower bounds, with all computed that queries share; None if that may take too long."""
+        with self.shared.lock:
+            if self.bound.seconds(*ends) > PROOF_SHARE * seconds:
+                return None
+            self.bound.of(*ends)
+            return self.bound

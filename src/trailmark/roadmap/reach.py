@@ -1,0 +1,70 @@
+"""Which nodes and edges of a roadmap a changed obstacle may touch."""
+
+# Tested by tests/roadmap/test_revalidation.py.
+
+from __future__ import annotations
+
+from math import hypot
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.compiled import njit
+from trailmark.se2 import FloatArray
+
+__all__ = ["edges_near", "nodes_near"]
+
+SLACK = 1e-6
+"""Metres, and share of a length, by which distances may be wrong; counted as near."""
+
+
+@njit(cache=True, inline="always")
+def _distance(x: float, y: float, box: FloatArray) -> float:
+    """Return the distance (metres) of a point from a box xmin, ymin, xmax, ymax; 0 inside it."""
+    return hypot(max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3]))
+
+
+@njit(cache=True, nogil=True)
+def nodes_near(q: FloatArray, reach: float, boxes: FloatArray) -> NDArray[np.bool_]:
+    """Return in which configurations, shape (n, 3), the robot may touch one of the boxes, shape (n,).
+
+    Args:
+        q: shape (n, 3).
+        reach: metres from the reference point to the robot's farthest point.
+        boxes: (b, 4), xmin, ymin, xmax, ymax, metres.
+    """
+    found = np.zeros(len(q), np.bool_)
+    for i in range(len(q)):
+        for box in boxes:
+            if _distance(q[i, 0], q[i, 1], box) <= reach + SLACK * (1.0 + reach):
+                found[i] = True
+                break
+    return found
+
+
+@njit(cache=True, nogil=True)
+def edges_near(
+    q: FloatArray, edges: NDArray[np.int32], lengths: FloatArray, reach: float, boxes: FloatArray
+) -> NDArray[np.bool_]:
+    """Return along which edges the robot may touch one of the boxes, shape (m,).
+
+    A motion of cost c moves the reference point by at most c metres, whatever kind of motion it is: where it is at
+    distance d of a box, its ends' distances from it add up to at most c + 2·d.
+
+    Args:
+        q: nodes, shape (n, 3).
+        edges: nodes joined, shape (m, 2).
+        lengths: their costs, metres, shape (m,).
+        reach: metres from the reference point to the robot's farthest point.
+        boxes: (b, 4), xmin, ymin, xmax, ymax, metres.
+    """
+    found = np.zeros(len(edges), np.bool_)
+    for i in range(len(edges)):
+        a, b = q[edges[i, 0]], q[edges[i, 1]]
+        most = lengths[i] + 2.0 * reach
+        most += SLACK * (1.0 + most)
+        for box in boxes:
+            if _distance(a[0], a[1], box) + _distance(b[0], b[1], box) <= most:
+                found[i] = True
+                break
+    return found

@@ -1,0 +1,168 @@
+"""The path being followed, kept, led around and replaced; every path is judged by shapely."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world, star_polygon
+
+from trailmark import Disc, LandmarkPlanner, Path, PlanResult, Rectangle, World
+from trailmark.errors import ConfigurationError
+from trailmark.planning.replanning import rest_of
+
+Judge = Callable[..., float]
+OPEN = World("field", (0.0, 0.0, 40.0, 20.0), (Rectangle((20.0, 4.0), 2.0, 8.0),))
+START, GOAL = np.array([2.0, 3.0, 0.0]), np.array([38.0, 3.0, 0.0])
+
+
+def planner_with_path(name: str = "rectangle") -> tuple[LandmarkPlanner, Path]:
+    planner = LandmarkPlanner(OPEN, ROBOTS[name], seed=0)
+    path = planner.plan(START, GOAL, time_limit=5.0, max_iterations=3).path
+    assert path is not None
+    return planner, path
+
+
+def states_of(result: PlanResult) -> np.ndarray:
+    assert result.path is not None
+    return result.path.states
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
+def test_a_path_that_no_change_touches_is_kept(name: str, judge: Judge) -> None:
+    planner, path = planner_with_path(name)
+    planner.update(OPEN.edited(add=[Disc((30.0, 18.0), 1.0)]))
+    here = path.at(0.3)
+    result = planner.replan(here, GOAL, path)
+    assert result.kept
+    assert "free" in result.reason
+    assert result.path is not None
+    assert np.array_equal(result.path.states[0], here)
+    assert result.path.cost == pytest.approx(0.7 * path.cost, rel=1e-6)
+    assert result.min_clearance is not None
+    judge(planner.world, planner.robot, here, GOAL, states_of(result))
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
+def test_a_path_that_is_blocked_is_led_around(name: str, judge: Judge) -> None:
+    planner, path = planner_with_path(name)
+    there = path.at(0.7)[:2]
+    planner.update(OPEN.edited(add=[Disc((float(there[0]), float(there[1])), 1.0)]))
+    here = path.at(0.2)
+    result = planner.replan(here, GOAL, path)
+    assert (result.status, result.kept, result.reason) == ("solved", False, "the path is blocked")
+    judge(planner.world, planner.robot, here, GOAL, states_of(result))
+    assert result.cost is not None
+    assert result.cost < 1.2 * 0.8 * path.cost
+
+
+def test_a_car_is_led_around(judge: Judge) -> None:
+    robot = ROBOTS["rectangle"].steered(2.0)
+    planner = LandmarkPlanner(OPEN, robot, seed=0)
+    path = planner.plan(START, GOAL, time_limit=20.0, max_iterations=2).path
+    assert path is not None
+    here = path.at(0.25)
+    planner.update(OPEN.edited(add=[Disc((8.0, 16.0), 1.0)]))
+    result = planner.replan(here, GOAL, path)
+    assert result.kept
+    judge(planner.world, robot, here, GOAL, states_of(result))
+    there = path.at(0.7)[:2]
+    planner.update(planner.world.edited(add=[Disc((float(there[0]), float(there[1])), 1.0)]))
+    result = planner.replan(here, GOAL, path, time_limit=20.0)
+    assert (result.status, result.kept) == ("solved", False)
+    judge(planner.world, robot, here, GOAL, states_of(result))
+
+
+def test_a_much_better_path_takes_the_place_of_one_that_is_free() -> None:
+    planner, path = planner_with_path()
+    planner.update(OPEN.edited(remove=[0]))
+    result = planner.replan(path.at(0.1), GOAL, path, min_gain=0.02)
+    assert not result.kept
+    assert "instead of" in result.reason
+    assert result.cost == pytest.approx(float(planner.motion.least_cost(path.at(0.1), GOAL)))
+    planner, path = planner_with_path()
+    planner.update(OPEN.edited(remove=[0]))
+    assert planner.replan(path.at(0.1), GOAL, path).kept
+
+
+def test_no_path_says_so() -> None:
+    planner, path = planner_with_path()
+    planner.update(OPEN.edited(add=[Rectangle((25.0, 10.0), 1.0, 20.0)]))
+    result = planner.replan(START, GOAL, path)
+    assert (result.status, result.path, result.kept) == ("infeasible", None, False)
+    assert "blocked" in result.reason
+
+
+def test_paths_of_others_and_other_goals() -> None:
+    _, path = planner_with_path()
+    other = LandmarkPlanner(OPEN, ROBOTS["rectangle"], seed=1)
+    result = other.replan(path.at(0.5), GOAL, path)
+    assert result.kept
+    moved = GOAL + np.array([0.0, 2.0, 0.0])
+    result = other.replan(path.at(0.5), moved, path)
+    assert (result.status, result.kept, result.reason) == ("solved", False, "the path leads to another goal")
+    # A path through the obstacle, never checked by anyone.
+    result = other.replan(START, GOAL, Path(np.array([START, GOAL])))
+    assert (result.status, result.kept) == ("solved", False)
+
+
+def test_a_robot_beside_its_path_returns_to_it(judge: Judge) -> None:
+    planner, path = planner_with_path()
+    here = path.at(0.3) + np.array([0.05, -0.05, 0.02])
+    result = planner.replan(here, GOAL, path)
+    assert result.kept
+    judge(planner.world, planner.robot, here, GOAL, states_of(result))
+    assert planner.replan(GOAL, GOAL, path).path is not None
+
+
+def test_only_what_changed_is_looked_at_again() -> None:
+    planner, path = planner_with_path()
+    planner.update(OPEN.edited(add=[Disc((30.0, 18.0), 1.0)]))
+    rest = rest_of(planner._model, path, path.states[0].copy())
+    assert rest.free.all()
+    assert not rest.checked.any()
+
+
+@pytest.mark.parametrize(
+    ("argument", "value"), [("min_gain", -0.1), ("min_gain", np.nan), ("improvement", -1.0), ("time_limit", 0.0)]
+)
+def test_bad_options_are_refused(argument: str, value: float) -> None:
+    planner, path = planner_with_path()
+    with pytest.raises(ConfigurationError, match="expected"):
+        planner.replan(START, GOAL, path, **{argument: value})
+    with pytest.raises(ConfigurationError, match="path"):
+        planner.replan(START, GOAL, "path.json")  # type: ignore[arg-type]
+
+
+@pytest.mark.slow
+def test_many_changes_never_give_a_path_that_collides(judge: Judge) -> None:
+    rng = np.random.default_rng(3)
+    for seed in range(3):
+        world, robot = random_world(seed, 60, size=50.0), ROBOTS["rectangle"]
+        planner = LandmarkPlanner(world, robot, seed=0)
+        free = planner.checker.valid(q := np.column_stack([rng.uniform(2, 48, (500, 2)), rng.uniform(-3, 3, 500)]))
+        start, goal = q[free][np.argmin(q[free][:, :2].sum(axis=1))], q[free][np.argmax(q[free][:, :2].sum(axis=1))]
+        path = planner.plan(start, goal, time_limit=5.0).path
+        assert path is not None
+        kept = replaced = 0
+        for _ in range(60):
+            near = path.at(rng.uniform(0.1, 0.9))[:2] + rng.normal(0.0, 2.0, 2)
+            if rng.integers(2):
+                changed = world.edited(add=[star_polygon(rng, (float(near[0]), float(near[1])), 2.0)])
+            else:
+                changed = world.edited(remove=[int(rng.integers(len(world.obstacles)))])
+            anew = LandmarkPlanner(changed, robot, seed=0)
+            if not anew.checker.valid([start, goal]).all():
+                continue
+            world = changed
+            planner.update(world)
+            result = planner.replan(start, goal, path)
+            kept, replaced = kept + result.kept, replaced + (not result.kept)
+            if result.path is None:
+                assert anew.plan(start, goal, time_limit=2.0).status != "solved"
+                break
+            path = result.path
+            judge(world, robot, start, goal, path.states)
+        assert kept > 5
+        assert replaced > 5

@@ -1,0 +1,139 @@
+"""A planner that is brought up to date, against one that is built anew."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world, star_polygon
+
+from trailmark import Disc, LandmarkPlanner, Rectangle, World
+from trailmark.errors import WorldError
+from trailmark.landmarks import free_samples
+from trailmark.planning.updating import Boxes
+
+
+def edit(world: World, rng: np.random.Generator) -> World:
+    """Return the world after one random change."""
+    count, size = len(world.obstacles), world.bounds[2]
+    kind = int(rng.integers(3))
+    if kind == 0:
+        center = (float(rng.uniform(0, size)), float(rng.uniform(0, size)))
+        return world.edited(add=[star_polygon(rng, center, 3.0)])
+    if kind == 1:
+        return world.edited(remove=[int(rng.integers(count))])
+    return world.edited(move={int(rng.integers(count)): (*rng.normal(0.0, 2.0, 2), rng.normal())})
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
+def test_it_knows_what_one_built_anew_knows(name: str) -> None:
+    world, robot, rng = random_world(3, 40, size=40.0, discs=0.3), ROBOTS[name], np.random.default_rng(1)
+    planner = LandmarkPlanner(world, robot, seed=0)
+    planner.build(200)
+    changed = 0
+    for _ in range(12):
+        world = edit(world, rng)
+        update = planner.update(world)
+        assert update.changes == 1
+        changed += update.gained + update.lost
+        anew = LandmarkPlanner(world, robot, seed=0)
+        q = np.column_stack([rng.uniform(0, 40, (300, 2)), rng.uniform(-3, 3, 300)])
+        assert np.array_equal(planner.checker.valid(q), anew.checker.valid(q))
+        assert np.array_equal(planner.checker.clearance(q), anew.checker.clearance(q))
+        assert np.array_equal(planner.checker.field.distance, anew.checker.field.distance)
+        nodes, edges = planner.roadmap.configurations, planner.roadmap.edges[planner.roadmap.certified]
+        assert anew.motion.motions_valid(nodes[edges[:, 0]], nodes[edges[:, 1]]).all()
+        everywhere = np.arange(planner.relaxation.rows * planner.relaxation.columns)
+        cells = planner.relaxation.clearance(everywhere), anew.relaxation.clearance(everywhere)
+        assert np.abs(cells[0] - cells[1]).max() <= 1e-6
+    assert changed > 0
+
+
+def test_lower_bounds_stay_below_what_is_true_after_changes() -> None:
+    world, rng = random_world(3, 40, size=40.0, discs=0.3), np.random.default_rng(1)
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+    ends = free_samples(planner.checker, 2, random_state=0)
+    planner.bound.of(*ends)
+    assert planner.bound.ready
+    above_the_straight = 0
+    for _ in range(10):
+        world = edit(world, rng)
+        planner.update(world)
+        starts, goals = np.split(free_samples(planner.checker, 20, random_state=rng), 2)
+        anew = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+        for start, goal in zip(starts, goals, strict=True):
+            known, exact = planner.bound.known(start, goal), anew.bound.of(start, goal).cost
+            assert known <= exact * (1.0 + 1e-9)
+            above_the_straight += known > planner.motion.least_cost(start, goal) * (1.0 + 1e-9)
+    assert above_the_straight > 0
+
+
+def test_blocked_landmarks_leave_and_freed_space_gets_some() -> None:
+    world = World("room", (0.0, 0.0, 30.0, 30.0), (Rectangle((15.0, 15.0), 12.0, 12.0),))
+    planner = LandmarkPlanner(world, ROBOTS["disc"], seed=0)
+    planner.build(200)
+    update = planner.update(world.edited(remove=[0]))
+    assert update.landmarks_added > 0
+    inside = np.abs(planner.roadmap.configurations[:, :2] - 15.0).max(axis=1) < 5.0
+    assert inside.any()
+    update = planner.update(planner.world.edited(add=[Disc((15.0, 15.0), 7.0)]))
+    assert update.landmarks_dropped >= np.count_nonzero(inside)
+    assert planner.checker.valid(planner.roadmap.configurations).all()
+
+
+def test_bad_changes_change_nothing() -> None:
+    world = random_world(3, 10, size=40.0)
+    planner = LandmarkPlanner(world, ROBOTS["disc"], seed=0)
+    other = random_world(4, 10, size=40.0)
+    with pytest.raises(WorldError):
+        planner.update(other.difference(other.edited(remove=[2])))
+    with pytest.raises(WorldError, match="expected"):
+        planner.update("pallet")  # type: ignore[arg-type]
+    assert planner.world is world
+
+
+def test_other_bounds_build_all_anew() -> None:
+    planner = LandmarkPlanner(World("small", (0.0, 0.0, 10.0, 10.0)), ROBOTS["disc"], seed=0)
+    assert planner.plan((1, 1, 0), (9, 9, 0)).status == "solved"
+    planner.update(World("large", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 4.0), 1.0, 8.0),)))
+    assert planner.plan((1, 1, 0), (19, 1, 0)).status == "solved"
+
+
+def test_boxes_hold_what_changed() -> None:
+    world = World("two", (0.0, 0.0, 10.0, 10.0), (Disc((2.0, 2.0), 1.0), Disc((8.0, 8.0), 1.0)))
+    found = Boxes.of(world.difference(world.edited(move={0: (1.0, 0.0)}, remove=[1])))
+    assert found.added.tolist() == [[2.0, 1.0, 4.0, 3.0]]
+    assert sorted(found.removed.tolist()) == [[1.0, 1.0, 3.0, 3.0], [7.0, 7.0, 9.0, 9.0]]
+
+
+def test_each_query_sees_one_world_while_updates_go_on() -> None:
+    """A wall with its door now left, now right: a path through a closed door would be a mixture."""
+    left = World("left", (0.0, 0.0, 20.0, 20.0), (Rectangle((12.5, 10.0), 15.0, 1.0),))
+    right = World("right", (0.0, 0.0, 20.0, 20.0), (Rectangle((7.5, 10.0), 15.0, 1.0),))
+    planner = LandmarkPlanner(left, ROBOTS["disc"], seed=0)
+    done, wrong, asked = threading.Event(), list[str](), list[int]()
+
+    def ask() -> None:
+        while not done.is_set():
+            path = planner.plan((10.0, 2.0, 0.0), (10.0, 18.0, 0.0), time_limit=0.05).path
+            if path is None:
+                wrong.append("no path")
+                return
+            free = [LandmarkPlanner(w, ROBOTS["disc"], warm=False).motion for w in (left, right)]
+            ways = [bool(motion.motions_valid(path.states[:-1], path.states[1:]).all()) for motion in free]
+            asked.append(ways.index(True) if any(ways) else -1)
+            if not any(ways):
+                wrong.append(repr(path.states))
+
+    threads = [threading.Thread(target=ask) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for i in range(40):
+        planner.update(right if i % 2 == 0 else left)
+        done.wait(0.01)
+    done.set()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+    assert {0, 1} <= set(asked)
