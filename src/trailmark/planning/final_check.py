@@ -12,18 +12,19 @@ angle 2a back by RIM / sin(a).
 
 from __future__ import annotations
 
-import itertools
+from copy import copy
+from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.curves import CurvePath
 from trailmark.path import Path
 from trailmark.planning.conservative_advancement import advance
+from trailmark.planning.edge_index import EdgeIndex, closed
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.shapes import Disc, Polygon
 from trailmark.world import Robot, World
 
 __all__ = ["RIM", "FinalCheck"]
@@ -31,16 +32,11 @@ __all__ = ["RIM", "FinalCheck"]
 RIM = 1e-6
 """Metres of overlap that are not looked at."""
 
-RUN = 16
-"""Consecutive edges of a ring that share a box in the tree."""
-
 PIECE, MAX_PIECES = 4.0, 64
 """Circumradii that a piece of a motion is long for which nearby edges are looked up, and pieces of a motion at most."""
 
 MISSED = 1e-5
 """Metres, and radians, that a curve may end off its knot, for radii and coordinates up to 1e5 m."""
-
-IntArray = NDArray[np.int64]
 
 
 class FinalCheck:
@@ -59,15 +55,17 @@ class FinalCheck:
             self._radius = max(shape.radius - RIM, 0.5 * shape.radius)
         else:
             self._parts = _eroded(robot.outline)
-            self._body = np.concatenate([_closed(ring) for part in self._parts for ring in _coordinates(part)])
-        self._edges, self._runs = _edges_of(world)
-        low = np.minimum(self._edges[:, :2], self._edges[:, 2:4]) - self._edges[:, 4:]
-        high = np.maximum(self._edges[:, :2], self._edges[:, 2:4]) + self._edges[:, 4:]
-        low, high = np.minimum.reduceat(low, self._runs[:-1]), np.maximum.reduceat(high, self._runs[:-1])
-        self._tree = shapely.STRtree(shapely.box(*low.T, *high.T))
-        # The tree is made by the first query: now, not within a query's time.
-        self._tree.query(shapely.box(0.0, 0.0, 0.0, 0.0))
-        self._boxes = np.array([s.bounding_box() for s in world.obstacles]).reshape(-1, 4).T.copy()
+            self._body = np.concatenate([closed(ring) for part in self._parts for ring in _coordinates(part)])
+        self._index = EdgeIndex(world)
+
+    def edited(self, world: World) -> FinalCheck:
+        """Return the check for a world with other obstacles; one with other bounds or boundary is made anew."""
+        if world.bounds != self.world.bounds or world.boundary != self.world.boundary:
+            return FinalCheck(world, self.robot)
+        new = copy(self)
+        new.world = world
+        new._index = self._index.edited((item.before, item.after) for item in self.world.difference(world).items)
+        return new
 
     def fault(self, path: Path, start: FloatArray, goal: FloatArray) -> str | None:
         """Return what is wrong with a path, or None if it leads from start to goal and is certified.
@@ -114,19 +112,17 @@ class FinalCheck:
         begin = starts[of, :2] + share[:, None] * (ends - starts[:, :2])[of]
         end = begin + ((ends - starts[:, :2]) / count[:, None])[of]
         low, high = np.minimum(begin, end) - room[of], np.maximum(begin, end) + room[of]
-        piece, item = self._tree.query(shapely.box(*low.T, *high.T))
-        motion, item = np.divmod(np.unique(of[piece] * len(self._runs) + item), len(self._runs))
-        first = np.searchsorted(motion, np.arange(len(starts) + 1))
+        first, item = self._index.near(low, high, of, len(starts))
         return advance(
             self._body,
             self._radius,
             np.ascontiguousarray(starts),
             np.ascontiguousarray(moves),
             curvature,
-            first.astype(np.int64),
-            item.astype(np.int64),
-            self._runs,
-            self._edges,
+            first,
+            item,
+            self._index.runs,
+            self._index.edges,
         )
 
     def _fault_at(self, q: FloatArray) -> str | None:
@@ -145,10 +141,10 @@ class FinalCheck:
             inside = self.world.boundary.shapely()
             if not shapely.covers(inside, body) or shapely.distance(inside.exterior, body) < radius:
                 return f"state {q.tolist()} reaches over the boundary"
-        left, bottom, right, top = self._boxes
+        left, bottom, right, top = self._index.boxes
         near = (left <= high[0]) & (right >= low[0]) & (bottom <= high[1]) & (top >= low[1])
         for i in np.flatnonzero(near):
-            shape = self.world.obstacles[i]
+            shape: Any = self._index.obstacles[i]
             if isinstance(shape, Disc):
                 overlap = shapely.distance(shapely.Point(shape.center), body) < radius + shape.radius - RIM
             elif radius > 0.0:
@@ -156,7 +152,7 @@ class FinalCheck:
             else:
                 overlap = shapely.intersects(shape.polygon().shapely(), body)
             if overlap:
-                return f"state {q.tolist()} overlaps obstacle {i}"
+                return f"state {q.tolist()} overlaps obstacle {self.world.obstacles.index(shape)}"
         return None
 
 
@@ -172,46 +168,9 @@ def _coordinates(part: shapely.Polygon) -> list[FloatArray]:
     return [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
 
 
-def _closed(ring: FloatArray) -> FloatArray:
-    """Return the edges of a ring, shape (n, 4)."""
-    return np.hstack([ring, np.roll(ring, -1, axis=0)])
-
-
 def _placed(part: shapely.Polygon, q: FloatArray) -> shapely.Polygon:
     rings = [se2.transform(q, ring) for ring in _coordinates(part)]
     return shapely.Polygon(rings[0], rings[1:])
-
-
-def _rings(world: World) -> list[FloatArray]:
-    """Return all closed lines that no path may cross, each of shape (n, 2), without those of discs."""
-    xmin, ymin, xmax, ymax = world.bounds
-    rings = [np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]])]
-    if world.boundary is not None:
-        rings.append(world.boundary.vertices)
-    boxes = [s for s in world.obstacles if isinstance(s, Rectangle)]
-    if boxes:
-        rows = np.array([(*s.center, s.length, s.width, s.heading) for s in boxes])
-        half = 0.5 * rows[:, None, 2:4] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-        placed = np.zeros((len(rows), 3))
-        placed[:, :2], placed[:, 2] = rows[:, :2], rows[:, 4]
-        c, s = np.cos(placed[:, 2, None]), np.sin(placed[:, 2, None])
-        x, y = half[..., 0], half[..., 1]
-        rings.extend(np.stack([placed[:, :1] + c * x - s * y, placed[:, 1:2] + s * x + c * y], axis=-1))
-    for shape in world.obstacles:
-        if isinstance(shape, Polygon):
-            rings += [shape.vertices, *shape.holes]
-    return rings
-
-
-def _edges_of(world: World) -> tuple[FloatArray, IntArray]:
-    """Return all edges, shape (e, 5), as ``advance`` takes them, and where each run of them begins, (r + 1,)."""
-    rings = _rings(world)
-    discs = [(*s.center, *s.center, s.radius) for s in world.obstacles if isinstance(s, Disc)]
-    edges = np.concatenate([_closed(ring) for ring in rings])
-    edges = np.vstack([np.hstack([edges, np.zeros((len(edges), 1))]), np.array(discs).reshape(-1, 5)])
-    ends = np.cumsum([0, *(len(ring) for ring in rings), *(1 for _ in discs)])
-    runs = [np.arange(begin, end, RUN) for begin, end in itertools.pairwise(ends)]
-    return np.ascontiguousarray(edges), np.concatenate([*runs, ends[-1:]]).astype(np.int64)
 
 
 def _driven(path: CurvePath) -> tuple[FloatArray, FloatArray, FloatArray, float]:

@@ -1,0 +1,238 @@
+"""EdgeIndex: the edges of all that blocks, in an R-tree that need not be made anew when obstacles come, go or move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from copy import copy
+from itertools import accumulate, pairwise
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from trailmark.compiled import njit
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.world import World
+
+__all__ = ["EdgeIndex", "closed"]
+
+RUN = 16
+"""Consecutive edges of a ring that share a box in the tree."""
+
+MAX_ADDED = 64
+"""Runs beside the tree, which every query goes through: with more of them the tree is made anew."""
+
+FIXED = -1
+"""The owner of the edges of bounds and boundary."""
+
+NOWHERE = (np.inf, np.inf, -np.inf, -np.inf)
+"""The bounding box of nothing."""
+
+IntArray = NDArray[np.int64]
+
+
+class EdgeIndex:
+    """The edges of bounds, boundary and obstacles in runs of a few, and which runs are near.
+
+    An index does not change, nor does its tree: in an edited one, the runs of obstacles that went are left out of what
+    the tree finds, and those of obstacles that came lie beside it.
+
+    Args:
+        world: obstacles, bounds, boundary.
+
+    Attributes:
+        edges: (e, 5), metres: x and y of either end, and by how much the edge is thickened; a disc is one edge of
+            length 0.
+        runs: (r + 1,) where each run of edges begins.
+        obstacles: in any order; None where one went.
+        boxes: (4, n) xmin, ymin, xmax, ymax of each of them.
+    """
+
+    def __init__(self, world: World) -> None:
+        xmin, ymin, xmax, ymax = world.bounds
+        frames = [np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]])]
+        if world.boundary is not None:
+            frames.append(world.boundary.vertices)
+        self.obstacles: list[Shape | None] = list(world.obstacles)
+        self.boxes = np.array([shape.bounding_box() for shape in world.obstacles]).reshape(-1, 4).T.copy()
+        self._places: dict[Shape, tuple[int, ...]] = {}
+        for place, shape in enumerate(world.obstacles):
+            self._places[shape] = (*self._places.get(shape, ()), place)
+        self._free: list[int] = []
+        fixed, fixed_runs = _edges_of_rings(frames)
+        edges, runs, owners = _edges_of(world.obstacles)
+        self.edges = np.concatenate([fixed, edges])
+        self.runs = np.concatenate([fixed_runs, fixed_runs[-1] + runs[1:]])
+        # The place of the obstacle that each run belongs to, and whether it is still there.
+        self._owners = np.concatenate([np.full(len(fixed_runs) - 1, FIXED), owners])
+        self._there = np.ones(len(self._owners), np.bool_)
+        self._make_tree()
+
+    def edited(self, changes: Iterable[tuple[Shape | None, Shape | None]]) -> EdgeIndex:
+        """Return the index in which obstacles are replaced by others.
+
+        Args:
+            changes: pairs of an obstacle of this index and what replaces it; None stands for no obstacle.
+        """
+        new = copy(self)
+        new.obstacles, new.boxes = self.obstacles.copy(), self.boxes.copy()
+        new._places, new._free = self._places.copy(), self._free.copy()
+        new._there, new._added = self._there.copy(), self._added.copy()
+        pairs = list(changes)
+        for before, _ in pairs:
+            if before is not None:
+                new._take_out(before)
+        if come := [after for _, after in pairs if after is not None]:
+            new._put_in(come)
+        if new._added.shape[1] > MAX_ADDED or 2 * np.count_nonzero(new._there) < len(new._there):
+            new._make_tree()
+        return new
+
+    def near(self, low: FloatArray, high: FloatArray, groups: IntArray, count: int) -> tuple[IntArray, IntArray]:
+        """Return where each group's runs begin, (count + 1,), and the runs near any of a group's boxes, each once.
+
+        Args:
+            low: lower left corners of the boxes, (n, 2), metres.
+            high: their upper right corners, (n, 2).
+            groups: which group each box is of, (n,).
+            count: how many groups there are.
+        """
+        box, run = self._tree.query(shapely.box(*low.T, *high.T))
+        return _grouped(box, run, self._there, low, high, self._added, groups, count)
+
+    def _make_tree(self) -> None:
+        """Make the tree of all runs, and forget those of obstacles that went."""
+        sizes = np.diff(self.runs)
+        self.edges = np.ascontiguousarray(self.edges[np.repeat(self._there, sizes)])
+        self.runs = np.concatenate([[0], np.cumsum(sizes[self._there])]).astype(np.int64)
+        self._owners = self._owners[self._there]
+        self._there = np.ones(len(self._owners), np.bool_)
+        self._added = np.empty((4, 0))
+        self._tree = shapely.STRtree(shapely.box(*_boxes_of(self.edges, self.runs)))
+        # It is made by the first query: now, not within a query's time.
+        self._tree.query(shapely.box(0.0, 0.0, 0.0, 0.0))
+
+    def _take_out(self, shape: Shape) -> None:
+        """Leave an obstacle out."""
+        place, *others = self._places.pop(shape)
+        if others:
+            self._places[shape] = tuple(others)
+        self._free.append(place)
+        self.obstacles[place], self.boxes[:, place] = None, NOWHERE
+        gone = self._owners == place
+        self._there[gone] = False
+        self._added[:, gone[len(gone) - self._added.shape[1] :]] = np.array(NOWHERE)[:, None]
+
+    def _put_in(self, shapes: Sequence[Shape]) -> None:
+        """Add obstacles beside the tree."""
+        short = len(shapes) - len(self._free)
+        if short > 0:
+            self._free += range(len(self.obstacles), len(self.obstacles) + short)
+            self.obstacles += [None] * short
+            self.boxes = np.hstack([self.boxes, np.tile(NOWHERE, (short, 1)).T])
+        places = [self._free.pop() for _ in shapes]
+        for place, shape in zip(places, shapes, strict=True):
+            self.obstacles[place], self.boxes[:, place] = shape, shape.bounding_box()
+            self._places[shape] = (*self._places.get(shape, ()), place)
+        edges, runs, owners = _edges_of(shapes)
+        self.runs = np.concatenate([self.runs, self.runs[-1] + runs[1:]])
+        self.edges = np.concatenate([self.edges, edges])
+        self._owners = np.concatenate([self._owners, np.array(places)[owners]])
+        self._there = np.concatenate([self._there, np.ones(len(owners), np.bool_)])
+        self._added = np.hstack([self._added, _boxes_of(edges, runs)])
+
+
+@njit(cache=True)
+def _grouped(
+    box: IntArray,
+    run: IntArray,
+    there: NDArray[np.bool_],
+    low: FloatArray,
+    high: FloatArray,
+    added: FloatArray,
+    groups: IntArray,
+    count: int,
+) -> tuple[IntArray, IntArray]:
+    """Return what :meth:`EdgeIndex.near` does, from the pairs of a box and a run that the tree found."""
+    first = np.zeros(count + 1, np.int64)
+    for k in range(len(box)):
+        first[groups[box[k]] + 1] += 1
+    capacity = len(low) * added.shape[1]
+    other_box, other_run, others = np.empty(capacity, np.int64), np.empty(capacity, np.int64), 0
+    for k in range(added.shape[1]):
+        left, bottom, right, top = added[0, k], added[1, k], added[2, k], added[3, k]
+        for i in range(len(low)):
+            # Without a branch for each comparison, which nobody could foresee.
+            if (left <= high[i, 0]) & (right >= low[i, 0]) & (bottom <= high[i, 1]) & (top >= low[i, 1]):
+                other_box[others], other_run[others] = i, len(there) - added.shape[1] + k
+                first[groups[i] + 1] += 1
+                others += 1
+    for group in range(count):
+        first[group + 1] += first[group]
+    runs, end = np.empty(first[count], np.int64), first[:-1].copy()
+    for k in range(len(box) + others):
+        i, found = (box[k], run[k]) if k < len(box) else (other_box[k - len(box)], other_run[k - len(box)])
+        runs[end[groups[i]]] = found
+        end[groups[i]] += 1
+    seen, kept = np.full(len(there), -1), 0
+    for group in range(count):
+        begin, first[group] = first[group], kept
+        for k in range(begin, end[group]):
+            if there[runs[k]] and seen[runs[k]] != group:
+                seen[runs[k]] = group
+                runs[kept] = runs[k]
+                kept += 1
+    first[count] = kept
+    return first, runs[:kept]
+
+
+def closed(ring: FloatArray) -> FloatArray:
+    """Return the edges of a ring, shape (n, 4)."""
+    return np.hstack([ring, np.concatenate([ring[1:], ring[:1]])])
+
+
+def _edges_of(shapes: Sequence[Shape]) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return the edges of obstacles, (e, 5), where each run begins, (r + 1,), and of which obstacle it is, (r,)."""
+    rectangles = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Rectangle)]
+    owners = [i for i, _ in rectangles]
+    rings = _corners([shape for _, shape in rectangles])
+    for i, shape in enumerate(shapes):
+        if isinstance(shape, Polygon):
+            rings += [shape.vertices, *shape.holes]
+            owners += [i] * (1 + len(shape.holes))
+    edges, runs = _edges_of_rings(rings)
+    per_ring = [-(-len(ring) // RUN) for ring in rings]
+    discs = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Disc)]
+    rows = np.array([(*disc.center, *disc.center, disc.radius) for _, disc in discs]).reshape(-1, 5)
+    return (
+        np.concatenate([edges, rows]),
+        np.concatenate([runs, runs[-1] + 1 + np.arange(len(rows))]),
+        np.concatenate([np.repeat(owners, per_ring), [i for i, _ in discs]]).astype(np.int64),
+    )
+
+
+def _edges_of_rings(rings: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
+    """Return the edges of rings, (e, 5), and where each run of them begins, (r + 1,)."""
+    edges = np.concatenate([np.empty((0, 4)), *map(closed, rings)])
+    ends = list(accumulate(map(len, rings), initial=0))
+    runs = [start for begin, end in pairwise(ends) for start in range(begin, end, RUN)]
+    return np.hstack([edges, np.zeros((len(edges), 1))]), np.array([*runs, ends[-1]], np.int64)
+
+
+def _corners(rectangles: Sequence[Rectangle]) -> list[FloatArray]:
+    """Return the corners of each rectangle, shape (4, 2)."""
+    if not rectangles:
+        return []
+    rows = np.array([(*s.center, s.length, s.width, s.heading) for s in rectangles])
+    half = 0.5 * rows[:, None, 2:4] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    c, s = np.cos(rows[:, 4, None]), np.sin(rows[:, 4, None])
+    x, y = half[..., 0], half[..., 1]
+    return list(np.stack([rows[:, :1] + c * x - s * y, rows[:, 1:2] + s * x + c * y], axis=-1))
+
+
+def _boxes_of(edges: FloatArray, runs: IntArray) -> FloatArray:
+    """Return xmin, ymin, xmax, ymax of each run of edges, shape (4, r)."""
+    low = np.minimum(edges[:, :2], edges[:, 2:4]) - edges[:, 4:]
+    high = np.maximum(edges[:, :2], edges[:, 2:4]) + edges[:, 4:]
+    return np.hstack([np.minimum.reduceat(low, runs[:-1]), np.maximum.reduceat(high, runs[:-1])]).T
