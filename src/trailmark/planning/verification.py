@@ -48,7 +48,7 @@ class Verification:
 
     def edited(self, checker: StateChecker, motion: Motion) -> Verification:
         """Return one for a world that differs from this one's in its obstacles."""
-        return Verification(checker, motion, self.seed, FinalCheck(checker.world, self.robot))
+        return Verification(checker, motion, self.seed, self.final_check.edited(checker.world))
 
     def certified(self, path: Path, ends: FloatArray) -> bool:
         """Return whether a path passes the final check; report it as trailmark's own error if it does not.
