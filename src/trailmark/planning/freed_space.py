@@ -18,9 +18,6 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["beside_obstacles", "freed_landmarks"]
 
-FEWEST = 16
-"""Nodes from which on a roadmap counts as one that is spread over free space, rather than as a query's path."""
-
 MAX_LANDMARKS = 64
 """That one change of the world places: more would hold up who waits for it."""
 
@@ -45,17 +42,21 @@ def freed_landmarks(
         rng: source of randomness.
 
     Returns:
-        Shape (n, 3); none for a roadmap of a few nodes, and none where the robot still cannot be.
+        Shape (n, 3); none where the robot still cannot be, or where there are as many nodes already.
     """
     checker, found = roadmap.checker, [np.empty((0, 3))]
     xmin, ymin, xmax, ymax = checker.world.bounds
     density = len(roadmap) / ((xmax - xmin) * (ymax - ymin))
-    for box in removed if len(roadmap) >= FEWEST else []:
+    for box in removed:
         low = np.maximum(box[:2] - checker.robot.circumradius, (xmin, ymin))
         high = np.minimum(box[2:] + checker.robot.circumradius, (xmax, ymax))
         if (low >= high).any():
             continue
-        count = min(MAX_LANDMARKS, ceil(density * float(np.prod(high - low))))
+        q = roadmap.configurations[:, :2]
+        there = int(np.count_nonzero(((q >= low) & (q <= high)).all(axis=1)))
+        count = min(MAX_LANDMARKS, ceil(density * float(np.prod(high - low))) - there)
+        if count <= 0:
+            continue
         samples = draw((*low, *high), settings.samples_per_landmark * count, random_state=rng)
         if not roadmap.motion.turns:
             samples[:, 2] = 0.0

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from trailmark.path import Path
 from trailmark.planning.followed import FollowedPath, located, vertices_of
 from trailmark.planning.incumbent import Incumbent
+from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.result import PlanResult
 from trailmark.planning.roadmap_lookup import RoadmapLookup
@@ -33,6 +34,10 @@ PLACES = 32
 
 BACK_OFF = 2.0
 """Circumradii from where a motion is blocked to where a way around may begin."""
+
+GUIDE_CELLS, GUIDE_GAIN = 1 << 14, 0.5
+"""Cells of the costs to go that tell whether a better path may lead through freed space, and the share of the gain
+sought by which they must fall: they are those of a disc that shuns tight places."""
 
 NEAR = 1.0
 """Times the distance from where a way around begins to where it ends that it may lead off to the sides."""
@@ -206,15 +211,35 @@ class Replanner:
             return None
         model.followed = replace(followed, freed=np.empty((0, 4)))
         limit = self.motion.cost_of(vertices) / (1.0 + self.min_gain)
-        # A better path leads through what was freed.
-        boxes, reach = followed.freed, model.checker.robot.circumradius
-        gaps = [np.hypot(*np.maximum(np.maximum(boxes[:, :2] - q[:2], q[:2] - boxes[:, 2:]), 0.0).T) for q in self.ends]
-        if (gaps[0] + gaps[1] - 2.0 * reach >= limit).all():
+        if not self._may_be_better(followed.freed, limit):
             return None
         found = self._first_path(self.ends)
         if len(found):
             found = self._shortened(found)
         return found if len(found) and self.motion.cost_of(found) < limit else None
+
+    def _may_be_better(self, freed: FloatArray, limit: float) -> bool:
+        """Return whether a path that costs less than ``limit`` (metres) may lead through what was freed.
+
+        Args:
+            freed: boxes xmin, ymin, xmax, ymax (metres), shape (f, 4).
+            limit: metres.
+        """
+        model = self.model
+        gaps = [np.hypot(*np.maximum(np.maximum(freed[:, :2] - q[:2], q[:2] - freed[:, 2:]), 0.0).T) for q in self.ends]
+        if (gaps[0] + gaps[1] - 2.0 * model.checker.robot.circumradius >= limit).all():
+            return False
+        if not self.motion.moves_anywhere:
+            return True
+        here, goal = (model.checker.disc_center(q) for q in self.ends)
+        if model.guide is None or model.guide[0] != goal:
+            model.guide = goal, CostToGo.of(model.checker, self.ends[1], GUIDE_CELLS)
+            return True
+        before = model.guide[1].at(*here)
+        # Beyond where the robot is, costs do not matter to it.
+        guide = model.guide[1].lowered(model.checker, freed, before)
+        model.guide = goal, guide
+        return guide.at(*here) < before / (1.0 + GUIDE_GAIN * self.min_gain)
 
     def _repaired(self, rest: Rest) -> FloatArray | None:
         """Return a path for one that is blocked, led around or another one; None if none was found soon."""

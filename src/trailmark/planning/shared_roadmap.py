@@ -75,7 +75,9 @@ class SharedRoadmap:
         changed.roadmap, changed._spread = found.roadmap, self._spread
         apart = self.settings.duplicate * motion.checker.robot.inscribed_disc.radius
         back = beside_obstacles(motion.checker, found.dropped)
-        freed = freed_landmarks(changed.roadmap, boxes.removed, self.settings, self._rng)
+        # A roadmap of a few queries' paths is not spread over free space.
+        removed = boxes.removed if self._spread else boxes.removed[:0]
+        freed = freed_landmarks(changed.roadmap, removed, self.settings, self._rng)
         new = [changed.roadmap.add(changed.roadmap.fresh(q, apart)) for q in (back, freed) if len(q)]
         counts = [len(nodes) for nodes in new]
         return changed, Update(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.compiled import njit
+from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.se2 import FloatArray
 
 __all__ = ["TIGHTNESS", "CostToGo"]
@@ -25,6 +26,9 @@ TIGHTNESS = 6.0
 
 ROOMY = 0.5
 """Where between the inscribed disc's radius and the circumradius a clearance counts as room enough."""
+
+SETTLED = 1e-3
+"""Share by which a cost must fall to be worth following."""
 
 UNIT, CLOSED, FAR = 64, 0, 2**31 - 1
 """Parts of a cell's edge that costs are counted in; the cost of a cell that is closed, and of what is not reached."""
@@ -75,11 +79,40 @@ class CostToGo:
         xmin, ymin, xmax, ymax = checker.world.bounds if window is None else window
         size = sqrt((xmax - xmin) * (ymax - ymin) / cells)
         columns, rows = max(1, ceil((xmax - xmin) / size)), max(1, ceil((ymax - ymin) / size))
-        disc = checker.robot.inscribed_disc
         x, y = checker.disc_center(goal)
-        roomy = disc.radius + ROOMY * max(checker.footprint.circumradius - disc.radius, 0.1 * disc.radius)
-        cost = _costs(checker.field, xmin, ymin, size, rows, columns, disc.radius, roomy, tightness, x, y)
+        cost = _costs(checker.field, xmin, ymin, size, rows, columns, *_room(checker), tightness, x, y)
         return cls(cost, xmin, ymin, size)
+
+    def at(self, x: float, y: float) -> float:
+        """Return the cost (metres) of the cell of a place; infinite beyond the grid."""
+        row, column = floor((y - self.y0) / self.size), floor((x - self.x0) / self.size)
+        inside = 0 <= row < self.cost.shape[0] and 0 <= column < self.cost.shape[1]
+        return float(self.cost[row, column]) if inside else inf
+
+    def lowered(self, checker: StateChecker, freed: FloatArray, limit: float, tightness: float = TIGHTNESS) -> CostToGo:
+        """Return the costs after obstacles went, as far as they are below a limit.
+
+        Only what gets cheaper is looked at; what became dearer since by other obstacles is not.
+
+        Args:
+            checker: for the world without them.
+            freed: boxes xmin, ymin, xmax, ymax (metres) that held them, shape (f, 4).
+            limit: metres.
+            tightness: as the costs were made with.
+        """
+        radius, roomy = _room(checker)
+        reach = roomy + 2.0 * self.size
+        around = freed + np.array([-reach, -reach, reach, reach]) - (self.x0, self.y0, self.x0, self.y0)
+        window = np.floor(around / self.size).astype(np.int64)
+        cost = self.cost.copy()
+        _lower(cost, checker.field, self.x0, self.y0, self.size, radius, roomy, tightness, window, limit)
+        return CostToGo(cost, self.x0, self.y0, self.size)
+
+
+def _room(checker: StateChecker) -> tuple[float, float]:
+    """Return the inscribed disc's radius, and the clearance (metres) that counts as room enough."""
+    radius = checker.robot.inscribed_disc.radius
+    return radius, radius + ROOMY * max(checker.footprint.circumradius - radius, 0.1 * radius)
 
 
 @njit(cache=True, nogil=True)
@@ -122,30 +155,93 @@ def _dear(
     The room in a cell is the largest clearance at some places in it, looked at no closer than need be.
     """
     dear = np.full((rows + 2, columns + 2), CLOSED, np.int32)
-    distance, places = field.distance, max(1, round(size / (2.0 * field.size)))
-    # The field's rows and columns under the middle of each cell, then under its other places.
-    down, across = _under(y0 - field.y0, size, rows, places, field), _under(x0 - field.x0, size, columns, places, field)
-    near = radius - 0.71 * size - field.slack
+    down, across = _under(y0 - field.y0, size, rows, field), _under(x0 - field.x0, size, columns, field)
     for row in range(rows):
         for column in range(columns):
-            i, j = down[row, 0], across[column, 0]
-            room = distance[i, j] if i < distance.shape[0] and j < distance.shape[1] else 0.0
-            if near <= room < roomy:
-                for u in range(1, places + 1):
-                    for v in range(1, places + 1):
-                        i, j = down[row, u], across[column, v]
-                        if i < distance.shape[0] and j < distance.shape[1]:
-                            room = max(room, distance[i, j])
-            # Half of the slack: where the field cannot tell, the disc may fit.
-            if room + 0.5 * field.slack >= radius:
-                lack = min(1.0, max(0.0, (roomy - room) / (roomy - radius)))
-                dear[row + 1, column + 1] = round(UNIT * (1.0 + tightness * lack))
+            dear[row + 1, column + 1] = _dear_cell(field, down[row], across[column], size, radius, roomy, tightness)
     return dear
 
 
+@njit(cache=True, inline="always")
+def _dear_cell(
+    field: ClearanceField,
+    down: NDArray[np.int64],
+    across: NDArray[np.int64],
+    size: float,
+    radius: float,
+    roomy: float,
+    tightness: float,
+) -> int:
+    """Return what crossing one cell costs, by the field's rows and columns under it."""
+    distance = field.distance
+    i, j = down[0], across[0]
+    room = distance[i, j] if i < distance.shape[0] and j < distance.shape[1] else 0.0
+    if radius - 0.71 * size - field.slack <= room < roomy:
+        for u in range(1, len(down)):
+            for v in range(1, len(across)):
+                i, j = down[u], across[v]
+                if i < distance.shape[0] and j < distance.shape[1]:
+                    room = max(room, distance[i, j])
+    # Half of the slack: where the field cannot tell, the disc may fit.
+    if room + 0.5 * field.slack < radius:
+        return CLOSED
+    lack = min(1.0, max(0.0, (roomy - room) / (roomy - radius)))
+    return round(UNIT * (1.0 + tightness * lack))
+
+
+@njit(cache=True, nogil=True)
+def _lower(
+    cost: NDArray[np.float32],
+    field: ClearanceField,
+    x0: float,
+    y0: float,
+    size: float,
+    radius: float,
+    roomy: float,
+    tightness: float,
+    windows: NDArray[np.int64],
+    limit: float,
+) -> None:
+    """Lower the costs, in place, from the cells of the windows (w, 4: column, row, last column, last row) on."""
+    rows, columns = cost.shape
+    down, across = _under(y0 - field.y0, size, rows, field), _under(x0 - field.x0, size, columns, field)
+    keys, values = np.empty(1024), np.empty(1024, np.int64)
+    waiting = 0
+    for window in windows:
+        for row in range(max(0, window[1]), min(rows, window[3] + 1)):
+            for column in range(max(0, window[0]), min(columns, window[2] + 1)):
+                if cost[row, column] < limit:
+                    if waiting == len(keys):
+                        keys, values = heap_grow(keys, values)
+                    waiting = heap_push(keys, values, waiting, cost[row, column], row * columns + column)
+    while waiting > 0:
+        waiting = heap_pop(keys, values, waiting)
+        row, column = values[waiting] // columns, values[waiting] % columns
+        if keys[waiting] > cost[row, column]:
+            continue
+        dear = _dear_cell(field, down[row], across[column], size, radius, roomy, tightness)
+        if dear == CLOSED:
+            continue
+        for k in range(8):
+            i, j = row + _STEP_Y[k], column + _STEP_X[k]
+            if not (0 <= i < rows and 0 <= j < columns):
+                continue
+            other = _dear_cell(field, down[i], across[j], size, radius, roomy, tightness)
+            if other == CLOSED:
+                continue
+            step = 0.5 * (dear + other) * size / UNIT * (sqrt(2.0) if k % 2 else 1.0)
+            found = cost[row, column] + step
+            if found < limit and found < cost[i, j] * (1.0 - SETTLED):
+                cost[i, j] = found
+                if waiting == len(keys):
+                    keys, values = heap_grow(keys, values)
+                waiting = heap_push(keys, values, waiting, cost[i, j], i * columns + j)
+
+
 @njit(cache=True)
-def _under(begin: float, size: float, count: int, places: int, field: ClearanceField) -> NDArray[np.int64]:
-    """Return the field's rows (or columns) under the middle and ``places`` other places of ``count`` cells."""
+def _under(begin: float, size: float, count: int, field: ClearanceField) -> NDArray[np.int64]:
+    """Return the field's rows (or columns) under the middle of each of ``count`` cells, then under its other places."""
+    places = max(1, round(size / (2.0 * field.size)))
     found = np.empty((count, places + 1), np.int64)
     for k in range(count):
         found[k, 0] = floor((begin + (k + 0.5) * size) / field.size)
