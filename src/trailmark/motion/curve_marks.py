@@ -82,9 +82,10 @@ class CurveMarks:
 
     def _certify(self, a: Configuration, b: Configuration, length: float, number: int) -> int:
         """Certify a curve and write its marks; return what :func:`_marked_curve` does."""
-        steering, address = self.steering, self.single.address
+        # Held meanwhile: the checker may be updated in another thread.
+        steering, packed = self.steering, self.single.packed
         return int(
-            _marked_curve(address, *a, *b, steering.radius, steering.reverse, length, number, self._rows_address)
+            _marked_curve(packed.address, *a, *b, steering.radius, steering.reverse, length, number, self._rows_address)
         )
 
 

@@ -9,7 +9,7 @@ addresses in one array of integers; a call then passes the address of that array
 from __future__ import annotations
 
 from math import isfinite, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import carray, types  # type: ignore[attr-defined]  # numba does export carray
@@ -29,11 +29,34 @@ from trailmark.curves.words import PIECES
 from trailmark.motion.base import Scratch, certified
 from trailmark.motion.curve import Curve
 
-__all__ = ["Configuration", "PointwiseChecker", "is_configuration", "pointer", "scratch_at", "unpacked"]
+__all__ = [
+    "Configuration",
+    "PackedChecker",
+    "PointwiseChecker",
+    "is_configuration",
+    "pointer",
+    "scratch_at",
+    "unpacked",
+]
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 Configuration = tuple[float, float, float]
+
+
+class PackedChecker(NamedTuple):
+    """A checker and where compiled code finds its arrays; whoever uses the address holds this meanwhile.
+
+    Attributes:
+        checker: the checker.
+        address: of the array that names all others (:func:`unpacked`).
+        memory: the arrays, kept alive.
+        by_fcl: whether FCL decides where the field cannot.
+    """
+
+    checker: StateChecker
+    address: int
+    memory: list[NDArray[Any]]
+    by_fcl: bool
 
 
 class PointwiseChecker:
@@ -43,71 +66,101 @@ class PointwiseChecker:
     certified motion. All that is compiled or built on first use is so on construction, before a planner's clock runs.
 
     Args:
-        checker: whose answers these are; kept alive, since the addresses are those of its arrays.
+        checker: whose answers these are.
         steering: of a car whose shortest curves the motions are; None for straight motions.
 
     Attributes:
-        checker: as given.
+        packed: the checker and its arrays.
         steering: as given.
     """
 
     def __init__(self, checker: StateChecker, steering: Steering | None = None) -> None:
-        self.checker, self.steering = checker, steering
-        self._arrays = _arrays(checker)
-        rows = [(array.ctypes.data, *array.shape, 1)[:3] for array in self._arrays]
+        self.steering = steering
         # Memory for the kernels to work in. One call at a time uses it, since none releases the interpreter's lock.
         words = np.empty((MAX_WORDS, 2, PIECES))
         self._scratch = [kernels.workspace(checker.footprint), new_queue(), words, np.empty((2, 3))]
-        self._numbers: FloatArray = np.array(_numbers(checker))
-        scratch = [len(self._scratch[0]), *(array.ctypes.data for array in (*self._scratch, self._numbers))]
-        self._places: IntArray = np.array(
-            [*np.ravel(rows), checker.grid.columns, checker.grid.rows, *scratch], dtype=np.int64
-        )
-        self.address: int = self._places.ctypes.data
-        self._by_fcl = checker.exact == "fcl"
+        self.packed = _packed(checker, self._scratch)
         self._warm_up()
 
+    @property
+    def checker(self) -> StateChecker:
+        """Whose answers these are."""
+        return self.packed.checker
+
+    def update(self, checker: StateChecker) -> None:
+        """Answer for another world from now on; a call that is under way in another thread answers for the one before.
+
+        Args:
+            checker: of the other world and the same robot.
+
+        Raises:
+            ConfigurationError: a checker for another robot.
+        """
+        checker.require_for(checker.world, self.checker.robot)
+        self.packed = _packed(checker, self._scratch)
+
     def _warm_up(self) -> None:
-        """Call every kernel once, and build FCL's scene."""
-        inside = (float(self.checker.world.bounds[0]), float(self.checker.world.bounds[1]), 0.0)
-        _valid(self.address, *inside)
-        _clearance(self.address, *inside)
+        """Call every kernel once."""
+        address = self.packed.address
+        xmin, ymin, xmax, ymax = self.checker.world.bounds
+        inside = (0.5 * (xmin + xmax), 0.5 * (ymin + ymax), 0.0)
+        _valid(address, *inside)
+        _clearance(address, *inside)
         self.motion_valid(inside, inside)
         self.step_valid(*inside, *inside)
         self.checker.scene.collides(np.array(inside))
 
     def valid(self, x: float, y: float, theta: float) -> bool:
         """Return whether a configuration is valid (metres, radians)."""
-        if self._by_fcl:
-            return is_configuration(x, y, theta) and bool(self.checker.valid((x, y, theta)))
-        answer = _valid(self.address, x, y, theta)
-        if answer == kernels.UNDECIDED:
-            return not self.checker.scene.collides(np.array([x, y, theta]))
-        return bool(answer == kernels.FREE)
+        return _state_valid(self.packed, x, y, theta)
 
     def clearance(self, x: float, y: float, theta: float) -> float:
         """Return the distance (metres) to the nearest obstacle or bound; 0 on contact or overlap."""
-        if self._by_fcl:
-            return float(self.checker.clearance((x, y, theta))) if is_configuration(x, y, theta) else 0.0
-        return float(_clearance(self.address, x, y, theta))
+        packed = self.packed
+        if packed.by_fcl:
+            return float(packed.checker.clearance((x, y, theta))) if is_configuration(x, y, theta) else 0.0
+        return float(_clearance(packed.address, x, y, theta))
 
     def motion_valid(self, a: Configuration, b: Configuration) -> bool:
         """Return whether the motion from a to b, both known to be valid, is certified free of collision."""
-        if self.steering is not None:
-            return bool(_curve(self.address, *a, *b, self.steering.radius, self.steering.reverse))
-        if self._by_fcl:
-            if not (is_configuration(*a) and is_configuration(*b)):
-                return False
-            return bool(self.checker.motions_between_valid(np.array([a]), np.array([b]))[0])
-        return bool(_straight(self.address, *a, *b) == kernels.FREE)
+        return self._motion_valid(self.packed, a, b)
 
     def step_valid(self, ax: float, ay: float, at: float, bx: float, by: float, bt: float) -> bool:
         """Return whether b is valid and the motion from a, known to be valid, to b is certified."""
-        if not self._by_fcl and self.steering is None:
-            answer = _step(self.address, ax, ay, at, bx, by, bt)
+        packed = self.packed
+        if not packed.by_fcl and self.steering is None:
+            answer = _step(packed.address, ax, ay, at, bx, by, bt)
             if answer != kernels.UNDECIDED:
                 return bool(answer == kernels.FREE)
-        return self.valid(bx, by, bt) and self.motion_valid((ax, ay, at), (bx, by, bt))
+        return _state_valid(packed, bx, by, bt) and self._motion_valid(packed, (ax, ay, at), (bx, by, bt))
+
+    def _motion_valid(self, packed: PackedChecker, a: Configuration, b: Configuration) -> bool:
+        if self.steering is not None:
+            return bool(_curve(packed.address, *a, *b, self.steering.radius, self.steering.reverse))
+        if packed.by_fcl:
+            if not (is_configuration(*a) and is_configuration(*b)):
+                return False
+            return bool(packed.checker.motions_between_valid(np.array([a]), np.array([b]))[0])
+        return bool(_straight(packed.address, *a, *b) == kernels.FREE)
+
+
+def _state_valid(packed: PackedChecker, x: float, y: float, theta: float) -> bool:
+    if packed.by_fcl:
+        return is_configuration(x, y, theta) and bool(packed.checker.valid((x, y, theta)))
+    answer = _valid(packed.address, x, y, theta)
+    if answer == kernels.UNDECIDED:
+        return not packed.checker.scene.collides(np.array([x, y, theta]))
+    return bool(answer == kernels.FREE)
+
+
+def _packed(checker: StateChecker, scratch: list[FloatArray]) -> PackedChecker:
+    """Pack a checker, whose FCL scene is built now, and not within a call."""
+    _ = checker.scene
+    arrays, numbers = _arrays(checker), np.array(_numbers(checker))
+    rows = [(array.ctypes.data, *array.shape, 1)[:3] for array in arrays]
+    memory = [len(scratch[0]), *(array.ctypes.data for array in (*scratch, numbers))]
+    places = np.array([*np.ravel(rows), checker.grid.columns, checker.grid.rows, *memory], dtype=np.int64)
+    return PackedChecker(checker, places.ctypes.data, [*arrays, numbers, places], checker.exact == "fcl")
 
 
 def _arrays(checker: StateChecker) -> list[NDArray[Any]]:

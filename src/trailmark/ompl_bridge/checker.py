@@ -18,8 +18,9 @@ from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.states import write_state
+from trailmark.world import World
 
-__all__ = ["MotionValidator", "StateValidityChecker", "checker_in"]
+__all__ = ["MotionValidator", "StateValidityChecker", "checker_in", "updated_checker"]
 
 LAST_PLACE = 1e-3
 """Metres that a point of the robot may move from the last place up to which a motion is certified to one beyond."""
@@ -42,11 +43,20 @@ class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OM
 
     def __init__(self, information: Any, checker: StateChecker) -> None:
         one_of(checker, StateChecker, "checker:")
-        require_within(space_of(information), checker.world)
+        self._space = space_of(information)
+        require_within(self._space, checker.world)
         super().__init__(information)
-        self.checker = checker
         self.checked = 0
         self._single = PointwiseChecker(checker)
+
+    @property
+    def checker(self) -> StateChecker:
+        """Trailmark's checker."""
+        return self._single.checker
+
+    def update(self, world: World | StateChecker) -> None:
+        """Check in another world from now on: see :func:`updated_checker`."""
+        self._single.update(updated_checker(self.checker, world, self._space))
 
     def isValid(self, state: Any) -> bool:  # noqa: N802  # OMPL's name
         """Return whether a state is valid."""
@@ -88,13 +98,22 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
 
     def __init__(self, information: Any, checker: StateChecker) -> None:
         one_of(checker, StateChecker, "checker:")
-        require_within(space_of(information), checker.world)
+        self._space = space_of(information)
+        require_within(self._space, checker.world)
         super().__init__(information)
-        self.checker = checker
         self.checked = 0
         self.steering = steering_of(information)
         self._single = PointwiseChecker(checker, self.steering)
         self._curves = None if self.steering is None else OmplCurves(information, self._single)
+
+    @property
+    def checker(self) -> StateChecker:
+        """Trailmark's checker."""
+        return self._single.checker
+
+    def update(self, world: World | StateChecker) -> None:
+        """Check in another world from now on: see :func:`updated_checker`."""
+        self._single.update(updated_checker(self.checker, world, self._space))
 
     def checkMotion(self, first: Any, second: Any, last_valid: Any = None) -> bool:  # noqa: N802  # OMPL's name
         """Return whether a motion is certified, its end included; its start is known to be valid.
@@ -150,6 +169,30 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
             else:
                 high = middle
         return last, low
+
+
+def updated_checker(checker: StateChecker, world: World | StateChecker, space: Any) -> StateChecker:
+    """Return the checker of the same robot in another world.
+
+    What a planner has built so far was checked in the world before: ``clear`` it.
+
+    Args:
+        checker: which is brought up to date (:meth:`trailmark.StateChecker.edited`).
+        world: the other world, or a checker for it that is there already, for instance one that has been edited for
+            another of OMPL's parts.
+        space: the state space that the parts were made for.
+
+    Raises:
+        BoundsError: a world that the space reaches beyond.
+        ConfigurationError: a checker for another robot.
+    """
+    one_of(world, (World, StateChecker), "world:")
+    if isinstance(world, World):
+        require_within(space, world)
+        return checker.edited(world)
+    require_within(space, world.world)
+    world.require_for(world.world, checker.robot)
+    return world
 
 
 def checker_in(owner: Any) -> StateChecker:

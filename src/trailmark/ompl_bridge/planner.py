@@ -16,7 +16,7 @@ from trailmark import se2
 from trailmark.arguments import one_of, truth, whole
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
-from trailmark.errors import ConfigurationError
+from trailmark.errors import ConfigurationError, WorldError
 from trailmark.motion import kind_of
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.checker import checker_in
@@ -31,6 +31,7 @@ from trailmark.planning import LandmarkPlanner as Planner
 from trailmark.planning import PlannerSettings, PlanProgress, PlanResult
 from trailmark.planning.warmup import warm_up
 from trailmark.roadmap import Roadmap
+from trailmark.world import World
 
 __all__ = ["LandmarkPlanner"]
 
@@ -55,7 +56,8 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
 
     Args:
         information: the ``SpaceInformation`` of one of these spaces, within the world's bounds.
-        checker: trailmark's checker; by default that of the ``StateValidityChecker`` in ``information``.
+        checker: trailmark's checker; by default that of the ``StateValidityChecker`` in ``information``, whose updates
+            to other worlds the planner follows.
         seed: the same seed gives the same paths, as long as the termination condition does not end the query.
         keep_roadmap: whether ``clear`` keeps the roadmap. Give False in a benchmark, where each run is to start
             from nothing.
@@ -83,6 +85,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         space = space_of(information)
         super().__init__(information, "landmark")
         own = checker_in(information) if checker is None else one_of(checker, StateChecker, "checker:")
+        self._follows, self._space = checker is None, space
         require_within(space, own.world)
         steering = steering_of(information)
         self.checker = _steered(own, steering)
@@ -102,6 +105,23 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         """The roadmap of the queries so far; None before the first one."""
         self._wait()
         return None if self._planner is None else self._planner.roadmap
+
+    def update(self, world: World) -> None:
+        """Plan in another world from now on; what the changes do not reach is kept.
+
+        Raises:
+            BoundsError: the state space reaches beyond the world. Nothing is changed then.
+        """
+        self._wait()
+        one_of(world, World, "world:", error=WorldError)
+        require_within(self._space, world)
+        if self._planner is None:
+            self.checker = self.checker.edited(world)
+        else:
+            self._planner.update(world)
+            self.checker = self._planner.checker
+        self._single.update(self.checker)
+        self.result = None
 
     @returns_on_error(None)
     def clear(self) -> None:
@@ -127,6 +147,10 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         self._wait()
         if problem.getGoal() is not None and not isinstance(problem.getGoal(), ob.GoalState):
             raise ConfigurationError(f"goal: expected a GoalState, got {type(problem.getGoal()).__name__}")
+        if self._follows:
+            world = checker_in(self.getSpaceInformation()).world
+            if world is not self.checker.world:
+                self.update(world)
         start, goal = start_and_goal(problem)
         if start is None or not self.checker.valid(start):
             return ob.PlannerStatus(status.INVALID_START)

@@ -86,8 +86,9 @@ def plug_landmark_sampler(
 ) -> PluggedSampler:
     """Let OMPL's planners draw from landmarks, as many of them as the installed OMPL allows.
 
-    Call it after start and goal are set, and again when they have changed; planners that were set up before need a
-    ``clear``. Landmarks that are to be made are made when a planner requests the first of them, within its time.
+    Call it after start and goal are set, and again when they or the world have changed; planners that were set up
+    before need a ``clear``. Landmarks that are to be made are made when a planner requests the first of them, within
+    its time.
 
     Args:
         setup: a ``SimpleSetup`` of an SE(2)-like space.

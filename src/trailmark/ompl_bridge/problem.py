@@ -16,7 +16,7 @@ from trailmark.arguments import brief, number, one_of, truth
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError, WorldError
-from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
+from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker, updated_checker
 from trailmark.ompl_bridge.guard import solve
 from trailmark.ompl_bridge.ompl_curves import followed_states
 from trailmark.ompl_bridge.planners import planner_named
@@ -87,6 +87,26 @@ class SE2Problem:
             resolution = number(resolution, "resolution:", above=0.0, unit="m")
             self.information.setStateValidityCheckingResolution(resolution / self.space.getMaximumExtent())
         self.setup.setStartAndGoalStates(state(self.information, self.start), state(self.information, self.goal))
+
+    def update(self, world: World) -> None:
+        """Plan in another world from now on, with the same space; start and goal stay, and may no longer be valid.
+
+        What the planner has built is cleared, since its motions were checked in the world before; a
+        :class:`~trailmark.ompl_bridge.LandmarkPlanner` keeps what is still true of its roadmap. Landmarks that were
+        plugged in (:func:`~trailmark.ompl_bridge.plug_landmark_sampler`) are to be plugged in again.
+
+        Args:
+            world: obstacles, boundary, and bounds that the space lies within.
+
+        Raises:
+            BoundsError: the space reaches beyond the world. Nothing is changed then.
+        """
+        checker = updated_checker(self.checker, world, self.space)
+        self.validity.update(checker)
+        if self.motions is not None:
+            self.motions.update(checker)
+        self.world, self.checker = world, checker
+        self.setup.clear()
 
     def set_planner(self, planner: Any) -> Any:
         """Use a planner, given itself or by name, and return it.
