@@ -19,7 +19,7 @@ class Listener(event.Listener):
     def on_end(self, what): pass
 event.register("numba:compile", Listener())
 
-from trailmark import Disc, LandmarkPlanner, Polygon, Robot, StateChecker, World
+from trailmark import Disc, LandmarkPlanner, Polygon, Robot, StateChecker, World, check_path
 from trailmark.ompl_bridge import SE2Problem
 from trailmark.planning.warmup import warm_up
 
@@ -33,6 +33,8 @@ for robot in (office.robot, Robot.disc(0.25), arrow):
     planner.checker.motion_valid(start, goal)
     planner.checker.clearance([start, goal])
     planner.roadmap.certify_all()
+    for path in ([start, goal], [start, start]):
+        check_path(office, robot, path)
 wall = World("wall", (0, 0, 6, 4), (Polygon([[2.9, 0], [3.1, 0], [3.1, 4], [2.9, 4]]),))
 assert LandmarkPlanner(wall, Robot.rectangle(0.6, 0.4), seed=0).plan((1, 1, 0), (5, 1, 0)).status == "infeasible"
 gap = World("gap", (0, 0, 6, 4), (Polygon([[2.9, 0], [3.1, 0], [3.1, 1.8], [2.9, 1.8]]), Disc((3.0, 3.3), 0.9)))

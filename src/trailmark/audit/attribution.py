@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from functools import cached_property, partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trailmark.audit.body import Body
 from trailmark.audit.depth import Penetration, bounds_depth, deepest
@@ -20,7 +21,7 @@ from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon
 from trailmark.world import BOUNDS_LIMIT, World
 
-__all__ = ["Attribution", "merged"]
+__all__ = ["Attribution", "merged", "merged_intervals"]
 
 ABUTTING = 1e-6
 """Metres: colliding parts that are nearer to one another are one interval."""
@@ -33,9 +34,16 @@ Depths = Callable[[FloatArray], FloatArray]
 
 def merged(parts: FloatArray, scale: Scale) -> list[tuple[float, float]]:
     """Return rows (motion, from, to) as intervals of the path's scale, in order, those that abut made one."""
-    begin, end = (scale.place(parts[:, 0], parts[:, k]) for k in (1, 2))
-    order = np.argsort(begin, kind="stable")
-    begin, end = begin[order], np.maximum.accumulate(end[order])
+    return merged_intervals(np.column_stack([scale.place(parts[:, 0], parts[:, k]) for k in (1, 2)]))
+
+
+def merged_intervals(intervals: ArrayLike) -> list[tuple[float, float]]:
+    """Return intervals, shape (n, 2), in order, those that overlap or abut made one."""
+    rows = np.asarray(intervals, dtype=np.float64).reshape(-1, 2)
+    if len(rows) == 0:
+        return []
+    begin, end = rows[np.argsort(rows[:, 0], kind="stable")].T
+    end = np.maximum.accumulate(end)
     first = np.flatnonzero(np.append(True, begin[1:] > end[:-1] + ABUTTING))
     return [(float(a), float(b)) for a, b in zip(begin[first], end[np.append(first[1:], len(end)) - 1], strict=True)]
 
@@ -102,4 +110,4 @@ class Attribution:
         side = max(world.bounds[2] - world.bounds[0], world.bounds[3] - world.bounds[1])
         grid = build_grid(world, max(0.2 * self.checker.robot.inscribed_disc.radius, side / CELLS))
         parts = colliding_parts(grid, build_field(grid), self.checker.footprint, self._core, scale.states)
-        return merged(parts, scale) if len(parts) else []
+        return merged(parts, scale)

@@ -72,20 +72,22 @@ class PathAuditor:
         scale = Scale(states, footprint.sweep_radius)
         if len(parts):
             collisions = self._attribution.collisions(scale, merged(parts, scale))
-            clearance, at = 0.0, collisions[0].begin
+            clearance, place = 0.0, scale.interval(collisions[0].motions)[0]
         else:
             collisions = ()
             clearance, motion, share = least_clearance(grid, field, footprint, self._body, states)
-            at = scale.length(float(scale.place(motion, share)))
+            place = float(scale.place(motion, share))
+        x, y, theta = scale.poses(place)[0].tolist()
         return PathAudit(
             path=audited,
             free=not collisions,
             collisions=collisions,
             min_clearance=float(clearance),
-            min_clearance_at=at,
+            min_clearance_at=scale.length(place),
+            min_clearance_state=(x, y, theta),
             length=given.length,
             rotation=given.rotation,
-            cost=given.cost,
+            cost=given.cost if self.checker.robot.turning_radius is None else given.length,
             max_curvature=_max_curvature(states),
         )
 

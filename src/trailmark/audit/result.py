@@ -43,9 +43,10 @@ class PathAudit:
         min_clearance: least clearance along the path, metres; found by exact distances, at most 5e-7 m above the true
             one; 0 if it collides.
         min_clearance_at: where, metres along the path's xy curve; where the first collision begins if it collides.
+        min_clearance_state: configuration there (x, y, theta).
         length: of the xy curve, metres.
         rotation: Σ |Δθ|, radians.
-        cost: Σ (‖Δxy‖ + 0.5·|Δθ|), metres; a car's is its length.
+        cost: Σ (‖Δxy‖ + 0.5·|Δθ|), metres; that of a robot with a turning radius is the length.
         lower_bound: proven lower bound on the cost of any path between the same ends; None if none was computed.
         max_curvature: largest curvature (1/metres) of a motion in which the robot moves: 2·sin(|Δθ|/2)/‖Δxy‖, that of
             the circle which both states lie on; infinite where it turns in place.
@@ -56,6 +57,7 @@ class PathAudit:
     collisions: tuple[Collision, ...]
     min_clearance: float
     min_clearance_at: float
+    min_clearance_state: tuple[float, float, float]
     length: float
     rotation: float
     cost: float

@@ -26,6 +26,11 @@ class Scale:
         steps = np.hypot(*np.diff(states[:, :2], axis=0).T)
         self._lengths = np.concatenate([[0.0], np.cumsum(steps)])
 
+    @property
+    def total(self) -> float:
+        """Metres of the whole path on the scale."""
+        return float(self._ends[-1])
+
     def place(self, motion: ArrayLike, share: ArrayLike) -> FloatArray:
         """Return places on the scale of shares of motions."""
         i = np.asarray(motion, dtype=np.intp)
@@ -47,6 +52,12 @@ class Scale:
         found = [self.motion(place) for place in np.atleast_1d(places)]
         motions, shares = np.array([i for i, _ in found]), np.array([share for _, share in found])
         return se2.interpolate(self.states[motions], self.states[motions + 1], shares)
+
+    def interval(self, motions: tuple[float, float]) -> tuple[float, float]:
+        """Return the places of two numbers of motions, as :attr:`trailmark.audit.result.Collision.motions` has them."""
+        first = np.clip(np.floor(motions), 0, len(self._ends) - 2)
+        begin, end = self.place(first, np.asarray(motions) - first)
+        return float(begin), float(end)
 
     def part(self, begin: float, end: float) -> FloatArray:
         """Return the states of the path between two places, both included, shape (n, 3), n >= 2."""

@@ -1,8 +1,8 @@
 """The shell command ``trailmark``: one file per command, heavy imports inside the commands.
 
 A new command is a new file here and one line below. Exit status: 0 done, 2 bad input or usage (one line on
-stderr), 3 no path found within the time limit, 4 proven infeasible, 130 interrupted, 141 the reader of
-stdout went away, 143 terminated.
+stderr), 3 no path found within the time limit, 4 proven infeasible, 5 a path that was checked collides, 130
+interrupted, 141 the reader of stdout went away, 143 terminated.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Annotated, Any
 import typer
 
 import trailmark
-from trailmark.cli import benchmark, console, landmarks, map, plan, report, warmup, worlds  # noqa: A004 # a command's file has its name
+from trailmark.cli import benchmark, check, console, landmarks, map, plan, report, warmup, worlds  # noqa: A004 # a command's file has its name
 from trailmark.cli.options import UsageError
 from trailmark.errors import InternalErrorWarning, TrailmarkError
 
@@ -36,6 +36,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("plan")(plan.plan)
+app.command("check")(check.check)
 app.command("landmarks")(landmarks.landmarks)
 app.command("map")(map.map_log)
 app.command("benchmark")(benchmark.benchmark)

@@ -29,6 +29,7 @@ def warmup(as_json: JsonOption = False) -> None:
         "discs": partial(warm_up, "translation"),
         "many queries of discs": partial(warm_up_queries, "translation"),
         "OMPL's planners": _warm_up_pointwise,
+        "audits": _warm_up_audits,
         "maps from logs": _warm_up_logs,
         "many queries of cars": partial(warm_up_queries, "curve"),
         "cars": partial(warm_up, "curve"),
@@ -65,6 +66,18 @@ def _warm_up_pointwise() -> None:
         single.step_valid(*a, *b)
         if steering is not None:
             CurveMarks(single)
+
+
+def _warm_up_audits() -> None:
+    """Audit a path that is free and one that collides."""
+    from trailmark.audit import PathAuditor
+    from trailmark.collision import StateChecker
+    from trailmark.planning.warmup import ROBOTS, SMALL
+
+    world, (start, goal) = SMALL
+    auditor = PathAuditor(StateChecker(world, ROBOTS["straight"]))
+    auditor.audit([start, goal])
+    auditor.audit([start, start])
 
 
 def _warm_up_logs() -> None:

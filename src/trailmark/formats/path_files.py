@@ -15,7 +15,7 @@ from trailmark.errors import ConfigurationError, FormatError, OutputError, expec
 from trailmark.formats import files
 from trailmark.path import Path
 
-__all__ = ["SUFFIXES", "check_writable", "read_path", "write_path"]
+__all__ = ["SUFFIXES", "check_writable", "parse_json", "read_path", "state_rows", "write_path"]
 
 SUFFIXES = (".json", ".csv", ".path", ".txt")
 """What a path file's suffix may be: it tells the format."""
@@ -106,15 +106,33 @@ def _plain(value: object) -> object:
 
 
 def _json_states(text: str, path: FilePath) -> list[list[float]]:
+    record = parse_json(text, path)
+    states = record.get("states") if isinstance(record, dict) else None
+    if not isinstance(states, list):
+        raise FormatError(path, "expected an object with states [[x, y, theta], ...], got no list 'states'")
+    return state_rows(states, path)
+
+
+def parse_json(text: str, path: FilePath) -> Any:
+    """Return what a JSON text says.
+
+    Raises:
+        FormatError: it is none.
+    """
     try:
-        record = json.loads(text)
+        return json.loads(text)
     except json.JSONDecodeError as error:
         raise FormatError(path, f"not valid JSON: {error.msg}", error.lineno) from None
     except (RecursionError, ValueError):
         raise FormatError(path, "not valid JSON: nested too deeply or a number too long") from None
-    states = record.get("states") if isinstance(record, dict) else None
-    if not isinstance(states, list):
-        raise FormatError(path, "expected an object with states [[x, y, theta], ...], got no list 'states'")
+
+
+def state_rows(states: list[Any], path: FilePath) -> list[list[float]]:
+    """Return a list of states as it is if each is three numbers.
+
+    Raises:
+        FormatError: one is not.
+    """
     for i, row in enumerate(states):
         if not (isinstance(row, list) and len(row) == 3 and all(type(v) in (int, float) for v in row)):
             raise FormatError(path, f"states[{i}]: expected three numbers [x, y, theta], got {str(row)[:60]}")

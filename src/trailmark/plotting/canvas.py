@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     *("DPI", "LONG_SIDE", "PICTURE_SUFFIXES"),
-    *("BODY", "CANDIDATE", "EDGE", "GOAL", "HATCH", "LANDMARK"),
-    *("MARGIN", "OBSTACLE", "OUTSIDE", "PATH", "START", "TEXT"),
+    *("BODY", "CANDIDATE", "COLLISION", "EDGE", "GOAL", "HATCH", "LANDMARK"),
+    *("MARGIN", "OBSTACLE", "OUTSIDE", "PATH", "REPAIRED", "START", "TEXT"),
     *("annotate", "draw_legend", "draw_lines", "figure_of", "fill", "picture_of", "points_per_metre", "set_limits"),
     *("tidy", "view", "write"),
 ]
@@ -36,11 +36,23 @@ PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
 
 OBSTACLE, MARGIN, OUTSIDE, HATCH, TEXT = "#3f4249", "#c9ccd2", "#eceef1", "#b4b9c2", "#55585f"
 START, GOAL, PATH, BODY, LANDMARK = "#009e73", "#d55e00", "#0072b2", "#d8e9f4", "#9c4a79"
+COLLISION, REPAIRED = "#c1121f", "#cc79a7"
 EDGE, CANDIDATE = "#dca6c5", "#ecdde5"  # tints of Okabe & Ito's purple: the roadmap is the path's background
 
 LONG_SIDE = 7.5  # inches of the axes
 DPI = 160
-_LEGEND = ["start", "goal", "path", "robot along the path", "landmark", "edge, certified", "edge, not checked"]
+_LEGEND = [
+    "start",
+    "goal",
+    "path",
+    "robot along the path",
+    "collides",
+    "least clearance",
+    "repaired path",
+    "landmark",
+    "edge, certified",
+    "edge, not checked",
+]
 _LEGEND += ["obstacle", "C-obstacle at every heading", "outside"]
 
 

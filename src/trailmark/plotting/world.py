@@ -38,6 +38,7 @@ from trailmark.plotting.canvas import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from trailmark.moving import Moving
     from trailmark.world import Robot, World
 
 __all__ = ["draw_end", "draw_world", "regions_of", "save_world_figure"]
@@ -67,6 +68,17 @@ def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
     fill(axes, [shapely.box(*window).difference(inside)], OUTSIDE, 2.0, edgecolor=HATCH, hatch="////", label="outside")
     fill(axes, [inside], "none", 2.5, edgecolor=OBSTACLE, linewidth=1.0)
     set_limits(axes, world)
+    for motion in filter(None, world.moving):
+        _draw_motion(axes, motion)
+
+
+def _draw_motion(axes: Axes, motion: Moving) -> None:
+    """Draw where a moving obstacle is now, on the region that it sweeps, and an arrow to where it will be."""
+    now, then = (motion.at(time).polygon() for time in (0.0, motion.until))
+    fill(axes, [now.shapely()], "none", 1.6, edgecolor="white", linewidth=1.0)
+    tail, tip = (polygon.vertices.mean(axis=0) for polygon in (now, then))
+    arrow = {"arrowstyle": "-|>", "color": "white", "lw": 1.6, "shrinkA": 0.0, "shrinkB": 0.0}
+    axes.annotate("", tip, tail, arrowprops=arrow, zorder=1.7)
 
 
 def regions_of(world: World, robot: Robot | None) -> tuple[Regions, Regions, shapely.Geometry]:

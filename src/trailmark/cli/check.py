@@ -1,0 +1,192 @@
+"""``trailmark check``: is a path free, whoever planned it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trailmark.cli import console
+from trailmark.cli.options import (
+    PICTURE_SUFFIXES,
+    ForwardOnlyOption,
+    JsonOption,
+    PlotOption,
+    RobotOption,
+    SeedOption,
+    TurningRadiusOption,
+    WorldArgument,
+    grown_for,
+    load_world,
+    option,
+    output_file,
+    protect_inputs,
+    read_count,
+    read_duration,
+    read_robot,
+    read_turning_radius,
+    robot_of,
+    steered,
+)
+
+if TYPE_CHECKING:
+    from trailmark.audit import PathAudit, PathAuditor
+    from trailmark.path import Path as RobotPath
+    from trailmark.world import Robot
+
+__all__ = ["check"]
+
+COLLIDES = 5
+"""Exit status if the path collides."""
+
+SHOWN = 12
+"""Collisions that the summary lists at most."""
+
+SLACK = 1e-3
+"""Share by which a path's curvature may exceed the robot's: that of circles through states with few digits."""
+
+
+def check(
+    world: WorldArgument,
+    path: Annotated[
+        str,
+        typer.Argument(
+            metavar="PATH",
+            show_default=False,
+            help="JSON, CSV, rows 'x y theta', or a nav_msgs/Path as YAML or JSON; recognised by content.",
+        ),
+    ],
+    robot: RobotOption = None,
+    turning_radius: TurningRadiusOption = None,
+    forward_only: ForwardOnlyOption = False,
+    repair: Annotated[
+        str | None,
+        option("--repair", "OUT", "Write the path with its colliding parts planned anew: .json, .csv, .path or .txt."),
+    ] = None,
+    time_limit: Annotated[
+        str, option("--time-limit", "SECONDS", "Time for each part that is planned anew.", default=True)
+    ] = "1.0",
+    seed: SeedOption = "0",
+    plot: PlotOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Audit a path, whoever planned it: is it free, what does it collide with, how near does it come.
+
+    The answer is certified, not sampled. Exit status: 0 free, 5 it collides, 2 bad input.
+    """
+    from trailmark.formats import path_files
+    from trailmark.formats.any_path import read_any_path
+
+    limit = read_duration(time_limit, "--time-limit")
+    number = read_count(seed, "--seed", 0)
+    given, radius = read_robot(robot), read_turning_radius(turning_radius)
+    picture, output = output_file(plot, PICTURE_SUFFIXES), output_file(repair, path_files.SUFFIXES)
+    with console.progress("loading") as progress:
+        loaded, file = load_world(world), Path(path)
+        protect_inputs((*loaded.sources, file), picture, output)
+        body = steered(robot_of(loaded, given), radius, forward_only)
+        loaded = grown_for(loaded, body)
+        found = read_any_path(file)
+        if found.headings > 2.0 * math.pi:
+            console.warn(f"{file}: headings of up to {found.headings:g} are taken as radians; are they in degrees?")
+
+        from trailmark.audit import PathAuditor
+        from trailmark.audit.recorded import recorded_path
+        from trailmark.collision import StateChecker
+
+        progress.stage("checking (compiles on first use)")
+        auditor = PathAuditor(StateChecker(loaded, body))
+        audit = auditor.audit(recorded_path(found, file))
+        lower_bound = _lower_bound(auditor, audit)
+        record = audit.to_dict(loaded.name) | {"lower_bound": lower_bound}
+        written = []
+        fixed = None
+        if output is not None:
+            progress.stage("repairing")
+            fixed = _repaired(auditor, audit, number, limit)
+            if fixed is not None:
+                path_files.write_path(output, fixed)
+                written.append(output)
+        if picture is not None:
+            from trailmark.plotting import save_audit_figure
+
+            progress.stage("drawing")
+            save_audit_figure(picture, loaded, body, audit, fixed)
+            written.append(picture)
+
+    if as_json:
+        console.say(console.json_text(record))
+    else:
+        _print_summary(record, audit, body, written)
+    raise typer.Exit(0 if audit.free else COLLIDES)
+
+
+def _lower_bound(auditor: PathAuditor, audit: PathAudit) -> float | None:
+    """Return a proven lower bound on the cost of any path between the same ends; None where an end is not valid."""
+    from trailmark.planning.proofs.bound import LowerBound
+
+    ends = audit.path.states[[0, -1]]
+    if not auditor.checker.valid(ends).all():
+        return None
+    bound = LowerBound(auditor.checker.world, auditor.checker.robot).of(ends[0], ends[1], limit=audit.cost).cost
+    return bound if bound < math.inf else None
+
+
+def _repaired(auditor: PathAuditor, audit: PathAudit, seed: int, limit: float) -> RobotPath | None:
+    """Return the repaired path; say in one line on stderr why there is none."""
+    from trailmark.audit.repair import repaired
+    from trailmark.errors import ConfigurationError
+    from trailmark.planning import LandmarkPlanner
+
+    planner: Any = None
+
+    def plan(start: Any, goal: Any) -> RobotPath | None:
+        nonlocal planner
+        planner = planner or LandmarkPlanner(auditor.checker.world, auditor.checker.robot, seed=seed)
+        found: RobotPath | None = planner.plan(start, goal, time_limit=limit).path
+        return found
+
+    try:
+        path = repaired(auditor, audit, plan)
+    except ConfigurationError as error:
+        console.fail(f"not repaired: {error}")
+        return None
+    if path is None:
+        console.fail(f"not repaired: no way past a collision was found within {limit:g} s for each part (--time-limit)")
+    return path
+
+
+def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, written: list[Path]) -> None:
+    verdict, colour = ("free", "green") if audit.free else ("the path collides", "red")
+    console.say(f"{record['world']}: {verdict}", fg=colour, bold=True)
+    rows = []
+    for hit in audit.collisions[:SHOWN]:
+        name = f"obstacle {hit.obstacle}" if hit.obstacle not in ("bounds", "boundary") else str(hit.obstacle)
+        rows.append(("collision", f"{hit.begin:.4f} to {hit.end:.4f} m along: {name}, {hit.depth:.4g} m deep"))
+    if len(audit.collisions) > SHOWN:
+        rows.append(("", f"and {len(audit.collisions) - SHOWN:,} more"))
+    if audit.free:
+        rows.append(("clearance", f"{audit.min_clearance:.6f} m at its least, {audit.min_clearance_at:.4f} m along"))
+    bound = record["lower_bound"]
+    above = "" if not bound else f" ({100.0 * (audit.cost / bound - 1.0):.1f} % above the lower bound {bound:.4f})"
+    rows += [
+        ("cost", f"{audit.cost:.4f}{above if audit.free else ''}"),
+        ("length", f"{audit.length:.4f} m"),
+        ("rotation", f"{audit.rotation:.4f} rad ({math.degrees(audit.rotation):.0f}°)"),
+        ("curvature", _curvature(audit.max_curvature, robot.turning_radius)),
+        *(("written", str(file)) for file in written),
+    ]
+    console.print_table(rows, indent="  ")
+
+
+def _curvature(largest: float, radius: float | None) -> str:
+    """Return what the path's largest curvature means for a robot of a turning radius."""
+    text = f"{largest:.4g} 1/m at most" if largest < math.inf else "turns in place"
+    if 0.0 < largest < math.inf:
+        text += f" (radius {1.0 / largest:.4g} m)"
+    if radius is not None:
+        fits = largest * radius <= 1.0 + SLACK
+        text += f"; the robot's turning radius is {radius:g} m: {'it can follow' if fits else 'too tight for it'}"
+    return text

@@ -1,0 +1,173 @@
+"""Paths as anybody writes them: JSON, CSV, rows of numbers, and nav2's ``nav_msgs/Path`` as YAML or JSON."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trailmark.arguments import brief, real
+from trailmark.errors import ConfigurationError, FormatError
+from trailmark.formats import files
+from trailmark.formats.path_files import parse_json, state_rows
+from trailmark.formats.yaml_data import parse_yaml
+from trailmark.path import Path
+
+__all__ = ["PathFile", "read_any_path"]
+
+_HEADINGS = ("theta", "yaw", "heading")
+_DEPTH = 6
+"""Levels of mappings in which a message's poses are sought: they may be wrapped by an action's result or a bridge."""
+
+_ALLOWED = (
+    "expected JSON or YAML with states or poses of a nav_msgs/Path, or rows x, y, theta set off by commas or blanks"
+)
+
+
+class PathFile(NamedTuple):
+    """What a path file holds.
+
+    Attributes:
+        path: its states.
+        headings: the largest heading as it was written, |theta| in radians: more than a full turn looks like degrees.
+        curve: of a car's path that trailmark planned: ``kind``, ``turning_radius`` and ``knots``
+            (:meth:`trailmark.curves.CurvePath.record`); None without.
+    """
+
+    path: Path
+    headings: float
+    curve: dict[str, Any] | None = None
+
+
+def read_any_path(path: FilePath) -> PathFile:
+    """Read a path file, whose format is recognised by its content.
+
+    - JSON: the record of ``trailmark plan``, an object with ``states`` or a list [[x, y, theta], ...], or a message
+      nav_msgs/Path: ``poses`` with positions and quaternions, also inside of other objects.
+    - YAML: the same message, as ``ros2 topic echo`` prints it; of several, set off by ``---``, the last complete one.
+    - CSV: columns x, y and theta (or yaw, or heading) by their header, or three columns without one.
+    - Rows ``x y theta``, as OMPL's ``printAsMatrix`` writes them; empty lines and those that begin with # are skipped.
+
+    Raises:
+        FormatError: a missing or unreadable file, no states, or what is none of these; the message says where.
+    """
+    text = files.read_text(path, _ALLOWED)
+    curve = None
+    if text.lstrip()[:1] in ("{", "["):
+        data = parse_json(text, path)
+        if isinstance(data, dict) and data.get("states") == [] and "status" in data:
+            raise FormatError(path, f"expected a path, got a plan without one (status {data['status']!r:.60})")
+        states, curve = _states_of_data(data, path), data.get("curve") if isinstance(data, dict) else None
+    elif re.search(r"^\s*poses\s*:", text, re.MULTILINE):
+        states = _states_of_documents(text, path)
+    else:
+        states = _states_of_table(text, path)
+    if not states:
+        raise FormatError(path, "expected two or more states, got an empty path")
+    try:
+        rows = np.array(states, dtype=np.float64)
+        return PathFile(Path(rows), float(np.abs(rows[:, 2]).max()), curve)
+    except (ConfigurationError, ValueError, OverflowError) as error:
+        raise FormatError(path, str(error)) from None
+
+
+def _states_of_data(data: Any, path: FilePath) -> list[list[float]]:
+    """Return the states of a JSON text: a list of rows, an object with ``states``, or a message."""
+    if isinstance(data, dict) and "states" in data:
+        data = data["states"]
+    if isinstance(data, list):
+        return state_rows(data, path)
+    poses = _poses(data)
+    if poses is None:
+        raise FormatError(path, "expected states [[x, y, theta], ...], or poses of a nav_msgs/Path, got neither")
+    return [_state_of_pose(entry, i, path) for i, entry in enumerate(poses)]
+
+
+def _states_of_documents(text: str, path: FilePath) -> list[list[float]]:
+    """Return the states of the last complete one of some YAML documents that each hold a message."""
+    documents, line = [], 0
+    for part in re.split(r"^---[ \t]*\r?$", text, flags=re.MULTILINE):
+        if "poses" in part:
+            # Empty lines before it, so that messages name the file's lines.
+            documents.append("\n" * line + part)
+        line += part.count("\n")
+    problem: FormatError | None = None
+    for document in reversed(documents):
+        try:
+            return _states_of_data(parse_yaml(document, path), path)
+        except FormatError as error:
+            # The last one may be cut off where the recording ended; the first one found is the one to be told of.
+            problem = problem or error
+    raise problem or FormatError(path, "expected poses of a nav_msgs/Path, got none in any document")
+
+
+def _poses(data: Any, depth: int = _DEPTH) -> list[Any] | None:
+    """Return the list ``poses`` of a message, wherever in other objects it is; None if there is none."""
+    if not isinstance(data, dict) or depth == 0:
+        return None
+    if isinstance(data.get("poses"), list):
+        return list(data["poses"])
+    found = (_poses(value, depth - 1) for value in data.values())
+    return next((poses for poses in found if poses is not None), None)
+
+
+def _state_of_pose(entry: Any, i: int, path: FilePath) -> list[float]:
+    """Return x, y and heading of a PoseStamped or a Pose."""
+    if entry == "...":
+        raise FormatError(path, f"poses[{i}]: the message was cut where it was printed; print it with --full-length")
+    pose = entry.get("pose", entry) if isinstance(entry, dict) else None
+    parts = [pose.get(name) if isinstance(pose, dict) else None for name in ("position", "orientation")]
+    wanted = (("x", "y"), ("x", "y", "z", "w"))
+    values = [
+        real(part.get(key)) if isinstance(part, dict) else math.nan
+        for part, keys in zip(parts, wanted, strict=True)
+        for key in keys
+    ]
+    if not all(map(math.isfinite, values)):
+        allowed = "finite numbers position {x, y} and orientation {x, y, z, w}"
+        raise FormatError(path, f"poses[{i}]: expected {allowed}, got {brief(entry)}")
+    x, y, qx, qy, qz, qw = values
+    if qx == qy == qz == qw == 0.0:
+        raise FormatError(path, f"poses[{i}].orientation: expected a quaternion, got all zeros")
+    return [x, y, math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)]
+
+
+def _states_of_table(text: str, path: FilePath) -> list[list[float]]:
+    """Return the states of rows, whose columns are set off by commas, semicolons or blanks."""
+    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1)]
+    lines = [(number, line) for number, line in lines if line and not line.startswith("#")]
+    if not lines:
+        return []
+    separator = next((mark for mark in ",;" if mark in lines[0][1]), None)
+    names = [name.strip().strip("\"'").lower() for name in lines[0][1].split(separator)]
+    columns, count = [0, 1, 2], 3
+    if not any(map(_is_number, names)):
+        heading = next((name for name in _HEADINGS if name in names), None)
+        if heading is None or not {"x", "y"} <= set(names):
+            given = brief(lines[0][1])
+            raise FormatError(
+                path, f"no path; {_ALLOWED} and columns x, y, theta (or yaw, heading), got {given}", lines[0][0]
+            )
+        columns, count = [names.index(name) for name in ("x", "y", heading)], len(names)
+        lines = lines[1:]
+    states = []
+    for number, line in lines:
+        fields = line.split(separator)
+        row = [float(fields[k]) if _is_number(fields[k]) else math.nan for k in columns] if len(fields) == count else []
+        if len(row) != 3 or not all(map(math.isfinite, row)):
+            raise FormatError(
+                path, f"expected {count} columns, x, y, theta finite numbers, got row {brief(line)}", number
+            )
+        states.append(row)
+    return states
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

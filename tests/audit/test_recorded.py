@@ -1,0 +1,48 @@
+"""What a path file holds, as the path to audit."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trailmark.audit.recorded import recorded_path
+from trailmark.curves import CurvePath, Steering
+from trailmark.errors import FormatError
+from trailmark.formats.any_path import PathFile
+from trailmark.path import Path
+
+FILE = FilePath("path.json")
+CURVES = CurvePath(np.array([[0.0, 0.0, 0.0], [4.0, 3.0, 1.0], [6.0, 1.0, -1.0]]), Steering(1.5, reverse=False))
+
+
+def test_recorded_curves_are_rebuilt() -> None:
+    found = recorded_path(PathFile(Path(CURVES.states), 1.0, CURVES.record()), FILE)
+    assert found == CURVES
+
+
+def test_states_that_are_not_the_curves_own_count_themselves() -> None:
+    states = CURVES.states.copy()
+    states[3, 0] += 1e-3
+    for path in (Path(states), Path(states[:-1])):
+        assert recorded_path(PathFile(path, 1.0, CURVES.record()), FILE) is path
+    plain = Path(states)
+    assert recorded_path(PathFile(plain, 1.0), FILE) is plain
+
+
+@pytest.mark.parametrize(
+    ("curve", "problem"),
+    [
+        ({"kind": "spline"}, "curve: kind: expected dubins or reeds-shepp, got 'spline'"),
+        ("dubins", "curve: kind: expected"),
+        ({"kind": "dubins", "turning_radius": 0, "knots": [[0, 0, 0]]}, "curve: turning radius"),
+        ({"kind": "dubins", "turning_radius": 1}, "curve: path"),
+        ({"kind": "dubins", "turning_radius": 1, "knots": [[0, 0]]}, "curve: path: expected shape"),
+    ],
+)
+def test_curves_that_are_none_are_told_in_one_line(curve: Any, problem: str) -> None:
+    with pytest.raises(FormatError, match=r"path\.json: ") as caught:
+        recorded_path(PathFile(Path(CURVES.states), 1.0, curve), FILE)
+    assert problem in str(caught.value)

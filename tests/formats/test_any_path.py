@@ -1,0 +1,148 @@
+"""Paths as anybody writes them: each format gives the same states, and what is none is told in one line."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trailmark.errors import FormatError
+from trailmark.formats.any_path import read_any_path
+from trailmark.formats.path_files import write_path
+
+STATES = [[1.0, 2.0, 0.5], [1.5, -2.25, 3.0], [4.0, 0.0, -1.25]]
+
+
+def message(states: list[list[float]] = STATES, stamped: bool = True) -> dict[str, Any]:
+    """Return nav_msgs/Path, as plain data."""
+    stamp = {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "map"}
+    poses: list[dict[str, Any]] = []
+    for x, y, theta in states:
+        orientation = {"x": 0.0, "y": 0.0, "z": math.sin(theta / 2), "w": math.cos(theta / 2)}
+        pose = {"position": {"x": x, "y": y, "z": 0.0}, "orientation": orientation}
+        poses.append({"header": stamp, "pose": pose} if stamped else pose)
+    return {"header": stamp, "poses": poses}
+
+
+def echoed(states: list[list[float]] = STATES) -> str:
+    """Return the message as ``ros2 topic echo`` prints it."""
+    lines = ["header:", "  stamp:", "    sec: 12", "    nanosec: 0", "  frame_id: map", "poses:"]
+    for x, y, theta in states:
+        lines += ["- header:", "    stamp:", "      sec: 0", "      nanosec: 0", "    frame_id: ''", "  pose:"]
+        lines += ["    position:", f"      x: {x}", f"      y: {y}", "      z: 0.0", "    orientation:", "      x: 0.0"]
+        lines += ["      y: 0.0", f"      z: {math.sin(theta / 2)!r}", f"      w: {math.cos(theta / 2)!r}"]
+    return "\n".join(lines) + "\n"
+
+
+def rows(separator: str) -> str:
+    return "\n".join(separator.join(map(repr, row)) for row in STATES) + "\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        json.dumps({"states": STATES, "cost": 1.0}),
+        json.dumps(STATES),
+        json.dumps(message()),
+        json.dumps(message(stamped=False)),
+        json.dumps({"op": "publish", "msg": message()}),
+        json.dumps({"result": {"planning_time": 0.1, "path": message()}}),
+        echoed(),
+        echoed() + "---\n",
+        echoed(STATES[:2]) + "---\n" + echoed() + "---\n",
+        echoed() + "---\n" + echoed()[:300],
+        "x,y,theta\n" + rows(","),
+        '"X", "Y", "Yaw"\n' + rows(", "),
+        rows(","),
+        rows(" "),
+        rows("\t"),
+        "\n# a note\n" + rows("   ") + "\n\n",
+        "x;y;heading\n" + rows(";"),
+        "t,theta,x,y\n" + "".join(f"{i},{t!r},{x!r},{y!r}\n" for i, (x, y, t) in enumerate(STATES)),
+    ],
+)
+def test_each_format_gives_the_same_states(tmp_path: FilePath, text: str) -> None:
+    file = tmp_path / "path.anything"
+    file.write_text(text)
+    found = read_any_path(file)
+    np.testing.assert_allclose(found.path.states, STATES, atol=1e-15)
+    assert found.headings == pytest.approx(3.0)
+    assert found.curve is None
+
+
+@pytest.mark.parametrize("suffix", [".json", ".csv", ".path", ".txt"])
+def test_what_trailmark_writes(tmp_path: FilePath, suffix: str) -> None:
+    write_path(tmp_path / f"a{suffix}", STATES)
+    assert np.array_equal(read_any_path(tmp_path / f"a{suffix}").path.states, STATES)
+
+
+def test_a_car_s_curve_comes_along(tmp_path: FilePath) -> None:
+    curve = {"kind": "dubins", "turning_radius": 2.0, "knots": STATES}
+    write_path(tmp_path / "a.json", STATES, {"curve": curve})
+    assert read_any_path(tmp_path / "a.json").curve == curve
+
+
+def test_headings_are_reported_as_they_were_written(tmp_path: FilePath) -> None:
+    (tmp_path / "a.csv").write_text("x,y,yaw\n0,0,90\n1,0,-180\n")
+    found = read_any_path(tmp_path / "a.csv")
+    assert found.headings == 180.0
+    assert (np.abs(found.path.states[:, 2]) <= math.pi).all()
+
+
+def zeros() -> str:
+    data = message()
+    data["poses"][1]["pose"]["orientation"] = dict.fromkeys("xyzw", 0)
+    return json.dumps(data)
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("", "expected two or more states, got an empty path"),
+        ("\n# nothing\n", "got an empty path"),
+        ("[]", "got an empty path"),
+        ('{"poses": []}', "got an empty path"),
+        ('{"states": [], "status": "timeout"}', "got a plan without one (status 'timeout')"),
+        ("1 2 3\n4 5\n", ":2: expected 3 columns, x, y, theta finite numbers, got row '4 5'"),
+        ("1 2 3\n4 5 nan\n", ":2: expected 3 columns, x, y, theta finite numbers, got row '4 5 nan'"),
+        ("1 2 3 4\n", ":1: expected 3 columns"),
+        ("1,2\n", ":1: expected 3 columns"),
+        ("x,y\n1,2\n", ":1: no path; expected JSON"),
+        ("x,y,theta\n1,2,three\n", ":2: expected 3 columns"),
+        ("the quick brown fox\n", "columns x, y, theta (or yaw, heading), got 'the quick brown fox'"),
+        ('{"waypoints": [[1, 2, 3]]}', "or poses of a nav_msgs/Path, got neither"),
+        ("[[1, 2]]", "states[0]: expected three numbers [x, y, theta], got [1, 2]"),
+        ('{"states": [[1, 2, NaN]]}', "not a finite number"),
+        ("{", ":1: not valid JSON"),
+        ('{"poses": [{"pose": {"position": {"x": 1}}}]}', "poses[0]: expected finite numbers position {x, y}"),
+        ('{"poses": [3]}', "poses[0]: expected finite numbers"),
+        (zeros(), "poses[1].orientation: expected a quaternion, got all zeros"),
+        (echoed() + "- '...'\n", "poses[3]: the message was cut where it was printed; print it with --full-length"),
+        ("poses: 3\n", "or poses of a nav_msgs/Path, got neither"),
+        (
+            '{"poses": [{"position": {"x": 1' + "0" * 400 + ', "y": 0}, "orientation": {}}]}',
+            "poses[0]: expected finite",
+        ),
+        ("header: [\nposes:\n- x\n", "not valid YAML"),
+        (echoed().replace("w: ", "v: "), "poses[0]: expected finite numbers"),
+    ],
+)
+def test_what_is_no_path_is_told_in_one_line(tmp_path: FilePath, text: str, problem: str) -> None:
+    file = tmp_path / "path"
+    file.write_text(text)
+    with pytest.raises(FormatError) as caught:
+        read_any_path(file)
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_and_no_text(tmp_path: FilePath) -> None:
+    with pytest.raises(FormatError, match="cannot be read: No such file"):
+        read_any_path(tmp_path / "none.json")
+    (tmp_path / "image.png").write_bytes(b"\x89PNG\r\n\0\0")
+    with pytest.raises(FormatError, match="not a text file; expected JSON"):
+        read_any_path(tmp_path / "image.png")
