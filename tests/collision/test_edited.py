@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -76,6 +78,37 @@ def test_the_old_checker_stays_as_it_is() -> None:
             assert np.array_equal(before.valid(q), free)
             assert np.array_equal(before.clearance(q), clearance)
     assert any(not np.array_equal(free, checker.valid(q)) for _, free, _ in old)
+
+
+def test_threads_see_one_world_or_another_and_no_mixture() -> None:
+    """Memory of old versions is used again while others are being asked."""
+    rng = np.random.default_rng(1)
+    worlds = [random_world(3, 25, size=20.0, radii=(0.3, 2.0), discs=0.3)]
+    for _ in range(40):
+        worlds.append(random_edit(worlds[-1], rng))
+    q = random_states(worlds[0], 300, rng)
+    expected = {id(world): StateChecker(world, ROBOTS["rectangle"]).clearance(q) for world in worlds}
+    newest = [StateChecker(worlds[0], ROBOTS["rectangle"])]
+    done = threading.Event()
+
+    def ask() -> int:
+        count = 0
+        while not done.is_set() or count == 0:
+            checker = newest[0]
+            if not np.array_equal(checker.clearance(q), expected[id(checker.world)]):
+                return -1
+            count += 1
+        return count
+
+    with ThreadPoolExecutor(3) as threads:
+        asked = [threads.submit(ask) for _ in range(3)]
+        try:
+            for _ in range(10):
+                for world in (*worlds[1:], *worlds[-2::-1]):
+                    newest[0] = newest[0].edited(world)
+        finally:
+            done.set()
+        assert all(answers.result() > 0 for answers in asked)
 
 
 def test_obstacles_in_another_order_change_nothing() -> None:
