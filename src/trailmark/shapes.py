@@ -92,13 +92,18 @@ class Rectangle:
 
     def polygon(self, tolerance: float = 0.0) -> Polygon:
         """Return the rectangle as a polygon, exactly; ``tolerance`` is there so that all shapes are called alike."""
+        return Polygon(self.corners())
+
+    def corners(self) -> FloatArray:
+        """Return the corners, shape (4, 2), counter-clockwise."""
         half = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * (self.length / 2, self.width / 2)
         cos, sin = math.cos(self.heading), math.sin(self.heading)
-        return Polygon(np.asarray(self.center) + half @ np.array([[cos, sin], [-sin, cos]]))
+        corners: FloatArray = np.asarray(self.center) + half @ np.array([[cos, sin], [-sin, cos]])
+        return corners
 
     def bounding_box(self) -> tuple[float, float, float, float]:
         """Return xmin, ymin, xmax, ymax."""
-        return self.polygon().bounding_box()
+        return _box_of(self.corners())
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +147,7 @@ class Polygon:
 
     def bounding_box(self) -> tuple[float, float, float, float]:
         """Return xmin, ymin, xmax, ymax."""
-        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
-        return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+        return _box_of(self.vertices)
 
     def rings(self) -> list[FloatArray]:
         """Return the outline counter-clockwise and the holes clockwise: the region lies left of every edge."""
@@ -223,6 +227,11 @@ def triangulate(polygon: Polygon) -> FloatArray:
     clockwise = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0.0
     corners[clockwise] = corners[clockwise][:, ::-1]
     return np.ascontiguousarray(corners)
+
+
+def _box_of(points: FloatArray) -> tuple[float, float, float, float]:
+    low, high = points.min(axis=0), points.max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
 def _ring(points: ArrayLike, name: str) -> FloatArray:

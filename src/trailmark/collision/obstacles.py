@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
-from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle
 from trailmark.world import World
 
 __all__ = [
@@ -79,13 +79,23 @@ def boundary_segments(world: World) -> tuple[FloatArray, int]:
     enclosing = len(rings)
     for shape in world.obstacles:
         if not isinstance(shape, Disc):
-            rings.extend(shape.polygon().rings())
+            rings.extend(_rings_of(shape))
     return _ring_segments(rings), enclosing
 
 
 def shape_segments(shape: Rectangle | Polygon) -> FloatArray:
     """Return the boundary segments of one obstacle, shape (m, 4), blocked side on the left."""
-    return _ring_segments(shape.polygon().rings())
+    return _ring_segments(_rings_of(shape))
+
+
+def _rings_of(shape: Rectangle | Polygon) -> list[FloatArray]:
+    if isinstance(shape, Rectangle):
+        corners = shape.corners()
+        largest = np.abs(corners).max()
+        # A polygon checks itself, which takes ten times as long: only where rounding might make it no polygon.
+        if largest <= LIMIT and min(shape.length, shape.width) > 1e-9 * largest:
+            return [corners]
+    return shape.polygon().rings()
 
 
 def _ring_segments(rings: list[FloatArray]) -> FloatArray:
