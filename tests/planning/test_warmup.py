@@ -61,6 +61,11 @@ for world in worlds:
         roadmap.shortest_path(0, np.int64(5), limit=100)
         roadmap.shortest_path(0, 5, banned=np.zeros(len(roadmap), bool), to_go=np.zeros(len(roadmap)))
         len(roadmap.graph)
+        middle = result.path.at(0.5)
+        obstacle = Disc((float(middle[0]), float(middle[1])), 0.3)
+        for changed in (world.edited(add=[obstacle]), world.edited(add=[obstacle, Rectangle((4, 17), 1, 1, 0.3)]), world):
+            planner.update(changed)
+            result = planner.replan(result.path.states[0], result.path.states[-1], result.path, 60)
 report["used"] = signatures()
 print(json.dumps(report))
 """
