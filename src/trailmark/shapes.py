@@ -20,7 +20,7 @@ from trailmark.errors import ShapeError
 if TYPE_CHECKING:
     import shapely
 
-__all__ = ["LIMIT", "Disc", "Polygon", "Rectangle", "Shape", "displaced", "signed_area", "triangulate"]
+__all__ = ["LIMIT", "Disc", "Polygon", "Rectangle", "Shape", "convex_pieces", "displaced", "signed_area", "triangulate"]
 
 FloatArray = NDArray[np.float64]
 
@@ -232,6 +232,16 @@ def triangulate(polygon: Polygon) -> FloatArray:
 def _box_of(points: FloatArray) -> tuple[float, float, float, float]:
     low, high = points.min(axis=0), points.max(axis=0)
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def convex_pieces(polygon: Polygon) -> list[FloatArray]:
+    """Return convex polygons that make up a polygon, each of shape (n, 2): itself, or triangles."""
+    import shapely
+
+    region = polygon.shapely()
+    if not polygon.holes and shapely.convex_hull(region).area <= region.area * (1.0 + 1e-12):
+        return [polygon.vertices]
+    return list(triangulate(polygon))
 
 
 def _ring(points: ArrayLike, name: str) -> FloatArray:

@@ -10,7 +10,7 @@ from benchmarks.random_worlds import ROBOTS, random_world, star_polygon
 
 from trailmark import Disc, LandmarkPlanner, Path, PlanResult, Rectangle, World
 from trailmark.errors import ConfigurationError
-from trailmark.planning.replanning import rest_of
+from trailmark.planning.rest import rest_of
 
 Judge = Callable[..., float]
 OPEN = World("field", (0.0, 0.0, 40.0, 20.0), (Rectangle((20.0, 4.0), 2.0, 8.0),))
@@ -94,6 +94,18 @@ def test_no_path_says_so() -> None:
     assert "blocked" in result.reason
 
 
+def test_ends_in_obstacles_are_said() -> None:
+    planner, path = planner_with_path()
+    planner.update(OPEN.edited(add={"pallet-7": Disc((2.5, 3.0), 0.5)}))
+    result = planner.replan(START, GOAL, path)
+    assert (result.status, result.path) == ("infeasible", None)
+    assert "the robot overlaps obstacle pallet-7 (disc) by" in result.reason
+    planner.update(OPEN.edited(add={"pallet-7": Disc((38.0, 3.0), 0.5)}))
+    result = planner.replan(START, GOAL, path, escape=True)
+    assert (result.status, result.path) == ("infeasible", None)
+    assert "the goal overlaps obstacle pallet-7 (disc) by" in result.reason
+
+
 def test_paths_of_others_and_other_goals() -> None:
     _, path = planner_with_path()
     other = LandmarkPlanner(OPEN, ROBOTS["rectangle"], seed=1)
@@ -130,7 +142,7 @@ def test_only_what_changed_is_looked_at_again() -> None:
 def test_bad_options_are_refused(argument: str, value: float) -> None:
     planner, path = planner_with_path()
     with pytest.raises(ConfigurationError, match="expected"):
-        planner.replan(START, GOAL, path, **{argument: value})
+        planner.replan(START, GOAL, path, **{argument: value})  # type: ignore[arg-type]  # the escape is a bool
     with pytest.raises(ConfigurationError, match="path"):
         planner.replan(START, GOAL, "path.json")  # type: ignore[arg-type]
 

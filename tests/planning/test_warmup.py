@@ -63,7 +63,8 @@ for world in worlds:
         len(roadmap.graph)
         middle = result.path.at(0.5)
         obstacle = Disc((float(middle[0]), float(middle[1])), 0.3)
-        for changed in (world.edited(add=[obstacle]), world.edited(add=[obstacle, Rectangle((4, 17), 1, 1, 0.3)]), world):
+        both = world.edited(add=[obstacle, Rectangle((4, 17), 1, 1, 0.3)])
+        for changed in (world.edited(add=[obstacle]), both, world):
             planner.update(changed)
             result = planner.replan(result.path.states[0], result.path.states[-1], result.path, 60)
 report["used"] = signatures()

@@ -15,7 +15,7 @@ import shapely
 
 from trailmark import se2
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape, triangulate
+from trailmark.shapes import Disc, Polygon, Shape, convex_pieces
 from trailmark.world import Robot
 
 __all__ = ["Penetration", "bounds_depth", "deepest"]
@@ -56,8 +56,8 @@ class Penetration:
         return np.array([self._depth(state) for state in states])
 
     @cached_property
-    def _pieces(self) -> FloatArray | list[FloatArray]:
-        return _convex_pieces(self.shape.polygon())
+    def _pieces(self) -> list[FloatArray]:
+        return convex_pieces(self.shape.polygon())
 
     @cached_property
     def _boxes(self) -> FloatArray:
@@ -65,7 +65,7 @@ class Penetration:
 
     @cached_property
     def _body(self) -> list[FloatArray]:
-        return list(_convex_pieces(self.robot.outline))
+        return convex_pieces(self.robot.outline)
 
     def _depth(self, state: FloatArray) -> float:
         """Return the depth of two polygons: how far the origin is inside of their Minkowski difference."""
@@ -123,19 +123,11 @@ def deepest(
     return float(found.max())
 
 
-def _convex_pieces(polygon: Polygon) -> FloatArray | list[FloatArray]:
-    """Return convex polygons that make up a polygon."""
-    region = polygon.shapely()
-    if not polygon.holes and shapely.convex_hull(region).area <= region.area * (1.0 + 1e-12):
-        return [polygon.vertices]
-    return triangulate(polygon)
-
-
 def _disc_depth(polygon: Polygon, centers: FloatArray, radius: float) -> FloatArray:
     """Return how far discs must be moved to leave a polygon, shape (n,)."""
     region = polygon.shapely()
     points = shapely.points(centers)
-    if len(_convex_pieces(polygon)) == 1:
+    if len(convex_pieces(polygon)) == 1:
         edge = shapely.distance(region.boundary, points)
         return np.asarray(np.maximum(0.0, radius + np.where(shapely.contains(region, points), edge, -edge)))
     grown = shapely.buffer(region, radius, quad_segs=ARC)

@@ -39,7 +39,8 @@ def invalid_reason(world: World, robot: Robot, q: se2.FloatArray) -> str:
     if len(depths) and depths.max() > 0.0:
         worst = int(np.argmax(depths))
         kind = type(world.obstacles[worst]).__name__.lower()
-        return f"overlaps obstacle {worst} ({kind}) by {depths[worst]:.3g} m"
+        name = world.ids[worst] if world.ids and world.ids[worst] is not None else worst
+        return f"overlaps obstacle {name} ({kind}) by {depths[worst]:.3g} m"
     return "touches an obstacle within rounding"
 
 

@@ -1,8 +1,7 @@
 """Planning: the landmark planner, path shortening, and what a planner returns."""
 
 from trailmark.planning.planner import LandmarkPlanner
-from trailmark.planning.replanning import ReplanResult
-from trailmark.planning.result import PlanProgress, PlanResult
+from trailmark.planning.result import PlanProgress, PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shortening import shorten
 from trailmark.planning.updating import Update

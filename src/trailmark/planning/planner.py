@@ -20,10 +20,10 @@ from trailmark.path import Path
 from trailmark.planning.many_queries import answer_queries
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import OnProgress
-from trailmark.planning.replanning import Replanner, ReplanResult
-from trailmark.planning.result import PlanResult
+from trailmark.planning.replan_query import ReplanOptions, replanned
+from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
-from trailmark.planning.single_query import answer_query
+from trailmark.planning.single_query import GAP, answer_query
 from trailmark.planning.updating import Update
 from trailmark.planning.warmup import warm_up, warm_up_queries
 from trailmark.planning.world_model import WorldModel
@@ -37,9 +37,6 @@ MAX_LANDMARKS = 200_000
 
 MAX_WORKERS = 1024
 """Most threads that answer queries, however many are asked for."""
-
-GAP = 1e-4
-"""A path within a ten-thousandth of the optimum is as good as any."""
 
 
 class LandmarkPlanner:
@@ -235,6 +232,7 @@ class LandmarkPlanner:
         *,
         min_gain: float = 0.05,
         improvement: float = 0.0,
+        escape: bool = False,
     ) -> ReplanResult:
         """Return the path to follow from here on, in a world that changed while another path was being followed.
 
@@ -249,34 +247,27 @@ class LandmarkPlanner:
             min_gain: share of its cost by which another path must be better to take the place of one that is free.
             improvement: seconds to go on bettering a path once there is one; another one still has to be better by
                 ``min_gain`` to replace one that is free.
+            escape: where the robot stands in an obstacle, begin with the shortest way out, along which it is never
+                deeper in it; otherwise the answer only says so.
+
+        Returns:
+            The result, with ``kept`` and ``reason``. ``infeasible`` where the robot or the goal stands in an obstacle.
 
         Raises:
-            ConfigurationError: start or goal is not valid, or an option is out of range.
+            ConfigurationError: start or goal is no configuration, or an option is out of range.
         """
         begin = perf_counter()
         one_of(path, Path, "path:")
-        min_gain = number(min_gain, "min gain:", minimum=0.0)
-        improvement = number(improvement, "improvement:", minimum=0.0, unit="s")
         time_limit, _ = _limits(time_limit, None)
+        options = ReplanOptions(
+            deadline=begin + time_limit,
+            min_gain=number(min_gain, "min gain:", minimum=0.0),
+            improvement=number(improvement, "improvement:", minimum=0.0, unit="s"),
+            escape=truth(escape, "escape:"),
+        )
         model = self._model
-
-        def plan(known: se2.FloatArray | None, seconds: float) -> PlanResult:
-            return answer_query(
-                model, start, goal, seconds, max_rounds=None, on_progress=None, stop=None, gap=GAP, known=known
-            )
-
         with model.shared.lock:
-            ends = model.valid_pair(start, goal)
-            replanner = Replanner(
-                model,
-                ends[0],
-                ends[1],
-                min_gain=min_gain,
-                seconds_left=lambda: begin + time_limit - perf_counter(),
-                plan=plan,
-                improvement=improvement,
-            )
-            return replanner.answer(path)
+            return replanned(model, start, goal, path, options)
 
     @as_raised
     def plan_many(

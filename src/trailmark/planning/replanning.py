@@ -4,27 +4,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trailmark.path import Path
-from trailmark.planning.followed import FollowedPath, located, vertices_of
+from trailmark.planning.followed import FollowedPath
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.lattice.schedule import LatticeSchedule
-from trailmark.planning.result import PlanResult
+from trailmark.planning.rest import Rest, rest_of
+from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.shortening import shorten
+from trailmark.planning.single_query import answer_query
 from trailmark.planning.world_model import WorldModel
 from trailmark.roadmap.search import without_repetitions
 from trailmark.se2 import FloatArray
 
-__all__ = ["ReplanResult", "Replanner", "Rest", "rest_of"]
+__all__ = ["ReplanOptions", "Replanner", "as_replan"]
 
 LEVELS = 5
 """Lattices that a way around is sought on before the whole query is planned anew."""
@@ -50,76 +49,20 @@ MIN_SECONDS = 1e-3
 
 
 @dataclass(frozen=True)
-class ReplanResult(PlanResult):
-    """The answer to a query for which there was a path.
+class ReplanOptions:
+    """How to replan.
 
     Attributes:
-        kept: whether the path is the rest of the one that was given.
-        reason: why it was kept or replaced, or why there is none, in a few words.
-        escape: states at the path's beginning that only lead out of an obstacle the robot stands in; 0 elsewhere.
+        deadline: reading of ``time.perf_counter`` by which a path should be found.
+        min_gain: share by which another path must be better to take the place of one that is free.
+        improvement: seconds to go on bettering a path.
+        escape: whether to lead a robot out of an obstacle that it stands in.
     """
 
-    kept: bool = False
-    reason: str = ""
-    escape: int = 0
-
-
-class Rest(NamedTuple):
-    """What is left of a path from where the robot is.
-
-    Attributes:
-        vertices: states that motions join, shape (n, 3), the robot's own first.
-        free: which motions are certified in the world as it is, shape (n - 1,).
-        least: the least clearance along the motions that were not checked, metres; None if it is not known.
-        least_at: along which of the motions.
-        checked: which motions were looked at now, shape (n - 1,).
-    """
-
-    vertices: FloatArray
-    free: NDArray[np.bool_]
-    least: float | None
-    least_at: int
-    checked: NDArray[np.bool_]
-
-
-def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
-    """Return what is left of a path, and where it is blocked.
-
-    Motions that passed the final check, and that no change came near since, are free without being looked at.
-
-    Args:
-        model: of the world as it is.
-        path: being followed.
-        start: where the robot is, shape (3,), valid.
-    """
-    motion, followed = model.motion, model.followed
-    vertices = vertices_of(motion, path)
-    unknown, least, least_at = np.ones(len(vertices) - 1, np.bool_), None, 0
-    if followed is not None and np.array_equal(followed.vertices, vertices):
-        unknown, least, least_at = followed.touched, followed.least, followed.least_at
-    here = start if motion.turns else start * np.array([1.0, 1.0, 0.0])
-    if len(vertices) > 1:
-        nearest = located(motion, path, vertices, start)
-        # The first motion is another one, unless the robot stands exactly at a state of the path.
-        same = bool(np.array_equal(here, vertices[nearest]))
-        vertices, unknown = np.vstack([here, vertices[nearest + 1 :]]), unknown[nearest:].copy()
-        unknown[0] |= not same
-        least_at -= nearest
-        if least_at < (not same):
-            least = None
-    else:
-        vertices, unknown = np.vstack([here, vertices]), np.ones(1, np.bool_)
-    # Where the robot stands at the path's next state, or at its end, there is no motion to it.
-    moves = (vertices[1:] != vertices[:-1]).any(axis=1)
-    moves[-1] |= not moves.any()
-    vertices, unknown, least_at = vertices[np.append(True, moves)], unknown[moves], least_at - int((~moves).sum())
-    free = ~unknown
-    a, b = vertices[:-1][unknown], vertices[1:][unknown]
-    if len(a):
-        free[unknown] = model.checker.states_free(a) & model.checker.states_free(b)
-        check = np.flatnonzero(unknown & free)
-        free[check] = motion.motions_between_valid(vertices[check], vertices[check + 1])
-    return Rest(vertices, free, least, least_at, unknown)
+    deadline: float
+    min_gain: float
+    improvement: float
+    escape: bool
 
 
 class Replanner:
@@ -129,33 +72,24 @@ class Replanner:
         model: of the world as it is.
         start: where the robot is, shape (3,), valid.
         goal: shape (3,), valid.
-        min_gain: share by which another path must be better to take the place of one that is free.
-        seconds_left: asked before each search.
-        plan: plans the whole query, beginning with a path's states (n, 3) or with None, in so many seconds.
-        improvement: seconds to go on bettering a path.
+        options: how to.
     """
 
-    def __init__(
-        self,
-        model: WorldModel,
-        start: FloatArray,
-        goal: FloatArray,
-        *,
-        min_gain: float,
-        seconds_left: Callable[[], float],
-        plan: Callable[[FloatArray | None, float], PlanResult],
-        improvement: float,
-    ) -> None:
+    def __init__(self, model: WorldModel, start: FloatArray, goal: FloatArray, options: ReplanOptions) -> None:
         self.model, self.motion, self.start, self.goal = model, model.motion, start, goal
         self.ends = self.motion.ends(start, goal)
-        self.min_gain, self.seconds_left, self.plan, self.improvement = min_gain, seconds_left, plan, improvement
+        self.options, self.min_gain, self.improvement = options, options.min_gain, options.improvement
         self.begin = perf_counter()
+
+    def seconds_left(self) -> float:
+        """Return the seconds left to find a path."""
+        return self.options.deadline - perf_counter()
 
     def answer(self, path: Path) -> ReplanResult:
         """Return the path to follow from here on instead of ``path``, or the rest of it."""
         rest = rest_of(self.model, path, self.start)
         if not np.array_equal(rest.vertices[-1], self.ends[1]):
-            return _as_replan(self._planned(None), "the path leads to another goal")
+            return as_replan(self._planned(None), "the path leads to another goal")
         if rest.free.all():
             kept = self._kept(rest)
             if kept is not None:
@@ -164,13 +98,13 @@ class Replanner:
         if repaired is not None and self.improvement <= 0.0:
             result = self._result(repaired)
             if result is not None:
-                return _as_replan(result, "the path is blocked")
-        return _as_replan(self._planned(repaired), "the path is blocked")
+                return as_replan(result, "the path is blocked")
+        return as_replan(self._planned(repaired), "the path is blocked")
 
     def _planned(self, known: FloatArray | None) -> PlanResult:
         """Return what planning the whole query gives, beginning with a path if there is one."""
         seconds = self.seconds_left() if known is None else self.improvement
-        return self.plan(known, max(seconds, MIN_SECONDS))
+        return answer_query(self.model, self.start, self.goal, max(seconds, MIN_SECONDS), known=known)
 
     def _kept(self, rest: Rest) -> ReplanResult | None:
         """Return the rest of the path, if what was looked at now passes the final check as well."""
@@ -190,7 +124,7 @@ class Replanner:
         result = verification.result(
             incumbent, "solved", incumbent.path(), self.model.shared.roadmap, min_clearance=least
         )
-        return replace(_as_replan(result, "the path is free, and no better one is known"), kept=True)
+        return replace(as_replan(result, "the path is free, and no better one is known"), kept=True)
 
     def _bettered(self, kept: ReplanResult, vertices: FloatArray) -> ReplanResult:
         """Return a path that is better by more than the share wanted, or the one that is free."""
@@ -202,7 +136,7 @@ class Replanner:
             result = self._result(better)
         if result is None or result.cost is None or result.cost >= limit:
             return kept
-        return _as_replan(result, f"another path costs {result.cost:.4g} m instead of {kept.cost:.4g} m")
+        return as_replan(result, f"another path costs {result.cost:.4g} m instead of {kept.cost:.4g} m")
 
     def _better(self, vertices: FloatArray) -> FloatArray | None:
         """Return a better path, shape (n, 3), sought only where obstacles went since the last look; None if none is."""
@@ -322,7 +256,7 @@ class Replanner:
         return incumbent
 
 
-def _as_replan(result: PlanResult, reason: str) -> ReplanResult:
+def as_replan(result: PlanResult, reason: str) -> ReplanResult:
     """Return a result with why the path is not the rest of the one that was given."""
     if result.path is None:
         reason += ", and no other was found in time" if result.status == "timeout" else ", and there is no other"

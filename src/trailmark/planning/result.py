@@ -8,7 +8,7 @@ from typing import Any, Literal
 from trailmark.curves import CurvePath
 from trailmark.path import Path
 
-__all__ = ["PlanProgress", "PlanResult", "Status"]
+__all__ = ["PlanProgress", "PlanResult", "ReplanResult", "Status"]
 
 Status = Literal["solved", "timeout", "infeasible"]
 
@@ -95,3 +95,19 @@ class PlanResult:
             "history": [list(entry) for entry in self.history],
             "time": dict(self.time),
         }
+
+
+@dataclass(frozen=True)
+class ReplanResult(PlanResult):
+    """The answer to a query for which there was a path.
+
+    Attributes:
+        kept: whether the path is the rest of the one that was given.
+        reason: why it was kept or replaced, or why there is none, in a few words.
+        escape: motions at the path's beginning that only lead out of an obstacle that the robot stands in: they are
+            not free, and nowhere along them is it deeper in it than before.
+    """
+
+    kept: bool = False
+    reason: str = ""
+    escape: int = 0

@@ -18,7 +18,10 @@ from trailmark.planning.solve import solve
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
 
-__all__ = ["answer_query"]
+__all__ = ["GAP", "answer_query"]
+
+GAP = 1e-4
+"""A path within a ten-thousandth of the optimum is as good as any."""
 
 TRIES = 3
 """Attempts at a query, should the paths that are found not pass the final check."""
@@ -30,10 +33,10 @@ def answer_query(
     goal: ArrayLike,
     time_limit: float,
     *,
-    max_rounds: int | None,
-    on_progress: OnProgress | None,
-    stop: Callable[[], bool] | None,
-    gap: float,
+    max_rounds: int | None = None,
+    on_progress: OnProgress | None = None,
+    stop: Callable[[], bool] | None = None,
+    gap: float = GAP,
     known: FloatArray | None = None,
 ) -> PlanResult:
     """Return the answer to a query; whoever calls holds the lock of the model's roadmap.

@@ -1,0 +1,81 @@
+"""A query for which there is a path already, and whose ends may stand in obstacles by now."""
+
+# Tested by tests/planning/test_replanning.py and test_escape.py.
+
+from __future__ import annotations
+
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark import se2
+from trailmark.collision.explain import invalid_reason
+from trailmark.errors import ConfigurationError
+from trailmark.path import Path
+from trailmark.planning.escape import way_out
+from trailmark.planning.followed import vertices_of
+from trailmark.planning.incumbent import Incumbent
+from trailmark.planning.replanning import Replanner, ReplanOptions, as_replan
+from trailmark.planning.result import ReplanResult, Status
+from trailmark.planning.world_model import WorldModel
+from trailmark.se2 import FloatArray
+
+__all__ = ["ReplanOptions", "replanned"]
+
+
+def replanned(model: WorldModel, start: ArrayLike, goal: ArrayLike, path: Path, options: ReplanOptions) -> ReplanResult:
+    """Return the path to follow from here on; whoever calls holds the lock of the model's roadmap.
+
+    Args:
+        model: of the world as it is.
+        start: where the robot is, shape (3,).
+        goal: shape (3,).
+        path: being followed.
+        options: how to.
+
+    Raises:
+        ConfigurationError: start or goal is no configuration.
+    """
+    ends = np.array([_configuration(start, "start"), _configuration(goal, "goal")])
+    free = model.checker.states_free(ends)
+    if free.all():
+        return Replanner(model, ends[0], ends[1], options).answer(path)
+    for end, name in ((1, "goal"), (0, "robot")):
+        if not free[end]:
+            problem = f"the {name} {invalid_reason(model.checker.world, model.checker.robot, ends[end])}"
+            if end == 1 or not options.escape:
+                return _nothing(model, ends, "infeasible", problem)
+    out = way_out(model.checker, ends[0])
+    if out is None:
+        return _nothing(model, ends, "timeout", f"{problem}, and no way out was found")
+    rest = Replanner(model, out[-1], ends[1], options).answer(path)
+    if rest.path is None:
+        return replace(rest, reason=f"{problem}; from where it is free: {rest.reason}", nearest=Path(out))
+    motion = model.motion
+    states = np.vstack([out, vertices_of(motion, rest.path)[1:]])
+    whole = motion.path(motion.whole_states(states, ends[0], ends[1]))
+    return replace(
+        rest,
+        path=whole,
+        kept=False,
+        lower_bound=None,
+        min_clearance=0.0,
+        escape=len(out) - 1,
+        reason=f"{problem}: the path leads out first",
+    )
+
+
+def _configuration(q: ArrayLike, name: str) -> FloatArray:
+    state = se2.configurations(q, name=name)
+    if state.ndim != 1:
+        raise ConfigurationError(f"{name}: expected shape (3,), got {state.shape}")
+    return state
+
+
+def _nothing(model: WorldModel, ends: FloatArray, status: Status, reason: str) -> ReplanResult:
+    """Return a result without a path."""
+    incumbent = Incumbent(model.motion, ends[0], ends[1], perf_counter())
+    result = model.verification.result(incumbent, status, None, model.shared.roadmap)
+    return replace(as_replan(result, ""), reason=reason)

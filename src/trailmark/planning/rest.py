@@ -1,0 +1,75 @@
+"""Rest: what is left of a path from where the robot is, and where it is blocked."""
+
+# Tested by tests/planning/test_replanning.py.
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.path import Path
+from trailmark.planning.followed import located, vertices_of
+from trailmark.planning.world_model import WorldModel
+from trailmark.se2 import FloatArray
+
+__all__ = ["Rest", "rest_of"]
+
+
+class Rest(NamedTuple):
+    """What is left of a path from where the robot is.
+
+    Attributes:
+        vertices: states that motions join, shape (n, 3), the robot's own first.
+        free: which motions are certified in the world as it is, shape (n - 1,).
+        least: the least clearance along the motions that were not checked, metres; None if it is not known.
+        least_at: along which of the motions.
+        checked: which motions were looked at now, shape (n - 1,).
+    """
+
+    vertices: FloatArray
+    free: NDArray[np.bool_]
+    least: float | None
+    least_at: int
+    checked: NDArray[np.bool_]
+
+
+def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
+    """Return what is left of a path, and where it is blocked.
+
+    Motions that passed the final check, and that no change came near since, are free without being looked at.
+
+    Args:
+        model: of the world as it is.
+        path: being followed.
+        start: where the robot is, shape (3,), valid.
+    """
+    motion, followed = model.motion, model.followed
+    vertices = vertices_of(motion, path)
+    unknown, least, least_at = np.ones(len(vertices) - 1, np.bool_), None, 0
+    if followed is not None and np.array_equal(followed.vertices, vertices):
+        unknown, least, least_at = followed.touched, followed.least, followed.least_at
+    here = start if motion.turns else start * np.array([1.0, 1.0, 0.0])
+    if len(vertices) > 1:
+        nearest = located(motion, path, vertices, start)
+        # The first motion is another one, unless the robot stands exactly at a state of the path.
+        same = bool(np.array_equal(here, vertices[nearest]))
+        vertices, unknown = np.vstack([here, vertices[nearest + 1 :]]), unknown[nearest:].copy()
+        unknown[0] |= not same
+        least_at -= nearest
+        if least_at < (not same):
+            least = None
+    else:
+        vertices, unknown = np.vstack([here, vertices]), np.ones(1, np.bool_)
+    # Where the robot stands at the path's next state, or at its end, there is no motion to it.
+    moves = (vertices[1:] != vertices[:-1]).any(axis=1)
+    moves[-1] |= not moves.any()
+    vertices, unknown, least_at = vertices[np.append(True, moves)], unknown[moves], least_at - int((~moves).sum())
+    free = ~unknown
+    a, b = vertices[:-1][unknown], vertices[1:][unknown]
+    if len(a):
+        free[unknown] = model.checker.states_free(a) & model.checker.states_free(b)
+        check = np.flatnonzero(unknown & free)
+        free[check] = motion.motions_between_valid(vertices[check], vertices[check + 1])
+    return Rest(vertices, free, least, least_at, unknown)

@@ -1,0 +1,109 @@
+"""The way out of an obstacle: short, never deeper, free at its end; depths by shapely's own sums."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+
+from trailmark import Disc, LandmarkPlanner, Polygon, Rectangle, StateChecker, World
+from trailmark.audit.depth import Penetration
+from trailmark.planning.escape import way_out
+from trailmark.world import Robot
+
+WALL = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 3.0), 2.0, 6.0),))
+
+
+def depth_of(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
+    """Return how deep a robot is in the obstacle that it is deepest in, metres."""
+    return np.asarray(np.max([Penetration(robot, shape).at(states) for shape in world.obstacles], axis=0))
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset", "star"])
+def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
+    robot, rng, met = ROBOTS[name], np.random.default_rng(1), 0
+    for seed in range(4):
+        world = random_world(seed, 30, size=40.0, discs=0.3)
+        checker = StateChecker(world, robot)
+        q = np.column_stack([rng.uniform(3, 37, (200, 2)), rng.uniform(-3, 3, 200)])
+        for start in q[~checker.valid(q)][:12]:
+            out = way_out(checker, start)
+            assert out is not None
+            assert np.array_equal(out[0], start)
+            assert checker.valid(out[-1])
+            assert out[-1, 2] == start[2]
+            states = start + np.linspace(0.0, 1.0, 40)[:, None] * (out[-1] - start)
+            length = float(np.hypot(*(out[-1] - start)[:2]))
+            depths = depth_of(world, robot, states)
+            # Alone, each obstacle is no deeper than all of them together, whose depth falls from the length to 0.
+            together = length * (1.0 - np.linspace(0.0, 1.0, 40))
+            assert (depths <= together + 1e-4).all()
+            met += 1
+    assert met > 20
+
+
+def test_it_is_the_shortest_to_a_single_obstacle() -> None:
+    for robot in (ROBOTS["disc"], ROBOTS["rectangle"]):
+        checker = StateChecker(WALL, robot)
+        for start in ([9.2, 4.0, 0.2], [10.9, 2.0, 0.0], [10.0, 5.8, 1.0]):
+            out = way_out(checker, np.array(start))
+            assert out is not None
+            depth = Penetration(robot, WALL.obstacles[0]).at(np.array([start]))[0]
+            assert np.hypot(*(out[-1] - out[0])[:2]) == pytest.approx(depth, abs=1e-4)
+
+
+def test_beyond_the_bounds_it_leads_back_in() -> None:
+    checker = StateChecker(WALL, ROBOTS["rectangle"])
+    out = way_out(checker, np.array([0.3, 5.0, 0.0]))
+    assert out is not None
+    assert np.allclose(out[-1], [1.0, 5.0, 0.0], atol=1e-4)
+    triangle = World(
+        "triangle", (0.0, 0.0, 20.0, 20.0), boundary=Polygon(np.array([(0.0, 0.0), (20.0, 0.0), (0.0, 20.0)]))
+    )
+    checker = StateChecker(triangle, ROBOTS["disc"])
+    out = way_out(checker, np.array([10.5, 10.5, 0.0]))
+    assert out is not None
+    assert checker.valid(out[-1])
+    assert np.hypot(*(out[-1] - out[0])[:2]) == pytest.approx(0.6 + 0.5 * np.sqrt(2.0), abs=1e-3)
+
+
+def test_a_car_drives_out() -> None:
+    robot = ROBOTS["rectangle"].steered(2.0)
+    checker = StateChecker(WALL, robot)
+    out = way_out(checker, np.array([8.2, 3.0, 0.0]))
+    assert out is not None
+    assert checker.valid(out[-1])
+    assert (np.diff(depth_of(WALL, robot, out)) <= 1e-4).all()
+    assert np.hypot(*(out[-1] - out[0])[:2]) < 0.3
+    # It does not reverse, and ahead is the wall.
+    assert way_out(StateChecker(WALL, robot.steered(2.0, reverse=False)), np.array([8.2, 3.0, 0.0])) is None
+
+
+def test_there_may_be_no_way_out() -> None:
+    full = World("full", (0.0, 0.0, 10.0, 10.0), (Rectangle((5.0, 5.0), 10.0, 10.0),))
+    assert way_out(StateChecker(full, ROBOTS["disc"]), np.array([5.0, 5.0, 0.0])) is None
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "car"])
+def test_replanning_leads_out_first(name: str) -> None:
+    robot = ROBOTS["rectangle"].steered(2.0) if name == "car" else ROBOTS[name]
+    world = World("field", (0.0, 0.0, 40.0, 20.0))
+    planner = LandmarkPlanner(world, robot, seed=0)
+    start, goal = np.array([5.0, 10.0, 0.0]), np.array([35.0, 10.0, 0.0])
+    path = planner.plan(start, goal).path
+    assert path is not None
+    planner.update(world.edited(add=[Disc((5.9, 10.3), 0.5)]))
+    stuck = planner.replan(start, goal, path)
+    assert (stuck.status, stuck.escape) == ("infeasible", 0)
+    result = planner.replan(start, goal, path, time_limit=10.0, escape=True)
+    assert (result.status, result.kept) == ("solved", False)
+    assert result.escape >= 1
+    assert "leads out first" in result.reason
+    assert result.path is not None
+    assert np.array_equal(result.path.states[0], start)
+    assert np.array_equal(result.path.states[-1], goal)
+    places = result.path.resample(0.02).states
+    valid = planner.checker.valid(places)
+    # Once it is out it stays out.
+    assert not valid[0]
+    assert valid[np.argmax(valid) :].all()
