@@ -55,7 +55,7 @@ def depths(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
     return found
 
 
-def look(world: World, robot: Robot, states: np.ndarray) -> str | None:
+def fault_of(world: World, robot: Robot, states: np.ndarray) -> str | None:
     path = Path(states)
     return FinalCheck(world, robot).fault(path, path.states[0], path.states[-1])
 
@@ -110,21 +110,21 @@ def test_an_obstacle_pushed_into_a_path_is_found(kind: str, depth: float) -> Non
         gap = float(shapely.distance(shapely.Point(at), bodies).min()) - reach
         for radius, expected in ((gap - depth, False), (gap + depth + 2 * RIM, True)):
             world = World("graze", (-20, -20, 40, 40), (Disc((float(at[0]), float(at[1])), radius),))
-            assert (look(world, robot, states) is not None) == expected
+            assert (fault_of(world, robot, states) is not None) == expected
 
 
 def test_what_lies_inside_is_found_without_an_edge_being_met() -> None:
     robot = Robot.rectangle(4.0, 4.0)
     inside = World("in", (0, 0, 20, 20), (Rectangle((10.0, 10.0), 0.1, 0.1),))
-    assert look(inside, robot, np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
+    assert fault_of(inside, robot, np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
     within = World("out", (0, 0, 20, 20), (Rectangle((10.0, 10.0), 12.0, 12.0),))
-    assert look(within, robot, np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
-    assert look(within, Robot.disc(1.0), np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
+    assert fault_of(within, robot, np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
+    assert fault_of(within, Robot.disc(1.0), np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
     around = World("disc", (0, 0, 20, 20), (Disc((10.0, 10.0), 0.1),))
-    assert look(around, robot, np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
+    assert fault_of(around, robot, np.array([[10, 10, 0], [10.1, 10, 0]])) is not None
     lake = World("lake", (0, 0, 20, 20), boundary=Polygon(np.array([[1, 1], [9, 1], [9, 9], [1, 9]])))
-    assert look(lake, robot, np.array([[15, 15, 0], [15.1, 15, 0]])) is not None
-    assert look(lake, robot, np.array([[5, 5, 0], [5.1, 5, 0]])) is None
+    assert fault_of(lake, robot, np.array([[15, 15, 0], [15.1, 15, 0]])) is not None
+    assert fault_of(lake, robot, np.array([[5, 5, 0], [5.1, 5, 0]])) is None
 
 
 @pytest.mark.parametrize("kind", KINDS)

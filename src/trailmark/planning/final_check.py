@@ -197,11 +197,11 @@ def _driven(path: CurvePath) -> tuple[FloatArray, FloatArray, FloatArray, float]
     return starts[used], moves[used], curvature[used], float(off)
 
 
-def _moved(q: FloatArray, way: FloatArray, turn: FloatArray) -> FloatArray:
+def _moved(q: FloatArray, length: FloatArray, turn: FloatArray) -> FloatArray:
     """Return where arcs of some metres and radians, shape (n,), lead from configurations (n, 3); turn 0: straight."""
     arc = turn != 0.0
-    radius = np.divide(way, turn, out=np.zeros_like(way), where=arc)
+    radius = np.divide(length, turn, out=np.zeros_like(length), where=arc)
     heading = q[:, 2] + turn
-    x = np.where(arc, radius * (np.sin(heading) - np.sin(q[:, 2])), way * np.cos(q[:, 2]))
-    y = np.where(arc, radius * (np.cos(q[:, 2]) - np.cos(heading)), way * np.sin(q[:, 2]))
+    x = np.where(arc, radius * (np.sin(heading) - np.sin(q[:, 2])), length * np.cos(q[:, 2]))
+    y = np.where(arc, radius * (np.cos(q[:, 2]) - np.cos(heading)), length * np.sin(q[:, 2]))
     return np.column_stack([q[:, 0] + x, q[:, 1] + y, heading])
