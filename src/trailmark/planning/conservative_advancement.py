@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["advance"]
+__all__ = ["advance", "may_meet"]
 
 SMALLEST_MOVE = 1e-9
 """Metres that the robot moves in an interval that is halved no more: it meets an edge there."""
@@ -93,7 +93,7 @@ def advance(
                 x1, y1, x2, y2 = edges[e, 0] - x, edges[e, 1] - y, edges[e, 2] - x, edges[e, 3] - y
                 if _nearest(0.0, 0.0, x1, y1, x2, y2)[0] - edges[e, 4] > farthest:
                     continue
-                if _may_meet(placed, x1, y1, x2, y2, edges[e, 4] + radius, vx, vy, turn, bend):
+                if may_meet(placed, x1, y1, x2, y2, edges[e, 4] + radius, vx, vy, turn, bend):
                     near[left] = e
                     left += 1
             if left == end:
@@ -115,7 +115,7 @@ def _doubled(array: IntArray) -> IntArray:
 
 
 @njit(cache=True)
-def _may_meet(
+def may_meet(
     placed: FloatArray,
     ax: float,
     ay: float,

@@ -18,9 +18,10 @@ from trailmark.landmarks import Relaxation
 from trailmark.motion import Motion, kind_of
 from trailmark.path import Path
 from trailmark.planning.many_queries import answer_queries
+from trailmark.planning.models import WorldModels
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import OnProgress
-from trailmark.planning.replan_query import ReplanOptions, replanned
+from trailmark.planning.replan_query import ReplanOptions, answer_replan
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.single_query import GAP, answer_query
@@ -101,14 +102,19 @@ class LandmarkPlanner:
         checker = StateChecker(world, robot) if checker is None else checker
         self._landmarks = landmarks
         rng = np.random.default_rng(self.seed)
-        self._model = WorldModel(checker, rng, self.seed, self.settings, landmarks or 0)
+        model = WorldModel(checker, rng, self.seed, self.settings, landmarks or 0)
+        self._models = WorldModels(checker.world, model)
         self._updating = Lock()
         self._model.shared.build_seconds = perf_counter() - begin
 
     @property
+    def _model(self) -> WorldModel:
+        return self._models.full
+
+    @property
     def world(self) -> World:
         """The world that queries are answered in."""
-        return self._model.checker.world
+        return self._models.world
 
     @property
     def robot(self) -> Robot:
@@ -217,9 +223,9 @@ class LandmarkPlanner:
         """
         one_of(changes, (Changes, World), "changes:", error=WorldError)
         with self._updating:
-            model = self._model
-            world = changes if isinstance(changes, World) else model.checker.world.apply(changes)
-            self._model, update = model.edited(world)
+            models = self._models
+            world = changes if isinstance(changes, World) else models.world.apply(changes)
+            self._models, update = models.updated(world)
         return update
 
     @as_raised
@@ -233,6 +239,7 @@ class LandmarkPlanner:
         min_gain: float = 0.05,
         improvement: float = 0.0,
         escape: bool = False,
+        speed: float | None = None,
     ) -> ReplanResult:
         """Return the path to follow from here on, in a world that changed while another path was being followed.
 
@@ -249,6 +256,10 @@ class LandmarkPlanner:
                 ``min_gain`` to replace one that is free.
             escape: where the robot stands in an obstacle, begin with the shortest way out, along which it is never
                 deeper in it; otherwise the answer only says so.
+            speed: of the robot, metres of cost per second: at cost c of its path it is c / ``speed`` seconds from now.
+                With it a path may pass before or behind a moving obstacle, where it is certified to be clear of it at
+                the time, until it arrives or the obstacle's horizon, beyond which nothing is claimed. Without it, and
+                for cars, all that an obstacle sweeps is occupied. Without a path, ``nearest`` stays clear the longest.
 
         Returns:
             The result, with ``kept`` and ``reason``. ``infeasible`` where the robot or the goal stands in an obstacle.
@@ -264,10 +275,9 @@ class LandmarkPlanner:
             min_gain=number(min_gain, "min gain:", minimum=0.0),
             improvement=number(improvement, "improvement:", minimum=0.0, unit="s"),
             escape=truth(escape, "escape:"),
+            speed=None if speed is None else number(speed, "speed:", above=0.0, unit="m/s"),
         )
-        model = self._model
-        with model.shared.lock:
-            return replanned(model, start, goal, path, options)
+        return answer_replan(self._models, start, goal, path, options)
 
     @as_raised
     def plan_many(

@@ -17,15 +17,42 @@ from trailmark.path import Path
 from trailmark.planning.escape import way_out
 from trailmark.planning.followed import vertices_of
 from trailmark.planning.incumbent import Incumbent
+from trailmark.planning.models import WorldModels
 from trailmark.planning.replanning import Replanner, ReplanOptions, as_replan
 from trailmark.planning.result import ReplanResult, Status
+from trailmark.planning.space_time.replanning import SpaceTimeReplanner
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
 
-__all__ = ["ReplanOptions", "replanned"]
+__all__ = ["ReplanOptions", "answer_replan"]
 
 
-def replanned(model: WorldModel, start: ArrayLike, goal: ArrayLike, path: Path, options: ReplanOptions) -> ReplanResult:
+def answer_replan(
+    models: WorldModels, start: ArrayLike, goal: ArrayLike, path: Path, options: ReplanOptions
+) -> ReplanResult:
+    """Return the answer of :meth:`trailmark.LandmarkPlanner.replan`, whose arguments these are.
+
+    Raises:
+        ConfigurationError: start or goal is no configuration.
+    """
+    # A car gives way by manoeuvres, which are not sought: what an obstacle sweeps is occupied for it.
+    if options.speed is not None and models.world.moving and models.motion.moves_anywhere:
+        model, ends = models.standing, np.array([_configuration(start, "start"), _configuration(goal, "goal")])
+        with model.shared.lock:
+            if model.checker.states_free(ends).all():
+                replanner = Replanner(model, ends[0], ends[1], options)
+                in_time = SpaceTimeReplanner(replanner, models.moving, options.speed, models.route)
+                result = in_time.answer(path)
+                models.route = in_time.route
+                return result
+    model = models.full
+    with model.shared.lock:
+        return _replanned(model, start, goal, path, options)
+
+
+def _replanned(
+    model: WorldModel, start: ArrayLike, goal: ArrayLike, path: Path, options: ReplanOptions
+) -> ReplanResult:
     """Return the path to follow from here on; whoever calls holds the lock of the model's roadmap.
 
     Args:

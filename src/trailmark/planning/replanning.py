@@ -57,12 +57,14 @@ class ReplanOptions:
         min_gain: share by which another path must be better to take the place of one that is free.
         improvement: seconds to go on bettering a path.
         escape: whether to lead a robot out of an obstacle that it stands in.
+        speed: of the robot, metres of cost per second, to pass moving obstacles in time; None avoids what they sweep.
     """
 
     deadline: float
     min_gain: float
     improvement: float
     escape: bool
+    speed: float | None = None
 
 
 class Replanner:
@@ -91,12 +93,12 @@ class Replanner:
         if not np.array_equal(rest.vertices[-1], self.ends[1]):
             return as_replan(self._planned(None), "the path leads to another goal")
         if rest.free.all():
-            kept = self._kept(rest)
+            kept = self.kept(rest)
             if kept is not None:
                 return self._bettered(kept, rest.vertices)
         repaired = self._repaired(rest)
         if repaired is not None and self.improvement <= 0.0:
-            result = self._result(repaired)
+            result = self.result(repaired)
             if result is not None:
                 return as_replan(result, "the path is blocked")
         return as_replan(self._planned(repaired), "the path is blocked")
@@ -106,7 +108,7 @@ class Replanner:
         seconds = self.seconds_left() if known is None else self.improvement
         return answer_query(self.model, self.start, self.goal, max(seconds, MIN_SECONDS), known=known)
 
-    def _kept(self, rest: Rest) -> ReplanResult | None:
+    def kept(self, rest: Rest) -> ReplanResult | None:
         """Return the rest of the path, if what was looked at now passes the final check as well."""
         verification, vertices = self.model.verification, rest.vertices
         for i in np.flatnonzero(rest.checked).tolist():
@@ -133,7 +135,7 @@ class Replanner:
         if self.improvement > 0.0:
             result = self._planned(vertices if better is None else better)
         elif better is not None:
-            result = self._result(better)
+            result = self.result(better)
         if result is None or result.cost is None or result.cost >= limit:
             return kept
         return as_replan(result, f"another path costs {result.cost:.4g} m instead of {kept.cost:.4g} m")
@@ -241,7 +243,7 @@ class Replanner:
         low, high = np.maximum(xy.min(axis=0) - room, bounds[:2]), np.minimum(xy.max(axis=0) + room, bounds[2:])
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
-    def _result(self, states: FloatArray) -> PlanResult | None:
+    def result(self, states: FloatArray) -> PlanResult | None:
         """Return the result for a path of certified motions, which is followed from here on; None if it is not free."""
         incumbent = self._incumbent(states)
         path = incumbent.path()

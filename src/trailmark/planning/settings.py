@@ -60,6 +60,10 @@ class PlannerSettings:
         drives: configurations that drives from one part of a car's roadmap reach at first.
         drive_landmarks: landmarks kept of them.
         replan_shortening: seconds: what a repaired path is shortened for while a robot waits for it.
+        space_time_directions: in which the robot may give way to moving obstacles.
+        space_time_step: what it moves in one of them at a time, as a share of the reach of the robot and of half the
+            width of the smallest moving obstacle together: about what takes it out of the other's way.
+        space_time_nodes: places and times from which it is looked on, at most.
         placement: what landmarks are: ``k-means`` centres, as many plain ``samples``, those of the source method as
             published (``paper``), or ``none``.
         without: names of mechanisms (:data:`trailmark.planning.mechanisms.MECHANISMS`) that are switched off, to see
@@ -95,6 +99,9 @@ class PlannerSettings:
     drives: int = _counted(6_000, "configurations")
     drive_landmarks: int = _counted(80, "landmarks")
     replan_shortening: float = _factor(0.002, "s")
+    space_time_directions: int = _counted(16, "directions")
+    space_time_step: float = _factor(1.0, "share", 1e-3)
+    space_time_nodes: int = _counted(1_000, "nodes")
     placement: Placement = field(default="k-means", metadata={"unit": "name"})
     without: tuple[str, ...] = field(default=(), metadata={"unit": "names"})
 

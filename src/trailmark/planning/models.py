@@ -1,0 +1,104 @@
+"""WorldModels: a planner's models of its world, with the regions that moving obstacles sweep and without them."""
+
+# Tested by tests/planning/test_updating.py and test_space_time.py.
+
+from __future__ import annotations
+
+from dataclasses import replace
+from threading import RLock
+from time import perf_counter
+
+import numpy as np
+
+from trailmark.collision import StateChecker
+from trailmark.motion import Motion
+from trailmark.planning.space_time.obstacles import MovingObstacles
+from trailmark.planning.space_time.replanning import Route
+from trailmark.planning.updating import Update
+from trailmark.planning.world_model import WorldModel
+from trailmark.world import World
+
+__all__ = ["WorldModels"]
+
+
+class WorldModels:
+    """The models of one world, each brought up to date from that of an earlier one when it is first asked for.
+
+    Args:
+        world: as it is.
+        full: a model of it, or of an earlier one.
+        standing: a model of it without its moving obstacles, or of an earlier one; None makes it anew.
+
+    Attributes:
+        route: that the last query among moving obstacles came by, in some model of what stands.
+    """
+
+    def __init__(self, world: World, full: WorldModel, standing: WorldModel | None = None) -> None:
+        self.world = world
+        self._full, self._standing = full, standing
+        self._moving: MovingObstacles | None = None
+        self._stands: World | None = None
+        self._lock = RLock()
+        self.route: Route | None = None
+
+    @property
+    def motion(self) -> Motion:
+        """How the robot moves."""
+        return self._full.motion
+
+    @property
+    def full(self) -> WorldModel:
+        """The model in which a moving obstacle is the region that it sweeps up to its horizon."""
+        if self._full.checker.world is not self.world:
+            with self._lock:
+                if self._full.checker.world is not self.world:
+                    self._full = self._full.edited(self.world)[0]
+        return self._full
+
+    @property
+    def standing(self) -> WorldModel:
+        """The model of what stands."""
+        with self._lock:
+            if self._stands is None:
+                self._stands = self.world.edited(remove=self._places())
+            model = self._standing
+            if model is None:
+                full = self._full
+                checker = StateChecker(self._stands, full.checker.robot, exact=full.checker.exact)
+                model = WorldModel(checker, np.random.default_rng(full.seed), full.seed, full.settings, 0)
+            elif model.checker.world is not self._stands:
+                model = model.edited(self._stands)[0]
+            self._standing = model
+        return model
+
+    @property
+    def moving(self) -> MovingObstacles:
+        """The moving obstacles, of which there is at least one."""
+        if self._moving is None:
+            obstacles = [moving for moving in self.world.moving if moving is not None]
+            self._moving = MovingObstacles.of(obstacles, self._full.checker.footprint)
+        return self._moving
+
+    def updated(self, world: World) -> tuple[WorldModels, Update]:
+        """Return the models of another world, and what changed; these stay as they are.
+
+        What moved before and moves now is nothing to the model of what stands; in the other one it is taken into
+        account when that one is needed.
+        """
+        begin, old = perf_counter(), self.world
+        same = (world.bounds, world.boundary) == (old.bounds, old.boundary)
+        items = old.difference(world).items if same else ()
+        if items and all(item.moving is not None and self._moves(item.index_before) for item in items):
+            new, update = WorldModels(world, self._full, self._standing), Update(changes=len(items))
+            new._stands = self._stands
+        else:
+            full, update = self.full.edited(world)
+            new = WorldModels(world, full, self._standing)
+        new.route = self.route
+        return new, replace(update, seconds=perf_counter() - begin)
+
+    def _moves(self, place: int | None) -> bool:
+        return place is None or bool(self.world.moving and self.world.moving[place] is not None)
+
+    def _places(self) -> list[int]:
+        return [i for i, moving in enumerate(self.world.moving) if moving is not None]

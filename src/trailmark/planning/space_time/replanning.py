@@ -1,0 +1,149 @@
+"""Replanning among moving obstacles for a robot of known speed, which may pass before or behind them."""
+
+# Tested by tests/planning/test_space_time.py.
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from trailmark.clock import Deadline
+from trailmark.path import Path
+from trailmark.planning.followed import vertices_of
+from trailmark.planning.incumbent import Incumbent
+from trailmark.planning.replanning import Replanner, as_replan
+from trailmark.planning.rest import Rest, rest_of
+from trailmark.planning.result import ReplanResult
+from trailmark.planning.space_time.obstacles import MovingObstacles, path_clear, state_clear
+from trailmark.planning.space_time.search import search
+from trailmark.planning.world_model import WorldModel
+from trailmark.se2 import FloatArray
+
+__all__ = ["Route", "SpaceTimeReplanner"]
+
+TRIES = 3
+"""Searches at most: how fast a disc moves depends on how much it turns along the whole path, known once it is found."""
+
+
+class Route(NamedTuple):
+    """A path to a goal among what stands, that paths which give way to moving obstacles lead back to.
+
+    Attributes:
+        model: of what stands.
+        vertices: states that motions join, shape (m, 3), the goal last.
+        to_go: (m,) cost from each of them to the goal, metres.
+    """
+
+    model: WorldModel
+    vertices: FloatArray
+    to_go: FloatArray
+
+    @classmethod
+    def of(cls, model: WorldModel, vertices: FloatArray) -> Route:
+        """Return the route over certified motions between vertices, shape (m, 3)."""
+        costs = model.motion.costs(vertices[:-1], vertices[1:])
+        return cls(model, vertices, np.append(np.cumsum(costs[::-1])[::-1], 0.0))
+
+
+class SpaceTimeReplanner:
+    """Answers one query for which there was a path, among obstacles that move.
+
+    Args:
+        replanner: of the query, in the model of what stands.
+        moving: the obstacles, and the robot.
+        speed: metres of cost per second.
+        route: that served a query before, if there was one.
+    """
+
+    def __init__(self, replanner: Replanner, moving: MovingObstacles, speed: float, route: Route | None) -> None:
+        self.replanner, self.moving, self.speed, self.route = replanner, moving, speed, route
+        self.model, self.motion = replanner.model, replanner.motion
+
+    def answer(self, path: Path) -> ReplanResult:
+        """Return the path to follow from here on instead of ``path``, or the rest of it."""
+        replanner = self.replanner
+        kept = self._kept(rest_of(self.model, path, replanner.start))
+        if kept is not None and self._is_near(kept, self.motion.least_cost(replanner.start, replanner.goal)):
+            return kept
+        if not state_clear(self.moving, replanner.start):
+            return self._failed("the robot meets a moving obstacle where it is")
+        route = self._route_from_here(path)
+        if isinstance(route, ReplanResult):
+            return route
+        # Beside a path that is free, only the way straight back to the route is looked at.
+        found = self._searched(route, self.model.settings.space_time_nodes if kept is None else 1)
+        if kept is None:
+            return found
+        return kept if found.path is None or self._is_near(kept, found.cost or 0.0) else found
+
+    def _is_near(self, kept: ReplanResult, cost: float) -> bool:
+        """Return whether a path costs too little more than another one (metres) to be replaced by it."""
+        return (kept.cost or 0.0) <= (1.0 + self.replanner.options.min_gain) * cost
+
+    def _kept(self, rest: Rest) -> ReplanResult | None:
+        """Return the rest of the path, if it is free and stays clear of the moving obstacles."""
+        replanner = self.replanner
+        if not (np.array_equal(rest.vertices[-1], replanner.ends[1]) and rest.free.all()):
+            return None
+        return replanner.kept(rest) if self._clear(rest.vertices) else None
+
+    def _clear(self, vertices: FloatArray) -> bool:
+        """Return whether the path over vertices (n, 3), as it is returned, stays clear of the moving obstacles."""
+        replanner = self.replanner
+        states = self.motion.whole_states(vertices, replanner.start, replanner.goal)
+        return path_clear(self.moving, states, self.speed) < 0
+
+    def _route_from_here(self, path: Path) -> Route | ReplanResult:
+        """Return a path to the goal among what stands that the robot can go to from here, or why there is none."""
+        route, motion, ends = self.route, self.motion, self.replanner.ends
+        if route is not None and np.array_equal(route.vertices[-1], ends[1]):
+            others = route.vertices[1:]
+            here = np.broadcast_to(ends[0], others.shape)
+            if route.model is self.model and motion.motions_between_valid(here, others).any():
+                return route
+            path = motion.path(route.vertices)
+        found = self.replanner.answer(path)
+        if found.path is None:
+            return found
+        self.route = Route.of(self.model, vertices_of(motion, found.path))
+        return self.route
+
+    def _searched(self, route: Route, max_nodes: int) -> ReplanResult:
+        """Return a path that stays clear of the moving obstacles, or as ``nearest`` the steps that do so longest."""
+        replanner, settings = self.replanner, self.model.settings
+        turning = self.motion.whole_cost(0.0, replanner.start, replanner.goal)
+        length, states = route.to_go[0], np.empty((0, 3))
+        step = settings.space_time_step * (self.moving.reach + self.moving.size)
+        for _ in range(TRIES):
+            found, states = search(
+                self.motion.kind,
+                self.moving,
+                replanner.ends[0],
+                route.vertices,
+                route.to_go,
+                self.speed * length / max(length + turning, 1e-9),
+                step,
+                settings.space_time_directions,
+                max_nodes,
+                Deadline.after(replanner.seconds_left()),
+            )
+            if not found:
+                break
+            if self._clear(states):
+                result = replanner.result(states)
+                if result is not None:
+                    return as_replan(result, "the path meets a moving obstacle, another one passes it in time")
+            length = self.motion.cost_of(states)
+        return self._failed("no path was found that stays clear of the moving obstacles", states)
+
+    def _failed(self, reason: str, states: FloatArray | None = None) -> ReplanResult:
+        """Return that there is no path, and the steps (n, 3) that stay clear the longest, if there are any."""
+        replanner, model = self.replanner, self.model
+        incumbent = Incumbent(self.motion, replanner.start, replanner.goal, replanner.begin)
+        if states is not None and len(states) > 1:
+            incumbent.nearest = states.copy()
+            incumbent.nearest[:, 2] = replanner.start[2]
+        result = model.verification.result(incumbent, "timeout", None, model.shared.roadmap)
+        return replace(as_replan(result, ""), reason=reason)
