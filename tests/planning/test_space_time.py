@@ -58,7 +58,8 @@ def placed(shape: Shape, q: FloatArray) -> FloatArray:
 def random_moving(rng: np.random.Generator, fastest: float = 4.0) -> Moving:
     shape, velocity = SHAPES[rng.integers(3)], rng.uniform(-fastest, fastest, 2)
     placed = Moving(shape, (float(velocity[0]), float(velocity[1])), float(rng.uniform(0.3, 4.0)))
-    return placed.displaced(*rng.uniform(-5.0, 5.0, 2), rng.uniform(-3.0, 3.0))
+    dx, dy, turn = rng.uniform((-5.0, -5.0, -3.0), (5.0, 5.0, 3.0))
+    return placed.displaced(float(dx), float(dy), float(turn))
 
 
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])

@@ -10,6 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
+from trailmark.changes import Changes
 from trailmark.collision import StateChecker
 from trailmark.motion import Motion
 from trailmark.planning.space_time.obstacles import MovingObstacles
@@ -79,13 +80,14 @@ class WorldModels:
             self._moving = MovingObstacles.of(obstacles, self._full.checker.footprint)
         return self._moving
 
-    def updated(self, world: World) -> tuple[WorldModels, Update]:
-        """Return the models of another world, and what changed; these stay as they are.
+    def updated(self, changes: Changes | World) -> tuple[WorldModels, Update]:
+        """Return the models of the world after changes, or of another world, and what changed; these stay as they are.
 
         What moved before and moves now is nothing to the model of what stands; in the other one it is taken into
         account when that one is needed.
         """
         begin, old = perf_counter(), self.world
+        world = changes if isinstance(changes, World) else old.apply(changes)
         same = (world.bounds, world.boundary) == (old.bounds, old.boundary)
         items = old.difference(world).items if same else ()
         if items and all(item.moving is not None and self._moves(item.index_before) for item in items):

@@ -100,10 +100,8 @@ class LandmarkPlanner:
             warm_up(kind_of(one_of(moving, Robot, "robot:", error=WorldError)))
         begin = perf_counter()
         checker = StateChecker(world, robot) if checker is None else checker
-        self._landmarks = landmarks
-        rng = np.random.default_rng(self.seed)
-        model = WorldModel(checker, rng, self.seed, self.settings, landmarks or 0)
-        self._models = WorldModels(checker.world, model)
+        self._landmarks, rng = landmarks, np.random.default_rng(self.seed)
+        self._models = WorldModels(checker.world, WorldModel(checker, rng, self.seed, self.settings, landmarks or 0))
         self._updating = Lock()
         self._model.shared.build_seconds = perf_counter() - begin
 
@@ -223,9 +221,7 @@ class LandmarkPlanner:
         """
         one_of(changes, (Changes, World), "changes:", error=WorldError)
         with self._updating:
-            models = self._models
-            world = changes if isinstance(changes, World) else models.world.apply(changes)
-            self._models, update = models.updated(world)
+            self._models, update = self._models.updated(changes)
         return update
 
     @as_raised
@@ -256,10 +252,9 @@ class LandmarkPlanner:
                 ``min_gain`` to replace one that is free.
             escape: where the robot stands in an obstacle, begin with the shortest way out, along which it is never
                 deeper in it; otherwise the answer only says so.
-            speed: of the robot, metres of cost per second: at cost c of its path it is c / ``speed`` seconds from now.
-                With it a path may pass before or behind a moving obstacle, where it is certified to be clear of it at
-                the time, until it arrives or the obstacle's horizon, beyond which nothing is claimed. Without it, and
-                for cars, all that an obstacle sweeps is occupied. Without a path, ``nearest`` stays clear the longest.
+            speed: metres of cost per second: the robot is at cost c of its path c / ``speed`` seconds from now. A path
+                may then pass moving obstacles before or behind, certified clear of each at the time, until it arrives
+                or to their horizons. Without it, and for cars, what they sweep is occupied.
 
         Returns:
             The result, with ``kept`` and ``reason``. ``infeasible`` where the robot or the goal stands in an obstacle.
@@ -267,11 +262,9 @@ class LandmarkPlanner:
         Raises:
             ConfigurationError: start or goal is no configuration, or an option is out of range.
         """
-        begin = perf_counter()
         one_of(path, Path, "path:")
-        time_limit, _ = _limits(time_limit, None)
         options = ReplanOptions(
-            deadline=begin + time_limit,
+            deadline=perf_counter() + _limits(time_limit, None)[0],
             min_gain=number(min_gain, "min gain:", minimum=0.0),
             improvement=number(improvement, "improvement:", minimum=0.0, unit="s"),
             escape=truth(escape, "escape:"),

@@ -153,8 +153,7 @@ def _goes_on(
 def _key(layer: int, q: FloatArray, cell: float) -> int:
     """Return a number of its own for each layer of time and cell, up to a million cells to either side."""
     x, y = np.int64(np.floor(q[0] / cell)) & 0x1FFFFF, np.int64(np.floor(q[1] / cell)) & 0x1FFFFF
-    key: int = (np.int64(layer) << 42) | (x << 21) | y
-    return key
+    return int((np.int64(layer) << 42) | (x << 21) | y)
 
 
 @njit(cache=True)
