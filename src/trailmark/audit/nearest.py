@@ -85,7 +85,7 @@ def least_clearance(
             x, y, theta = track.x + middle * track.dx, track.y + middle * track.dy, track.theta + middle * track.dtheta
             if field_clearance(field, robot, x, y, cos(theta), sin(theta), need) >= need:
                 continue
-            d = _clearance(grid, field, robot, placed, x, y, theta, need)
+            d = _clearance(grid, field, robot, placed, x, y, theta, max(need, best))
             if d < best:
                 best, motion, share = d, i, middle / bound
             if d >= need:
