@@ -58,6 +58,7 @@ class Attribution:
 
     def __init__(self, checker: StateChecker, core: Body) -> None:
         self.checker, self._core = checker, core
+        self._penetrations: dict[int, Penetration] = {}
 
     def collisions(self, scale: Scale, spans: list[tuple[float, float]]) -> tuple[Collision, ...]:
         """Return the collisions on intervals of a path on which the robot collides with anything."""
@@ -65,7 +66,8 @@ class Attribution:
         for begin, end in spans:
             states = scale.part(begin, end)
             here = Scale(states, self.checker.footprint.sweep_radius)
-            low, high = states[:, :2].min(axis=0) - self._core.reach, states[:, :2].max(axis=0) + self._core.reach
+            reach = self._core.reach + ABUTTING
+            low, high = states[:, :2].min(axis=0) - reach, states[:, :2].max(axis=0) + reach
             rows: list[tuple[float, float, str | int, Depths]] = []
             candidates = list(self._candidates(low, high))
             for name, world, depths in candidates:
@@ -94,16 +96,26 @@ class Attribution:
         if (low < world.bounds[:2]).any() or (high > world.bounds[2:]).any():
             yield "bounds", World("", world.bounds), partial(bounds_depth, robot, world.bounds)
         if world.boundary is not None:
-            # A frame so wide that the shortest way out of it is back into the boundary.
-            ring, wide = world.boundary.vertices, world.extent + 8.0 * self._core.reach
-            (x1, y1), (x2, y2) = ring.min(axis=0) - wide, ring.max(axis=0) + wide
-            frame = Polygon(np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]]), (ring,))
-            yield "boundary", World("", around, boundary=world.boundary), Penetration(robot, frame).at
+            yield "boundary", World("", around, boundary=world.boundary), self._penetration(-1).at
         boxes = self._boxes
-        for i in np.flatnonzero((boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)):
-            shape = world.obstacles[i]
+        for i in np.flatnonzero((boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1)).tolist():
             name = world.ids[i] if world.ids else None
-            yield (int(i) if name is None else name), World("", around, (shape,)), Penetration(robot, shape).at
+            yield (i if name is None else name), World("", around, (world.obstacles[i],)), self._penetration(i).at
+
+    def _penetration(self, i: int) -> Penetration:
+        """Return the depths in an obstacle, or in what lies outside of the boundary (-1); made once."""
+        if i not in self._penetrations:
+            world, robot = self.checker.world, self.checker.robot
+            if i >= 0:
+                shape = world.obstacles[i]
+            else:
+                assert world.boundary is not None  # noqa: S101 # there is one
+                # A frame so wide that the shortest way out of it is back into the boundary.
+                ring, wide = world.boundary.vertices, world.extent + 8.0 * self._core.reach
+                (x1, y1), (x2, y2) = ring.min(axis=0) - wide, ring.max(axis=0) + wide
+                shape = Polygon(np.array([[x1, y1], [x2, y1], [x2, y2], [x1, y2]]), (ring,))
+            self._penetrations[i] = Penetration(robot, shape)
+        return self._penetrations[i]
 
     def _intervals(self, world: World, scale: Scale, low: FloatArray, high: FloatArray) -> list[tuple[float, float]]:
         """Return the intervals of a path, as places on its scale, on which the robot collides with a small world."""

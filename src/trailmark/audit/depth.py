@@ -15,7 +15,7 @@ import shapely
 
 from trailmark import se2
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape, convex_pieces
+from trailmark.shapes import Disc, Shape, convex_pieces
 from trailmark.world import Robot
 
 __all__ = ["Penetration", "bounds_depth", "deepest"]
@@ -23,7 +23,7 @@ __all__ = ["Penetration", "bounds_depth", "deepest"]
 ARC = 64
 """Chords of a quarter of a circle, where a disc meets what is not convex: short by 7.5e-5 of its radius at most."""
 
-SAMPLES, PRECISION, EFFORT = 17, 1e-3, 400
+SAMPLES, PRECISION, EFFORT = 17, 1e-3, 200
 """Depths of an interval computed at first; share of the largest to which it is known; depths computed at most."""
 
 
@@ -41,45 +41,63 @@ class Penetration:
     def at(self, states: FloatArray) -> FloatArray:
         """Return the penetration depth (metres, 0 where there is none) at configurations (n, 3), shape (n,)."""
         body, shape = self.robot.footprint, self.shape
+        if isinstance(body, Disc) and isinstance(shape, Disc):
+            apart = np.hypot(*(states[:, :2] - shape.center).T)
+            return np.asarray(np.maximum(0.0, body.radius + shape.radius - apart))
         if isinstance(body, Disc):
-            if isinstance(shape, Disc):
-                apart = np.hypot(*(states[:, :2] - shape.center).T)
-                return np.asarray(np.maximum(0.0, body.radius + shape.radius - apart))
-            return _disc_depth(shape.polygon(), states[:, :2], body.radius)
+            return self._disc_depths(states[:, :2])
         if isinstance(shape, Disc):
             # As the robot sees it.
             cos, sin = np.cos(states[:, 2]), np.sin(states[:, 2])
             dx, dy = (np.asarray(shape.center) - states[:, :2]).T
-            return _disc_depth(
-                self.robot.outline, np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx]), shape.radius
-            )
+            return self._disc_depths(np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx]))
         return np.array([self._depth(state) for state in states])
 
+    def _disc_depths(self, centers: FloatArray) -> FloatArray:
+        """Return how far a disc at some places (n, 2) must be moved to leave the polygon, which is one of the two."""
+        grown, edge, spare = self._grown
+        points = shapely.points(centers)
+        apart = shapely.distance(edge, points)
+        return np.asarray(np.maximum(0.0, spare + np.where(shapely.contains(grown, points), apart, -apart)))
+
     @cached_property
-    def _pieces(self) -> list[FloatArray]:
-        return convex_pieces(self.shape.polygon())
+    def _grown(self) -> tuple[shapely.Polygon, shapely.Geometry, float]:
+        """The polygon in which the disc's centre may not be, its edge, and how much farther the disc reaches."""
+        body, shape = self.robot.footprint, self.shape
+        disc, polygon = (body, shape.polygon()) if isinstance(body, Disc) else (shape, self.robot.outline)
+        assert isinstance(disc, Disc)  # noqa: S101 # one of the two is
+        region = polygon.shapely()
+        if len(convex_pieces(polygon)) == 1:
+            return region, region.boundary, disc.radius
+        grown = shapely.buffer(region, disc.radius, quad_segs=ARC)
+        return grown, grown.boundary, 0.0
+
+    @cached_property
+    def _pieces(self) -> tuple[FloatArray, FloatArray]:
+        """Convex pieces of obstacle and robot, each of shape (k, m, 2)."""
+        # One piece, or triangles: as many vertices in each.
+        return np.array(convex_pieces(self.shape.polygon())), np.array(convex_pieces(self.robot.outline))
 
     @cached_property
     def _boxes(self) -> FloatArray:
-        return np.array([(*piece.min(axis=0), *piece.max(axis=0)) for piece in self._pieces])
-
-    @cached_property
-    def _body(self) -> list[FloatArray]:
-        return convex_pieces(self.robot.outline)
+        """Box of each of the obstacle's pieces: xmin, ymin, xmax, ymax."""
+        return np.hstack([self._pieces[0].min(axis=1), self._pieces[0].max(axis=1)])
 
     def _depth(self, state: FloatArray) -> float:
         """Return the depth of two polygons: how far the origin is inside of their Minkowski difference."""
-        parts = [se2.transform(state, part) for part in self._body]
-        low, high = np.min([p.min(axis=0) for p in parts], axis=0), np.max([p.max(axis=0) for p in parts], axis=0)
+        obstacle, robot = self._pieces
+        parts = np.array([se2.transform(state, part) for part in robot])
+        low, high = parts.min(axis=(0, 1)), parts.max(axis=(0, 1))
         reach = self.robot.circumradius
+        origin = shapely.Point(0.0, 0.0)
         while True:
             # Pieces farther away than the robot is moved do not matter.
             near = (self._boxes[:, :2] <= high + reach).all(axis=1) & (self._boxes[:, 2:] >= low - reach).all(axis=1)
-            sums = [(self._pieces[i][:, None] - part).reshape(-1, 2) for i in np.flatnonzero(near) for part in parts]
-            if not sums:
+            if not near.any():
                 return 0.0
-            blocked = shapely.union_all(shapely.convex_hull([shapely.MultiPoint(points) for points in sums]))
-            origin = shapely.Point(0.0, 0.0)
+            sums = obstacle[near][:, None, :, None] - parts[None, :, None, :]
+            corners = sums.reshape(-1, obstacle.shape[1] * parts.shape[1], 2)
+            blocked = shapely.union_all(shapely.convex_hull(shapely.multipoints(corners)))
             depth = float(shapely.distance(blocked.boundary, origin)) if blocked.contains(origin) else 0.0
             if depth <= reach or near.all():
                 return depth
@@ -121,14 +139,3 @@ def deepest(
         order = np.argsort(places, kind="stable")
         places, found = places[order], found[order]
     return float(found.max())
-
-
-def _disc_depth(polygon: Polygon, centers: FloatArray, radius: float) -> FloatArray:
-    """Return how far discs must be moved to leave a polygon, shape (n,)."""
-    region = polygon.shapely()
-    points = shapely.points(centers)
-    if len(convex_pieces(polygon)) == 1:
-        edge = shapely.distance(region.boundary, points)
-        return np.asarray(np.maximum(0.0, radius + np.where(shapely.contains(region, points), edge, -edge)))
-    grown = shapely.buffer(region, radius, quad_segs=ARC)
-    return np.where(shapely.contains(grown, points), shapely.distance(grown.boundary, points), 0.0)

@@ -25,7 +25,7 @@ OFF_CHORD = 2e-7
 TOLERANCE = 2e-7
 """Metres by which the clearance found may be above the least one, besides."""
 
-SHARE = 0.25
+SHARE = 0.5
 """Of half of an interval: where the clearance is less than that above the least one known, all of it is judged."""
 
 
@@ -62,7 +62,7 @@ def least_clearance(
         body: all of it.
         states: shape (n, 3).
     """
-    placed, items, times = workspace(robot), np.empty(4096, np.int64), np.empty(1)
+    placed, items, times = workspace(robot), np.empty(256, np.int64), np.empty(1)
     stack = np.empty((256, 2))
     best, motion, share = np.inf, 0, 0.0
     for i in range(len(states)):
@@ -94,16 +94,14 @@ def least_clearance(
                 reach = body.reach + half + best
                 error = chord_error(high - low, speed, spin, body.turning, reach + half)
                 if error <= max(OFF_CHORD, d - best):
-                    reach += error
-                    near = nearby(grid, x - reach, y - reach, x + reach, y + reach, items)
-                    if near >= 0:
-                        start, end = pose_on(track, low), pose_on(track, high)
-                        _, found, at = sweep(grid, body, items[:near], start, end, best + error, times)
-                        if found >= best - TOLERANCE + error:
-                            continue
-                        if error <= OFF_CHORD:
-                            best, motion, share = found, i, (low + at * (high - low)) / bound
-                            continue
+                    items = nearby(grid, x, y, reach + error, items)
+                    start, end = pose_on(track, low), pose_on(track, high)
+                    _, found, at = sweep(grid, body, items[1 : items[0]], start, end, best + error, times)
+                    if found >= best - TOLERANCE + error:
+                        continue
+                    if error <= OFF_CHORD:
+                        best, motion, share = found, i, (low + at * (high - low)) / bound
+                        continue
             spare = max(0.0, d - best)
             if half > TOLERANCE + spare:
                 stack[depth, 0], stack[depth, 1] = middle + spare, high

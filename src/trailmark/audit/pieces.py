@@ -62,28 +62,32 @@ def overlapping(grid: ObstacleGrid, body: Body, placed: FloatArray, x: float, y:
 
 
 @njit(cache=True)
-def nearby(grid: ObstacleGrid, x1: float, y1: float, x2: float, y2: float, found: NDArray[np.int64]) -> int:
-    """Write the items of the cells that a box touches into ``found``; return how many, -1 if they are too many."""
-    left = max(0, floor((x1 - grid.x0) / grid.size))
-    right = min(grid.columns - 1, floor((x2 - grid.x0) / grid.size))
-    low = max(0, floor((y1 - grid.y0) / grid.size))
-    high = min(grid.rows - 1, floor((y2 - grid.y0) / grid.size))
-    count = 0
-    if left > right:
-        return 0
+def nearby(grid: ObstacleGrid, x: float, y: float, reach: float, memory: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the items of the cells within ``reach`` (metres) of (x, y) along either axis.
+
+    What is returned is ``memory``, or more of it where that is too little: the items stand at 1 to [0] - 1.
+    """
+    left = max(0, floor((x - reach - grid.x0) / grid.size))
+    right = min(grid.columns - 1, floor((x + reach - grid.x0) / grid.size))
+    low = max(0, floor((y - reach - grid.y0) / grid.size))
+    high = min(grid.rows - 1, floor((y + reach - grid.y0) / grid.size))
+    count = 1
     last = before = len(grid.segments)  # no item's number
-    for row in range(low, high + 1):
+    for row in range(low, high + 1 if left <= right else low):
         for k in range(grid.cell_start[row, left], grid.cell_start[row, right + 1]):
             item = grid.items[k]
             # An item lies in many consecutive cells.
             if item in (last, before):
                 continue
             last, before = item, last
-            if count == len(found):
-                return -1
-            found[count] = item
+            if count == len(memory):
+                more = np.empty(2 * count, np.int64)
+                more[:count] = memory
+                memory = more
+            memory[count] = item
             count += 1
-    return count
+    memory[0] = count
+    return memory
 
 
 @njit(cache=True, inline="always")

@@ -23,7 +23,7 @@ __all__ = ["colliding_parts", "pose_on", "track_of"]
 OFF_CHORD = 2e-8
 """Metres that a point may be off its chord where a collision is decided: a fifth of what counts as touching."""
 
-SHARE = 0.1
+SHARE = 0.5
 """Of half of an interval: where the clearance is less, bisection takes many steps, and the events of the piece few."""
 
 LONGEST = 4.0
@@ -94,7 +94,7 @@ def colliding_parts(
     """
     parts, count = np.empty((16, 3)), 0
     placed, core_placed = workspace(robot), np.empty((len(core.vertices), 2))
-    items, times = np.empty(1024, np.int64), np.empty(512)
+    items, times = np.empty(256, np.int64), np.empty(128)
     stack = np.empty((256, 2))
     for i in range(max(1, len(states) - 1)):
         track = track_of(robot, states[i], states[min(i + 1, len(states) - 1)])
@@ -138,15 +138,15 @@ def colliding_parts(
                 reach = core.reach + half
                 error = chord_error(high - low, speed, spin, core.turning, reach + half)
                 if error <= max(OFF_CHORD, d):
-                    reach += error
-                    near = nearby(grid, x - reach, y - reach, x + reach, y + reach, items)
-                    ends = pose_on(track, low), pose_on(track, high)
-                    found, least = len(times), 0.0
-                    if near >= 0:
-                        found, least, _ = sweep(grid, core, items[:near], ends[0], ends[1], 2.0 * error, times)
+                    items = nearby(grid, x, y, reach + error, items)
+                    start, end = pose_on(track, low), pose_on(track, high)
+                    found, least, _ = sweep(grid, core, items[1 : items[0]], start, end, 2.0 * error, times)
+                    while found == len(times):
+                        times = np.empty(2 * len(times))
+                        found, least, _ = sweep(grid, core, items[1 : items[0]], start, end, 2.0 * error, times)
                     if d > 0.0 and least > error + ROUNDING:
                         continue
-                    if error <= OFF_CHORD and found < len(times):
+                    if error <= OFF_CHORD:
                         ordered = np.sort(times[:found])
                         before = 0.0
                         for k in range(found + 1):
@@ -155,8 +155,8 @@ def colliding_parts(
                                 continue
                             q = pose_on(track, low + 0.5 * (before + after) * (high - low))
                             if overlapping(grid, core, core_placed, q[0], q[1], q[2]):
-                                begin, end = low + before * (high - low), low + after * (high - low)
-                                parts = _add(parts, count, i, begin / bound, end / bound)
+                                shares = (low + before * (high - low)) / bound, (low + after * (high - low)) / bound
+                                parts = _add(parts, count, i, shares[0], shares[1])
                                 count += 1
                             before = after
                         continue
