@@ -127,16 +127,19 @@ def motions_free(kind: Any, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
 
 
 @njit(cache=True, nogil=True)
-def least_clearance_of(kind: Any, states: FloatArray, tolerance: float, budget: int) -> tuple[float, int]:
-    """Return the least clearance (metres) found along a path, and along which of its motions.
+def least_clearance_of(
+    kind: Any, states: FloatArray, tolerance: float, budget: int, best: float = np.inf
+) -> tuple[float, int]:
+    """Return the least clearance (metres) found along a path, and along which of its motions; -1 if ``best`` is less.
 
     Args:
         kind: of motion.
         states: of the path, shape (n, 3), n >= 2.
         tolerance: metres, by which the true one may be less, as far as the budget suffices.
         budget: maximum number of configurations whose clearance is computed for one motion.
+        best: metres; only what is less is of interest.
     """
-    scratch, best, motion = new_scratch(kind), np.inf, 0
+    scratch, motion = new_scratch(kind), -1
     # The states first, at which a path touches obstacles: then most of what lies between them needs no close look.
     for looks in (0, budget):
         for i in range(len(states) - 1):

@@ -41,6 +41,8 @@ class FollowedPath:
             shape (f, 4).
         least: the least clearance found along the path, metres; None if it may have changed.
         least_at: along which of the motions.
+        growth: how many times dearer it is for being led around what came since it was last compared with paths that
+            lead elsewhere.
     """
 
     vertices: FloatArray
@@ -48,6 +50,7 @@ class FollowedPath:
     freed: FloatArray
     least: float | None = None
     least_at: int = 0
+    growth: float = 1.0
 
     @classmethod
     def of(cls, motion: Motion, path: Path) -> FollowedPath:

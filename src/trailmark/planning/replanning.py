@@ -44,6 +44,9 @@ NEAR = 1.0
 SWEEPS = 40
 """Of shortening at most: mostly the time for it ends it."""
 
+SLIGHTLY = 1.01
+"""Times as much a path may cost by being led around what came before paths that lead elsewhere are looked at."""
+
 MIN_SECONDS = 1e-3
 """That planning anew has at least."""
 
@@ -96,9 +99,9 @@ class Replanner:
             kept = self.kept(rest)
             if kept is not None:
                 return self._bettered(kept, rest.vertices)
-        repaired = self._repaired(rest)
+        repaired, growth = self._repaired(rest)
         if repaired is not None and self.improvement <= 0.0:
-            result = self.result(repaired)
+            result = self.result(repaired, growth)
             if result is not None:
                 return as_replan(result, "the path is blocked")
         return as_replan(self._planned(repaired), "the path is blocked")
@@ -115,13 +118,15 @@ class Replanner:
             piece = vertices[i : i + 2]
             if verification.final_check.fault(self.motion.path(piece), *piece) is not None:
                 return None
-        # Mostly only the first motion is new.
-        known = rest.least is not None and not rest.checked[1:].any()
-        least, least_at = verification.least_clearance(vertices[:2] if known else vertices)
-        if known and rest.least is not None and rest.least < least:
-            least, least_at = rest.least, rest.least_at
+        least, least_at = rest.least, rest.least_at
+        if least is None or rest.checked[1:].any():
+            least, least_at = verification.least_clearance(vertices)
+        elif rest.checked[0]:
+            found, new = verification.least_clearance(vertices[:2], least)
+            least, least_at = (found, 0) if new == 0 else (least, least_at)
         freed = np.empty((0, 4)) if self.model.followed is None else self.model.followed.freed
-        self.model.followed = FollowedPath(vertices, np.zeros(len(rest.free), np.bool_), freed, least, least_at)
+        untouched = np.zeros(len(rest.free), np.bool_)
+        self.model.followed = FollowedPath(vertices, untouched, freed, least, least_at, rest.growth)
         incumbent = self._incumbent(vertices)
         result = verification.result(
             incumbent, "solved", incumbent.path(), self.model.shared.roadmap, min_clearance=least
@@ -177,16 +182,24 @@ class Replanner:
         model.guide = goal, guide
         return guide.at(*here) < before / (1.0 + GUIDE_GAIN * self.min_gain)
 
-    def _repaired(self, rest: Rest) -> FloatArray | None:
-        """Return a path for one that is blocked, led around or another one; None if none was found soon."""
-        around, other = self._led_around(rest), self._first_path(self.ends)
-        best = np.inf if around is None else self.motion.cost_of(around)
+    def _repaired(self, rest: Rest) -> tuple[FloatArray | None, float]:
+        """Return a path for one that is blocked, shape (n, 3), and its growth; None if none was found soon.
+
+        It is led around what blocks it. Another one is sought only if that made it dearer by more than a little.
+        """
+        around, best, growth = self._led_around(rest), np.inf, 1.0
+        if around is not None:
+            best = self.motion.cost_of(around)
+            growth = rest.growth * best / max(self.motion.cost_of(rest.vertices), 1e-9)
+            if growth <= SLIGHTLY:
+                return around, growth
+        other = self._first_path(self.ends)
         # Shortening saves no more than that.
         if len(other) and self.motion.cost_of(other) < self.model.settings.worth_shortening * best:
             other = self._shortened(other)
             if self.motion.cost_of(other) < best:
-                return other
-        return around
+                return other, 1.0
+        return around, 1.0
 
     def _led_around(self, rest: Rest) -> FloatArray | None:
         """Return the path with a way around where it is blocked, shape (n, 3); None if none was found soon."""
@@ -243,13 +256,13 @@ class Replanner:
         low, high = np.maximum(xy.min(axis=0) - room, bounds[:2]), np.minimum(xy.max(axis=0) + room, bounds[2:])
         return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
-    def result(self, states: FloatArray) -> PlanResult | None:
+    def result(self, states: FloatArray, growth: float = 1.0) -> PlanResult | None:
         """Return the result for a path of certified motions, which is followed from here on; None if it is not free."""
         incumbent = self._incumbent(states)
         path = incumbent.path()
         if path is None or not self.model.verification.certified(path, np.array([self.start, self.goal])):
             return None
-        self.model.followed = FollowedPath.of(self.motion, path)
+        self.model.followed = replace(FollowedPath.of(self.motion, path), growth=growth)
         return self.model.verification.result(incumbent, "solved", path, self.model.shared.roadmap)
 
     def _incumbent(self, states: FloatArray) -> Incumbent:

@@ -25,6 +25,7 @@ class Rest(NamedTuple):
         free: which motions are certified in the world as it is, shape (n - 1,).
         least: the least clearance along the motions that were not checked, metres; None if it is not known.
         least_at: along which of the motions.
+        growth: of the path (:class:`trailmark.planning.followed.FollowedPath`).
         checked: which motions were looked at now, shape (n - 1,).
     """
 
@@ -32,6 +33,7 @@ class Rest(NamedTuple):
     free: NDArray[np.bool_]
     least: float | None
     least_at: int
+    growth: float
     checked: NDArray[np.bool_]
 
 
@@ -47,9 +49,10 @@ def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
     """
     motion, followed = model.motion, model.followed
     vertices = vertices_of(motion, path)
-    unknown, least, least_at = np.ones(len(vertices) - 1, np.bool_), None, 0
+    unknown, least, least_at, growth = np.ones(len(vertices) - 1, np.bool_), None, 0, 1.0
     if followed is not None and np.array_equal(followed.vertices, vertices):
-        unknown, least, least_at = followed.touched, followed.least, followed.least_at
+        unknown, growth = followed.touched, followed.growth
+        least, least_at = followed.least, followed.least_at
     here = start if motion.turns else start * np.array([1.0, 1.0, 0.0])
     if len(vertices) > 1:
         nearest = located(motion, path, vertices, start)
@@ -72,4 +75,4 @@ def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
         free[unknown] = model.checker.states_free(a) & model.checker.states_free(b)
         check = np.flatnonzero(unknown & free)
         free[check] = motion.motions_between_valid(vertices[check], vertices[check + 1])
-    return Rest(vertices, free, least, least_at, unknown)
+    return Rest(vertices, free, least, least_at, growth, unknown)

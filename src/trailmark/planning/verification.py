@@ -26,7 +26,7 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["Verification"]
 
-NEARLY, LOOKS = 1e-3, 500
+NEARLY, LOOKS = 1e-3, 100
 """Metres by which the true least clearance along a motion may be less than the one reported, and how many places are
 looked at for it: along a motion beside a wall it would take thousands."""
 
@@ -119,11 +119,14 @@ class Verification:
             },
         )
 
-    def least_clearance(self, vertices: FloatArray) -> tuple[float, int]:
-        """Return the least clearance (metres) found along a path of vertices (n, 3), and along which of its motions."""
+    def least_clearance(self, vertices: FloatArray, known: float = np.inf) -> tuple[float, int]:
+        """Return the least clearance (metres) found along a path of vertices (n, 3), and along which of its motions.
+
+        Where it is no less than what is known already (metres), that is returned, and -1.
+        """
         if len(vertices) == 1:
             return float(self.checker.clearance(vertices)[0]), 0
-        least, motion = least_clearance_of(self.motion.kind, np.array(vertices), NEARLY, LOOKS)
+        least, motion = least_clearance_of(self.motion.kind, np.array(vertices), NEARLY, LOOKS, known)
         return float(least), int(motion)
 
     def _nearest(self, incumbent: Incumbent) -> Path | None:

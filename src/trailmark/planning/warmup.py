@@ -54,12 +54,12 @@ def _plan(kind: Kind) -> None:
     planner.checker.clearance(start)
     if found.path is None:
         return
-    # The world changes: beside the path, then on it, then back.
-    middle = np.asarray(found.path.at(0.5))
+    # The world changes: beside the path, then on it, and back each time.
+    middle, path = np.asarray(found.path.at(0.5)), found.path
     for obstacle in (Disc((0.3, 3.7), 0.1), Disc((float(middle[0]), float(middle[1])), 0.3)):
-        planner.update(world.edited(add=[obstacle]))
-        planner.replan(start, goal, found.path, time_limit=600.0)
-    planner.update(world)
+        for changed in (world.edited(add=[obstacle]), world):
+            planner.update(changed)
+            path = planner.replan(start, goal, path, time_limit=600.0).path or path
 
 
 def _plan_many(kind: Kind) -> None:
