@@ -12,7 +12,7 @@ import json
 from pathlib import Path
 from typing import Any, Protocol
 
-from benchmarks.changing import checker, planner
+from benchmarks.changing import checker, differential, drive, planner
 from benchmarks.machine import describe_machine
 from trailmark.formats.files import write_atomically
 
@@ -29,7 +29,12 @@ class Part(Protocol):
         """Return a section of Markdown, with its heading."""
 
 
-PARTS: dict[str, Part] = {"checker": checker, "planner": planner}
+PARTS: dict[str, Part] = {
+    "checker": checker,
+    "planner": planner,
+    "differential": differential,
+    "drive": drive,
+}
 
 
 def main() -> int:

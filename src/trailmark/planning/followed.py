@@ -71,11 +71,13 @@ class FollowedPath:
         pairs = np.column_stack([np.arange(count), np.arange(1, count + 1)]).astype(np.int32)
         lengths = motion.costs(self.vertices[:-1], self.vertices[1:])
         reach = float(motion.checker.robot.circumradius)
-        touched = self.touched | edges_near(self.vertices, pairs, lengths, reach, added)
+        touched = self.touched | edges_near(self.vertices, pairs, lengths, reach, added, ~self.touched)
         # What was removed may have been what was nearest.
         least = self.least
-        if least is not None and edges_near(self.vertices, pairs, lengths, reach + least, removed).any():
-            least = None
+        if least is not None:
+            all_ = np.ones(count, np.bool_)
+            if edges_near(self.vertices, pairs, lengths, reach + least, removed, all_).any():
+                least = None
         return replace(self, touched=touched, freed=np.concatenate([self.freed, removed]), least=least)
 
 

@@ -4,8 +4,6 @@
 
 from __future__ import annotations
 
-from math import ceil
-
 import numpy as np
 
 from trailmark.collision import StateChecker
@@ -31,13 +29,14 @@ def beside_obstacles(checker: StateChecker, q: FloatArray) -> FloatArray:
 
 
 def freed_landmarks(
-    roadmap: Roadmap, removed: FloatArray, settings: PlannerSettings, rng: np.random.Generator
+    roadmap: Roadmap, removed: FloatArray, nodes: int, settings: PlannerSettings, rng: np.random.Generator
 ) -> FloatArray:
-    """Return K-means centres of valid configurations where obstacles were, as dense as the roadmap's nodes are.
+    """Return K-means centres of valid configurations where obstacles were, as dense as elsewhere.
 
     Args:
         roadmap: as it is without them.
         removed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed, shape (r, 4).
+        nodes: of the roadmap when it was spread over all free space.
         settings: numbers that a person may change.
         rng: source of randomness.
 
@@ -46,7 +45,7 @@ def freed_landmarks(
     """
     checker, found = roadmap.checker, [np.empty((0, 3))]
     xmin, ymin, xmax, ymax = checker.world.bounds
-    density = len(roadmap) / ((xmax - xmin) * (ymax - ymin))
+    density = nodes / ((xmax - xmin) * (ymax - ymin))
     for box in removed:
         low = np.maximum(box[:2] - checker.robot.circumradius, (xmin, ymin))
         high = np.minimum(box[2:] + checker.robot.circumradius, (xmax, ymax))
@@ -54,7 +53,8 @@ def freed_landmarks(
             continue
         q = roadmap.configurations[:, :2]
         there = int(np.count_nonzero(((q >= low) & (q <= high)).all(axis=1)))
-        count = min(MAX_LANDMARKS, ceil(density * float(np.prod(high - low))) - there)
+        # Rounded at random: small obstacles that come and go would each leave a landmark behind.
+        count = min(MAX_LANDMARKS, int(density * float(np.prod(high - low)) + rng.random()) - there)
         if count <= 0:
             continue
         samples = draw((*low, *high), settings.samples_per_landmark * count, random_state=rng)

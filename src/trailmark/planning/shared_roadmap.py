@@ -57,8 +57,8 @@ class SharedRoadmap:
         """Begin anew with an empty roadmap."""
         self.roadmap = Roadmap(self.motion.checker, self.motion)
         self._snapshot: RoadmapSnapshot | None = None
-        # Whether landmarks have been spread over all free space.
-        self._spread, self.learnt = False, False
+        # Whether landmarks have been spread over all free space, and how many nodes there were then.
+        self._spread, self._spread_nodes, self.learnt = False, 0, False
 
     def edited(self, motion: Motion, boxes: Boxes) -> tuple[SharedRoadmap, Update]:
         """Return the roadmap of a world in which obstacles changed, and what changed in it; this one stays as it is.
@@ -72,12 +72,12 @@ class SharedRoadmap:
         """
         changed = SharedRoadmap(motion, self._rng, self.settings, self.to_place)
         found = revalidated(self.roadmap, motion, boxes.removed, boxes.added)
-        changed.roadmap, changed._spread = found.roadmap, self._spread
+        changed.roadmap, changed._spread, changed._spread_nodes = found.roadmap, self._spread, self._spread_nodes
         apart = self.settings.duplicate * motion.checker.robot.inscribed_disc.radius
         back = beside_obstacles(motion.checker, found.dropped)
         # A roadmap of a few queries' paths is not spread over free space.
         removed = boxes.removed if self._spread else boxes.removed[:0]
-        freed = freed_landmarks(changed.roadmap, removed, self.settings, self._rng)
+        freed = freed_landmarks(changed.roadmap, removed, self._spread_nodes, self.settings, self._rng)
         new = [changed.roadmap.add(changed.roadmap.fresh(q, apart)) for q in (back, freed) if len(q)]
         counts = [len(nodes) for nodes in new]
         return changed, Update(
@@ -99,6 +99,7 @@ class SharedRoadmap:
         )
         self.to_place = max(0, self.to_place - placed)
         self._spread |= placed == count
+        self._spread_nodes = len(self.roadmap)
         self.build_seconds += perf_counter() - begin
 
     def snapshot(
@@ -126,6 +127,7 @@ class SharedRoadmap:
                     _, made, self._spread = grow_general(
                         self.roadmap, relaxation(), self._rng, self.settings, seconds_left=seconds_left, report=report
                     )
+                    self._spread_nodes = len(self.roadmap)
                 self._snapshot = RoadmapSnapshot(self.roadmap) if made is None else made
                 self.learnt = False
                 self.build_seconds += perf_counter() - begin

@@ -44,7 +44,12 @@ def nodes_near(q: FloatArray, reach: float, boxes: FloatArray) -> NDArray[np.boo
 
 @njit(cache=True, nogil=True)
 def edges_near(
-    q: FloatArray, edges: NDArray[np.int32], lengths: FloatArray, reach: float, boxes: FloatArray
+    q: FloatArray,
+    edges: NDArray[np.int32],
+    lengths: FloatArray,
+    reach: float,
+    boxes: FloatArray,
+    among: NDArray[np.bool_],
 ) -> NDArray[np.bool_]:
     """Return along which edges the robot may touch one of the boxes, shape (m,).
 
@@ -57,14 +62,15 @@ def edges_near(
         lengths: their costs, metres, shape (m,).
         reach: metres from the reference point to the robot's farthest point.
         boxes: (b, 4), xmin, ymin, xmax, ymax, metres.
+        among: edges that are asked about, shape (m,).
     """
     found = np.zeros(len(edges), np.bool_)
-    for i in range(len(edges)):
-        a, b = q[edges[i, 0]], q[edges[i, 1]]
-        most = lengths[i] + 2.0 * reach
-        most += SLACK * (1.0 + most)
-        for box in boxes:
-            if _distance(a[0], a[1], box) + _distance(b[0], b[1], box) <= most:
-                found[i] = True
-                break
+    distance = np.empty(len(q))
+    for box in boxes:
+        for i in range(len(q)):
+            distance[i] = _distance(q[i, 0], q[i, 1], box)
+        for i in range(len(edges)):
+            if among[i] and not found[i]:
+                most = lengths[i] + 2.0 * reach
+                found[i] = distance[edges[i, 0]] + distance[edges[i, 1]] <= most + SLACK * (1.0 + most)
     return found

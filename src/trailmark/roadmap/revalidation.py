@@ -57,9 +57,8 @@ def revalidated(roadmap: Roadmap, motion: Motion, removed: FloatArray, added: Fl
     near = np.flatnonzero(invalid)
     invalid[near] = ~motion.checker.states_free(q[near])
     free = status == EdgeStatus.FREE
-    again = (free & edges_near(q, edges, lengths, reach, added)) | (
-        (status == EdgeStatus.BLOCKED) & edges_near(q, edges, lengths, reach, removed)
-    )
+    blocked = status == EdgeStatus.BLOCKED
+    again = edges_near(q, edges, lengths, reach, added, free) | edges_near(q, edges, lengths, reach, removed, blocked)
     ends_valid = ~(invalid[edges[:, 0]] | invalid[edges[:, 1]])
     check = np.flatnonzero(again & ends_valid)
     found = motion.motions_between_valid(q[edges[check, 0]], q[edges[check, 1]])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from functools import lru_cache
 from time import perf_counter
 from typing import NamedTuple
 
@@ -133,8 +132,8 @@ class LatticeSchedule:
         self.window = self.checker.world.bounds if window is None else window
         xmin, ymin, xmax, ymax = self.window
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
-        self.to_go = lru_cache(maxsize=8)(self._to_go)
-        self._guided: set[tuple[int, bool, float]] = set()
+        # Not by functools: its cache would refer to this and this to it, and only a collection would free them.
+        self._guides: dict[tuple[int, bool, float], CostToGo] = {}
         self.level = self.views = self.expanded = 0
         self._exhausted: set[tuple[float, int, bool, bool]] = set()
 
@@ -213,7 +212,7 @@ class LatticeSchedule:
 
     def _has_time(self, cells: int, forward: bool, tightness: float) -> bool:
         """Return whether there is time for the costs to go, and some of it left for a search."""
-        known = (cells, forward, tightness) in self._guided
+        known = (cells, forward, tightness) in self._guides
         return self.seconds_left() > (0.0 if known else GUIDING.seconds(min(cells, self.cells)))
 
     def _shortened(self, path: FloatArray, forward: bool) -> FloatArray:
@@ -226,11 +225,15 @@ class LatticeSchedule:
         # of the start is a rounding away from it.
         return path if self.motion.motions_between_valid(path[:-1], path[1:]).all() else np.empty((0, 3))
 
-    def _to_go(self, cells: int, forward: bool, tightness: float = TIGHTNESS) -> CostToGo:
+    def to_go(self, cells: int, forward: bool, tightness: float = TIGHTNESS) -> CostToGo:
+        """Return the costs to go on a grid of so many cells, 0 for the straight distance, from one end or the other."""
         if cells == 0:
             return CostToGo.straight()
-        self._guided.add((cells, forward, tightness))
+        key = (cells, forward, tightness)
+        if key in self._guides:
+            return self._guides[key]
         begin, count = perf_counter(), min(cells, self.cells)
         to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness, self.window)
         GUIDING.note(count, perf_counter() - begin)
+        self._guides[key] = to_go
         return to_go
