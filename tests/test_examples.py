@@ -58,3 +58,11 @@ def test_all_examples_are_run() -> None:
     text = Path(__file__).read_text()
     assert EXAMPLES
     assert all(f'"{file.name}"' in text for file in EXAMPLES)
+
+
+@pytest.mark.slow
+def test_pallets_in_front_of_a_driving_robot(checkout: Path) -> None:
+    found = run("changing_warehouse.py", checkout, "--pallets", "3", "--plot", "drive.gif")
+    assert found.count("dropped, path") == 3
+    assert "arrived after" in found
+    assert (checkout / "drive.gif").read_bytes()[:4] == b"GIF8"

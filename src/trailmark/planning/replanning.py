@@ -25,8 +25,8 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["ReplanOptions", "Replanner", "as_replan"]
 
-LEVELS = 5
-"""Lattices that a way around is sought on before the whole query is planned anew."""
+LEVELS, NEAR_LEVELS = 5, 2
+"""Lattices that a path is sought on before the whole query is planned anew, and for a way around close by."""
 
 PLACES = 32
 """Places along a motion that is blocked at which it is looked where."""
@@ -246,7 +246,7 @@ class Replanner:
             lattices = LatticeSchedule(
                 motion, ends, model.relaxation.size, self.seconds_left, model.settings.without, window
             )
-            found = lattices.first_path(LEVELS)
+            found = lattices.first_path(NEAR_LEVELS if near else LEVELS)
         return found
 
     def _window(self, ends: FloatArray) -> tuple[float, float, float, float]:

@@ -5,6 +5,7 @@ write it whole or not at all. No pyplot, hence no global state and no display. C
 ("Color Universal Design", 2008), which colour-blind readers tell apart; shape and line width repeat what colour says.
 """
 
+from trailmark.plotting.animation import Frame, save_animation
 from trailmark.plotting.audit import draw_audit, save_audit_figure
 from trailmark.plotting.canvas import (
     EDGE,
@@ -30,10 +31,12 @@ __all__ = [
     "PATH",
     "PICTURE_SUFFIXES",
     "START",
+    "Frame",
     "draw_audit",
     "draw_plan",
     "draw_progress",
     "draw_world",
+    "save_animation",
     "save_audit_figure",
     "save_landmarks_figure",
     "save_plan_figure",

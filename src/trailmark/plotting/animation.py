@@ -1,0 +1,96 @@
+"""Animations of drives through a changing world, as GIF."""
+
+# Tested by tests/plotting/test_animation.py.
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+
+from trailmark import se2
+from trailmark.errors import OutputError
+from trailmark.plotting.canvas import GOAL, PATH, TEXT, figure_of, picture_of
+from trailmark.plotting.world import draw_end, draw_world
+
+if TYPE_CHECKING:
+    from trailmark.path import Path
+    from trailmark.se2 import FloatArray
+    from trailmark.world import Robot, World
+
+__all__ = ["Frame", "save_animation"]
+
+_DPI = 72
+
+
+class Frame(NamedTuple):
+    """One moment of a drive.
+
+    Attributes:
+        world: as it is then.
+        robot_at: where the robot is, shape (3,).
+        path: that it follows; None if it has none.
+        note: a few words on what happened.
+    """
+
+    world: World
+    robot_at: FloatArray
+    path: Path | None
+    note: str = ""
+
+
+def save_animation(
+    file: str | FilePath, frames: Iterable[Frame], robot: Robot, goal: FloatArray | None = None, *, seconds: float = 0.1
+) -> None:
+    """Write an animation, whole or not at all, that begins again at its end.
+
+    Args:
+        file: a ``.gif``.
+        frames: at least one; worlds of the same bounds.
+        robot: that drives.
+        goal: marked in all frames, shape (3,).
+        seconds: that each frame is shown.
+
+    Raises:
+        OutputError: another suffix, no frame, a file that cannot be written, or one that a world was read from.
+    """
+    from PIL import Image
+
+    from trailmark.formats.files import write_atomically
+
+    target = FilePath(file)
+    if target.suffix.lower() != ".gif":
+        raise OutputError(f"{file}: expected a file that ends in .gif, got {target.suffix or 'no suffix'}")
+    pictures = []
+    for frame in frames:
+        target = picture_of(frame.world, file)
+        pictures.append(Image.open(io.BytesIO(_drawn(frame, robot, goal))).convert("P", palette=Image.Palette.ADAPTIVE))
+    if not pictures:
+        raise OutputError(f"{file}: expected at least one frame, got none")
+    data = io.BytesIO()
+    duration = max(20, round(1000.0 * seconds))
+    pictures[0].save(
+        data, "GIF", save_all=True, append_images=pictures[1:], duration=duration, loop=0, disposal=2, optimize=False
+    )
+    write_atomically(target, data.getvalue())
+
+
+def _drawn(frame: Frame, robot: Robot, goal: FloatArray | None) -> bytes:
+    """Return a frame as PNG."""
+    figure, axes = figure_of(frame.world)
+    figure.set_dpi(_DPI)
+    draw_world(axes, frame.world)
+    if goal is not None:
+        draw_end(axes, robot, goal, GOAL, "s", "goal")
+    if frame.path is not None:
+        axes.plot(*frame.path.states[:, :2].T, color=PATH, lw=2.0, zorder=6.0, solid_joinstyle="round")
+    body = se2.transform(np.asarray(frame.robot_at), robot.outline.vertices)
+    axes.add_collection(PolyCollection([body], facecolors=PATH, edgecolors="white", zorder=7.0), autolim=False)
+    note = axes.annotate(frame.note, (0.0, 1.0), xytext=(0, 8), xycoords="axes fraction", textcoords="offset points")
+    note.set(fontsize=10, color=TEXT, parse_math=False)
+    data = io.BytesIO()
+    figure.savefig(data, format="png", dpi=_DPI)
+    return data.getvalue()
