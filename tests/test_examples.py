@@ -54,6 +54,16 @@ def test_ompls_benchmark_with_the_landmark_planner(checkout: Path) -> None:
     assert set(counts) == {"RRTConnect", "PRM", "landmark"}
 
 
+@pytest.mark.slow
+def test_a_path_is_audited_and_repaired(checkout: Path) -> None:
+    found = run("check_path.py", checkout)
+    assert "m deep" in found
+    assert "free: False" in found
+    assert "repaired: free: True" in found
+    (checkout / "path.csv").write_text("1,1,0\n1.5,1,0\n")
+    assert "deep" not in run("check_path.py", checkout, "worlds/office.yaml", "path.csv")
+
+
 def test_all_examples_are_run() -> None:
     text = Path(__file__).read_text()
     assert EXAMPLES

@@ -42,6 +42,7 @@ COMMANDS = [line for text in blocks("sh") for line in text.splitlines() if line.
 
 BEFORE = {
     "report": ["trailmark benchmark office --query door -p landmark --runs 1 --time-limit 0.2 --output results.db"],
+    "check": ["trailmark plan worlds/office.yaml --query door --output path.csv"],
     "map": ["trailmark-python drive.jsonl"],
     "plan MAP.yaml": ["trailmark-python drive.jsonl", next(line for line in COMMANDS if "--output MAP.yaml" in line)],
 }

@@ -17,7 +17,7 @@ from trailmark.estimates import ObstacleEstimate
 from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape, displaced
 
-__all__ = ["KINDS", "Obstacle", "changes_of_edits", "require_id"]
+__all__ = ["KINDS", "Obstacle", "changes_of_edits", "index_of", "require_id"]
 
 Obstacle = Shape | Moving | ObstacleEstimate
 """What a world may be given as an obstacle."""
@@ -58,7 +58,7 @@ def changes_of_edits(
     done: dict[int, str] = {}
 
     def place_of(name: object, verb: str) -> int:
-        place = _index(obstacles, name, verb)
+        place = index_of(obstacles, name, f"edited: {verb}")
         if place in done:
             raise WorldError(
                 f"edited: expected each obstacle in one edit, got {brief(name)} in {done[place]} and {verb}"
@@ -102,8 +102,12 @@ def require_id(value: object, name: str) -> str:
     raise WorldError(f"{name} expected ids that are texts and not empty, got {brief(value)}")
 
 
-def _index(obstacles: Obstacles, name: object, verb: str) -> int:
-    """Return the index of an obstacle that is named by its id or by its index."""
+def index_of(obstacles: Obstacles, name: object, verb: str) -> int:
+    """Return the index of an obstacle that is named by its id or by its index.
+
+    Raises:
+        WorldError: there is none; ``verb`` says in the message what was to be done with it.
+    """
     count = len(obstacles.shapes)
     if isinstance(name, str):
         if name in obstacles.ids:
@@ -112,11 +116,11 @@ def _index(obstacles: Obstacles, name: object, verb: str) -> int:
         problem = (
             expected_name(name, known[:50]) if known else f"expected an index, for no obstacle has an id, got {name!r}"
         )
-        raise WorldError(f"edited: {verb}: {problem}")
+        raise WorldError(f"{verb}: {problem}")
     if isinstance(name, int | np.integer) and not isinstance(name, bool) and 0 <= name < count:
         return int(name)
     allowed = f"an id or an index from 0 to {count - 1}" if count else "nothing, for there are no obstacles"
-    raise WorldError(f"edited: {verb}: expected {allowed}, got {brief(name)}")
+    raise WorldError(f"{verb}: expected {allowed}, got {brief(name)}")
 
 
 def _mapping(value: Any, verb: str) -> Mapping[Any, Any]:
@@ -149,11 +153,12 @@ def _moved(obstacles: Obstacles, place: int, by: ArrayLike, where: str, grown: b
     if moving is not None:
         moving = moving.displaced(dx, dy, dtheta)
         return _Entry(moving.swept, moving=moving)
+    if estimate is not None and isinstance(estimate.mean, Disc):
+        dtheta = 0.0  # what it was grown to may be no disc
     shape = displaced(obstacles.shapes[place], dx, dy, dtheta)
     if estimate is None:
         return _Entry(shape)
-    if grown and dtheta and not isinstance(estimate.mean, Disc):
-        raise WorldError(
-            f"{where}: expected dx, dy, for an obstacle that is grown for a risk is not turned, got {brief(by)}"
-        )
+    if grown and dtheta:
+        allowed = "expected dx, dy, for an obstacle that is grown for a risk is not turned"
+        raise WorldError(f"{where}: {allowed}, got {brief(by)}")
     return _Entry(shape, replaced(estimate, mean=displaced(estimate.mean, dx, dy, dtheta)))

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from trailmark.estimation.maps.scan_map import ScanMap as ScanMap
     from trailmark.estimation.maps.scan_map import map_scans as map_scans
     from trailmark.estimation.risk.allocation import grown_world as grown_world
+    from trailmark.estimation.risk.allocation import refined as refined
     from trailmark.estimation.risk.allocation import regrow as regrow
     from trailmark.estimation.risk.growth import grow as grow
     from trailmark.estimation.risk.path_risk import path_risk as path_risk
@@ -73,7 +74,7 @@ _NAMES = {
     "maps.mapped_log": "MappedLog",
     "maps.obstacle_estimates": "disc_estimates hull_estimate plain_box wall_estimate",
     "maps.scan_map": "ScanMap map_scans",
-    "risk.allocation": "grown_world regrow",
+    "risk.allocation": "grown_world refined regrow",
     "risk.path_risk": "path_risk",
     "risk.spending": "spend_risk",
     "risk.growth": "grow",

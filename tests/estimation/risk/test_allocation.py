@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from trailmark.errors import FormatError, WorldError
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.allocation import (
     grown_world,
+    refined,
     regrow,
 )
 from trailmark.estimation.risk.growth import grow
@@ -246,3 +248,35 @@ def test_all_obstacles_together_are_covered_as_often_as_stated(confidence: float
         shapely.prepare(region)
         escaped |= ~shapely.covers(region, true)
     assert escaped.mean() <= 1.0 - confidence + 3.0 * math.sqrt(confidence * (1.0 - confidence) / draws)
+
+
+# --- Refined
+
+
+def test_an_obstacle_that_is_known_better_is_grown_anew_and_no_other() -> None:
+    world = office()
+    better = replace(ESTIMATES[2], covariance=0.1 * ESTIMATES[2].covariance)
+    found = refined(world, {2: better})
+    assert [i for i in range(5) if found.obstacles[i] is not world.obstacles[i]] == [2]
+    expected = regrow(replace(world, estimates=(*world.estimates[:2], found.estimates[2], *world.estimates[3:])), 0.99)
+    assert found.obstacles == expected.obstacles
+    assert found.estimates[2] == replace(better, share=0.3)
+    (item,) = world.difference(found).items
+    assert (item.before, item.after) == (world.obstacles[2], found.obstacles[2])
+    assert item.estimate is found.estimates[2]
+
+
+def test_where_nothing_is_grown_a_refined_obstacle_is_its_mean() -> None:
+    world = World("w", BOUNDS, (Disc((3, 3), 1.0), Disc((5, 5), 1.0)), ids=("a", "b"))
+    found = refined(world, {"b": ESTIMATES[0]})
+    assert found.obstacles == (world.obstacles[0], ESTIMATES[0].mean)
+    assert found.estimates == (None, ESTIMATES[0])
+
+
+def test_refining_is_refused_in_one_line() -> None:
+    with pytest.raises(WorldError, match="refined: expected an id or an index from 0 to 4, got 9"):
+        refined(office(), {9: ESTIMATES[0]})
+    with pytest.raises(EstimationError, match="obstacle 4: expected an estimate with a share of the risk, got none"):
+        refined(office(), {4: ESTIMATES[0]})
+    with pytest.raises(WorldError, match="shares that add up to at most 1"):
+        refined(office(), {4: replace(ESTIMATES[0], share=0.5)})

@@ -8,21 +8,23 @@ the covariances given: an estimator that is too sure of itself makes the bound w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.changes import Change, Changes, Obstacles
 from trailmark.checked import Numbers, Probability, checked_arguments, shaped
+from trailmark.edits import index_of
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.growth import Spread
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon, Shape
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
 
-__all__ = ["grown_less", "grown_world", "regrow"]
+__all__ = ["grown_less", "grown_world", "refined", "regrow"]
 
 Matrix3 = Annotated[ArrayLike, shaped(3, 3)]
 
@@ -104,6 +106,39 @@ def regrow(
     return _grown(replace(world, estimates=estimates, risk=bound), bound, 1.0)
 
 
+def refined(world: World, estimates: Mapping[str | int, ObstacleEstimate]) -> World:
+    """Return the world with some obstacles known better, or at all; the others stay as they are.
+
+    What changed is remembered as that of :meth:`trailmark.world.World.edited`. In a world that is grown for a risk,
+    those obstacles are grown anew, with the share of the risk that the estimate carries, else that of the one before.
+
+    Args:
+        world: grown or not.
+        estimates: by obstacle: its id or its index.
+
+    Raises:
+        WorldError: an unknown obstacle, or shares of the risk that add up to more than 1.
+        EstimationError: an obstacle to be grown for which there is no share of the risk.
+    """
+    bound = world.risk
+    if bound is None:
+        return world.edited(replace=estimates)
+    obstacles = Obstacles(world.obstacles, world.ids, world.estimates, world.moving)
+    items = []
+    for name, estimate in estimates.items():
+        i = index_of(obstacles, name, "refined")
+        before = world.estimates[i] if world.estimates else None
+        share = before.share if before is not None and estimate.share is None else estimate.share
+        if share is None:
+            raise EstimationError(
+                f"refined: obstacle {name!r}: expected an estimate with a share of the risk, got none"
+            )
+        shared = replace(estimate, share=share)
+        known_as = world.ids[i] if world.ids else None
+        items.append(Change(known_as, world.obstacles[i], _region(shared, bound, 1.0), i, i, shared))
+    return world.apply(Changes(tuple(items)))
+
+
 def grown_less(world: World, scale: float) -> World:
     """Return a grown world with its estimated obstacles grown by ``scale`` times as much, which states no risk.
 
@@ -123,9 +158,15 @@ def _grown(world: World, bound: RiskBound, scale: float) -> World:
         if estimate is None or estimate.share is None:
             obstacles.append(shape)
         else:
-            spread = Spread.of(estimate, bound)
-            obstacles.append(spread.region(scale * spread.quantile((1.0 - bound.confidence) * estimate.share)))
+            obstacles.append(_region(estimate, bound, scale))
     return replace(world, obstacles=tuple(obstacles))
+
+
+def _region(estimate: ObstacleEstimate, bound: RiskBound, scale: float) -> Shape:
+    """Return an obstacle grown by ``scale`` times what its share of the risk asks for."""
+    assert estimate.share is not None  # noqa: S101 # callers know that
+    spread = Spread.of(estimate, bound)
+    return spread.region(scale * spread.quantile((1.0 - bound.confidence) * estimate.share))
 
 
 def _shares(n: int, weights: ArrayLike | None) -> FloatArray:
