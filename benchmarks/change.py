@@ -12,7 +12,7 @@ import json
 from pathlib import Path
 from typing import Any, Protocol
 
-from benchmarks.changing import checker, differential, drive, planner
+from benchmarks.changing import baselines, checker, differential, drive, planner
 from benchmarks.machine import describe_machine
 from trailmark.formats.files import write_atomically
 
@@ -34,6 +34,7 @@ PARTS: dict[str, Part] = {
     "planner": planner,
     "differential": differential,
     "drive": drive,
+    "baselines": baselines,
 }
 
 
