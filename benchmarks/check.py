@@ -35,7 +35,7 @@ from trailmark.world import World
 RESULTS = Path(__file__).resolve().parent / "results"
 
 PATHS_PER_WORLD = 500
-SAMPLES = 60
+SAMPLES = 40
 """States of a path at which intervals and least clearance are compared."""
 
 EFFORT = 4_000

@@ -70,11 +70,11 @@ class Attribution:
             low, high = states[:, :2].min(axis=0) - reach, states[:, :2].max(axis=0) + reach
             rows: list[tuple[float, float, str | int, Depths]] = []
             candidates = list(self._candidates(low, high))
-            for name, world, depths in candidates:
-                for a, b in self._intervals(world, here, low, high):
-                    rows.append((begin + a, begin + b, name, depths))
+            if len(candidates) > 1:
+                for name, world, depths in candidates:
+                    rows += [(begin + a, begin + b, name, depths) for a, b in self._intervals(world, here)]
             if not rows:
-                # Rounding: what is deepest in the middle.
+                # There is but one, or rounding hides all: what is deepest in the middle.
                 middle = scale.poses(0.5 * (begin + end))
                 name, _, depths = max(candidates, key=lambda candidate: float(candidate[2](middle)[0]))
                 rows = [(begin, end, name, depths)]
@@ -117,7 +117,7 @@ class Attribution:
             self._penetrations[i] = Penetration(robot, shape)
         return self._penetrations[i]
 
-    def _intervals(self, world: World, scale: Scale, low: FloatArray, high: FloatArray) -> list[tuple[float, float]]:
+    def _intervals(self, world: World, scale: Scale) -> list[tuple[float, float]]:
         """Return the intervals of a path, as places on its scale, on which the robot collides with a small world."""
         side = max(world.bounds[2] - world.bounds[0], world.bounds[3] - world.bounds[1])
         grid = build_grid(world, max(0.2 * self.checker.robot.inscribed_disc.radius, side / CELLS))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import shapely
@@ -51,7 +52,12 @@ class Penetration:
             cos, sin = np.cos(states[:, 2]), np.sin(states[:, 2])
             dx, dy = (np.asarray(shape.center) - states[:, :2]).T
             return self._disc_depths(np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx]))
-        return np.array([self._depth(state) for state in states])
+        obstacle, robot = self._pieces
+        if len(obstacle) > 1 or len(robot) > 1:
+            return np.array([self._depth(state) for state in states])
+        corners = obstacle[0][None, :, None] - se2.transform(states, robot[0])[:, None]
+        hulls = shapely.convex_hull(shapely.multipoints(corners.reshape(len(states), -1, 2)))
+        return np.asarray(_depth_of_origin(hulls))
 
     def _disc_depths(self, centers: FloatArray) -> FloatArray:
         """Return how far a disc at some places (n, 2) must be moved to leave the polygon, which is one of the two."""
@@ -89,7 +95,6 @@ class Penetration:
         parts = np.array([se2.transform(state, part) for part in robot])
         low, high = parts.min(axis=(0, 1)), parts.max(axis=(0, 1))
         reach = self.robot.circumradius
-        origin = shapely.Point(0.0, 0.0)
         while True:
             # Pieces farther away than the robot is moved do not matter.
             near = (self._boxes[:, :2] <= high + reach).all(axis=1) & (self._boxes[:, 2:] >= low - reach).all(axis=1)
@@ -98,7 +103,7 @@ class Penetration:
             sums = obstacle[near][:, None, :, None] - parts[None, :, None, :]
             corners = sums.reshape(-1, obstacle.shape[1] * parts.shape[1], 2)
             blocked = shapely.union_all(shapely.convex_hull(shapely.multipoints(corners)))
-            depth = float(shapely.distance(blocked.boundary, origin)) if blocked.contains(origin) else 0.0
+            depth = float(_depth_of_origin(blocked))
             if depth <= reach or near.all():
                 return depth
             reach *= 2.0
@@ -139,3 +144,10 @@ def deepest(
         order = np.argsort(places, kind="stable")
         places, found = places[order], found[order]
     return float(found.max())
+
+
+def _depth_of_origin(blocked: Any) -> Any:
+    """Return how far the origin is inside of regions, each the Minkowski difference of obstacle and robot."""
+    origin = shapely.Point(0.0, 0.0)
+    inside = shapely.contains(blocked, origin)
+    return np.where(inside, shapely.distance(shapely.boundary(blocked), origin), 0.0)

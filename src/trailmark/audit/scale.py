@@ -49,8 +49,10 @@ class Scale:
 
     def poses(self, places: ArrayLike) -> FloatArray:
         """Return the configurations at places (n,), shape (n, 3)."""
-        found = [self.motion(place) for place in np.atleast_1d(places)]
-        motions, shares = np.array([i for i, _ in found]), np.array([share for _, share in found])
+        where = np.atleast_1d(places)
+        motions = np.clip(np.searchsorted(self._ends, where, side="right") - 1, 0, len(self._ends) - 2)
+        span = self._ends[motions + 1] - self._ends[motions]
+        shares = np.clip((where - self._ends[motions]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
         return se2.interpolate(self.states[motions], self.states[motions + 1], shares)
 
     def interval(self, motions: tuple[float, float]) -> tuple[float, float]:

@@ -10,6 +10,7 @@ import numpy as np
 from trailmark.audit.body import Body
 from trailmark.audit.pieces import chord_error, nearby, overlapping, sweep
 from trailmark.collision.certify import StraightTrack
+from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import ROUNDING, exact_clearance, field_clearance, field_value, workspace
@@ -28,6 +29,12 @@ SHARE = 0.5
 
 LONGEST = 4.0
 """Circumradii that a piece is long at most whose events are sought: over a longer one, too many obstacles are near."""
+
+CERTAIN = 0.1
+"""Share of an interval on which a collision has to be certain for it to be noted, and the rest be looked at."""
+
+INSIDE = 1e-6
+"""Metres by which what is counted as certain is deeper than what counts as touching."""
 
 SHORTEST = 1e-9
 """Metres: what happens between two events that are nearer to one another is not looked at."""
@@ -49,15 +56,43 @@ def pose_on(track: StraightTrack, along: float) -> FloatArray:
 
 
 @njit(cache=True)
-def _field_depth(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float) -> float:
-    """Return how far (metres) the robot can be moved anywhere and surely still collides; 0 if that is not known."""
+def _depth(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    core: Body,
+    x: float,
+    y: float,
+    c: float,
+    s: float,
+    enough: float,
+) -> float:
+    """Return how far (metres) the robot can be moved anywhere and surely still collides; 0 if that is not known.
+
+    The first value found that is ``enough`` will do.
+    """
     best = 0.0
     for k in range(len(robot.inner)):
-        bx, by, r = robot.inner[k, 0], robot.inner[k, 1], robot.inner[k, 2]
-        if r - 1e-6 - field.slack <= best:
+        bx, by, r = robot.inner[k, 0], robot.inner[k, 1], robot.inner[k, 2] - INSIDE
+        if r - field.slack <= best:
             break  # they become smaller
-        best = max(best, r - 1e-6 - field.slack - field_value(field, x + c * bx - s * by, y + s * bx + c * by))
-    return best
+        best = max(best, r - field.slack - field_value(field, x + c * bx - s * by, y + s * bx + c * by))
+    if best >= enough:
+        return float(best)
+    # Exactly: how deep points of the robot are in an obstacle, and how deep obstacles are in discs inside the robot.
+    for k in range(len(core.vertices)):
+        vx, vy = core.vertices[k]
+        best = max(best, point_depth(grid, x + c * vx - s * vy, y + s * vx + c * vy, enough))
+        if best >= enough:
+            return float(best)
+    for k in range(len(robot.inner)):
+        bx, by, r = robot.inner[k, 0], robot.inner[k, 1], robot.inner[k, 2] - INSIDE
+        if r <= best:
+            break
+        best = max(best, r - point_clearance(grid, x + c * bx - s * by, y + s * bx + c * by, r))
+        if best >= enough:
+            return float(best)
+    return float(best)
 
 
 @njit(cache=True)
@@ -117,24 +152,18 @@ def colliding_parts(
             d = field_clearance(field, robot, x, y, c, s, need)
             if d >= need:
                 continue
-            hit = 0.0
             if d < 2.0 * field.slack:
-                hit = _field_depth(field, robot, x, y, c, s) if d < 0.0 else 0.0
-                if hit == 0.0:
-                    cap = min(need + ROUNDING, max(d, 0.0) + 4.0 * field.slack)
-                    d = exact_clearance(grid, robot, placed, x, y, c, s, cap)
-                    if d >= need:
-                        continue
-            if hit > 0.0:
-                parts = _add(parts, count, i, max(low, middle - hit) / bound, min(high, middle + hit) / bound)
-                count += 1
-                d = hit
-            elif half < SHORTEST:
+                cap = min(need + ROUNDING, max(d, 0.0) + 4.0 * field.slack)
+                d = exact_clearance(grid, robot, placed, x, y, c, s, cap)
+                if d >= need:
+                    continue
+            hit = _depth(grid, field, robot, core, x, y, c, s, half) if d == 0.0 else 0.0
+            if half < SHORTEST:
                 if overlapping(grid, core, core_placed, x, y, theta):
                     parts = _add(parts, count, i, low / bound, high / bound)
                     count += 1
                 continue
-            elif d <= SHARE * half and high - low <= LONGEST * robot.circumradius:
+            if d <= SHARE * half and hit <= CERTAIN * half and high - low <= LONGEST * robot.circumradius:
                 reach = core.reach + half
                 error = chord_error(high - low, speed, spin, core.turning, reach + half)
                 if error <= max(OFF_CHORD, d):
@@ -160,7 +189,10 @@ def colliding_parts(
                                 count += 1
                             before = after
                         continue
-            d = max(0.0, d - ROUNDING)
+            if hit > ROUNDING:
+                parts = _add(parts, count, i, max(low, middle - hit) / bound, min(high, middle + hit) / bound)
+                count += 1
+            d = max(hit, d - ROUNDING, 0.0)
             if d < half:
                 stack[depth, 0], stack[depth, 1] = middle + d, high
                 stack[depth + 1, 0], stack[depth + 1, 1] = low, middle - d
