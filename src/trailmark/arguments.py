@@ -143,6 +143,8 @@ def brief(value: object) -> str:
 
 def real(value: object) -> float:
     """Return what is a number as a float, anything else as NaN."""
+    if type(value) is float:  # mostly
+        return value
     if isinstance(value, np.ndarray) and value.ndim == 0 and not np.ma.is_masked(value):
         value = value[()]
     if isinstance(value, Real | Decimal) and not isinstance(value, bool | np.timedelta64):

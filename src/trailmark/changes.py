@@ -141,7 +141,7 @@ def apply(obstacles: Obstacles, changes: Changes) -> Obstacles:
     for item in gone:
         i = item.index_before or 0
         known = i < count and (obstacles.ids[i] if obstacles.ids else None) == item.id
-        if not known or obstacles.shapes[i] != item.before:
+        if not known or (obstacles.shapes[i] is not item.before and obstacles.shapes[i] != item.before):
             raise WorldError(f"apply: expected changes of this world, got one of another: {item} at index {i}")
     after = count - len(gone) + len(come)
     places = [item.index_after or 0 for item in come]

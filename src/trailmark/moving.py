@@ -9,7 +9,7 @@ import numpy as np
 
 from trailmark.arguments import brief, one_of, real
 from trailmark.errors import ShapeError, WorldError
-from trailmark.shapes import Disc, Polygon, Rectangle, Shape, displaced, triangulate
+from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, Shape, displaced, triangulate
 
 __all__ = ["DISC_ERROR", "Moving"]
 
@@ -68,9 +68,11 @@ def _swept(shape: Shape, dx: float, dy: float) -> Shape:
     """Return the region that a shape covers on its way along (dx, dy), metres."""
     if dx == 0.0 and dy == 0.0:
         return shape
+    if isinstance(shape, Disc):
+        return _capsule(shape, dx, dy)
     import shapely
 
-    polygon = shape.polygon(DISC_ERROR * shape.radius) if isinstance(shape, Disc) else shape.polygon()
+    polygon = shape.polygon()
     pieces = triangulate(polygon) if isinstance(shape, Polygon) else polygon.vertices[None]
     corners = np.concatenate([pieces, pieces + np.array([dx, dy])], axis=1)
     # The hull of a convex piece's both ends is what the piece sweeps; the pieces fill the shape.
@@ -81,3 +83,26 @@ def _swept(shape: Shape, dx: float, dy: float) -> Shape:
         return Polygon(region.exterior.coords, tuple(ring.coords for ring in region.interiors))
     except ShapeError as error:
         raise ShapeError(f"moving: the region swept: {error}") from None
+
+
+CORNERS = 24
+"""Of a polygon around a disc: a multiple of 4, so that edges of the disc's capsule run along its sides."""
+
+_angles = math.pi / CORNERS * np.arange(1 - CORNERS // 2, CORNERS // 2, 2)
+FRONT = np.column_stack([np.cos(_angles), np.sin(_angles)]) / math.cos(math.pi / CORNERS)
+"""Corners in front of the centre of a disc of radius 1 that moves along x, shape (CORNERS / 2, 2)."""
+
+
+def _capsule(disc: Disc, dx: float, dy: float) -> Polygon:
+    """Return a polygon around the region that a disc sweeps: its front and its back, each half of a regular polygon."""
+    (x, y), r, length = disc.center, disc.radius, math.hypot(dx, dy)
+    farthest = max(abs(x), abs(y), abs(x + dx), abs(y + dy)) + (1.0 + DISC_ERROR) * r
+    if farthest > LIMIT:
+        raise ShapeError(f"moving: the region swept: expected coordinates of at most {LIMIT:g} m, got {farthest:g}")
+    c, s = r * dx / length, r * dy / length
+    front = FRONT @ np.array([[c, s], [-s, c]])
+    vertices = np.empty((CORNERS, 2))
+    vertices[: CORNERS // 2] = front + np.array([x + dx, y + dy])
+    vertices[CORNERS // 2 :] = np.array([x, y]) - front
+    # A disc that is hardly more than rounding, so far from the origin, may have corners in the same place.
+    return Polygon.unchecked(vertices) if r > 1e-9 * farthest else Polygon(vertices)

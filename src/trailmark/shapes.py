@@ -136,6 +136,14 @@ class Polygon:
         if not region.area > 0.0:
             raise ShapeError(f"polygon: expected an area above 0, got {region.area}")
 
+    @classmethod
+    def unchecked(cls, vertices: FloatArray) -> Polygon:
+        """Return a polygon without holes over vertices, shape (n, 2), known to be finite, in range and simple."""
+        polygon = object.__new__(cls)
+        vertices.flags.writeable = False
+        polygon.__dict__.update(vertices=vertices, holes=())
+        return polygon
+
     @property
     def area(self) -> float:
         """Area in square metres, holes left out."""

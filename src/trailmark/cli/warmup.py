@@ -20,7 +20,7 @@ app = typer.Typer(help="Compile all kernels now, so that no later command has to
 def warmup(as_json: JsonOption = False) -> None:
     """Compile all kernels now, so that no later command or program has to: one or two minutes, once."""
     from trailmark.compiled.side_by_side import compiled_side_by_side
-    from trailmark.planning.warmup import warm_up, warm_up_queries
+    from trailmark.planning.warmup import warm_up, warm_up_moving, warm_up_queries
 
     begun = time.perf_counter()
     stages: dict[str, Callable[[], None]] = {
@@ -28,6 +28,8 @@ def warmup(as_json: JsonOption = False) -> None:
         "many queries": partial(warm_up_queries, "straight"),
         "discs": partial(warm_up, "translation"),
         "many queries of discs": partial(warm_up_queries, "translation"),
+        "moving obstacles": partial(warm_up_moving, "straight"),
+        "moving obstacles and discs": partial(warm_up_moving, "translation"),
         "OMPL's planners": _warm_up_pointwise,
         "audits": _warm_up_audits,
         "maps from logs": _warm_up_logs,

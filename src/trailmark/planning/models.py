@@ -10,14 +10,14 @@ from time import perf_counter
 
 import numpy as np
 
-from trailmark.changes import Changes
+from trailmark.changes import Change, Changes
 from trailmark.collision import StateChecker
 from trailmark.motion import Motion
 from trailmark.planning.space_time.obstacles import MovingObstacles
 from trailmark.planning.space_time.replanning import Route
 from trailmark.planning.updating import Update
 from trailmark.planning.world_model import WorldModel
-from trailmark.world import World
+from trailmark.world import Robot, World
 
 __all__ = ["WorldModels"]
 
@@ -41,6 +41,11 @@ class WorldModels:
         self._stands: World | None = None
         self._lock = RLock()
         self.route: Route | None = None
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that moves in it."""
+        return self._full.checker.robot
 
     @property
     def motion(self) -> Motion:
@@ -90,7 +95,7 @@ class WorldModels:
         world = changes if isinstance(changes, World) else old.apply(changes)
         same = (world.bounds, world.boundary) == (old.bounds, old.boundary)
         items = old.difference(world).items if same else ()
-        if items and all(item.moving is not None and self._moves(item.index_before) for item in items):
+        if items and all(self._moves(item) for item in items):
             new, update = WorldModels(world, self._full, self._standing), Update(changes=len(items))
             new._stands = self._stands
         else:
@@ -99,8 +104,11 @@ class WorldModels:
         new.route = self.route
         return new, replace(update, seconds=perf_counter() - begin)
 
-    def _moves(self, place: int | None) -> bool:
-        return place is None or bool(self.world.moving and self.world.moving[place] is not None)
+    def _moves(self, item: Change) -> bool:
+        """Return whether an obstacle moves before and after, as far as it is there."""
+        if item.index_before is not None and not (self.world.moving and self.world.moving[item.index_before]):
+            return False
+        return item.after is None or item.moving is not None
 
     def _places(self) -> list[int]:
         return [i for i, moving in enumerate(self.world.moving) if moving is not None]

@@ -26,7 +26,7 @@ from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.single_query import GAP, answer_query
 from trailmark.planning.updating import Update
-from trailmark.planning.warmup import warm_up, warm_up_queries
+from trailmark.planning.warmup import warm_up, warm_up_moving, warm_up_queries
 from trailmark.planning.world_model import WorldModel
 from trailmark.roadmap import Roadmap
 from trailmark.world import Robot, World
@@ -87,8 +87,7 @@ class LandmarkPlanner:
         settings: PlannerSettings | None = None,
         warm: bool = True,
     ) -> None:
-        if landmarks is not None:
-            landmarks = whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
+        landmarks = None if landmarks is None else whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
         one_of(world, World, "world:", hint=" (World.load reads one)", error=WorldError)
         if checker is not None:
             one_of(checker, StateChecker, "checker:").require_for(world, robot)
@@ -117,7 +116,7 @@ class LandmarkPlanner:
     @property
     def robot(self) -> Robot:
         """The robot that moves in it."""
-        return self._model.checker.robot
+        return self._models.robot
 
     @property
     def checker(self) -> StateChecker:
@@ -252,9 +251,8 @@ class LandmarkPlanner:
                 ``min_gain`` to replace one that is free.
             escape: where the robot stands in an obstacle, begin with the shortest way out, along which it is never
                 deeper in it; otherwise the answer only says so.
-            speed: metres of cost per second: the robot is at cost c of its path c / ``speed`` seconds from now. A path
-                may then pass moving obstacles before or behind, certified clear of each at the time, until it arrives
-                or to their horizons. Without it, and for cars, what they sweep is occupied.
+            speed: m/s: at cost c of its path the robot is c / ``speed`` s from now, certified clear of moving obstacles
+                then, up to their horizons (:mod:`.space_time`). Without it, and for cars, what they sweep is occupied.
 
         Returns:
             The result, with ``kept`` and ``reason``. ``infeasible`` where the robot or the goal stands in an obstacle.
@@ -263,6 +261,8 @@ class LandmarkPlanner:
             ConfigurationError: start or goal is no configuration, or an option is out of range.
         """
         one_of(path, Path, "path:")
+        if self._warm and speed is not None:
+            warm_up_moving(kind_of(self._models.robot))
         options = ReplanOptions(
             deadline=perf_counter() + _limits(time_limit, None)[0],
             min_gain=number(min_gain, "min gain:", minimum=0.0),

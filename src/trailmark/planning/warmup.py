@@ -9,11 +9,13 @@ import numpy as np
 
 from trailmark.compiled.side_by_side import compiled_side_by_side
 from trailmark.motion import Kind
+from trailmark.moving import Moving
+from trailmark.path import Path
 from trailmark.planning.pace import Pace
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
-__all__ = ["SMALL", "warm_up", "warm_up_queries"]
+__all__ = ["SMALL", "warm_up", "warm_up_moving", "warm_up_queries"]
 
 SMALL = World("warm-up", (0.0, 0.0, 6.0, 4.0), (Rectangle((3.0, 1.0), 0.5, 2.0),)), np.array([[1.0, 1, 0], [5, 1, 1]])
 """A small world, and a start and a goal that no single motion joins."""
@@ -35,6 +37,13 @@ def warm_up(kind: Kind = "straight") -> None:
 def warm_up_queries(kind: Kind = "straight") -> None:
     """Run every kernel that only :meth:`LandmarkPlanner.plan_many` needs once, as :func:`warm_up` does the others."""
     _run([partial(job, kind) for job in (_plan_many, _certify)])
+
+
+@lru_cache(maxsize=3)
+def warm_up_moving(kind: Kind = "straight") -> None:
+    """Run every kernel once that only :meth:`LandmarkPlanner.replan` with a speed needs, as :func:`warm_up` does."""
+    if kind != "curve":
+        _run([partial(_pass_moving, kind)])
 
 
 def _run(jobs: Sequence[Callable[[], None]]) -> None:
@@ -60,6 +69,18 @@ def _plan(kind: Kind) -> None:
         for changed in (world.edited(add=[obstacle]), world):
             planner.update(changed)
             path = planner.replan(start, goal, path, time_limit=600.0).path or path
+
+
+def _pass_moving(kind: Kind) -> None:
+    """Give way to a moving obstacle, and go on as it goes."""
+    from trailmark.planning.planner import LandmarkPlanner
+
+    world, (start, goal) = SMALL
+    planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
+    path = Path(np.array([start, goal]))
+    for velocity in ((0.0, 0.0), (0.0, 1.0)):
+        planner.update(world.edited(add=[Moving(Disc((2.0, 1.5), 0.2), velocity, 5.0)]))
+        path = planner.replan(start, goal, path, time_limit=600.0, speed=1.0).path or path
 
 
 def _plan_many(kind: Kind) -> None:

@@ -66,23 +66,25 @@ class MovingObstacles(NamedTuple):
     @classmethod
     def of(cls, obstacles: Sequence[Moving], robot: Footprint) -> MovingObstacles:
         """Return obstacles, at least one, and a robot as arrays."""
-        edges, circles, size = [], [], np.inf
+        edges: list[tuple[float, ...]] = []
+        circles, first, size = [], [0], np.inf
         for shape in (obstacle.shape for obstacle in obstacles):
             if isinstance(shape, Disc):
-                edges.append(np.array([[*shape.center, *shape.center, shape.radius]]))
                 circles.append((*shape.center, shape.radius))
+                edges.append((*shape.center, *shape.center, shape.radius))
                 size = min(size, shape.radius)
-                continue
-            rings = shape.polygon().rings()
-            edges.append(np.pad(np.concatenate([_closed(ring) for ring in rings]), ((0, 0), (0, 1))))
-            low, high = rings[0].min(axis=0), rings[0].max(axis=0)
-            center = 0.5 * (low + high)
-            circles.append((*center, float(np.hypot(*(rings[0] - center).T).max())))
-            size = min(size, 0.5 * float((high - low).min()))
+            else:
+                rings = shape.polygon().rings()
+                low, high = rings[0].min(axis=0), rings[0].max(axis=0)
+                center = 0.5 * (low + high)
+                circles.append((*center, float(np.hypot(*(rings[0] - center).T).max())))
+                edges += [(*edge, 0.0) for ring in rings for edge in _closed(ring)]
+                size = min(size, 0.5 * float((high - low).min()))
+            first.append(len(edges))
         disc = robot.disc_radius > 0.0
         return cls(
-            np.concatenate(edges),
-            np.cumsum([0, *map(len, edges)]),
+            np.array(edges),
+            np.array(first),
             np.array(circles),
             np.array([obstacle.velocity for obstacle in obstacles]),
             np.array([obstacle.until for obstacle in obstacles]),

@@ -60,6 +60,7 @@ class SpaceTimeReplanner:
     def __init__(self, replanner: Replanner, moving: MovingObstacles, speed: float, route: Route | None) -> None:
         self.replanner, self.moving, self.speed, self.route = replanner, moving, speed, route
         self.model, self.motion = replanner.model, replanner.motion
+        self.turning = self.motion.whole_cost(0.0, replanner.start, replanner.goal)
 
     def answer(self, path: Path) -> ReplanResult:
         """Return the path to follow from here on instead of ``path``, or the rest of it."""
@@ -92,7 +93,8 @@ class SpaceTimeReplanner:
     def _clear(self, vertices: FloatArray) -> bool:
         """Return whether the path over vertices (n, 3), as it is returned, stays clear of the moving obstacles."""
         replanner = self.replanner
-        states = self.motion.whole_states(vertices, replanner.start, replanner.goal)
+        # Where a disc does not turn, its headings, left out of the vertices, change nothing.
+        states = self.motion.whole_states(vertices, replanner.start, replanner.goal) if self.turning else vertices
         return path_clear(self.moving, states, self.speed) < 0
 
     def _route_from_here(self, path: Path) -> Route | ReplanResult:
@@ -113,7 +115,6 @@ class SpaceTimeReplanner:
     def _searched(self, route: Route, max_nodes: int) -> ReplanResult:
         """Return a path that stays clear of the moving obstacles, or as ``nearest`` the steps that do so longest."""
         replanner, settings = self.replanner, self.model.settings
-        turning = self.motion.whole_cost(0.0, replanner.start, replanner.goal)
         length, states = route.to_go[0], np.empty((0, 3))
         step = settings.space_time_step * (self.moving.reach + self.moving.size)
         for _ in range(TRIES):
@@ -123,7 +124,7 @@ class SpaceTimeReplanner:
                 replanner.ends[0],
                 route.vertices,
                 route.to_go,
-                self.speed * length / max(length + turning, 1e-9),
+                self.speed * length / max(length + self.turning, 1e-9),
                 step,
                 settings.space_time_directions,
                 max_nodes,
