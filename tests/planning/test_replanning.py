@@ -150,7 +150,7 @@ def test_bad_options_are_refused(argument: str, value: float) -> None:
 @pytest.mark.slow
 def test_many_changes_never_give_a_path_that_collides(judge: Judge) -> None:
     rng = np.random.default_rng(3)
-    for seed in range(3):
+    for seed in range(2):
         world, robot = random_world(seed, 60, size=50.0), ROBOTS["rectangle"]
         planner = LandmarkPlanner(world, robot, seed=0)
         free = planner.checker.valid(q := np.column_stack([rng.uniform(2, 48, (500, 2)), rng.uniform(-3, 3, 500)]))
@@ -158,7 +158,7 @@ def test_many_changes_never_give_a_path_that_collides(judge: Judge) -> None:
         path = planner.plan(start, goal, time_limit=5.0).path
         assert path is not None
         kept = replaced = 0
-        for _ in range(60):
+        for _ in range(30):
             near = path.at(rng.uniform(0.1, 0.9))[:2] + rng.normal(0.0, 2.0, 2)
             if rng.integers(2):
                 changed = world.edited(add=[star_polygon(rng, (float(near[0]), float(near[1])), 2.0)])
@@ -176,5 +176,5 @@ def test_many_changes_never_give_a_path_that_collides(judge: Judge) -> None:
                 break
             path = result.path
             judge(world, robot, start, goal, path.states)
-        assert kept > 5
-        assert replaced > 5
+        assert kept > 3
+        assert replaced > 3
