@@ -148,9 +148,11 @@ class Replanner:
     def _better(self, vertices: FloatArray) -> FloatArray | None:
         """Return a better path, shape (n, 3), sought only where obstacles went since the last look; None if none is."""
         model, followed = self.model, self.model.followed
-        if followed is None or len(followed.freed) == 0 or len(vertices) < 3:
+        if followed is None or len(followed.freed) == 0:
             return None
         model.followed = replace(followed, freed=np.empty((0, 4)))
+        if len(vertices) < 3:
+            return None
         limit = self.motion.cost_of(vertices) / (1.0 + self.min_gain)
         if not self._may_be_better(followed.freed, limit):
             return None

@@ -49,9 +49,15 @@ class Prover:
         return self._seconds
 
     def bound_below(self, share: float) -> None:
-        """Prove a lower bound, once, if that is expected to take no more than a share of the time left."""
+        """Prove a lower bound, once, if that is expected to take no more than a share of the time left.
+
+        If it is not, what is known from the world before it changed is made use of.
+        """
         incumbent = self.query.incumbent
-        if self.bound is None or incumbent.bounded or not self.seconds() < share * self.query.seconds_left():
+        if self.bound is None or incumbent.bounded:
+            return
+        if not self.seconds() < share * self.query.seconds_left():
+            incumbent.claim(self.bound.known(incumbent.start, incumbent.goal))
             return
         incumbent.bounded = True
         incumbent.claim(self.bound.of(incumbent.start, incumbent.goal, incumbent.whole_cost).cost)
