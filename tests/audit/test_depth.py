@@ -10,7 +10,8 @@ import shapely
 
 from trailmark import se2
 from trailmark.audit.depth import Penetration, bounds_depth, deepest
-from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.errors import ShapeError
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape, convex_pieces
 from trailmark.world import Robot
 
 U_SHAPE = Polygon(np.array([[0, 0], [4, 0], [4, 4], [3, 4], [3, 1], [1, 1], [1, 4], [0, 4.0]]))
@@ -69,6 +70,30 @@ def test_the_depth_is_the_shortest_way_out(robot: Robot, shape: Shape) -> None:
             shapely.intersection(shapely.affinity.translate(body, *(1.01 * depth * w)), region).area for w in ways
         ]
         assert min(overlap) < 2e-3
+
+
+def test_depths_of_polygons_are_those_of_their_minkowski_difference() -> None:
+    rng = np.random.default_rng(1)
+    for k in range(60):
+        cells = [shapely.box(i, j, i + 1, j + 1) for i in range(-3, 3) for j in range(-3, 3) if rng.random() < 0.6]
+        largest = max(shapely.get_parts(shapely.union_all(cells)), key=lambda part: part.area)
+        try:
+            shape = Polygon(
+                np.array(largest.exterior.coords), tuple(np.array(ring.coords) for ring in largest.interiors)
+            )
+        except ShapeError:
+            continue  # cells that touch by a corner
+        robot = (L_ROBOT, Robot.rectangle(1.5, 0.3))[k % 2]
+        states = np.column_stack([rng.uniform(-3, 3, (8, 2)), rng.uniform(-3, 3, 8)])
+        if k % 3 == 0:  # edges that coincide
+            states = np.column_stack([np.round(2 * states[:, :2]) / 2, np.round(states[:, 2]) * math.pi / 2])
+        for state, depth in zip(states, Penetration(robot, shape).at(states), strict=True):
+            body = [se2.transform(state, piece) for piece in convex_pieces(robot.outline)]
+            sums = [(a[:, None] - b).reshape(-1, 2) for a in convex_pieces(shape) for b in body]
+            blocked = shapely.union_all([shapely.MultiPoint(points).convex_hull for points in sums])
+            origin = shapely.Point(0.0, 0.0)
+            expected = blocked.boundary.distance(origin) if blocked.contains(origin) else 0.0
+            assert depth == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_way_back_inside_the_bounds() -> None:

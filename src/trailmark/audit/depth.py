@@ -1,4 +1,4 @@
-"""Penetration depth: the shortest translation that takes the robot out of an obstacle, by Minkowski sums in shapely.
+"""Penetration depth: the shortest translation that takes the robot out of an obstacle.
 
 Source of the definition: Dobkin, Hershberger, Kirkpatrick & Suri, "Computing the intersection-depth of polyhedra",
 Algorithmica 9 (1993).
@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import shapely
 
 from trailmark import se2
+from trailmark.audit.minkowski import penetration_depths
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Shape, convex_pieces
+from trailmark.shapes import Disc, Polygon, Shape, convex_pieces, signed_area
 from trailmark.world import Robot
 
 __all__ = ["Penetration", "bounds_depth", "deepest"]
@@ -52,12 +52,7 @@ class Penetration:
             cos, sin = np.cos(states[:, 2]), np.sin(states[:, 2])
             dx, dy = (np.asarray(shape.center) - states[:, :2]).T
             return self._disc_depths(np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx]))
-        obstacle, robot = self._pieces
-        if len(obstacle) > 1 or len(robot) > 1:
-            return np.array([self._depth(state) for state in states])
-        corners = obstacle[0][None, :, None] - se2.transform(states, robot[0])[:, None]
-        hulls = shapely.convex_hull(shapely.multipoints(corners.reshape(len(states), -1, 2)))
-        return np.asarray(_depth_of_origin(hulls))
+        return np.asarray(penetration_depths(*self._pieces, np.array(states)))
 
     def _disc_depths(self, centers: FloatArray) -> FloatArray:
         """Return how far a disc at some places (n, 2) must be moved to leave the polygon, which is one of the two."""
@@ -80,33 +75,8 @@ class Penetration:
 
     @cached_property
     def _pieces(self) -> tuple[FloatArray, FloatArray]:
-        """Convex pieces of obstacle and robot, each of shape (k, m, 2)."""
-        # One piece, or triangles: as many vertices in each.
-        return np.array(convex_pieces(self.shape.polygon())), np.array(convex_pieces(self.robot.outline))
-
-    @cached_property
-    def _boxes(self) -> FloatArray:
-        """Box of each of the obstacle's pieces: xmin, ymin, xmax, ymax."""
-        return np.hstack([self._pieces[0].min(axis=1), self._pieces[0].max(axis=1)])
-
-    def _depth(self, state: FloatArray) -> float:
-        """Return the depth of two polygons: how far the origin is inside of their Minkowski difference."""
-        obstacle, robot = self._pieces
-        parts = np.array([se2.transform(state, part) for part in robot])
-        low, high = parts.min(axis=(0, 1)), parts.max(axis=(0, 1))
-        reach = self.robot.circumradius
-        while True:
-            # Pieces farther away than the robot is moved do not matter.
-            near = (self._boxes[:, :2] <= high + reach).all(axis=1) & (self._boxes[:, 2:] >= low - reach).all(axis=1)
-            if not near.any():
-                return 0.0
-            sums = obstacle[near][:, None, :, None] - parts[None, :, None, :]
-            corners = sums.reshape(-1, obstacle.shape[1] * parts.shape[1], 2)
-            blocked = shapely.union_all(shapely.convex_hull(shapely.multipoints(corners)))
-            depth = float(_depth_of_origin(blocked))
-            if depth <= reach or near.all():
-                return depth
-            reach *= 2.0
+        """Convex pieces of obstacle and robot, counter-clockwise, each of shape (k, m, 2)."""
+        return _pieces_of(self.shape.polygon()), _pieces_of(self.robot.outline)
 
 
 def bounds_depth(robot: Robot, bounds: tuple[float, float, float, float], states: FloatArray) -> FloatArray:
@@ -146,8 +116,9 @@ def deepest(
     return float(found.max())
 
 
-def _depth_of_origin(blocked: Any) -> Any:
-    """Return how far the origin is inside of regions, each the Minkowski difference of obstacle and robot."""
-    origin = shapely.Point(0.0, 0.0)
-    inside = shapely.contains(blocked, origin)
-    return np.where(inside, shapely.distance(shapely.boundary(blocked), origin), 0.0)
+def _pieces_of(polygon: Polygon) -> FloatArray:
+    pieces = np.array(convex_pieces(polygon))
+    area = np.array([signed_area(piece) for piece in pieces])
+    pieces[area < 0.0] = pieces[area < 0.0, ::-1]
+    # Triangles without area lie on the edges of others.
+    return np.ascontiguousarray(pieces[np.abs(area) > 1e-12 * np.abs(area).max()])
