@@ -85,8 +85,9 @@ def test_depths_of_polygons_are_those_of_their_minkowski_difference() -> None:
             continue  # cells that touch by a corner
         robot = (L_ROBOT, Robot.rectangle(1.5, 0.3))[k % 2]
         states = np.column_stack([rng.uniform(-3, 3, (8, 2)), rng.uniform(-3, 3, 8)])
-        if k % 3 == 0:  # edges that coincide
-            states = np.column_stack([np.round(2 * states[:, :2]) / 2, np.round(states[:, 2]) * math.pi / 2])
+        if k % 3 == 0:  # edges that coincide, but no gap of just the robot's width, into which it would fit
+            robot = Robot.rectangle(1.5, 0.5)
+            states = np.column_stack([np.round(4 * states[:, :2]) / 4, np.round(states[:, 2]) * math.pi / 2])
         for state, depth in zip(states, Penetration(robot, shape).at(states), strict=True):
             body = [se2.transform(state, piece) for piece in convex_pieces(robot.outline)]
             sums = [(a[:, None] - b).reshape(-1, 2) for a in convex_pieces(shape) for b in body]
