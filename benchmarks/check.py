@@ -35,10 +35,10 @@ from trailmark.world import World
 RESULTS = Path(__file__).resolve().parent / "results"
 
 PATHS_PER_WORLD = 500
-SAMPLES = 40
+SAMPLES = 30
 """States of a path at which intervals and least clearance are compared."""
 
-EFFORT = 4_000
+EFFORT = 2_000
 """States that the referee looks at before it leaves a path undecided."""
 
 DEPTHS = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
@@ -101,8 +101,9 @@ def contacts(checker: StateChecker, n: int, rng: np.random.Generator) -> tuple[F
 def random_path(q: FloatArray, way: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, float]:
     """Return a path that comes near to a contact, shape (n, 3), and by how much it was moved towards it."""
     moved = float(np.exp(rng.uniform(np.log(DEPTHS[0]), np.log(DEPTHS[-1]))))
-    length = min(4.0, moved * float(np.exp(rng.uniform(np.log(0.5), np.log(3e3)))))
-    moved *= 1.0 if rng.random() < 0.3 else -1.0
+    towards = rng.random() < 0.2
+    length = min(4.0, moved * float(np.exp(rng.uniform(np.log(0.3), np.log(3e3 if towards else 300.0)))))
+    moved *= 1.0 if towards else -1.0
     angle, turn = rng.uniform(-np.pi, np.pi), rng.normal(0.0, 0.5) * (rng.random() < 0.6)
     along = length * np.array([np.cos(angle), np.sin(angle), turn])
     middle, share = q + moved * way, rng.random()
@@ -150,7 +151,7 @@ def measure_verdicts(n: int) -> dict[str, Any]:
     examples: list[Any] = []
     undecided, seed = 0, 0
     while sum(wanted.values()):
-        world = random_world(seed, 40, size=30.0, radii=(0.3, 2.5), discs=0.3, holes=0.2, boundary=seed % 3 == 0)
+        world = random_world(seed, 25, size=25.0, radii=(0.3, 2.5), discs=0.2, holes=0.2, boundary=seed % 3 == 0)
         name = list(ROBOTS)[seed % len(ROBOTS)]
         oracle, auditor = Oracle(world, ROBOTS[name]), PathAuditor(StateChecker(world, ROBOTS[name]))
         for q, way in zip(*contacts(auditor.checker, PATHS_PER_WORLD, rng), strict=True):
@@ -272,7 +273,7 @@ def write(record: dict[str, Any]) -> None:
         "",
         f"Referee: shapely. {record['verdicts']['undecided']:,} more paths stay within {BAND:g} m of touching, or",
         f"take it {EFFORT:,} states and more; they are left out. Robots: disc, rectangle, L, thin, star, one beside",
-        "its reference point), 40 obstacles (discs, polygons, some with holes) in each world, every third world with a",
+        "its reference point), 25 obstacles (discs, polygons, some with holes) in each world, every third world with a",
         "boundary. Times: verdict and least clearance of paths that the planner shortened, hence as near to obstacles",
         "as it pays.",
     ]
