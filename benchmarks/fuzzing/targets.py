@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import os
 import shutil
 from collections.abc import Callable
@@ -119,6 +120,27 @@ def _path(path: Path) -> None:
     from trailmark.formats.path_files import read_path
 
     assert np.isfinite(read_path(path).states).all()
+
+
+def _messages(folder: Path) -> None:
+    """Write a nav_msgs/Path as JSON, and twice as YAML, as it is printed."""
+    poses = [
+        {"pose": {"position": {"x": x, "y": 1.0, "z": 0.0}, "orientation": {"x": 0.0, "y": 0.0, "z": 0.5, "w": 0.8}}}
+        for x in (1.0, 2.0, 3.5)
+    ]
+    (folder / "message.json").write_text(json.dumps({"header": {"frame_id": "map"}, "poses": poses}))
+    lines = ["header:", "  frame_id: map", "poses:"]
+    for entry in poses:
+        lines += ["- pose:", *(f"    {key}: {json.dumps(value)}" for key, value in entry["pose"].items())]
+    (folder / "message.yaml").write_text("\n".join([*lines, "---", *lines, "---", ""]))
+
+
+def _any_path(path: Path) -> None:
+    from trailmark.formats.any_path import read_any_path
+
+    found = read_any_path(path)
+    assert np.isfinite(found.path.states).all()
+    assert np.isfinite(found.headings)
 
 
 def _log(path: Path) -> None:
@@ -289,6 +311,10 @@ TARGETS: dict[str, Target] = {
     "path json": Target(_path_files, "path.json", _path),
     "path csv": Target(_path_files, "path.csv", _path),
     "path txt": Target(_path_files, "path.txt", _path),
+    "any path json": Target(_path_files, "path.json", _any_path),
+    "any path csv": Target(_path_files, "path.csv", _any_path),
+    "path message json": Target(_messages, "message.json", _any_path),
+    "path message yaml": Target(_messages, "message.yaml", _any_path),
     "log jsonl": Target(_jsonl, "log.jsonl", _log),
     "log CARMEN": Target(_head("carmen/intel-corrected.log.gz", 60), "intel-corrected.log", _log),
     "log Victoria": Target(_head("victoria/victoria_park.txt"), "victoria_park.txt", _log),
