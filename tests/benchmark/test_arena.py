@@ -1,0 +1,74 @@
+"""The field of moving discs: its scenes, its judge of contact, and a drive that nobody but the judge approves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.arena import CASES, drive, followed, foreseen
+from benchmarks.arena_report import summary
+from benchmarks.arena_scene import DISC_RADIUS, DISCS, SIZE, SPEED, Leg, Scene, first_contact
+
+
+def test_discs_stay_inside_the_walls_at_their_speed() -> None:
+    scene, interval = Scene(3, (1.0, 1.0), 20.0), 0.01
+    places = np.array([scene.at(t) for t in np.arange(0.0, 20.0, interval)])
+    assert places.shape == (2000, DISCS, 2)
+    assert places.min() >= DISC_RADIUS - 1e-9
+    assert places.max() <= SIZE - DISC_RADIUS + 1e-9
+    steps = np.hypot(*np.diff(places, axis=0).T)
+    assert steps.max() <= SPEED * interval + 1e-9
+    # Where a disc turns or bounces the chord is shorter.
+    assert (np.abs(steps - SPEED * interval) < 1e-9).mean() > 0.95
+
+
+@pytest.mark.parametrize(("half", "radius"), [((0.0, 0.0), 0.3), ((0.6, 0.4), 0.0)])
+def test_the_judge_agrees_with_a_fine_sample(half: tuple[float, float], radius: float) -> None:
+    rng, met = np.random.default_rng(1), 0
+    for seed in range(30):
+        scene = Scene(seed, (1.0, 1.0), 6.0)
+        a, b = np.column_stack([rng.uniform(1.0, 31.0, (2, 2)), rng.uniform(-1.5, 1.5, 2)])
+        times = np.linspace(0.0, 5.0, 4001)
+        first = np.inf
+        for t in times:
+            q = a + t / 5.0 * (b - a)
+            dx, dy = (scene.at(t) - q[:2]).T
+            c, s = np.cos(q[2]), np.sin(q[2])
+            away = np.hypot(
+                np.maximum(np.abs(c * dx + s * dy) - half[0], 0.0), np.maximum(np.abs(c * dy - s * dx) - half[1], 0.0)
+            )
+            if (away < DISC_RADIUS + radius).any():
+                first = t
+                break
+        found = first_contact(scene, [Leg(0.0, 5.0, a, b)], half, radius)
+        met += found < np.inf
+        assert found <= first + 1e-6
+        if first < np.inf:
+            assert found == pytest.approx(first, abs=0.03)
+    assert 5 < met < 30
+
+
+def test_a_disc_is_foreseen_off_the_wall() -> None:
+    before, now = np.array([[30.0, 10.0]]), np.array([[30.2, 10.1]])
+    found = foreseen(before, now, 0.1, 2.0, 0.2)
+    moving, image = found["disc-0"], found["image-0"]
+    assert moving.until == pytest.approx((SIZE - DISC_RADIUS - 30.2) / 2.0)
+    assert moving.shape.bounding_box() == pytest.approx((30.2 - 0.9, 9.2, 30.2 + 0.9, 11.0))
+    # At the bounce both are in one place; from there the image comes back.
+    assert image.at(moving.until).bounding_box() == pytest.approx(moving.at(moving.until).bounding_box())
+    assert image.velocity == pytest.approx((-2.0, 1.0))
+
+
+def test_the_robot_follows_its_path_at_its_speed() -> None:
+    states = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 3.0, 0.0]])
+    legs = followed(states, 5.0, 1.0, 2.0)
+    assert [leg.end for leg in legs] == pytest.approx([5.5, 6.0])
+    assert legs[-1].b == pytest.approx([1.0, 1.0, 0.0])
+    assert followed(states, 0.0, 3.0, 2.0)[-1].b == pytest.approx(states[-1])
+
+
+def test_a_drive_and_its_summary() -> None:
+    drives = [drive(seed, CASES["disc, 20 looks a second"]) for seed in (0, 1)]
+    found = summary(drives)
+    assert (found["scenes"], found["reached"], found["late"]) == (2, 2, 0)
+    assert 10.6 <= found["seconds"] < 20.0
+    assert sum(found["margins"]) == sum(len(d.looks) for d in drives)
