@@ -22,6 +22,9 @@ from trailmark.roadmap.snapshot import RoadmapSnapshot
 
 __all__ = ["SharedRoadmap"]
 
+MANY_REMOVED = 64
+"""Obstacles removed at once from which on the roadmap is spread anew when many queries ask for it."""
+
 OUTGROWN = 1.1
 """Times as many nodes as a snapshot has, and another one is made."""
 
@@ -75,8 +78,9 @@ class SharedRoadmap:
         changed.roadmap, changed._spread, changed._spread_nodes = found.roadmap, self._spread, self._spread_nodes
         apart = self.settings.duplicate * motion.checker.robot.inscribed_disc.radius
         back = beside_obstacles(motion.checker, found.dropped)
-        # A roadmap of a few queries' paths is not spread over free space.
-        removed = boxes.removed if self._spread else boxes.removed[:0]
+        # A roadmap of a few queries' paths is not spread over free space, one in which much changed no longer.
+        changed._spread &= len(boxes.removed) <= MANY_REMOVED
+        removed = boxes.removed if changed._spread else boxes.removed[:0]
         freed = freed_landmarks(changed.roadmap, removed, self._spread_nodes, self.settings, self._rng)
         new = [changed.roadmap.add(changed.roadmap.fresh(q, apart)) for q in (back, freed) if len(q)]
         counts = [len(nodes) for nodes in new]

@@ -79,8 +79,7 @@ class WorldModel:
         """
         begin, old = perf_counter(), self.checker.world
         if (world.bounds, world.boundary) != (old.bounds, old.boundary):
-            checker = StateChecker(world, self.checker.robot, exact=self.checker.exact)
-            model = WorldModel(checker, self.rng, self.seed, self.settings, self.shared.to_place)
+            model = WorldModel(self.checker.edited(world), self.rng, self.seed, self.settings, self.shared.to_place)
             return model, Update(seconds=perf_counter() - begin)
         changes = old.difference(world)
         checker = self.checker.edited(world)
