@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import repeat, takewhile
-from operator import eq, is_not
+from itertools import repeat
+from operator import is_not
 from typing import Any, NamedTuple
 
 from trailmark.arguments import brief
@@ -29,6 +29,11 @@ class Obstacles(NamedTuple):
     def rows(self) -> list[tuple[Any, ...]]:
         """Return a tuple (shape, id, estimate, moving) for each obstacle."""
         return list(zip(self.shapes, *(column or repeat(None) for column in self[1:]), strict=False))
+
+    def identities(self) -> list[tuple[int, ...]]:
+        """Return what tells the objects that say an obstacle's row from others, for each."""
+        columns = (map(id, column) if column else repeat(id(None)) for column in self[1:])
+        return list(zip(map(id, self.shapes), *columns, strict=False))
 
 
 @dataclass(frozen=True)
@@ -84,12 +89,14 @@ def difference(before: Obstacles, after: Obstacles) -> Changes:
     others is unchanged, wherever it stands. One that has no id and was moved counts as removed and added.
     """
     old, new = before.rows(), after.rows()
-    # Worlds mostly differ in few places: what is the same at both ends needs no search. (Equal tuples hold the same
-    # objects, mostly, which the comparison sees first.)
-    head = sum(takewhile(bool, map(eq, old, new)))
-    tail = sum(takewhile(bool, map(eq, reversed(old[head:]), reversed(new[head:]))))
-    left = range(head, len(old) - tail)
-    right = set(range(head, len(new) - tail))
+    # Worlds mostly share the objects of what did not change: then a set tells what did, in a fraction of the time.
+    old_keys, new_keys = before.identities(), after.identities()
+    old_set, new_set = set(old_keys), set(new_keys)
+    if len(old_set) == len(old) and len(new_set) == len(new):
+        left = [i for i, key in enumerate(old_keys) if key not in new_set]
+        right = {j for j, key in enumerate(new_keys) if key not in old_set}
+    else:
+        left, right = list(range(len(old))), set(range(len(new)))
     by_id = {new[j][1]: j for j in right}
     items = []
     unmatched = []
