@@ -274,3 +274,17 @@ def test_without_a_robot_or_a_world_nothing_is_audited() -> None:
         check_path("office", SQUARE, [[1, 1, 0], [2, 2, 0]])  # type: ignore[arg-type]  # misuse
     with pytest.raises(ConfigurationError, match="audit: checker: expected StateChecker"):
         PathAuditor(SQUARE)  # type: ignore[arg-type]  # misuse
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-3])
+def test_slivers(turn: float) -> None:
+    # A needle whose tip, 1/3 of a milliradian wide, slides along a wall; and a needle that stands in a robot's way.
+    needle = Robot.polygon([[0.0, 0.0], [3.0, 0.0], [3.0, 0.001]])
+    wall = Rectangle((4.0, 10.0), 2.0, 16.0)
+    for gap, free in ((0.0, True), (-5e-8, True), (-1e-5, False)):
+        assert audit((wall,), needle, [[5.0 + gap, 5, -turn], [5.0 + gap, 15, turn]]).free == free, gap
+    spike = Polygon(np.array([[2.0, 10.0], [10.0, 10.0005], [2.0, 10.001]]))
+    for gap, free in ((0.0, True), (-1e-5, False)):
+        found = audit((spike,), SQUARE, [[10.5 + gap, 5, 0], [10.5 + gap, 15, 0]])
+        assert found.free == free, gap
+        assert all(c.begin + 5.5 > 9.9995 for c in found.collisions)
