@@ -96,10 +96,10 @@ def changes_of_edits(
 
 
 def require_id(value: object, name: str) -> str:
-    """Return an obstacle's id: a text that is not empty."""
-    if isinstance(value, str) and value:
+    """Return an obstacle's id: a text that is not empty, nor what audits call the world's edges."""
+    if isinstance(value, str) and value not in ("", "bounds", "boundary"):
         return value
-    raise WorldError(f"{name} expected ids that are texts and not empty, got {brief(value)}")
+    raise WorldError(f"{name} expected ids that are texts, not empty, not bounds or boundary, got {brief(value)}")
 
 
 def index_of(obstacles: Obstacles, name: object, verb: str) -> int:

@@ -280,7 +280,7 @@ def polygon(points: str) -> str:
         ),
         (HEAD + disc("1, motion: {velocity: [1, 0]}"), "obstacles[3].motion.until: expected a finite number above 0"),
         (HEAD + disc("1, motion: {velocity: [1, 0], til: 2}"), "motion.til: unknown key; expected until, velocity"),
-        (HEAD + disc("1, motion: {velocity: [1e9, 0], until: 9}"), "obstacles[3]: moving: the region swept: polygon"),
+        (HEAD + disc("1, motion: {velocity: [1e9, 0], until: 9}"), "obstacles[3]: moving: the region swept: expected"),
         (HEAD + "x" * 500 + ": []", "unknown key; expected boundary, "),
         (HEAD + "name: x", "expected each key once, got 'name' twice in one mapping"),
         ("trailmark: 1", "bounds: expected four finite numbers [xmin, ymin, xmax, ymax] (metres), got nothing"),
