@@ -35,19 +35,23 @@ def answer_replan(
     Raises:
         ConfigurationError: start or goal is no configuration.
     """
+    in_time = None
     # A car gives way by manoeuvres, which are not sought: what an obstacle sweeps is occupied for it.
     if options.speed is not None and models.world.moving and models.motion.moves_anywhere:
         model, ends = models.standing, np.array([_configuration(start, "start"), _configuration(goal, "goal")])
         with model.shared.lock:
             if model.checker.states_free(ends).all():
                 replanner = Replanner(model, ends[0], ends[1], options)
-                in_time = SpaceTimeReplanner(replanner, models.moving, options.speed, models.route)
-                result = in_time.answer(path)
-                models.route = in_time.route
-                return result
+                query = SpaceTimeReplanner(replanner, models.moving, options.speed, models.route)
+                in_time = query.answer(path)
+                models.route = query.route
+                if in_time.path is not None or replanner.seconds_left() <= 0.0 or query.ends_are_swept():
+                    return in_time
     model = models.full
     with model.shared.lock:
-        return _replanned(model, start, goal, path, options)
+        found = _replanned(model, start, goal, path, options)
+    # What no obstacle ever sweeps is clear of all of them at any time.
+    return found if in_time is None or (found.path is not None and not found.escape) else in_time
 
 
 def _replanned(

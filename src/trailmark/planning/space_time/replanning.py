@@ -16,7 +16,7 @@ from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.replanning import Replanner, as_replan
 from trailmark.planning.rest import Rest, rest_of
 from trailmark.planning.result import ReplanResult
-from trailmark.planning.space_time.obstacles import MovingObstacles, path_clear, state_clear
+from trailmark.planning.space_time.obstacles import MovingObstacles, motion_clear, path_clear, state_clear
 from trailmark.planning.space_time.search import search
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
@@ -77,7 +77,14 @@ class SpaceTimeReplanner:
         found = self._searched(route, self.model.settings.space_time_nodes if kept is None else 1)
         if kept is None:
             return found
-        return kept if found.path is None or self._is_near(kept, found.cost or 0.0) else found
+        if found.path is None or self._is_near(kept, found.cost or 0.0):
+            return kept
+        return replace(found, reason=f"another path costs {found.cost:.4g} m instead of {kept.cost:.4g} m")
+
+    def ends_are_swept(self) -> bool:
+        """Return whether an obstacle comes to where the robot is, or to the goal, before its horizon."""
+        ends, horizon = np.array([self.replanner.start, self.replanner.goal]), self.moving.until.max()
+        return not all(motion_clear(self.moving, q, 0.0, q, horizon) for q in ends)
 
     def _is_near(self, kept: ReplanResult, cost: float) -> bool:
         """Return whether a path costs too little more than another one (metres) to be replaced by it."""
@@ -115,8 +122,9 @@ class SpaceTimeReplanner:
     def _searched(self, route: Route, max_nodes: int) -> ReplanResult:
         """Return a path that stays clear of the moving obstacles, or as ``nearest`` the steps that do so longest."""
         replanner, settings = self.replanner, self.model.settings
-        length, states = route.to_go[0], np.empty((0, 3))
+        length = max(route.to_go[0], 1e-9)
         step = settings.space_time_step * (self.moving.reach + self.moving.size)
+        steps = None
         for _ in range(TRIES):
             found, states = search(
                 self.motion.kind,
@@ -124,20 +132,20 @@ class SpaceTimeReplanner:
                 replanner.ends[0],
                 route.vertices,
                 route.to_go,
-                self.speed * length / max(length + self.turning, 1e-9),
+                self.speed * length / (length + self.turning),
                 step,
                 settings.space_time_directions,
                 max_nodes,
                 Deadline.after(replanner.seconds_left()),
             )
             if not found:
+                steps = states
                 break
-            if self._clear(states):
-                result = replanner.result(states)
-                if result is not None:
-                    return as_replan(result, "the path meets a moving obstacle, another one passes it in time")
-            length = self.motion.cost_of(states)
-        return self._failed("no path was found that stays clear of the moving obstacles", states)
+            result = replanner.result(states) if self._clear(states) else None
+            if result is not None:
+                return as_replan(result, "the path meets a moving obstacle, another one passes it in time")
+            length = max(self.motion.cost_of(states), 1e-9)
+        return self._failed("no path was found that stays clear of the moving obstacles", steps)
 
     def _failed(self, reason: str, states: FloatArray | None = None) -> ReplanResult:
         """Return that there is no path, and the steps (n, 3) that stay clear the longest, if there are any."""
