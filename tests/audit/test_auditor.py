@@ -127,6 +127,17 @@ def test_a_thin_wall_between_two_states() -> None:
         assert (hit.begin, hit.end) == pytest.approx((4.7 - thickness / 2, 5.3 + thickness / 2), abs=1e-6)
 
 
+@pytest.mark.parametrize("robot", [SQUARE, Robot.disc(0.5)], ids=["square", "disc"])
+def test_a_motion_that_is_longer_than_places_along_it_can_be_told_apart(robot: Robot) -> None:
+    far = 1e7
+    world = World("wide", (-far, -far, far, far), (Disc((0.0, 0.0), 1.0), Rectangle((4.0, 5.0), 2.0, 2.0)))
+    found = check_path(world, robot, [(1.0 - far, -0.25, 0.0), (far, -0.25, 0.0)])
+    assert [hit.obstacle for hit in found.collisions] == [0, "bounds"]
+    found = check_path(world, robot, [(1.0 - far, 1.5, 0.0), (far - 1.0, 1.5, 0.0)])
+    assert found.free
+    assert found.min_clearance <= 0.5 + 5e-7
+
+
 def test_a_vertex_that_is_passed() -> None:
     # The tip of a diamond at (10, 11): the square's lower right corner comes to it and no farther, then 1e-5 m deeper.
     diamond = Polygon(np.array([[9, 10], [10, 9], [11, 10], [10, 11.0]]))
@@ -257,6 +268,7 @@ def test_an_auditor_is_reused_while_world_and_robot_stay() -> None:
         ([[1, 1, 0]], "path: expected two or more states, got 1"),
         ([[1, 1, 0], [math.nan, 1, 0]], "not a finite number"),
         ([[1, 1], [2, 2]], "expected shape"),
+        ([[1, 1, 0], [1e308, -1e308, 0]], "path: expected positions of at most 1e\\+07 m along x and y, got 1e\\+308"),
         ("path", "path"),
         (None, "path"),
     ],

@@ -17,7 +17,7 @@ from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path
-from trailmark.world import Robot, World
+from trailmark.world import BOUNDS_LIMIT, Robot, World
 
 __all__ = ["PathAuditor", "check_path"]
 
@@ -59,7 +59,7 @@ class PathAuditor:
                 :class:`~trailmark.curves.CurvePath` the curves.
 
         Raises:
-            ConfigurationError: another shape, or values that are not finite.
+            ConfigurationError: another shape, values that are not finite, or positions beyond 1e7 m.
         """
         given = path if isinstance(path, Path) else Path(path)  # type: ignore[arg-type]  # it makes an array itself
         audited = given.polyline(SAGITTA) if isinstance(given, CurvePath) else given
@@ -67,6 +67,9 @@ class PathAuditor:
             raise ConfigurationError(f"path: expected two or more states, got {len(audited)}")
         # A copy: read-only arrays would be another type to the kernels, and compiled for anew.
         states = np.array(audited.states)
+        if np.abs(states[:, :2]).max() > BOUNDS_LIMIT:
+            far = float(np.abs(states[:, :2]).max())
+            raise ConfigurationError(f"path: expected positions of at most {BOUNDS_LIMIT:g} m along x and y, got {far:g}")
         field, grid, footprint = self.checker.field, self.checker.grid, self.checker.footprint
         parts = colliding_parts(grid, field, footprint, self._core, states)
         scale = Scale(states, footprint.sweep_radius)
@@ -101,7 +104,7 @@ def check_path(world: World, robot: Robot | None, path: Path | ArrayLike) -> Pat
         path: states (n, 3), n >= 2, metres and radians, or a Path; see :meth:`PathAuditor.audit`.
 
     Raises:
-        ConfigurationError: a path of another shape, or values that are not finite.
+        ConfigurationError: a path of another shape, values that are not finite, or positions beyond 1e7 m.
         WorldError: no world, or no robot.
     """
     for auditor in _recent:

@@ -140,6 +140,8 @@ def colliding_parts(
                 count += 1
             continue
         speed, spin = hypot(track.dx, track.dy), fabs(track.dtheta)
+        # Rounding leaves no place between two that are nearer to one another.
+        shortest = max(SHORTEST, 1e-15 * bound)
         stack[0, 0], stack[0, 1] = 0.0, bound
         depth = 1
         while depth > 0:
@@ -158,7 +160,7 @@ def colliding_parts(
                 if d >= need:
                     continue
             hit = _depth(grid, field, robot, core, x, y, c, s, half) if d == 0.0 else 0.0
-            if half < SHORTEST:
+            if half < shortest:
                 if overlapping(grid, core, core_placed, x, y, theta):
                     parts = _add(parts, count, i, low / bound, high / bound)
                     count += 1
