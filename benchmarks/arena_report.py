@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 
 __all__ = ["summary", "write_report"]
 
+PICTURED = "disc, 50"
+
 RESULTS = Path(__file__).resolve().parent / "results"
 
-PUBLISHED = ("SMART (published, a point; C++)", "39 of 60", "65 %", "", "", "0.16", "", "")
+PUBLISHED = ("SMART (published, a point; C++)", "39 of 60", "65 %", "", "", "0.16", "", "", "")
 """A replanner's figures as they were measured on a machine of the same kind; its discs turn in a way of their own."""
 
 
@@ -43,27 +45,26 @@ def summary(drives: Sequence[Drive]) -> dict[str, Any]:
     return found
 
 
-def write_report(results: Mapping[str, Sequence[Drive]], first_seed: int | None) -> None:
-    """Print the table, and write it with JSON and picture unless ``first_seed`` is None."""
-    found = {name: summary(drives) for name, drives in results.items()}
+def write_report(name: str, drives: Sequence[Drive], first_seed: int) -> None:
+    """Write table, JSON and picture with one more case."""
+    file = RESULTS / "arena.json"
+    record: dict[str, Any] = json.loads(file.read_text()) if file.exists() else {"cases": {}}
+    record["cases"][name] = summary(drives) | {"first_seed": first_seed, "machine": describe_machine()}
+    write_atomically(file, (json.dumps(record, indent=1) + "\n").encode())
     rows = []
-    for name, s in found.items():
+    for case, s in record["cases"].items():
         times = [f"{s[kind][p]:.2f}" if kind in s else "" for kind in ("replan", "look") for p in ("50", "95")]
         share = f"{100 * s['reached'] / s['scenes']:.0f} %"
         seconds = "" if s["seconds"] is None else f"{s['seconds']:.1f}"
-        rows.append((name, f"{s['reached']} of {s['scenes']}", share, str(s["late"]), seconds, *times))
+        rows.append((case, f"{s['reached']} of {s['scenes']}", share, str(s["late"]), seconds, *times))
     header = ("", "reached", "", "too late", "s across", "ms replan", "95 %", "ms look", "95 %")
-    table = markdown_table(header, [*rows, (*PUBLISHED, "")])
-    print(table)
-    if first_seed is None:
-        return
-    machine = describe_machine()
-    count = max(s["scenes"] for s in found.values())
-    text = TEXT.format(table=table, machine=machine, first=first_seed, last=first_seed + count - 1)
+    table = markdown_table(header, [*rows, PUBLISHED])
+    machines = "\n".join(f"- {case}: {s['machine']}" for case, s in record["cases"].items())
+    first = min(s["first_seed"] for s in record["cases"].values())
+    text = TEXT.format(table=table, machines=machines, first=first)
     write_atomically(RESULTS / "arena.md", text.encode())
-    record = {"machine": machine, "first_seed": first_seed, "cases": found}
-    write_atomically(RESULTS / "arena.json", (json.dumps(record, indent=1) + "\n").encode())
-    _draw(results, RESULTS / "arena.png")
+    if PICTURED in name:
+        _draw(name, drives, RESULTS / "arena.png")
 
 
 TEXT = """# A field of moving discs
@@ -71,7 +72,7 @@ TEXT = """# A field of moving discs
 `python -m benchmarks.arena`: 32 x 32 m inside walls, 15 discs of 0.7 m (1 m with the robot's 0.3 m) at 4 m/s, which
 bounce off the walls and each take another direction, any, on the mean every 1.5 s (Poisson); a robot from corner to
 corner (42.4 m; the disc at 4 m/s, the rectangle of 1.2 x 0.8 m at 2 m/s). It sees the discs' places alone. Scenes
-{first} to {last}; the program's choices were made on others (0 to 59). Contact is judged in continuous time by code of
+from {first} on; the program's choices were made on others (0 to 59). Contact is judged in continuous time by code of
 its own (`benchmarks/arena_scene.py`); who takes more than 60 s is too late. Who stands has reached if nothing met it.
 
 The program foresees each disc for 1.2 s (the rectangle 2 s) at the velocity between the last two looks, with bounces,
@@ -84,25 +85,23 @@ the model of what stands, counts as well. The robot moves as if all that took no
 
 ![Paths of the disc](arena.png)
 
-{machine}
+{machines}
 """
 
 
-def _draw(results: Mapping[str, Sequence[Drive]], path: Path) -> None:
-    """Draw paths across the field, and one moment of it."""
+def _draw(name: str, drives: Sequence[Drive], path: Path) -> None:
+    """Draw the robot's paths across the field, and the discs at the end of one."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(4.2 * min(3, len(results)), 4.4), layout="constrained")
-    moving = [(name, drives) for name, drives in results.items() if drives and drives[0].looks][:3]
-    for k, (name, drives) in enumerate(moving):
-        axes = figure.add_subplot(1, len(moving), k + 1)
-        for d in drives[:40]:
-            axes.plot(*d.trace.T, color="tab:blue" if d.reached else "tab:red", lw=0.6, alpha=0.6)
-            if d.contact is not None:
-                axes.plot(*d.trace[-1], "x", color="tab:red", ms=5)
-        for place in drives[0].discs:
-            axes.add_patch(_circle(place))
-        axes.set(xlim=(0, SIZE), ylim=(0, SIZE), aspect="equal", xlabel="x [m]", title=name)
+    figure = Figure(figsize=(5.0, 5.2), layout="constrained")
+    axes = figure.add_subplot()
+    for d in drives[:60]:
+        axes.plot(*d.trace.T, color="tab:blue" if d.reached else "tab:red", lw=0.6, alpha=0.6)
+        if d.contact is not None:
+            axes.plot(*d.trace[-1], "x", color="tab:red", ms=5)
+    for place in drives[0].discs:
+        axes.add_patch(_circle(place))
+    axes.set(xlim=(0, SIZE), ylim=(0, SIZE), aspect="equal", xlabel="x [m]", ylabel="y [m]", title=name)
     figure.savefig(path, dpi=110)
 
 

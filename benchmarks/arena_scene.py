@@ -62,14 +62,21 @@ class Scene:
         of = zip(self.pieces, self._ends, strict=True)
         return np.array([_place(pieces[bisect_left(ends, time)], time) for pieces, ends in of])
 
-    def during(self, begin: float, end: float) -> Iterator[tuple[float, float, FloatArray, FloatArray]]:
-        """Yield (begin, end, from, to) for each straight piece of a disc's motion between two moments."""
+    def during(
+        self, begin: float, end: float, near: tuple[float, float, float]
+    ) -> Iterator[tuple[float, float, FloatArray, FloatArray]]:
+        """Yield (begin, end, from, to) for each straight piece of a disc's motion between two moments.
+
+        Pieces all of which lie farther from a place than a distance (``near``: x, y, metres) may be left out.
+        """
         for pieces, ends in zip(self.pieces, self._ends, strict=True):
             for piece in islice(pieces, bisect_left(ends, begin), None):
                 if piece[0] >= end:
                     break
                 low, high = max(begin, piece[0]), min(end, piece[1])
-                if low < high:
+                x, y = piece[2] + (low - piece[0]) * piece[4], piece[3] + (low - piece[0]) * piece[5]
+                away = hypot(x - near[0], y - near[1]) - SPEED * (high - low)
+                if low < high and away <= near[2]:
                     yield low, high, _place(piece, low), _place(piece, high)
 
 
@@ -113,7 +120,8 @@ def first_contact(scene: Scene, legs: list[Leg], half: tuple[float, float], radi
     """
     first = inf
     for leg in legs:
-        for begin, end, p, q in scene.during(leg.begin, leg.end):
+        reach = hypot(*(leg.b - leg.a)[:2]) + hypot(*half) + radius + DISC_RADIUS
+        for begin, end, p, q in scene.during(leg.begin, leg.end, (leg.a[0], leg.a[1], 1.001 * reach)):
             a, b = _part(leg, begin), _part(leg, end)
             if half == (0.0, 0.0):
                 met = _points_meet(a[:2] - p, b[:2] - q, DISC_RADIUS + radius)
