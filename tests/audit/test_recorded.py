@@ -38,6 +38,8 @@ def test_states_that_are_not_the_curves_own_count_themselves() -> None:
         ({"kind": "spline"}, "curve: kind: expected dubins or reeds-shepp, got 'spline'"),
         ("dubins", "curve: kind: expected"),
         ({"kind": "dubins", "turning_radius": 0, "knots": [[0, 0, 0]]}, "curve: turning radius"),
+        ({"kind": "dubins", "turning_radius": 1e-320, "knots": [[0, 0, 0]]}, "curve: turning radius"),
+        ({"kind": "dubins", "turning_radius": 1e300, "knots": [[0, 0, 0]]}, "curve: turning radius"),
         ({"kind": "dubins", "turning_radius": 1}, "curve: path"),
         ({"kind": "dubins", "turning_radius": 1, "knots": [[0, 0]]}, "curve: path: expected shape"),
     ],

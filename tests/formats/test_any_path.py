@@ -93,6 +93,15 @@ def test_headings_are_reported_as_they_were_written(tmp_path: FilePath) -> None:
     assert (np.abs(found.path.states[:, 2]) <= math.pi).all()
 
 
+@pytest.mark.parametrize("scale", [1e-300, 1e-5, 1e200])
+def test_only_the_direction_of_a_quaternion_counts(tmp_path: FilePath, scale: float) -> None:
+    data = message()
+    for entry in data["poses"]:
+        entry["pose"]["orientation"] = {key: scale * value for key, value in entry["pose"]["orientation"].items()}
+    (tmp_path / "a.json").write_text(json.dumps(data))
+    np.testing.assert_allclose(read_any_path(tmp_path / "a.json").path.states, STATES, atol=1e-12)
+
+
 def zeros() -> str:
     data = message()
     data["poses"][1]["pose"]["orientation"] = dict.fromkeys("xyzw", 0)

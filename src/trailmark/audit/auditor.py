@@ -67,9 +67,9 @@ class PathAuditor:
             raise ConfigurationError(f"path: expected two or more states, got {len(audited)}")
         # A copy: read-only arrays would be another type to the kernels, and compiled for anew.
         states = np.array(audited.states)
-        if np.abs(states[:, :2]).max() > BOUNDS_LIMIT:
-            far = float(np.abs(states[:, :2]).max())
-            raise ConfigurationError(f"path: expected positions of at most {BOUNDS_LIMIT:g} m along x and y, got {far:g}")
+        farthest = float(np.abs(states[:, :2]).max())
+        if farthest > BOUNDS_LIMIT:
+            raise ConfigurationError(f"path: expected x and y of at most {BOUNDS_LIMIT:g} m, got {farthest:g}")
         field, grid, footprint = self.checker.field, self.checker.grid, self.checker.footprint
         parts = colliding_parts(grid, field, footprint, self._core, states)
         scale = Scale(states, footprint.sweep_radius)

@@ -11,8 +11,12 @@ from trailmark.curves import CurvePath, Steering
 from trailmark.errors import FormatError, TrailmarkError
 from trailmark.formats.any_path import PathFile
 from trailmark.path import Path
+from trailmark.robot import TURNING_LIMIT
 
 __all__ = ["recorded_path"]
+
+SMALLEST_RADIUS = 1e-6
+"""Metres: who follows a smaller turning radius turns in place, and its arcs would be more than can be audited."""
 
 
 def recorded_path(found: PathFile, file: FilePath) -> Path:
@@ -29,6 +33,9 @@ def recorded_path(found: PathFile, file: FilePath) -> Path:
     kind, radius, knots = (curve.get(key) for key in ("kind", "turning_radius", "knots"))
     if kind not in ("dubins", "reeds-shepp"):
         raise FormatError(file, f"curve: kind: expected dubins or reeds-shepp, got {brief(kind)}")
+    if not SMALLEST_RADIUS <= real(radius) <= TURNING_LIMIT:
+        allowed = f"expected metres from {SMALLEST_RADIUS:g} to {TURNING_LIMIT:g}"
+        raise FormatError(file, f"curve: turning radius: {allowed}, got {brief(radius)}")
     try:
         curves = CurvePath(knots, Steering(real(radius), reverse=kind == "reeds-shepp"))  # type: ignore[arg-type]  # checked
     except TrailmarkError as error:

@@ -95,10 +95,15 @@ def check(
         from trailmark.audit import PathAuditor
         from trailmark.audit.recorded import recorded_path
         from trailmark.collision import StateChecker
+        from trailmark.errors import ConfigurationError, FormatError
 
         progress.stage("checking (compiles on first use)")
         auditor = PathAuditor(StateChecker(loaded, body))
-        audit = auditor.audit(recorded_path(found, file))
+        recorded = recorded_path(found, file)
+        try:
+            audit = auditor.audit(recorded)
+        except ConfigurationError as error:
+            raise FormatError(file, str(error)) from None
         lower_bound = _lower_bound(auditor, audit)
         record = audit.to_dict(loaded.name) | {"lower_bound": lower_bound}
         written = []

@@ -132,6 +132,8 @@ def _state_of_pose(entry: Any, i: int, path: FilePath) -> list[float]:
     x, y, qx, qy, qz, qw = values
     if qx == qy == qz == qw == 0.0:
         raise FormatError(path, f"poses[{i}].orientation: expected a quaternion, got all zeros")
+    # Only its direction counts: squares of the largest and smallest numbers are none.
+    qx, qy, qz, qw = (v / max(map(abs, values[2:])) for v in values[2:])
     return [x, y, math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)]
 
 
