@@ -9,13 +9,15 @@ from itertools import repeat
 from operator import is_not
 from typing import Any, NamedTuple
 
-from trailmark.arguments import brief
+from trailmark.arguments import brief, each_of
 from trailmark.errors import WorldError
 from trailmark.estimates import ObstacleEstimate
 from trailmark.moving import Moving
-from trailmark.shapes import Shape
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
 __all__ = ["Change", "Changes", "Obstacles", "apply", "difference"]
+
+SHAPES = (Disc, Rectangle, Polygon)
 
 
 class Obstacles(NamedTuple):
@@ -48,6 +50,9 @@ class Change:
         index_after: its place among those of the world after; None if it was removed.
         estimate: how well it is known afterwards; None if exactly.
         moving: how it moves afterwards (``after`` is the region that it sweeps); None if it stands.
+
+    Raises:
+        WorldError: no shapes or places, a shape without a place or the other way round, or another region than swept.
     """
 
     id: str | None
@@ -57,6 +62,17 @@ class Change:
     index_after: int | None
     estimate: ObstacleEstimate | None = None
     moving: Moving | None = None
+
+    def __post_init__(self) -> None:
+        for shape, index in ((self.before, self.index_before), (self.after, self.index_after)):
+            if (shape is None) != (index is None) or not isinstance(shape, (*SHAPES, type(None))):
+                raise WorldError(f"change: expected shapes with their indices, got {brief(shape)} at {brief(index)}")
+            if index is not None and (not isinstance(index, int) or isinstance(index, bool) or index < 0):
+                raise WorldError(f"change: expected an index of 0 or more, got {brief(index)}")
+        if self.id is not None and not isinstance(self.id, str):
+            raise WorldError(f"change: expected an id that is a text, got {brief(self.id)}")
+        if self.moving is not None and self.moving.swept is not self.after and self.moving.swept != self.after:
+            raise WorldError(f"change: expected the region that {brief(self.moving)} sweeps, got {brief(self.after)}")
 
     def __str__(self) -> str:
         name = self.id or self.index_before if self.after is None else self.id or self.index_after
@@ -73,6 +89,12 @@ class Changes:
     """
 
     items: tuple[Change, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "items", each_of(self.items, Change, "changes", error=WorldError))
+        gone = [item.index_before for item in self.items if item.index_before is not None]
+        if len(set(gone)) < len(gone):
+            raise WorldError(f"changes: expected each obstacle in one of them, got indices {brief(gone)}")
 
     def __bool__(self) -> bool:
         return bool(self.items)
