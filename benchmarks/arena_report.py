@@ -102,7 +102,7 @@ def _draw(name: str, drives: Sequence[Drive], path: Path) -> None:
     for place in drives[0].discs:
         axes.add_patch(_circle(place))
     axes.set(xlim=(0, SIZE), ylim=(0, SIZE), aspect="equal", xlabel="x [m]", ylabel="y [m]", title=name)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=110, metadata={"Description": describe_machine()})
 
 
 def _circle(place: np.ndarray) -> Any:
