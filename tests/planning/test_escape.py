@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
 
-from trailmark import Disc, LandmarkPlanner, Polygon, Rectangle, StateChecker, World
+from trailmark import Disc, LandmarkPlanner, Path, Polygon, Rectangle, StateChecker, World, check_path
 from trailmark.audit.depth import Penetration
 from trailmark.planning.escape import way_out
 from trailmark.world import Robot
@@ -107,3 +107,16 @@ def test_replanning_leads_out_first(name: str) -> None:
     # Once it is out it stays out.
     assert not valid[0]
     assert valid[np.argmax(valid) :].all()
+
+
+def test_a_car_is_free_from_the_state_on_that_ends_its_escape() -> None:
+    corner = Polygon(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 0.5], [0.5, 0.5], [0.5, 3.0], [0.0, 3.0]]))
+    world, robot = World("corner", (0.0, 0.0, 10.0, 10.0), (corner,)), Robot.rectangle(0.8, 0.4).steered(1.0)
+    start, goal = np.array([0.3, 0.3, 0.7]), np.array([9.0, 1.5, 0.0])
+    path = Path(np.array([start, goal]))
+    result = LandmarkPlanner(world, robot, seed=0).replan(start, goal, path, 10.0, escape=True)
+    assert result.path is not None
+    assert result.escape > 0
+    free = result.path.states[result.escape :]
+    assert check_path(world, robot, free).free
+    assert not check_path(world, robot, result.path.states[: result.escape + 1]).free

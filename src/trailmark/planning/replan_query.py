@@ -93,7 +93,7 @@ def _replanned(
         kept=False,
         lower_bound=None,
         min_clearance=0.0,
-        escape=len(out) - 1,
+        escape=len(motion.path(out)) - 1,
         reason=f"{problem}: the path leads out first",
     )
 
