@@ -1,4 +1,4 @@
-"""How fast does what is known of a world follow its changes? Writes results/change.{json,md}, a section for each part.
+"""How fast does what is known of a world follow its changes? Writes results/change.{json,md,png}.
 
     python -m benchmarks.change [--part checker ...] [--quick] [--no-write]
 
@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from benchmarks.changing import baselines, checker, differential, drive, planner
+from benchmarks.changing.plot import plot
 from benchmarks.machine import describe_machine
 from trailmark.formats.files import write_atomically
 
@@ -57,6 +58,8 @@ def main() -> int:
         ]
         text = "\n".join(["# Worlds that change\n", *sections])
         write_atomically(RESULTS / "change.md", text.encode())
+        if {"planner", "drive"} <= set(found):
+            plot(found, RESULTS / "change.png")
     return 0
 
 
