@@ -52,7 +52,7 @@ while path is not None and path.cost > STEP * SPEED:
         note = f"{STEP * moment:4.1f} s: pallet {dropped} dropped, {verdict}"
         print(f"{note} ({milliseconds:.1f} ms)")
     # The robot drives on; there is time to look for a better path.
-    result = planner.replan(here, goal, result.path, improvement=0.1) if result.path is not None else result
+    result = planner.replan(here, goal, result.path, improvement=0.05) if result.path is not None else result
     world, path = changed, result.path
     moments.append(Frame(world, here, path, note))
 print(f"arrived after {STEP * moment:.1f} s" if path is not None else "no path any more")

@@ -113,6 +113,7 @@ def entries(file: Path) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
             estimation.regrow,
             {"world": GROWN, "confidence": 0.9, "weights": None, "pose_covariance": None},
         ),
+        "refined": (estimation.refined, {"world": GROWN, "estimates": {0: ESTIMATE}}),
         "spend_risk": (
             estimation.spend_risk,
             {

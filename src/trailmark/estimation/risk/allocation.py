@@ -106,6 +106,7 @@ def regrow(
     return _grown(replace(world, estimates=estimates, risk=bound), bound, 1.0)
 
 
+@checked_arguments(EstimationError)
 def refined(world: World, estimates: Mapping[str | int, ObstacleEstimate]) -> World:
     """Return the world with some obstacles known better, or at all; the others stay as they are.
 
