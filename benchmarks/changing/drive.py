@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from benchmarks.changing.planner import ends_of
 from benchmarks.machine import markdown_table
 from benchmarks.random_worlds import ROBOTS, random_world
+from benchmarks.soak import resident
 from trailmark import LandmarkPlanner, Rectangle, World
 
 RATE, MINUTES = 10, 10
@@ -52,7 +52,7 @@ def measure(quick: bool) -> dict[str, Any]:
                 path = planner.plan(start, goal, time_limit=2.0).path
         minutes.append(
             {
-                "memory": _memory(),
+                "memory": resident(),
                 "update": float(np.median(updates)),
                 "replan": float(np.median(replans)),
                 "p95": float(np.percentile(np.add(updates, replans), 95)),
@@ -75,12 +75,6 @@ def _changed(world: World, rng: np.random.Generator) -> World:
     if rng.random() < 0.5:
         return world.edited(remove=[pallet])
     return world.edited(move={pallet: (*rng.normal(0.0, 0.5, 2), 0.1)})
-
-
-def _memory() -> float:
-    """Return the memory in use by this process, MB."""
-    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
-    return next(float(line.split()[1]) / 1024.0 for line in lines if line.startswith("VmRSS"))
 
 
 def report(found: dict[str, Any]) -> str:

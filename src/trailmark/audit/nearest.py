@@ -12,7 +12,7 @@ from trailmark.audit.pieces import chord_error, nearby, sweep
 from trailmark.audit.verdict import LONGEST, pose_on, track_of
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import exact_clearance, field_clearance, field_value, workspace
+from trailmark.collision.kernels import exact_clearance, field_cap, field_clearance, workspace
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
@@ -41,9 +41,8 @@ def _clearance(
     cap: float,
 ) -> float:
     """Return min(clearance, cap) at a configuration."""
-    # The nearest obstacle is no farther than the one that the field's value stands for.
-    limit = min(cap, field_value(field, x, y) + field.slack + robot.circumradius)
-    return float(exact_clearance(grid, robot, placed, x, y, cos(theta), sin(theta), limit))
+    c, s = cos(theta), sin(theta)
+    return float(exact_clearance(grid, robot, placed, x, y, c, s, field_cap(field, robot, x, y, c, s, cap)))
 
 
 @njit(cache=True, nogil=True)

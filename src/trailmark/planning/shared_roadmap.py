@@ -82,15 +82,16 @@ class SharedRoadmap:
         changed._spread &= len(boxes.removed) <= MANY_REMOVED
         removed = boxes.removed if changed._spread else boxes.removed[:0]
         freed = freed_landmarks(changed.roadmap, removed, self._spread_nodes, self.settings, self._rng)
-        new = [changed.roadmap.add(changed.roadmap.fresh(q, apart)) for q in (back, freed) if len(q)]
-        counts = [len(nodes) for nodes in new]
+        retracted, added = (
+            len(changed.roadmap.add(changed.roadmap.fresh(q, apart))) if len(q) else 0 for q in (back, freed)
+        )
         return changed, Update(
             checked=found.checked,
             gained=found.gained,
             lost=found.lost,
             landmarks_dropped=len(found.dropped),
-            landmarks_retracted=counts[0] if len(back) else 0,
-            landmarks_added=counts[-1] if len(freed) else 0,
+            landmarks_retracted=retracted,
+            landmarks_added=added,
         )
 
     def place(
