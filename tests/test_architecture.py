@@ -20,7 +20,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"arguments"}),
     frozenset({"checked"}),
     frozenset({"nearest", "se2", "shapes"}),
-    frozenset({"path", "robot"}),
+    frozenset({"path", "robot", "objective"}),
     frozenset({"estimates", "moving"}),
     frozenset({"changes"}),
     frozenset({"edits"}),

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from trailmark.errors import TrailmarkError as TrailmarkError
     from trailmark.errors import WorldError as WorldError
     from trailmark.moving import Moving as Moving
+    from trailmark.objective import Objective as Objective
     from trailmark.path import Path as Path
     from trailmark.planning import LandmarkPlanner as LandmarkPlanner
     from trailmark.planning import PlannerSettings as PlannerSettings
@@ -58,6 +59,7 @@ _HOME = {
     "TrailmarkError": "errors",
     "WorldError": "errors",
     "Moving": "moving",
+    "Objective": "objective",
     "Path": "path",
     "LandmarkPlanner": "planning",
     "PlanProgress": "planning",
