@@ -21,7 +21,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"checked"}),
     frozenset({"nearest", "se2", "shapes"}),
     frozenset({"path", "robot", "objective"}),
-    frozenset({"estimates", "moving"}),
+    frozenset({"estimates", "moving", "zones"}),
     frozenset({"changes"}),
     frozenset({"edits"}),
     frozenset({"world", "formats"}),

@@ -39,6 +39,10 @@ if TYPE_CHECKING:
     from trailmark.world import Query as Query
     from trailmark.world import Robot as Robot
     from trailmark.world import World as World
+    from trailmark.zones import CostZone as CostZone
+    from trailmark.zones import KeepOutZone as KeepOutZone
+    from trailmark.zones import OneWayZone as OneWayZone
+    from trailmark.zones import SpeedZone as SpeedZone
 
 __version__ = "0.1.0"
 
@@ -74,6 +78,10 @@ _HOME = {
     "Query": "world",
     "Robot": "world",
     "World": "world",
+    "CostZone": "zones",
+    "KeepOutZone": "zones",
+    "OneWayZone": "zones",
+    "SpeedZone": "zones",
 }
 
 __all__ = ["__version__", *_HOME]

@@ -24,6 +24,7 @@ from trailmark.estimates import ObstacleEstimate, RiskBound
 from trailmark.moving import Moving
 from trailmark.robot import Robot
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 __all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
 
@@ -65,6 +66,8 @@ class World:
         ids: one for each obstacle, unique texts, None where it has none; empty if none has. An obstacle without one is
             spoken of by its index.
         moving: one for each obstacle, None where it stands; empty if all do.
+        zones: where a path costs more or less, must not lead, has one direction or a speed limit
+            (:mod:`trailmark.zones`).
         sources: the files that it was read from, absolute, which nothing that is written may replace. Worlds compare
             without them.
 
@@ -84,6 +87,7 @@ class World:
     risk: RiskBound | None = None
     ids: tuple[str | None, ...] = field(default=())
     moving: tuple[Moving | None, ...] = field(default=())
+    zones: tuple[Zone, ...] = field(default=())
     sources: tuple[FilePath, ...] = field(default=(), repr=False, compare=False)
     _origin: tuple[weakref.ref[World], Changes] | None = field(default=None, init=False, repr=False, compare=False)
 
@@ -105,6 +109,7 @@ class World:
         kinds["estimates"] = (ObstacleEstimate, type(None))
         kinds["ids"] = (str, type(None))
         kinds["moving"] = (Moving, type(None))
+        kinds["zones"] = (CostZone, KeepOutZone, OneWayZone, SpeedZone)
         for name, kind in kinds.items():
             object.__setattr__(self, name, each_of(getattr(self, name), kind, name, error=WorldError))
         one_of(self.robot, (Robot, type(None)), "world: robot:", hint=" (Robot.parse)", error=WorldError)
@@ -127,6 +132,7 @@ class World:
         xmin, ymin, xmax, ymax = self.bounds
         facts = [repr(self.name), f"{xmax - xmin:g} x {ymax - ymin:g} m", f"{len(self.obstacles):,} obstacles"]
         facts += ["a boundary"] if self.boundary is not None else []
+        facts += [f"{len(self.zones)} zone{'s' if len(self.zones) > 1 else ''}"] if self.zones else []
         facts.append("no robot" if self.robot is None else f"robot {self.robot.describe()}")
         names = [query.name for query in self.queries[:5]] + (["…"] if len(self.queries) > 5 else [])
         return f"World({', '.join(facts)}, queries: {', '.join(names) or 'none'})"
@@ -210,14 +216,14 @@ class World:
         this one (:meth:`edited`, :meth:`apply`), that is known already.
 
         Raises:
-            WorldError: bounds or boundary differ.
+            WorldError: bounds, boundary or zones differ.
         """
         one_of(other, World, "difference:", error=WorldError)
         if other is self:
             return Changes()
         if other._origin is not None and other._origin[0]() is self:
             return other._origin[1]
-        for name in ("bounds", "boundary"):
+        for name in ("bounds", "boundary", "zones"):
             mine, theirs = getattr(self, name), getattr(other, name)
             if mine is not theirs and mine != theirs:
                 raise WorldError(f"difference: {name}: expected the same in both worlds, got {mine} and {theirs}")

@@ -17,6 +17,7 @@ from trailmark.formats.yaml_data import parse_yaml
 from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
+from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone
 
 # The example of the contract (DESIGN.md section 2), with numbers for its dots.
 CONTRACT = """
@@ -45,6 +46,10 @@ OFFICE = World(
     Polygon(np.array([[0, 0], [20, 0], [20, 12], [10, 11.5], [0, 12.0]])),
     (Query("door", (1.0, 1.0, 0.0), (18.0, 10.0, 1.57)),),
 )
+
+
+def zone(kind: str, vertices: str = "[[0, 0], [1, 0], [0, 1]]") -> str:
+    return f"zones: [{{kind: {kind}, vertices: {vertices}}}]"
 
 
 def write(tmp_path: Path, text: str) -> Path:
@@ -108,6 +113,7 @@ def any_world(draw: st.DrawFn) -> World:
     ends = draw(st.lists(st.tuples(pose, pose), max_size=3))
     unique = draw(st.lists(names, min_size=len(ends), max_size=len(ends), unique=True))
     shapes = draw(st.lists(obstacles | motions, max_size=5))
+    region = polygons(holes=True)
     ids = draw(st.none() | st.lists(names.filter(bool), min_size=len(shapes), max_size=len(shapes), unique=True))
     return World(
         draw(names),
@@ -117,6 +123,17 @@ def any_world(draw: st.DrawFn) -> World:
         draw(st.none() | polygons(holes=False)),
         tuple(Query(name, *both) for name, both in zip(unique, ends, strict=True)),
         ids=tuple(ids or ()),
+        zones=tuple(
+            draw(
+                st.lists(
+                    st.builds(CostZone, region, st.floats(0.1, 1e6))
+                    | st.builds(KeepOutZone, region)
+                    | st.builds(OneWayZone, region, st.floats(-10.0, 10.0), st.floats(0.0, math.pi))
+                    | st.builds(SpeedZone, region, length),
+                    max_size=3,
+                )
+            )
+        ),
     )
 
 
@@ -223,6 +240,24 @@ def polygon(points: str) -> str:
             HEAD + "obstacles: [{shape: disc, center: [1, 2], radus: 1}]",
             "obstacles[0].radus: unknown key; expected center, estimate, id, motion, radius, shape, got 'radus'",
         ),
+        (HEAD + zone("cost, factor: 0"), "zones[0].factor: expected a number from 0.1 to 1e6, got 0"),
+        (HEAD + zone("cost"), "zones[0].factor: expected a number from 0.1 to 1e6, got nothing"),
+        (
+            HEAD + zone("one-way, heading: 0, tolerance: 4"),
+            "zones[0].tolerance: expected a number from 0 to pi (radians",
+        ),
+        (HEAD + zone("one-way, heading: up, tolerance: 1"), "zones[0].heading: expected a finite number (radians"),
+        (
+            HEAD + zone("speed, limit: -1"),
+            "zones[0].limit: expected a finite number above 0 (metres per second), got -1",
+        ),
+        (HEAD + zone("keep-out, factor: 2"), "zones[0].factor: unknown key; expected holes, kind, vertices, got"),
+        (HEAD + zone("keepout"), "zones[0].kind: expected cost, keep-out, one-way, speed, got 'keepout' (did you"),
+        (HEAD + zone("keep-out", "[[0, 0], [1, 1], [2, 2]]"), "zones[0]: polygon: "),
+        (HEAD + zone("keep-out", "[[0, 0], [1, 1]]"), "zones[0].vertices: expected three or more points"),
+        (HEAD + "zones: [{vertices: []}]", "zones[0].kind: expected cost, keep-out, one-way, speed, got nothing"),
+        (HEAD + "zones: [7]", "zones[0]: expected a mapping, got 7"),
+        (HEAD + "zones: 7", "zones: expected a list of mappings with the key kind: cost, keep-out, one-way"),
         (HEAD + "obstacles: [{shape: disk}]", "obstacles[0].shape: expected disc, polygon, rectangle, got 'disk'"),
         (HEAD + "obstacles: [{radius: 1}]", "obstacles[0].shape: expected disc, polygon, rectangle, got nothing"),
         (HEAD + "obstacles: [5]", "obstacles[0]: expected a mapping, got 5"),
@@ -337,7 +372,7 @@ def test_json_schema_describes_the_contract() -> None:
     assert schema["title"] == "trailmark world"
     assert schema["additionalProperties"] is False
     contract = {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"}
-    assert set(schema["properties"]) == {*contract, "risk"}
+    assert set(schema["properties"]) == {*contract, "risk", "zones"}
     assert schema["required"] == ["trailmark", "bounds"]
     disc_schema = schema["$defs"]["DiscObstacle"]
     assert disc_schema["properties"]["radius"]["exclusiveMinimum"] == 0.0

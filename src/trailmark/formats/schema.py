@@ -8,6 +8,7 @@ both quote it.
 # Tested by tests/formats/test_world_yaml.py and test_nav2_map.py.
 from __future__ import annotations
 
+import math
 import reprlib
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,6 +42,8 @@ _KIND = "a mapping with the key shape: disc, rectangle or polygon"
 _ESTIMATE = "a mapping {mean, covariance, share}"
 _ID = "a text that is not empty and names no other obstacle (quote it if it looks like a number)"
 _MOTION = "a mapping {velocity, until}"
+_ZONES = "a list of mappings with the key kind: cost, keep-out, one-way or speed"
+_HOLES = "a list of rings, each of " + _RING
 
 
 class _Strict(BaseModel):
@@ -97,7 +100,7 @@ class PolygonShape(_Strict):
 
     shape: Literal["polygon"]
     vertices: Ring = Field(description=_RING)
-    holes: list[Ring] = Field(default=[], description="a list of rings, each of " + _RING)
+    holes: list[Ring] = Field(default=[], description=_HOLES)
 
 
 class EstimateEntry(_Strict):
@@ -146,6 +149,42 @@ class RiskEntry(_Strict):
     reach: NotNegative = Field(default=0.0, description="a finite number, 0 or more (metres per radian of heading)")
 
 
+class _Zone(_Strict):
+    vertices: Ring = Field(description=_RING)
+    holes: list[Ring] = Field(default=[], description=_HOLES)
+
+
+class CostZoneEntry(_Zone):
+    """Where a metre costs so many metres."""
+
+    kind: Literal["cost"]
+    factor: Number = Field(ge=0.1, le=1e6, description="a number from 0.1 to 1e6")
+
+
+class KeepOutZoneEntry(_Zone):
+    """Where no part of the robot may be; a robot that starts inside may leave."""
+
+    kind: Literal["keep-out"]
+
+
+class OneWayZoneEntry(_Zone):
+    """Where the reference point may only travel along a heading, within a tolerance."""
+
+    kind: Literal["one-way"]
+    heading: Number = Field(description="a finite number (radians, counter-clockwise)")
+    tolerance: NotNegative = Field(le=math.pi, description="a number from 0 to pi (radians)")
+
+
+class SpeedZoneEntry(_Zone):
+    """Where the reference point may not travel faster than a limit."""
+
+    kind: Literal["speed"]
+    limit: Positive = Field(description="a finite number above 0 (metres per second)")
+
+
+ZoneEntry = CostZoneEntry | KeepOutZoneEntry | OneWayZoneEntry | SpeedZoneEntry
+
+
 class QueryEntry(_Strict):
     """One planning problem."""
 
@@ -172,6 +211,7 @@ class WorldFile(_Strict):
         list[Annotated[DiscObstacle | RectangleObstacle | PolygonObstacle, Field(discriminator="shape")]] | None
     ) = Field(default=None, description="a list of mappings with the key shape: disc, rectangle or polygon")
     queries: list[QueryEntry] | None = Field(default=None, description="a list of mappings {name, start, goal}")
+    zones: list[Annotated[ZoneEntry, Field(discriminator="kind")]] | None = Field(default=None, description=_ZONES)
     risk: RiskEntry | None = Field(default=None, description="a mapping {confidence, pose_covariance, reach}")
 
 
@@ -193,6 +233,12 @@ _KINDS: dict[str, dict[str, type[BaseModel]]] = {
     "robot": {"disc": DiscRobot, "rectangle": RectangleRobot, "polygon": PolygonRobot},
     "obstacles": {"disc": DiscObstacle, "rectangle": RectangleObstacle, "polygon": PolygonObstacle},
     "mean": {"disc": DiscShape, "rectangle": RectangleShape, "polygon": PolygonShape},
+    "zones": {
+        "cost": CostZoneEntry,
+        "keep-out": KeepOutZoneEntry,
+        "one-way": OneWayZoneEntry,
+        "speed": SpeedZoneEntry,
+    },
 }
 _PARTS: dict[str, type[BaseModel]] = {
     "queries": QueryEntry,
@@ -200,9 +246,10 @@ _PARTS: dict[str, type[BaseModel]] = {
     "motion": MotionEntry,
     "risk": RiskEntry,
 }
-_MODELS = (*_KINDS["robot"].values(), *_KINDS["obstacles"].values(), *_PARTS.values())
+_MODELS = (*(model for name in ("robot", "obstacles", "zones") for model in _KINDS[name].values()), *_PARTS.values())
 _POINT_DEPTH = {"vertices": 1, "boundary": 1, "holes": 2}  # indices from the field down to one point
-_SHAPES = ("disc", "polygon", "rectangle")
+_TAGS = {"shape": ("disc", "polygon", "rectangle"), "kind": ("cost", "keep-out", "one-way", "speed")}
+_ALL_TAGS = {tag for tags in _TAGS.values() for tag in tags}
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
@@ -234,16 +281,18 @@ def validate(model: type[ModelT], data: dict[str, Any], path: Path) -> ModelT:
 
 
 def _describe(model: type[BaseModel], problem: Any) -> str:
-    kind, location = problem["type"], [part for part in problem["loc"] if part not in _SHAPES]
+    *before, last = problem["loc"]
+    kind, location = problem["type"], [*(part for part in before if part not in _ALL_TAGS), last]
     where, value = _where(location), _short.repr(problem["input"])
     if kind == "extra_forbidden":
         allowed = expected_name(str(location[-1]), _model_at(model, problem["loc"]).model_fields)
         return f"{where}: unknown key; {allowed}"
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        given = problem["input"].get("shape") if isinstance(problem["input"], dict) else problem["input"]
+        key = problem["ctx"]["discriminator"].strip("'")
+        given = problem["input"].get(key) if isinstance(problem["input"], dict) else problem["input"]
         if kind == "union_tag_not_found":
-            return f"{where}.shape: expected {', '.join(_SHAPES)}, got nothing"
-        return f"{where}.shape: {expected_name(str(given), _SHAPES)}"
+            return f"{where}.{key}: expected {', '.join(_TAGS[key])}, got nothing"
+        return f"{where}.{key}: {expected_name(str(given), _TAGS[key])}"
     allowed = _allowed(model, location, kind)
     return f"{where}: expected {allowed}, got {'nothing' if kind == 'missing' else value}"
 
@@ -253,14 +302,13 @@ def _allowed(model: type[BaseModel], location: Sequence[str | int], kind: str) -
     field = str(location[-1 - depth])
     if depth and kind in ("float_type", "finite_number"):
         return "a finite number"
-    if depth and field in ("obstacles", "queries"):
+    if depth and field in ("obstacles", "queries", "zones"):
         return "a mapping"
     if depth and depth == _POINT_DEPTH.get(field):
         return _POINT
     owners = (model, *_MODELS) if len(location) == 1 else (*_MODELS, model)
-    return next(
-        owner.model_fields[field].description or ", ".join(_SHAPES) for owner in owners if field in owner.model_fields
-    )
+    allowed = next(owner.model_fields[field].description for owner in owners if field in owner.model_fields)
+    return allowed or ", ".join(_TAGS[field])
 
 
 def _model_at(model: type[BaseModel], location: Sequence[str | int]) -> type[BaseModel]:

@@ -12,6 +12,7 @@ from trailmark.errors import ConfigurationError, FormatError, OutputError, Shape
 from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
+from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 if TYPE_CHECKING:
     from trailmark.formats import schema
@@ -61,6 +62,7 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         estimates=tuple(estimates),
         risk=None if file.risk is None else _build(path, "risk", _risk, file.risk),
         ids=tuple(entry.id for entry in entries),
+        zones=tuple(_build(path, f"zones[{i}]", _zone, entry) for i, entry in enumerate(file.zones or ())),
         sources=(path.absolute(),),
     )
 
@@ -86,6 +88,8 @@ def world_text(world: World) -> str:
         lines.append("obstacles:")
         columns = (column or repeat(None) for column in (world.ids, world.estimates, world.moving))
         lines += [f"  - {_obstacle_text(*row)}" for row in zip(world.obstacles, *columns, strict=False)]
+    if world.zones:
+        lines += ["zones:", *(f"  - {_zone_text(zone)}" for zone in world.zones)]
     if world.queries:
         lines.append("queries:")
         lines += [
@@ -141,12 +145,18 @@ def _query(entry: schema.QueryEntry) -> Query:
     return Query(entry.name, (x0, y0, t0), (x1, y1, t1))
 
 
+def _zone(entry: schema.ZoneEntry) -> Zone:
+    region = Polygon(entry.vertices, entry.holes)  # type: ignore[arg-type]  # it turns lists into arrays itself
+    if entry.kind == "cost":
+        return CostZone(region, entry.factor)
+    if entry.kind == "one-way":
+        return OneWayZone(region, entry.heading, entry.tolerance)
+    return SpeedZone(region, entry.limit) if entry.kind == "speed" else KeepOutZone(region)
+
+
 def _shape(shape: Shape, placed: bool) -> str:
     if isinstance(shape, Polygon):
-        fields = f"polygon, vertices: {_points(shape.vertices.tolist())}"
-        if shape.holes:
-            fields += f", holes: [{', '.join(_points(hole.tolist()) for hole in shape.holes)}]"
-        return f"{{shape: {fields}}}"
+        return f"{{shape: polygon, {_rings(shape)}}}"
     center = f"center: {_numbers(shape.center)}, " if placed else ""
     if isinstance(shape, Disc):
         return f"{{shape: disc, {center}radius: {_number(shape.radius)}}}"
@@ -173,6 +183,21 @@ def _obstacle_text(shape: Shape, name: str | None, estimate: ObstacleEstimate | 
     if moving is not None:
         fields += f", motion: {{velocity: {_numbers(moving.velocity)}, until: {_number(moving.until)}}}"
     return f"{text[:-1]}{fields}}}"
+
+
+def _zone_text(zone: Zone) -> str:
+    if isinstance(zone, CostZone):
+        fields = f"cost, factor: {_number(zone.factor)}"
+    elif isinstance(zone, OneWayZone):
+        fields = f"one-way, heading: {_number(zone.heading)}, tolerance: {_number(zone.tolerance)}"
+    else:
+        fields = f"speed, limit: {_number(zone.limit)}" if isinstance(zone, SpeedZone) else "keep-out"
+    return f"{{kind: {fields}, {_rings(zone.region)}}}"
+
+
+def _rings(polygon: Polygon) -> str:
+    holes = f", holes: [{', '.join(_points(hole.tolist()) for hole in polygon.holes)}]" if polygon.holes else ""
+    return f"vertices: {_points(polygon.vertices.tolist())}{holes}"
 
 
 def _risk_text(risk: RiskBound) -> str:

@@ -1,0 +1,118 @@
+"""Zones of a world: where a metre costs more or less, where no robot may be, which way it may go, and how fast.
+
+A zone is the region of a polygon, its outline included, convex or not, with holes or without. Zones may overlap one
+another, obstacles and the bounds: cost factors then multiply, the lowest speed limit holds, and a direction of travel
+has to suit every one-way zone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from trailmark.arguments import number
+from trailmark.errors import WorldError
+from trailmark.se2 import wrap
+from trailmark.shapes import Polygon
+
+__all__ = ["CostZone", "KeepOutZone", "OneWayZone", "SpeedZone", "Zone"]
+
+MIN_FACTOR, MAX_FACTOR = 0.1, 1e6
+"""Of a cost zone: with a factor of 0 a path could go on in circles for nothing."""
+
+
+@dataclass(frozen=True)
+class _Zone:
+    """What all zones have: a region, given as a polygon or as its vertices, shape (n, 2), metres."""
+
+    region: Polygon
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.region, Polygon):
+            object.__setattr__(self, "region", Polygon(self.region))
+
+    def _check(self, name: str, **limits: float) -> None:
+        value = number(getattr(self, name), f"zone: {name}:", error=WorldError, **limits)  # type: ignore[arg-type]
+        object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class CostZone(_Zone):
+    """Where a metre that the reference point travels costs ``factor`` metres: above 1 to avoid, below 1 to prefer.
+
+    Attributes:
+        region: a :class:`trailmark.Polygon`, or its vertices, shape (n, 2), metres.
+        factor: from 0.1 to 1e6.
+
+    Raises:
+        ShapeError: vertices that bound no region.
+        WorldError: a factor out of range.
+    """
+
+    factor: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check("factor", minimum=MIN_FACTOR, maximum=MAX_FACTOR)
+
+
+@dataclass(frozen=True)
+class KeepOutZone(_Zone):
+    """Where no part of the robot may be; it may touch the outline. A robot that starts inside may leave.
+
+    Attributes:
+        region: a :class:`trailmark.Polygon`, or its vertices, shape (n, 2), metres.
+
+    Raises:
+        ShapeError: vertices that bound no region.
+    """
+
+
+@dataclass(frozen=True)
+class OneWayZone(_Zone):
+    """Where the robot's reference point may only travel along a heading, within a tolerance.
+
+    It is the direction of travel that counts, not where the robot points. Turning in place is allowed, and so is
+    touching the outline or travelling along it.
+
+    Attributes:
+        region: a :class:`trailmark.Polygon`, or its vertices, shape (n, 2), metres.
+        heading: radians, counter-clockwise from the x axis; brought into (-pi, pi].
+        tolerance: radians, 0 to pi, by which the direction of travel may differ from the heading.
+
+    Raises:
+        ShapeError: vertices that bound no region.
+        WorldError: a heading that is not finite, a tolerance out of range.
+    """
+
+    heading: float
+    tolerance: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check("heading")
+        self._check("tolerance", minimum=0.0, maximum=math.pi)
+        object.__setattr__(self, "heading", float(wrap(self.heading)))
+
+
+@dataclass(frozen=True)
+class SpeedZone(_Zone):
+    """Where the robot's reference point may not travel faster than a limit.
+
+    Attributes:
+        region: a :class:`trailmark.Polygon`, or its vertices, shape (n, 2), metres.
+        limit: metres per second, above 0.
+
+    Raises:
+        ShapeError: vertices that bound no region.
+        WorldError: a limit that is not a finite number above 0.
+    """
+
+    limit: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._check("limit", above=0.0)
+
+
+Zone = CostZone | KeepOutZone | OneWayZone | SpeedZone

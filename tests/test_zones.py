@@ -1,0 +1,75 @@
+"""Zones: what they refuse, and how worlds carry them."""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trailmark import CostZone, Disc, KeepOutZone, OneWayZone, Polygon, SpeedZone, World
+from trailmark.errors import ShapeError, TrailmarkError, WorldError
+
+SQUARE = [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
+HOLE = [[0.5, 0.5], [1.0, 0.5], [1.0, 1.0]]
+ZONES = (
+    CostZone(SQUARE, 3),  # type: ignore[arg-type]  # a list, as people write it
+    KeepOutZone(Polygon(np.array(SQUARE), (np.array(HOLE),))),
+    OneWayZone(Polygon(np.array(SQUARE)), math.pi / 2, 0.8),
+    SpeedZone(Polygon(np.array(SQUARE)), 0.3),
+)
+
+
+def test_a_zone_takes_vertices_or_a_polygon_and_is_a_value() -> None:
+    assert ZONES[0].region == Polygon(np.array(SQUARE))
+    assert ZONES[0] == CostZone(Polygon(np.array(SQUARE)), 3.0)
+    assert ZONES[0] != CostZone(Polygon(np.array(SQUARE)), 4.0)
+    assert len({*ZONES, *copy.deepcopy(ZONES)}) == len(ZONES)
+
+
+@pytest.mark.parametrize(("heading", "wrapped"), [(-math.pi, math.pi), (3 * math.pi, math.pi), (7, 7 - 2 * math.pi)])
+def test_headings_are_wrapped(heading: float, wrapped: float) -> None:
+    assert OneWayZone(ZONES[2].region, heading, math.pi).heading == pytest.approx(wrapped, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("make", "values", "message"),
+    [
+        (CostZone, (0.0,), "zone: factor: expected a finite number of 0.1 or more and at most 1e"),
+        (CostZone, (math.inf,), "zone: factor: expected"),
+        (CostZone, ("2",), "zone: factor: expected"),
+        (OneWayZone, (math.nan, 1.0), "zone: heading: expected a finite number, got nan"),
+        (OneWayZone, (0.0, -0.1), "zone: tolerance: expected a finite number of 0 or more and at most 3.14159, got"),
+        (OneWayZone, (0.0, 3.2), "zone: tolerance: expected"),
+        (SpeedZone, (0.0,), "zone: limit: expected a finite number above 0, got 0.0"),
+    ],
+)
+def test_values_out_of_range_are_refused(make: Any, values: tuple[Any, ...], message: str) -> None:
+    with pytest.raises(WorldError) as caught:
+        make(SQUARE, *values)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("vertices", [[[0, 0], [1, 1]], [[0, 0], [1, 1], [1, 0], [0, 1]], "square", None, 3])
+def test_vertices_that_bound_no_region_are_refused(vertices: Any) -> None:
+    with pytest.raises(ShapeError, match="polygon"):
+        KeepOutZone(vertices)
+
+
+def test_a_world_carries_zones_through_its_edits() -> None:
+    world = World("w", (0, 0, 9, 9), (Disc((5, 5), 1),), zones=list(ZONES))  # type: ignore[arg-type]
+    assert world.zones == ZONES
+    assert world.edited(remove=[0]).zones == ZONES
+    assert "4 zones" in repr(world)
+    assert copy.deepcopy(world) == world
+    with pytest.raises(WorldError, match="difference: zones: expected the same in both worlds"):
+        world.difference(replace(world, zones=ZONES[:2]))
+
+
+def test_what_is_no_zone_is_refused() -> None:
+    for zones in (Disc((1, 1), 1), [Disc((1, 1), 1)], "cost"):
+        with pytest.raises(TrailmarkError, match="zones"):
+            World("w", (0, 0, 9, 9), zones=zones)  # type: ignore[arg-type]
