@@ -17,6 +17,7 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"compiled"}),
     frozenset({"clock", "errors", "heading", "heap"}),
+    frozenset({"library"}),
     frozenset({"arguments"}),
     frozenset({"checked"}),
     frozenset({"nearest", "se2", "shapes"}),
@@ -34,7 +35,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"audit"}),
     frozenset({"exploration", "ompl_bridge"}),
     frozenset({"benchmark"}),
-    frozenset({"plotting", "library"}),
+    frozenset({"plotting"}),
     frozenset({"cli"}),
 )
 """From the bottom up: a part imports from layers below its own, and from its own layer only as PEERS allows."""
@@ -105,7 +106,7 @@ def test_a_file_imports_only_what_lies_below_it(file: Path) -> None:
         if names[0] == "trailmark" and len(names) > 1 and names[1] in LAYER_OF and names[1] != own:
             below = LAYER_OF[names[1]] < LAYER_OF[own]
             assert below or (own, names[1]) in PEERS, f"{where}, which lies above it or beside it"
-            assert names[1] not in ("plotting", "library") or own == "cli", f"{where}, which only cli may use"
+            assert names[1] != "plotting" or own == "cli", f"{where}, which only cli may use"
         homes = HOMES.get(names[0])
         if homes is not None:
             assert relative.as_posix() in homes or own in homes, f"{where}, allowed: {sorted(homes)}"
@@ -168,7 +169,7 @@ def test_no_files_import_each_other_in_a_circle() -> None:
 def test_the_public_names_are_imported_when_asked_for() -> None:
     tree = ast.parse((SOURCE / "__init__.py").read_text(encoding="utf-8"))
     at_once = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
-    assert {getattr(node, "module", None) for node in at_once} <= {"__future__", "importlib", "typing"}
+    assert {getattr(node, "module", None) for node in at_once} <= {"__future__", "functools", "importlib", "typing"}
 
 
 def test_the_reader_of_imports_sees_them_all() -> None:
@@ -210,6 +211,15 @@ def test_every_public_name_is_there() -> None:
 
     for name in trailmark.__all__:
         assert getattr(trailmark, name) is not None
-    assert set(dir(trailmark)) == set(trailmark.__all__)
+    parts = {part_of(file) for file in FILES}
+    assert set(dir(trailmark)) == parts.union(trailmark.__all__)
     with pytest.raises(AttributeError, match="no attribute 'Planner'"):
         _ = trailmark.Planner
+
+
+def test_submodules_are_loaded_when_they_are_first_named() -> None:
+    program = (
+        "import trailmark; print(trailmark.planning.settings.PlannerSettings.__name__, trailmark.shapes.Disc.__name__)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.split() == ["PlannerSettings", "Disc"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark.errors import ConfigurationError, WorldError
+from trailmark.errors import ConfigurationError, FormatError, WorldError
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import BOUNDS_LIMIT, Query, Robot, World
 
@@ -94,3 +94,9 @@ def test_a_world_is_described_in_one_line() -> None:
     assert repr(world) == "World('yard', 9 x 5.5 m, 1 obstacles, robot disc 0.2 m, queries: none)"
     queries = tuple(Query(name, (1.0, 2.0, 0.0), (3.0, 2.0, 0.0)) for name in "abcdefg")
     assert repr(replace(world, queries=queries)).endswith("queries: a, b, c, d, e, …)")
+
+
+def test_load_finds_shipped_worlds_by_name() -> None:
+    assert World.load("office").name == "office"
+    with pytest.raises(FormatError, match=r"^ofice: no such file or shipped world; .*'office'\?\)$"):
+        World.load("ofice")

@@ -1,10 +1,11 @@
 """trailmark: certified motion planning for mobile robots from Python.
 
-The public names are loaded when they are first used, so that ``import trailmark`` stays quick.
+The public names and the submodules are loaded when they are first used, so that ``import trailmark`` stays quick.
 """
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from trailmark.curves import Steering as Steering
     from trailmark.errors import ConfigurationError as ConfigurationError
     from trailmark.errors import FormatError as FormatError
+    from trailmark.errors import InternalErrorWarning as InternalErrorWarning
     from trailmark.errors import OutputError as OutputError
     from trailmark.errors import ShapeError as ShapeError
     from trailmark.errors import TrailmarkError as TrailmarkError
@@ -87,13 +89,23 @@ _HOME = {
 __all__ = ["__version__", *_HOME]
 
 
+@cache
+def _submodules() -> frozenset[str]:
+    from pkgutil import iter_modules
+
+    return frozenset(module.name for module in iter_modules(__path__) if not module.name.startswith("_"))
+
+
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
+    if name in _HOME:
+        value = getattr(import_module(f"trailmark.{_HOME[name]}"), name)
+    elif name in _submodules():
+        value = import_module(f"trailmark.{name}")
+    else:
         raise AttributeError(f"module 'trailmark' has no attribute {name!r}")
-    value = getattr(import_module(f"trailmark.{_HOME[name]}"), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted({*__all__, *_submodules()})

@@ -142,14 +142,16 @@ class World:
         """Read a world from a file, whose format is recognised by its content.
 
         Args:
-            path: trailmark YAML, ROS/nav2 map YAML, MovingAI ``.map``, or OMPL.app ``.cfg``.
+            path: trailmark YAML, ROS/nav2 map YAML, MovingAI ``.map``, or OMPL.app ``.cfg``; or the name of a world
+                that trailmark ships, such as ``office``, where there is no such file.
 
         Raises:
-            FormatError: the file is missing, of no known format, or does not hold what its format asks for.
+            FormatError: there is neither, or the file is of no known format or does not hold what its format asks for.
         """
         from trailmark import formats
+        from trailmark.library import find_world
 
-        return formats.load_world(FilePath(path))
+        return formats.load_world(find_world(path))
 
     def save(self, path: str | FilePath) -> None:
         """Write the world as trailmark YAML (schema version 1), whole or not at all.

@@ -225,10 +225,9 @@ def load_world(text: str) -> World:
     Raises:
         TrailmarkError: there is none, or the file does not hold what it should.
     """
-    from trailmark import library
     from trailmark.world import World
 
-    return World.load(library.find_world(text))
+    return World.load(text)
 
 
 def grown_for(world: World, robot: Robot) -> World:
