@@ -71,6 +71,12 @@ class Objective:
         """Cost of turning by a radian."""
         return ROTATION_WEIGHT * self.length + self.time / self.max_turn_rate
 
+    @property
+    def maneuver_costs(self) -> tuple[float, float]:
+        """What a car's change of direction costs, and what a metre in reverse costs beyond one forwards."""
+        metre = self.length + self.time / self.max_speed
+        return self.direction_change * metre, (self.reverse - 1.0) * metre
+
     @classmethod
     def of(cls, given: Objective | str | None, **limits: float) -> Objective:
         """Return an objective by its name, or by weights such as ``length=1,clearance=3``; None is ``length``.

@@ -13,10 +13,11 @@ from hypothesis import strategies as st
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.curves import Steering
+from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError
 from trailmark.motion import CurveMotion
 from trailmark.motion.pointwise import PointwiseChecker
+from trailmark.objective import Objective
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import Robot, World
 
@@ -158,3 +159,27 @@ def test_the_robots_own_steering_and_bad_input() -> None:
         motions.motions_valid([(5, 5, 0)] * 2, [(6, 5, 0)])
     with pytest.raises(ConfigurationError, match="shapes"):
         motions.motion_valid([(5, 5, 0)], [(6, 5, 0)])
+
+
+def test_cost_of_a_path_counts_changes_of_direction_and_metres_in_reverse() -> None:
+    steering, rng = Steering(1.5), np.random.default_rng(3)
+    checker = StateChecker(World("open", (-20.0, -20.0, 20.0, 20.0), ()), Robot.rectangle(1.0, 0.5).steered(1.5))
+    plain = CurveMotion(checker, steering)
+    motion = CurveMotion(checker, steering, Objective(direction_change=2.0, reverse=1.5))
+    for _ in range(200):
+        # States on a grid: some motions lead straight on, some nowhere.
+        states = np.column_stack([rng.integers(-3, 4, (6, 2)), rng.choice([0.0, 0.5 * np.pi, np.pi], 6)])
+        path = CurvePath(states, steering)
+        assert plain.cost_of(states) == pytest.approx(path.length)
+        expected = path.length + 2.0 * path.cusps + 0.5 * path.reverse_length
+        assert motion.cost_of(states) == pytest.approx(expected)
+        bound = motion.least_cost(states[0], states[-1])
+        assert plain.least_cost(states[0], states[-1]) - 1e-9 <= bound <= expected + 1e-9
+
+
+def test_driven_backwards_all_the_way_costs_the_factor() -> None:
+    checker = StateChecker(World("open", (-20.0, -20.0, 20.0, 20.0), ()), Robot.rectangle(1.0, 0.5).steered(1.5))
+    motion = CurveMotion(checker, objective=Objective(direction_change=2.0, reverse=1.5))
+    start, goal = np.zeros(3), np.array([-4.0, 0.0, 0.0])
+    assert motion.cost_of(np.array([start, goal])) == pytest.approx(6.0)
+    assert motion.least_cost(start, goal) == pytest.approx(6.0)

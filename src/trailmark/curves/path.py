@@ -87,6 +87,11 @@ class CurvePath(Path):
         lengths = self.curves.signed_lengths
         return int(np.count_nonzero(np.diff(np.sign(lengths[lengths != 0.0]))))
 
+    @property
+    def reverse_length(self) -> float:
+        """Distance that the car drives backwards, in metres."""
+        return float(-np.minimum(self.curves.signed_lengths, 0.0).sum())
+
     def at(self, fraction: ArrayLike) -> se2.FloatArray:
         """Return the configurations at fractions of the length along the path.
 

@@ -30,9 +30,12 @@ __all__ = [
     "Motion",
     "Scratch",
     "certified",
+    "charged",
     "cost",
     "costs",
     "embedding_radius",
+    "extra",
+    "extra_along",
     "interpolate",
     "least_clearance",
     "least_clearance_of",
@@ -65,6 +68,29 @@ def new_scratch(kind: Any) -> Scratch:
 @by_type
 def cost(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray) -> float:
     """Return the cost (metres) of the motion from a to b, each of shape (3,)."""
+    raise NotImplementedError
+
+
+@by_type
+def extra(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, gear: float) -> tuple[float, float]:
+    """Return what the motion from a to b costs beyond :func:`cost`, and the gear at its end.
+
+    A car is charged for its changes of direction and its metres in reverse: one driven to and fro costs more than its
+    motions do one by one.
+
+    Args:
+        kind: of motion.
+        scratch: memory to work in.
+        a: shape (3,).
+        b: shape (3,).
+        gear: of the motion before: 1 forwards, -1 backwards, 0 if there is none or it makes no difference.
+    """
+    raise NotImplementedError
+
+
+@by_type
+def charged(kind: Any) -> bool:
+    """Return whether motions may cost more than :func:`cost`: see :func:`extra`."""
     raise NotImplementedError
 
 
@@ -106,6 +132,17 @@ def embedding_radius(kind: Any) -> float:
 def least_cost(kind: Any, a: FloatArray, b: FloatArray) -> float:
     """Return a lower bound (metres) on :func:`cost` that is cheap to compute and continuous in a and b."""
     raise NotImplementedError
+
+
+@njit(cache=True)
+def extra_along(kind: Any, scratch: Scratch, path: FloatArray, first: int, last: int) -> float:
+    """Return the :func:`extra` cost of a path's motions from state ``first`` to ``last``, what is before left aside."""
+    total, gear = 0.0, 0.0
+    if charged(kind):
+        for i in range(max(0, first), min(last, len(path) - 1)):
+            more, gear = extra(kind, scratch, path[i], path[i + 1], gear)
+            total += more
+    return total
 
 
 @njit(cache=True, nogil=True)
@@ -193,7 +230,11 @@ class Motion(ABC):
 
     def cost_of(self, states: FloatArray) -> float:
         """Return the cost (metres) of a path's states, shape (n, 3)."""
-        return float(self.costs(states[:-1], states[1:]).sum())
+        return float(self.costs(states[:-1], states[1:]).sum()) + self.extra_of(states)
+
+    def extra_of(self, states: FloatArray) -> float:
+        """Return what a path's states, shape (n, 3), cost beyond its motions one by one: :func:`extra`."""
+        return 0.0
 
     def motions_valid(self, a: ArrayLike, b: ArrayLike) -> NDArray[np.bool_]:
         """Return which motions are certified free of collision, ends included.

@@ -20,10 +20,11 @@ from trailmark.curves.shortest import MAX_WORDS, curve_length, shortest_word
 from trailmark.curves.words import PIECES, walk
 from trailmark.errors import ConfigurationError
 from trailmark.motion import base
-from trailmark.motion.base import Motion, Scratch
+from trailmark.motion.base import Motion, Scratch, charged, extra_along, new_scratch
+from trailmark.objective import Objective
 from trailmark.se2 import FloatArray
 
-__all__ = ["Curve", "CurveMotion"]
+__all__ = ["Curve", "CurveMotion", "word_extra"]
 
 DRAWN = 12
 """Number of straight lines that represent a curve in drawings."""
@@ -38,6 +39,8 @@ class Curve(NamedTuple):
         robot: the footprint.
         radius: turning radius, metres.
         reverse: whether the car drives backwards too.
+        direction_change: what a change of direction costs, metres.
+        reverse_metre: what a metre in reverse costs beyond its length, metres.
     """
 
     grid: ObstacleGrid
@@ -45,6 +48,8 @@ class Curve(NamedTuple):
     robot: Footprint
     radius: float
     reverse: bool
+    direction_change: float
+    reverse_metre: float
 
 
 class CurveMotion(Motion):
@@ -57,6 +62,7 @@ class CurveMotion(Motion):
     Args:
         checker: decides which configurations are valid.
         steering: turning radius, and whether the car reverses; that of the checker's robot if None.
+        objective: what changes of direction and metres in reverse cost; nothing beyond their length by default.
 
     Raises:
         ConfigurationError: neither ``steering`` nor a turning radius of the robot is given.
@@ -65,7 +71,9 @@ class CurveMotion(Motion):
     candidates: ClassVar[int] = 3
     moves_anywhere: ClassVar[bool] = False
 
-    def __init__(self, checker: StateChecker, steering: Steering | None = None) -> None:
+    def __init__(
+        self, checker: StateChecker, steering: Steering | None = None, objective: Objective | None = None
+    ) -> None:
         super().__init__(checker)
         chosen = steering or Steering.of(checker.robot)
         if chosen is None:
@@ -74,7 +82,25 @@ class CurveMotion(Motion):
             )
         self.steering: Steering = chosen
         self.directed = not chosen.reverse
-        self.kind = Curve(checker.grid, checker.field, checker.footprint, chosen.radius, chosen.reverse)
+        change, more = (0.0, 0.0) if objective is None or not chosen.reverse else objective.maneuver_costs
+        self.kind = Curve(checker.grid, checker.field, checker.footprint, chosen.radius, chosen.reverse, change, more)
+
+    def least_cost(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return a lower bound (metres) on the cost of a path from start to goal, each of shape (3,), in open space.
+
+        Without a change of direction a path is a curve of Dubins, or one from goal to start driven backwards; with one,
+        it is no shorter than a curve of Reeds and Shepp.
+        """
+        shortest = self.steering.lengths(start, goal)
+        if not charged(self.kind):
+            return float(shortest)
+        forwards = Steering(self.steering.radius, reverse=False)
+        backwards = (1.0 + self.kind.reverse_metre) * forwards.lengths(goal, start)
+        return float(min(shortest + self.kind.direction_change, forwards.lengths(start, goal), backwards))
+
+    def extra_of(self, states: FloatArray) -> float:
+        """Return what changes of direction and metres in reverse cost along a path, shape (n, 3), in metres."""
+        return float(_extra_of(self.kind, np.array(states, order="C"))) if charged(self.kind) else 0.0
 
     def lines(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return straight lines, shape (l, 2, 2), metres, that show the curves from a to b, each of shape (n, 3)."""
@@ -137,3 +163,41 @@ def _radius(kind: Curve) -> float:
 @njit(cache=True)
 def _least_cost(kind: Curve, a: FloatArray, b: FloatArray) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])
+
+
+@variant_of(base.charged, Curve)
+@njit(cache=True)
+def _charged(kind: Curve) -> bool:
+    return bool(kind.direction_change > 0.0 or kind.reverse_metre > 0.0)
+
+
+@variant_of(base.extra, Curve)
+@njit(cache=True)
+def _extra(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, gear: float) -> tuple[float, float]:
+    if not _charged(kind):
+        return 0.0, 0.0
+    word = shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
+    return word_extra(word, kind.radius, kind.direction_change, kind.reverse_metre, gear)
+
+
+@njit(cache=True)
+def word_extra(
+    word: FloatArray, radius: float, direction_change: float, reverse_metre: float, gear: float
+) -> tuple[float, float]:
+    """Return what a word, shape (2, 5), costs beyond its length (metres), and the gear at its end: see ``extra``."""
+    total = 0.0
+    for k in range(PIECES):
+        if word[0, k] == 0.0:
+            continue
+        now = 1.0 if word[0, k] > 0.0 else -1.0
+        if gear * now < 0.0:
+            total += direction_change
+        if now < 0.0:
+            total -= reverse_metre * radius * word[0, k]
+        gear = now
+    return total, gear
+
+
+@njit(cache=True, nogil=True)
+def _extra_of(kind: Curve, states: FloatArray) -> float:
+    return extra_along(kind, new_scratch(kind), states, 0, len(states) - 1)

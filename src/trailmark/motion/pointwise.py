@@ -319,7 +319,7 @@ def _curve(
     scratch, ends = scratch_at(address)
     ends[0, 0], ends[0, 1], ends[0, 2] = ax, ay, at
     ends[1, 0], ends[1, 1], ends[1, 2] = bx, by, bt
-    return certified(Curve(grid, field, robot, radius, reverse), scratch, ends[0], ends[1], BUDGET)
+    return certified(Curve(grid, field, robot, radius, reverse, 0.0, 0.0), scratch, ends[0], ends[1], BUDGET)
 
 
 @njit(cache=True)

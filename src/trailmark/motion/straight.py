@@ -24,7 +24,15 @@ from trailmark.motion.base import Motion, Scratch
 from trailmark.path import Path
 from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
-__all__ = ["Straight", "StraightMotion", "straight_certified", "straight_scratch", "sweep_radius"]
+__all__ = [
+    "Straight",
+    "StraightMotion",
+    "never_charged",
+    "no_extra",
+    "straight_certified",
+    "straight_scratch",
+    "sweep_radius",
+]
 
 
 class Straight(NamedTuple):
@@ -122,3 +130,17 @@ def sweep_radius(kind: Any) -> float:
 @njit(cache=True)
 def _least_cost(kind: Straight, a: FloatArray, b: FloatArray) -> float:
     return float(hypot(b[0] - a[0], b[1] - a[1]) + ROTATION_WEIGHT * fabs(turn(a[2], b[2])))
+
+
+@variant_of(base.extra, Straight)
+@njit(cache=True)
+def no_extra(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, gear: float) -> tuple[float, float]:
+    """Return that motions in every direction cost nothing beyond their own cost."""
+    return 0.0, 0.0
+
+
+@variant_of(base.charged, Straight)
+@njit(cache=True)
+def never_charged(kind: Any) -> bool:
+    """Return that motions in every direction cost nothing beyond their own cost."""
+    return False

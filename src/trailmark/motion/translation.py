@@ -20,6 +20,8 @@ from trailmark.motion import base
 from trailmark.motion.base import Scratch
 from trailmark.motion.straight import (
     StraightMotion,
+    never_charged,
+    no_extra,
     straight_certified,
     straight_least_clearance,
     straight_scratch,
@@ -100,6 +102,8 @@ variant_of(base.new_scratch, Translation)(straight_scratch)
 variant_of(base.certified, Translation)(straight_certified)
 variant_of(base.least_clearance, Translation)(straight_least_clearance)
 variant_of(base.embedding_radius, Translation)(sweep_radius)
+variant_of(base.extra, Translation)(no_extra)
+variant_of(base.charged, Translation)(never_charged)
 
 
 @variant_of(base.cost, Translation)
