@@ -16,7 +16,7 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
 
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"compiled"}),
-    frozenset({"clock", "errors", "heading", "heap"}),
+    frozenset({"clock", "errors", "heading", "heap", "lock"}),
     frozenset({"library"}),
     frozenset({"arguments"}),
     frozenset({"checked"}),

@@ -88,6 +88,10 @@ class StateChecker:
         self._cells: Cells | None = None
         self._scene: FclScene | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        # FCL's objects cannot be pickled, and are made again when they are needed.
+        return {**self.__dict__, "_scene": None}
+
     def edited(self, world: World) -> StateChecker:
         """Return a checker for a world with other obstacles; it answers as one built anew does.
 

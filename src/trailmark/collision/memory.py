@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import weakref
 from collections.abc import Sequence
-from threading import Lock
 from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
+
+from trailmark.lock import Lock
 
 __all__ = ["Blocks"]
 
@@ -36,6 +37,9 @@ class Blocks:
             self._size += math.ceil(array.nbytes / ALIGNMENT) * ALIGNMENT
         self._used: list[tuple[bytearray, weakref.ref[NDArray[np.uint8]], object]] = []
         self._lock = Lock()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_used": []}
 
     def take(self, version: object, wanted: Sequence[object]) -> tuple[list[NDArray[Any]], object | None]:
         """Return arrays for a new version, and the version whose content they hold; None if it is none of the wanted.

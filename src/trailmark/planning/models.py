@@ -4,14 +4,16 @@
 
 from __future__ import annotations
 
+import pickle
+from contextlib import ExitStack
 from dataclasses import replace
-from threading import RLock
 from time import perf_counter
 
 import numpy as np
 
 from trailmark.changes import Change, Changes
 from trailmark.collision import StateChecker
+from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.planning.space_time.obstacles import MovingObstacles
 from trailmark.planning.space_time.replanning import Route
@@ -39,8 +41,18 @@ class WorldModels:
         self._full, self._standing = full, standing
         self._moving: MovingObstacles | None = None
         self._stands: World | None = None
-        self._lock = RLock()
+        self._lock = Lock()
         self.route: Route | None = None
+
+    def __getstate__(self) -> bytes:
+        with ExitStack() as held:
+            # While a query or a change is under way, half of it would be copied.
+            for lock in (self._lock, *(model.shared.lock for model in (self._full, self._standing) if model)):
+                held.enter_context(lock)
+            return pickle.dumps(self.__dict__)
+
+    def __setstate__(self, state: bytes) -> None:
+        self.__dict__.update(pickle.loads(state))  # noqa: S301  # part of a pickle that is being read already
 
     @property
     def robot(self) -> Robot:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sized
-from threading import Lock
+from functools import partial
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark import se2
 from trailmark.arguments import callback, number, one_of, truth, whole
 from trailmark.changes import Changes
 from trailmark.collision import StateChecker
 from trailmark.errors import WorldError, as_raised
 from trailmark.landmarks import Relaxation
+from trailmark.lock import Lock
 from trailmark.motion import Motion, kind_of
 from trailmark.path import Path
 from trailmark.planning.many_queries import answer_queries
@@ -60,6 +61,8 @@ class LandmarkPlanner:
     reverse (:mod:`trailmark.curves`); costs are the curves' lengths, a path is a :class:`trailmark.curves.CurvePath`.
     It goes without lattices: in tight places short drives lead on (:mod:`trailmark.planning.hybrid_astar`).
 
+    A planner can be pickled and copied: the copy knows what the planner knows, and goes on in the same way.
+
     Args:
         world: obstacles and bounds.
         robot: footprint; the world's own robot if None.
@@ -103,6 +106,11 @@ class LandmarkPlanner:
         self._models = WorldModels(checker.world, WorldModel(checker, rng, self.seed, self.settings, landmarks or 0))
         self._updating = Lock()
         self._model.shared.build_seconds = perf_counter() - begin
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if self._warm:
+            warm_up(kind_of(self.robot))
 
     @property
     def _model(self) -> WorldModel:
@@ -192,18 +200,9 @@ class LandmarkPlanner:
         time_limit, max_iterations = _limits(time_limit, max_iterations)
         callback(on_progress, "on_progress:")
         callback(stop, "stop:")
-        model = self._model
-        with model.shared.lock:
-            return answer_query(
-                model,
-                start,
-                goal,
-                time_limit,
-                max_rounds=max_iterations,
-                on_progress=on_progress,
-                stop=stop,
-                gap=gap,
-            )
+        return _answer(
+            self._model, start, goal, time_limit, max_rounds=max_iterations, on_progress=on_progress, stop=stop, gap=gap
+        )
 
     @as_raised
     def update(self, changes: Changes | World) -> Update:
@@ -323,25 +322,24 @@ class LandmarkPlanner:
         begin = perf_counter()
         model = self._model
         ends = model.valid_ends(starts, goals)
-
-        def plan(start: se2.FloatArray, goal: se2.FloatArray, seconds: float) -> PlanResult:
-            with model.shared.lock:
-                return answer_query(
-                    model, start, goal, seconds, max_rounds=max_iterations, on_progress=None, stop=stop, gap=GAP
-                )
-
         return answer_queries(
             model,
             ends,
             begin + time_limit * len(ends),
             time_limit,
-            plan=plan,
+            plan=partial(_answer, model, max_rounds=max_iterations, stop=stop),
             workers=workers,
             bounds=bounds,
             seed=self.seed,
             on_progress=on_progress,
             stop=stop,
         )
+
+
+def _answer(model: WorldModel, start: ArrayLike, goal: ArrayLike, seconds: float, **options: Any) -> PlanResult:
+    """Return the answer to one query; those that let the roadmap grow take turns."""
+    with model.shared.lock:
+        return answer_query(model, start, goal, seconds, **options)
 
 
 def _limits(time_limit: float, max_iterations: int | None) -> tuple[float, int | None]:

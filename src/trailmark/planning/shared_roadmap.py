@@ -5,12 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from threading import RLock
 from time import perf_counter
 
 import numpy as np
 
 from trailmark.landmarks import Relaxation
+from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.planning.freed_space import beside_obstacles, freed_landmarks
 from trailmark.planning.growth import grow_general, spread_landmarks
@@ -52,7 +52,7 @@ class SharedRoadmap:
 
     def __init__(self, motion: Motion, rng: np.random.Generator, settings: PlannerSettings, to_place: int) -> None:
         self.motion, self.to_place, self._rng, self.settings = motion, to_place, rng, settings
-        self.lock = RLock()
+        self.lock = Lock()
         self.build_seconds = 0.0
         self.reset()
 

@@ -1,0 +1,142 @@
+"""Planners, checkers and roadmaps that are pickled and copied: the copy answers as the original does."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import subprocess
+import sys
+import threading
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+
+from trailmark import Disc, LandmarkPlanner, Moving, PlanResult, Robot, StateChecker
+from trailmark.landmarks import free_samples
+from trailmark.lock import Lock
+
+WORLD = random_world(3, 40, size=40.0, discs=0.3)
+LIMIT = 600.0
+"""Seconds: never reached, so that the seed alone decides."""
+
+
+def pickled(value: Any) -> Any:
+    return pickle.loads(pickle.dumps(value))  # noqa: S301  # made in the same line
+
+
+def used(robot: Robot) -> LandmarkPlanner:
+    """Return a planner with a life behind it: queries one by one and many at once, changes, moving obstacles."""
+    planner = LandmarkPlanner(WORLD, robot, seed=0, warm=False)
+    ends = free_samples(planner.checker, 4, random_state=1)
+    path = planner.plan(ends[0], ends[1], LIMIT, max_iterations=1).path
+    assert path is not None
+    planner.plan_many(ends[:2], ends[2:], LIMIT, max_iterations=1)
+    world = WORLD.edited(remove=[3], move={5: (0.3, 0.0)})
+    planner.update(world)
+    planner.replan(ends[0], ends[1], path, LIMIT)
+    planner.update(world.edited(add={"cart": Moving(Disc((1.0, 1.0), 0.3), (0.1, 0.0), 2.0)}))
+    planner.replan(ends[0], ends[1], path, LIMIT, speed=1.0)
+    return planner
+
+
+def answers(planner: LandmarkPlanner) -> list[PlanResult]:
+    """Return answers that depend on all that a planner knows: its roadmap, its randomness, its world."""
+    ends = free_samples(planner.checker, 4, random_state=2)
+    found = [planner.plan(ends[0], ends[1], LIMIT, max_iterations=1), *planner.plan_many(ends[:2], ends[2:], LIMIT)]
+    planner.update(planner.world.edited(remove=["cart", 2], move={7: (0.0, 0.4)}))
+    return [*found, planner.plan(ends[2], ends[3], LIMIT, max_iterations=1)]
+
+
+def same(a: PlanResult, b: PlanResult) -> bool:
+    return (a.status, a.path, a.lower_bound, a.landmarks, a.edges) == (
+        b.status,
+        b.path,
+        b.lower_bound,
+        b.landmarks,
+        b.edges,
+    )
+
+
+@pytest.mark.parametrize("name", ["rectangle", "disc"])
+@pytest.mark.parametrize("way", ["pickle", "deepcopy"])
+def test_a_copy_answers_as_the_planner_does(name: str, way: str) -> None:
+    planner = used(ROBOTS[name])
+    other = copy.deepcopy(planner) if way == "deepcopy" else pickled(planner)
+    expected = answers(planner)
+    assert any(result.path for result in expected)
+    assert all(same(a, b) for a, b in zip(answers(other), expected, strict=True))
+
+
+def test_a_copy_and_the_planner_are_apart() -> None:
+    planner = used(ROBOTS["disc"])
+    other, nodes, world = copy.copy(planner), len(planner.roadmap), planner.world
+    answers(other)
+    assert len(other.roadmap) != nodes
+    assert len(planner.roadmap) == nodes
+    assert planner.world is world
+
+
+PROGRAM = """
+import pickle, sys
+from tests.planning.test_pickle import answers
+with open(sys.argv[1], "rb") as file:
+    planner = pickle.load(file)
+with open(sys.argv[1], "wb") as file:
+    pickle.dump(answers(planner), file)
+"""
+
+
+def test_another_process_gets_the_same_answers(tmp_path: FilePath) -> None:
+    planner = used(ROBOTS["rectangle"])
+    file = tmp_path / "planner"
+    file.write_bytes(pickle.dumps(planner))
+    subprocess.run([sys.executable, "-c", PROGRAM, file], check=True, timeout=300, cwd=FilePath(__file__).parents[2])
+    theirs = pickle.loads(file.read_bytes())  # noqa: S301  # made by the test
+    assert all(same(a, b) for a, b in zip(theirs, answers(planner), strict=True))
+
+
+def test_a_planner_is_pickled_between_queries() -> None:
+    planner = LandmarkPlanner(WORLD, ROBOTS["disc"], seed=0, warm=False)
+    ends = free_samples(planner.checker, 2, random_state=1)
+    inside, done, order = threading.Event(), threading.Event(), []
+
+    def pickle_it() -> None:
+        inside.wait(60.0)
+        pickle.dumps(planner)
+        order.append("pickled")
+        done.set()
+
+    thread = threading.Thread(target=pickle_it)
+    thread.start()
+
+    def hold(_: object) -> None:
+        inside.set()
+        assert not done.wait(0.02)
+
+    planner.plan(ends[0], ends[1], LIMIT, max_iterations=1, on_progress=hold)
+    order.append("planned")
+    thread.join()
+    assert sorted(order) == ["pickled", "planned"]
+
+
+def test_a_checker_with_fcl_objects_can_be_pickled() -> None:
+    checker = StateChecker(WORLD, ROBOTS["L"], exact="fcl")
+    q = np.random.default_rng(0).uniform((0, 0, -3), (40, 40, 3), (200, 3))
+    valid, clearance = checker.valid(q), checker.clearance(q)
+    other = pickled(checker)
+    assert np.array_equal(other.valid(q), valid)
+    assert np.array_equal(other.clearance(q), clearance)
+
+
+def test_a_lock_is_copied_as_a_free_one() -> None:
+    lock = Lock()
+    with lock:
+        other = pickled(lock)
+        got = []
+        thread = threading.Thread(target=lambda: got.append(other.acquire(timeout=5.0)))
+        thread.start()
+        thread.join()
+    assert got == [True]
