@@ -24,12 +24,15 @@ from trailmark.estimates import ObstacleEstimate, RiskBound
 from trailmark.moving import Moving
 from trailmark.robot import Robot
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
+from trailmark.zones import KEEP_OUT, CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 __all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
 
 BOUNDS_LIMIT = 1e7
 """Metres: farther from the origin, rounding would eat up the touching tolerance of 1e-7 m."""
+
+
+_AROUND_OBSTACLES = ("bounds", "boundary", "zones")
 
 
 @dataclass(frozen=True)
@@ -225,11 +228,15 @@ class World:
             return Changes()
         if other._origin is not None and other._origin[0]() is self:
             return other._origin[1]
-        for name in ("bounds", "boundary", "zones"):
+        for name in _AROUND_OBSTACLES:
             mine, theirs = getattr(self, name), getattr(other, name)
             if mine is not theirs and mine != theirs:
                 raise WorldError(f"difference: {name}: expected the same in both worlds, got {mine} and {theirs}")
         return difference(self._described(), other._described())
+
+    def differs_in_obstacles_only(self, other: World) -> bool:
+        """Return whether bounds, boundary and zones are the other world's, so that :meth:`difference` says the rest."""
+        return all(getattr(self, name) == getattr(other, name) for name in _AROUND_OBSTACLES)
 
     def apply(self, changes: Changes) -> World:
         """Return the world after changes of its obstacles; this one stays as it is.
@@ -248,6 +255,23 @@ class World:
         if any(item.estimate is not None for item in changes.items):
             world._check_shares()
         return world
+
+    @property
+    def occupied(self) -> World:
+        """The world in which each keep-out zone is also an obstacle ``keep-out zone i``, i its index in ``zones``.
+
+        That is the world that robots are checked in; it is this one if there is no such zone, or all stand here.
+
+        Raises:
+            WorldError: another obstacle has such an id.
+        """
+        zones = {f"{KEEP_OUT} {i}": z.region for i, z in enumerate(self.zones) if isinstance(z, KeepOutZone)}
+        known = dict(zip(self.ids, self.obstacles, strict=True)) if zones and self.ids else {}
+        for name, region in zones.items():
+            if known.get(name, region) != region:
+                raise WorldError(f"ids: {name!r} is the name of a zone, expected another one for an obstacle")
+        missing = {name: region for name, region in zones.items() if name not in known}
+        return self.edited(add=missing) if missing else self
 
     @property
     def extent(self) -> float:

@@ -15,7 +15,10 @@ from trailmark.errors import WorldError
 from trailmark.se2 import wrap
 from trailmark.shapes import Polygon
 
-__all__ = ["CostZone", "KeepOutZone", "OneWayZone", "SpeedZone", "Zone"]
+__all__ = ["KEEP_OUT", "CostZone", "KeepOutZone", "OneWayZone", "SpeedZone", "Zone"]
+
+KEEP_OUT = "keep-out zone"
+"""With its index among the world's zones, the name of the obstacle that a keep-out zone is."""
 
 MIN_FACTOR, MAX_FACTOR = 0.1, 1e6
 """Of a cost zone: with a factor of 0 a path could go on in circles for nothing."""

@@ -30,7 +30,7 @@ STILL = 1e-9
 REMEMBERED = 2
 """Auditors that :func:`check_path` keeps, so that one who asks for path after path builds none anew."""
 
-_recent: list[PathAuditor] = []
+_recent: list[tuple[World, PathAuditor]] = []
 
 
 class PathAuditor:
@@ -107,12 +107,11 @@ def check_path(world: World, robot: Robot | None, path: Path | ArrayLike) -> Pat
         ConfigurationError: a path of another shape, values that are not finite, or positions beyond 1e7 m.
         WorldError: no world, or no robot.
     """
-    for auditor in _recent:
-        known = auditor.checker
-        if known.world is world and known.robot == (robot or world.robot):
+    for known, auditor in _recent:
+        if known is world and auditor.checker.robot == (robot or world.robot):
             return auditor.audit(path)
     auditor = PathAuditor(StateChecker(world, robot))
-    _recent[:] = [auditor, *_recent[: REMEMBERED - 1]]
+    _recent[:] = [(world, auditor), *_recent[: REMEMBERED - 1]]
     return auditor.audit(path)
 
 

@@ -41,7 +41,7 @@ def problem_text(world: World, robot: Robot, query: Query) -> str:
     """
     ends = {"start": list(query.start), "goal": list(query.goal)}
     # The obstacles' part is cached as text: queries of one world differ in their last two fields only.
-    return _scene(world.bounds, world.boundary, world.obstacles, robot)[:-1] + ", " + json.dumps(ends)[1:]
+    return _scene(world.bounds, world.boundary, world.occupied.obstacles, robot)[:-1] + ", " + json.dumps(ends)[1:]
 
 
 @lru_cache(maxsize=4)

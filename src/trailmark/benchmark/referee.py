@@ -42,7 +42,7 @@ class Referee:
 
     def __init__(self, world: World, robot: Robot) -> None:
         footprint = robot.footprint
-        self._world = world
+        self._world = world = world.occupied
         self._radius = footprint.radius - TOUCHING if isinstance(footprint, Disc) else 0.0
         self._outline = None if isinstance(footprint, Disc) else _shrunk(robot)
         self._reach = 0.0 if self._outline is None else float(np.hypot(*self._outline.T).max())

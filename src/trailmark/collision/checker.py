@@ -77,7 +77,7 @@ class StateChecker:
             raise WorldError(f"exact: expected 'kernel' or 'fcl', got {brief(exact)}")
         if cell is not None:
             cell = number(cell, "cell:", above=0.0, unit="m", error=WorldError)
-        self.world = world
+        world = self.world = world.occupied
         self.robot: Robot = chosen
         self.exact = exact
         self._cell = cell
@@ -102,9 +102,10 @@ class StateChecker:
             WorldError: the obstacles were grown for the errors of a robot that reaches less far.
         """
         one_of(world, World, "world:", error=WorldError)
+        world = world.occupied
         if world is self.world:
             return self
-        if world.bounds != self.world.bounds or world.boundary != self.world.boundary:
+        if not world.differs_in_obstacles_only(self.world):
             return StateChecker(world, self.robot, exact=self.exact, cell=self._cell)
         changes = [(item.before, item.after) for item in self.world.difference(world).items]
         changes = [(before, after) for before, after in changes if before != after]
@@ -253,7 +254,7 @@ class StateChecker:
         """
         one_of(world, World, "world:", error=WorldError)
         one_of(robot, (Robot, type(None)), "robot:", error=WorldError)
-        mine = self.world
+        mine, world = self.world, world.occupied
         if mine is not world and mine.with_robot(self.robot) != world.with_robot(self.robot):
             raise ConfigurationError(
                 f"checker: expected one for world {world.name!r} as it is, got one for another ({mine.name!r})"

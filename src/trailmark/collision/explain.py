@@ -1,6 +1,6 @@
 """Why a configuration is not valid, in words: which obstacle or bound, and by how much. Computed by shapely alone."""
 
-# Tested by tests/collision/test_invalid_reason.py.
+# Tested by tests/collision/test_explain.py.
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from trailmark import se2
 from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.shapes import Disc, Shape
 from trailmark.world import Robot, World
+from trailmark.zones import KEEP_OUT
 
-__all__ = ["invalid_reason"]
+__all__ = ["invalid_reason", "overlaps"]
 
 
 def invalid_reason(world: World, robot: Robot, q: se2.FloatArray) -> str:
@@ -21,9 +22,7 @@ def invalid_reason(world: World, robot: Robot, q: se2.FloatArray) -> str:
     Bounds come first, then the boundary, then the obstacle with the largest overlap. The overlap of two polygons is
     how far a corner of their common region lies behind the obstacle's edge, or that region's width if larger.
     """
-    # A disc is represented by its centre, and its radius is added to distances: no polygon approximates it.
-    radius = robot.footprint.radius if isinstance(robot.footprint, Disc) else 0.0
-    body = shapely.Point(q[:2]) if radius else shapely.Polygon(se2.transform(q, robot.outline.vertices))
+    body, radius = _placed(robot, q)
     (xmin, ymin, xmax, ymax), (left, low, right, high) = world.bounds, body.bounds
     beyond = {"left": xmin - left, "lower": ymin - low, "right": right - xmax, "upper": high - ymax}
     side = max(beyond, key=lambda name: beyond[name])
@@ -35,13 +34,30 @@ def invalid_reason(world: World, robot: Robot, q: se2.FloatArray) -> str:
         depth = _depth_in_complement(body, free, edge, radius)
         if depth > TOUCHING_TOLERANCE:
             return f"reaches {depth:.3g} m over the boundary"
-    depths = np.array([_overlap(body, radius, shape) for shape in world.obstacles])
+    depths = overlaps(world, robot, q)
     if len(depths) and depths.max() > 0.0:
         worst = int(np.argmax(depths))
         kind = type(world.obstacles[worst]).__name__.lower()
         name = world.ids[worst] if world.ids and world.ids[worst] is not None else worst
-        return f"overlaps obstacle {name} ({kind}) by {depths[worst]:.3g} m"
+        what = name if str(name).startswith(KEEP_OUT) else f"obstacle {name} ({kind})"
+        return f"overlaps {what} by {depths[worst]:.3g} m"
     return "touches an obstacle within rounding"
+
+
+def overlaps(world: World, robot: Robot, q: se2.FloatArray) -> se2.FloatArray:
+    """Return how far (metres, shape (n,)) the robot reaches into each obstacle; 0 or less where it does not."""
+    body, radius = _placed(robot, q)
+    return np.array([_overlap(body, radius, shape) for shape in world.obstacles])
+
+
+def _placed(robot: Robot, q: se2.FloatArray) -> tuple[shapely.Geometry, float]:
+    """Return the robot in its place, and a radius (metres) to be added to distances from it.
+
+    A disc is represented by its centre: no polygon approximates it.
+    """
+    if isinstance(robot.footprint, Disc):
+        return shapely.Point(q[:2]), robot.footprint.radius
+    return shapely.Polygon(se2.transform(q, robot.outline.vertices)), 0.0
 
 
 def _overlap(body: shapely.Geometry, radius: float, shape: Shape) -> float:

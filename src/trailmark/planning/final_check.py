@@ -59,8 +59,8 @@ class FinalCheck:
         self._index = EdgeIndex(world)
 
     def edited(self, world: World) -> FinalCheck:
-        """Return the check for a world with other obstacles; one with other bounds or boundary is made anew."""
-        if world.bounds != self.world.bounds or world.boundary != self.world.boundary:
+        """Return the check for a world with other obstacles; one with other bounds, boundary or zones is made anew."""
+        if not world.differs_in_obstacles_only(self.world):
             return FinalCheck(world, self.robot)
         new = copy(self)
         new.world = world

@@ -104,9 +104,8 @@ class WorldModels:
         account when that one is needed.
         """
         begin, old = perf_counter(), self.world
-        world = changes if isinstance(changes, World) else old.apply(changes)
-        same = (world.bounds, world.boundary) == (old.bounds, old.boundary)
-        items = old.difference(world).items if same else ()
+        world = (changes if isinstance(changes, World) else old.apply(changes)).occupied
+        items = old.difference(world).items if world.differs_in_obstacles_only(old) else ()
         if items and all(self._moves(item) for item in items):
             new, update = WorldModels(world, self._full, self._standing), Update(changes=len(items))
             new._stands = self._stands

@@ -78,7 +78,7 @@ class WorldModel:
         Where only obstacles differ, only what the changes reach is looked at again.
         """
         begin, old = perf_counter(), self.checker.world
-        if (world.bounds, world.boundary) != (old.bounds, old.boundary):
+        if not world.differs_in_obstacles_only(old):
             model = WorldModel(self.checker.edited(world), self.rng, self.seed, self.settings, self.shared.to_place)
             return model, Update(seconds=perf_counter() - begin)
         changes = old.difference(world)

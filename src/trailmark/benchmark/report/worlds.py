@@ -67,7 +67,7 @@ class Scene:
         parts = [element("rect", width=width * scale, height=height * scale, class_="outside")]
         parts.append(element("path", d=self._region([inside]), class_="free"))
         discs, rest = [], []
-        for shape in world.obstacles:
+        for shape in world.occupied.obstacles:
             if isinstance(shape, Disc):
                 (x, y), r = self._at(np.array([shape.center]))[0], max(0.6, shape.radius * scale)
                 discs.append(element("circle", cx=float(x), cy=float(y), r=float(r)))
