@@ -29,6 +29,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"curves"}),
     frozenset({"collision", "estimation"}),
     frozenset({"motion"}),
+    frozenset({"trajectories"}),
     frozenset({"landmarks"}),
     frozenset({"roadmap"}),
     frozenset({"planning"}),
@@ -46,6 +47,8 @@ PEERS = {
     ("formats", "world"),
     # World.load and World.save hand over to the readers when they are called.
     ("world", "formats"),
+    # Path.smooth and Path.timed hand over when they are called.
+    ("path", "trajectories"),
     ("exploration", "ompl_bridge"),
 }
 """Imports within one layer: collision and estimation do not know each other."""

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from trailmark.shapes import Disc as Disc
     from trailmark.shapes import Polygon as Polygon
     from trailmark.shapes import Rectangle as Rectangle
+    from trailmark.trajectories import Trajectory as Trajectory
     from trailmark.world import Query as Query
     from trailmark.world import Robot as Robot
     from trailmark.world import World as World
@@ -77,6 +78,7 @@ _HOME = {
     "Disc": "shapes",
     "Polygon": "shapes",
     "Rectangle": "shapes",
+    "Trajectory": "trajectories",
     "Query": "world",
     "Robot": "world",
     "World": "world",

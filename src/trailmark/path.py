@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,6 +12,9 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.arguments import number, number_array
 from trailmark.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from trailmark.trajectories import Trajectory
 
 __all__ = ["Path", "fractions"]
 
@@ -103,6 +108,37 @@ class Path:
     def reversed(self) -> Path:
         """Return the path from its end to its start; it has the same cost."""
         return Path(self.states[::-1])
+
+    def timed(
+        self,
+        max_speed: float,
+        max_acceleration: float,
+        max_turn_rate: float,
+        max_turn_acceleration: float | None = None,
+        *,
+        zones: Iterable[Any] = (),
+        intervals: int = 48,
+    ) -> Trajectory:
+        """Return the fastest trajectory along the path, from rest to rest, within a robot's limits.
+
+        The robot stops at corners, where its direction of travel jumps; :meth:`smooth` rounds them. With a limit on
+        the turn acceleration it also stops where the turn rate would jump.
+
+        Args:
+            max_speed: of the reference point, m/s.
+            max_acceleration: of the reference point, along the path and across it, m/s².
+            max_turn_rate: rad/s.
+            max_turn_acceleration: rad/s²; None for turn rates that change at once.
+            zones: of the world (``world.zones``); the speed limits among them hold in their regions.
+            intervals: of constant acceleration on each curved piece; more come nearer to the fastest law.
+
+        Raises:
+            ConfigurationError: limits that are not finite numbers above 0.
+        """
+        from trailmark.trajectories import Limits, timed
+
+        limits = Limits(max_speed, max_acceleration, max_turn_rate, max_turn_acceleration, intervals)
+        return timed(self, limits, zones)
 
 
 def fractions(value: ArrayLike) -> se2.FloatArray:

@@ -1,0 +1,7 @@
+"""Trajectories: smoothed paths, and the fastest way to drive a path within a robot's limits."""
+
+from trailmark.trajectories.pieces import Pieces
+from trailmark.trajectories.time_law import Limits
+from trailmark.trajectories.trajectory import Trajectory, timed
+
+__all__ = ["Limits", "Pieces", "Trajectory", "timed"]
