@@ -22,7 +22,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"checked"}),
     frozenset({"nearest", "se2", "shapes"}),
     frozenset({"path", "robot", "objective"}),
-    frozenset({"estimates", "moving", "zones"}),
+    frozenset({"estimates", "goals", "moving", "zones"}),
     frozenset({"changes"}),
     frozenset({"edits"}),
     frozenset({"world", "formats"}),

@@ -17,7 +17,7 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
 def test_a_querys_ends_are_wrapped_tuples() -> None:
-    query = Query("q", (0, 0, 4.0), [1, 2, -math.pi])  # type: ignore[arg-type]  # a list, as a file gives it
+    query = Query("q", (0, 0, 4.0), [1, 2, -math.pi])
     assert query.start == pytest.approx((0, 0, 4.0 - 2 * math.pi))
     assert query.goal == (1.0, 2.0, math.pi)
     assert isinstance(query.goal, tuple)

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from trailmark.errors import ShapeError as ShapeError
     from trailmark.errors import TrailmarkError as TrailmarkError
     from trailmark.errors import WorldError as WorldError
+    from trailmark.goals import Goal as Goal
+    from trailmark.goals import ReachedGoal as ReachedGoal
     from trailmark.moving import Moving as Moving
     from trailmark.objective import Objective as Objective
     from trailmark.path import Path as Path
@@ -65,6 +67,8 @@ _HOME = {
     "ShapeError": "errors",
     "TrailmarkError": "errors",
     "WorldError": "errors",
+    "Goal": "goals",
+    "ReachedGoal": "goals",
     "Moving": "moving",
     "Objective": "objective",
     "Path": "path",

@@ -14,6 +14,7 @@ from trailmark.errors import FormatError, OutputError, TrailmarkError
 from trailmark.formats import load_world, save_world, world_json_schema
 from trailmark.formats.world_yaml import world_from_data, world_text
 from trailmark.formats.yaml_data import parse_yaml
+from trailmark.goals import Goal
 from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
@@ -106,15 +107,32 @@ robots = st.one_of(
 names = st.text(st.characters(exclude_categories=["Cs"]))
 
 
+distance = st.floats(0.0, 1e6)
+goals = st.one_of(
+    st.builds(Goal, st.tuples(coordinate, coordinate), position_tolerance=distance, cost=distance),
+    st.builds(Goal, pose, position_tolerance=distance, heading_tolerance=distance, cost=distance),
+    st.builds(Goal, region=polygons(holes=False), cost=distance),
+    st.builds(Goal, region=polygons(holes=False), heading=st.floats(-10.0, 10.0), heading_tolerance=distance),
+)
+
+
+TAKEN = ("", "bounds", "boundary")
+
+
 @st.composite
 def any_world(draw: st.DrawFn) -> World:
     low = draw(point)
     size = draw(st.tuples(length, length))
-    ends = draw(st.lists(st.tuples(pose, pose), max_size=3))
+    ends = draw(st.lists(st.tuples(pose, pose | goals | st.lists(goals, min_size=1, max_size=3)), max_size=3))
     unique = draw(st.lists(names, min_size=len(ends), max_size=len(ends), unique=True))
     shapes = draw(st.lists(obstacles | motions, max_size=5))
     region = polygons(holes=True)
-    ids = draw(st.none() | st.lists(names.filter(bool), min_size=len(shapes), max_size=len(shapes), unique=True))
+    ids = draw(
+        st.none()
+        | st.lists(
+            names.filter(lambda name: name not in TAKEN), min_size=len(shapes), max_size=len(shapes), unique=True
+        )
+    )
     return World(
         draw(names),
         (*low, low[0] + size[0], low[1] + size[1]),
@@ -211,6 +229,10 @@ LENGTH = "expected a finite number above 0 (metres)"
 QUERY = "{name: a, start: [0, 0, 0], goal: [1, 1, 1]}"
 
 
+def goal(text: str) -> str:
+    return f"{HEAD}queries: [{{name: a, start: [0, 0, 0], goal: {text}}}]"
+
+
 def disc(radius: str) -> str:
     return (
         "obstacles:\n"
@@ -298,6 +320,23 @@ def polygon(points: str) -> str:
             HEAD + "queries: [{name: a, start: [0, 0], goal: [0, 0, 0]}]",
             "queries[0].start: expected a configuration [x, y, theta] of finite numbers (metres, radians), got",
         ),
+        (
+            goal("7"),
+            "queries[0].goal: expected a configuration [x, y, theta] of finite numbers (metres, radians), or",
+        ),
+        (goal("[]"), "queries[0].goal: expected a configuration [x, y, theta] of finite numbers"),
+        (goal("[1, 2]"), "queries[0].goal: expected a configuration [x, y, theta] of finite numbers"),
+        (goal("[1, 2, x]"), "queries[0].goal[2]: expected a finite number, got 'x'"),
+        (goal("{}"), "queries[0]: goal: expected a pose or a region, got neither"),
+        (goal("{pos: [1, 2]}"), "queries[0].goal.pos: unknown key; expected cost, heading, heading_tolerance, pose, "),
+        (goal("{pose: [1]}"), "queries[0].goal.pose: expected [x, y, theta] or, for any heading, [x, y], finite"),
+        (goal("{pose: [1, .nan]}"), "queries[0].goal.pose[1]: expected a finite number, got nan"),
+        (goal("{pose: [1, 2, 3], cost: -1}"), "queries[0]: goal: cost: expected 0 or more, got -1 (only differences"),
+        (goal("{pose: [1, 2, 3], position_tolerance: -1}"), "goal.position_tolerance: expected a finite number, 0 or"),
+        (goal("[{pose: [1, 2]}, 7]"), "queries[0].goal[1]: expected a mapping, got 7"),
+        (goal("[{pose: [1, 2]}, {region: [[0, 0]]}]"), "queries[0].goal[1].region: expected three or more points"),
+        (goal("{region: [[0, 0], [1, 1], [2, 2]]}"), "queries[0]: goal: region: polygon: "),
+        (goal("{region: [[0, 0], [1, 1], [2, x]]}"), "queries[0].goal.region[2][1]: expected a finite number"),
         (HEAD + "queries: [{nam: a, start: [0, 0, 0], goal: [0, 0, 0]}]", "queries[0].nam: unknown key; expected"),
         (HEAD + f"queries: [{QUERY}, {QUERY}]", "queries: expected each name once, got 'a' more than once"),
         (HEAD + "obstacels: []", "obstacels: unknown key; expected boundary, bounds, name, obstacles, queries,"),
@@ -345,7 +384,7 @@ def test_messages_name_field_value_and_what_is_allowed(tmp_path: Path, text: str
             st.lists(inner, max_size=4)
             | st.dictionaries(
                 st.sampled_from(
-                    ["shape", "radius", "center", "vertices", "holes", "name", "start", "goal", "length", "x"]
+                    ["shape", "radius", "center", "vertices", "holes", "name", "start", "goal", "pose", "length", "x"]
                 ),
                 inner,
                 max_size=4,

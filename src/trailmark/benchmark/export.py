@@ -39,7 +39,7 @@ def problem_text(world: World, robot: Robot, query: Query) -> str:
     ``radius`` or ``triangles`` and ``hull`` (the corners of its convex hull), ``circumradius``, ``inscribed`` (x, y,
     radius); ``start`` and ``goal`` (x, y, theta).
     """
-    ends = {"start": list(query.start), "goal": list(query.goal)}
+    ends = {"start": list(query.start), "goal": list(query.pose())}
     # The obstacles' part is cached as text: queries of one world differ in their last two fields only.
     return _scene(world.bounds, world.boundary, world.occupied.obstacles, robot)[:-1] + ", " + json.dumps(ends)[1:]
 

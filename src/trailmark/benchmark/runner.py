@@ -167,7 +167,7 @@ class Benchmark:
                 "world": problem.world.name,
                 "query": query.name,
                 "start": list(query.start),
-                "goal": list(query.goal),
+                "goal": list(query.pose()),
                 "robot": problem.robot.describe(),
                 "text": problem.text,
                 "system": system(),

@@ -226,15 +226,15 @@ def _paths(
     checker: StateChecker, nodes: FloatArray, queries: Sequence[Query], seed: int, progress: console.Progress
 ) -> list[tuple[Query, Roadmap, RobotPath | None]]:
     """Return queries with their paths over the landmarks, shape (k, 3), as far as the robot fits the queries' ends."""
-    from trailmark.errors import ConfigurationError
+    from trailmark.errors import ConfigurationError, WorldError
     from trailmark.planning.published import path_over_landmarks
 
     found: list[tuple[Query, Roadmap, RobotPath | None]] = []
     for query in queries:
         progress.stage(f"path for {query.name}")
         try:
-            found.append((query, *path_over_landmarks(checker, nodes, query.start, query.goal, seed=seed)))
-        except ConfigurationError as error:
+            found.append((query, *path_over_landmarks(checker, nodes, query.start, query.pose(), seed=seed)))
+        except (ConfigurationError, WorldError) as error:
             console.note(f"{query.name}: no path: {error}")
     return found
 

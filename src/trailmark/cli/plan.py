@@ -190,7 +190,7 @@ def _given_ends(
 
 def _ends_of(world: World, name: str | None) -> tuple[str, Configuration, Configuration]:
     query = world.query(name)
-    return query.name, query.start, query.goal
+    return query.name, query.start, query.pose()
 
 
 def _write_path(file: Path, result: PlanResult, record: dict[str, Any]) -> bool:

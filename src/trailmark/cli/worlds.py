@@ -122,7 +122,7 @@ def _facts(world: World) -> dict[str, Any]:
         "obstacles": len(world.obstacles),
         "kinds": dict(Counter(type(shape).__name__.lower() for shape in world.obstacles)),
         "robot": world.robot.describe() if world.robot else None,
-        "queries": [{"name": q.name, "start": list(q.start), "goal": list(q.goal)} for q in world.queries],
+        "queries": [query.to_dict() for query in world.queries],
     }
 
 

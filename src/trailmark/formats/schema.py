@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 
 from trailmark.errors import FormatError, expected_name
 
@@ -185,12 +185,41 @@ class SpeedZoneEntry(_Zone):
 ZoneEntry = CostZoneEntry | KeepOutZoneEntry | OneWayZoneEntry | SpeedZoneEntry
 
 
+class GoalEntry(_Strict):
+    """Where a path may end: near a pose, whose heading may be left out, or in a region."""
+
+    pose: Annotated[list[Number], Field(min_length=2, max_length=3)] | None = Field(
+        default=None, description="[x, y, theta] or, for any heading, [x, y], finite numbers (metres, radians)"
+    )
+    region: Ring | None = Field(default=None, description=_RING)
+    heading: Number | None = Field(default=None, description="a finite number (radians; of a region)")
+    position_tolerance: NotNegative = Field(default=0.0, description="a finite number, 0 or more (metres)")
+    heading_tolerance: NotNegative = Field(default=0.0, description="a finite number, 0 or more (radians)")
+    cost: Number = Field(default=0.0, description="a finite number, 0 or more (metres, added to a path's cost)")
+
+
+def _kind_of_goal(value: Any) -> str:
+    """Return which of the forms a query's goal has."""
+    if isinstance(value, dict | GoalEntry):
+        return "one goal"
+    several = isinstance(value, list) and any(isinstance(item, dict | GoalEntry) for item in value)
+    return "several goals" if several else "a pose"
+
+
+QueryGoal = Annotated[
+    Annotated[Pose, Tag("a pose")]
+    | Annotated[GoalEntry, Tag("one goal")]
+    | Annotated[list[GoalEntry], Tag("several goals")],
+    Discriminator(_kind_of_goal),
+]
+
+
 class QueryEntry(_Strict):
     """One planning problem."""
 
     name: Text = Field(description=_NAME)
     start: Pose = Field(description=_POSE)
-    goal: Pose = Field(description=_POSE)
+    goal: QueryGoal = Field(description=f"{_POSE}, or a mapping {{pose or region, …}}, or a list of these")
 
 
 class WorldFile(_Strict):
@@ -242,14 +271,16 @@ _KINDS: dict[str, dict[str, type[BaseModel]]] = {
 }
 _PARTS: dict[str, type[BaseModel]] = {
     "queries": QueryEntry,
+    "goal": GoalEntry,
     "estimate": EstimateEntry,
     "motion": MotionEntry,
     "risk": RiskEntry,
 }
 _MODELS = (*(model for name in ("robot", "obstacles", "zones") for model in _KINDS[name].values()), *_PARTS.values())
 _POINT_DEPTH = {"vertices": 1, "boundary": 1, "holes": 2}  # indices from the field down to one point
+_GOALS = {"a pose", "one goal", "several goals"}
 _TAGS = {"shape": ("disc", "polygon", "rectangle"), "kind": ("cost", "keep-out", "one-way", "speed")}
-_ALL_TAGS = {tag for tags in _TAGS.values() for tag in tags}
+_ALL_TAGS = {tag for tags in _TAGS.values() for tag in tags} | _GOALS
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
@@ -282,7 +313,9 @@ def validate(model: type[ModelT], data: dict[str, Any], path: Path) -> ModelT:
 
 def _describe(model: type[BaseModel], problem: Any) -> str:
     *before, last = problem["loc"]
-    kind, location = problem["type"], [*(part for part in before if part not in _ALL_TAGS), last]
+    # Who made up a key may have given it the name of a tag, but for those of goals, which hold a blank.
+    ends = [] if last in _GOALS else [last]
+    kind, location = problem["type"], [*(part for part in before if part not in _ALL_TAGS), *ends]
     where, value = _where(location), _short.repr(problem["input"])
     if kind == "extra_forbidden":
         allowed = expected_name(str(location[-1]), _model_at(model, problem["loc"]).model_fields)
@@ -302,7 +335,7 @@ def _allowed(model: type[BaseModel], location: Sequence[str | int], kind: str) -
     field = str(location[-1 - depth])
     if depth and kind in ("float_type", "finite_number"):
         return "a finite number"
-    if depth and field in ("obstacles", "queries", "zones"):
+    if depth and field in ("obstacles", "queries", "zones", "goal") and kind.startswith("model"):
         return "a mapping"
     if depth and depth == _POINT_DEPTH.get(field):
         return _POINT
@@ -313,7 +346,7 @@ def _allowed(model: type[BaseModel], location: Sequence[str | int], kind: str) -
 
 def _model_at(model: type[BaseModel], location: Sequence[str | int]) -> type[BaseModel]:
     """Return the model that the last key of a location was given to."""
-    names = [part for part in location if isinstance(part, str)][:-1]
+    names = [part for part in location if isinstance(part, str) and part not in _GOALS][:-1]
     if not names:
         return model
     return _PARTS[names[-1]] if names[-1] in _PARTS else _KINDS[names[-2]][names[-1]]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trailmark.errors import ConfigurationError, FormatError, OutputError, ShapeError, WorldError
+from trailmark.goals import Goal
 from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import ObstacleEstimate, Query, RiskBound, Robot, World
@@ -93,7 +94,7 @@ def world_text(world: World) -> str:
     if world.queries:
         lines.append("queries:")
         lines += [
-            f"  - {{name: {_text(query.name)}, start: {_numbers(query.start)}, goal: {_numbers(query.goal)}}}"
+            f"  - {{name: {_text(query.name)}, start: {_numbers(query.start)}, goal: {_goals_text(query)}}}"
             for query in world.queries
         ]
     return _HEADER + "\n".join(lines) + "\n"
@@ -141,8 +142,16 @@ def _risk(entry: schema.RiskEntry) -> RiskBound:
 
 
 def _query(entry: schema.QueryEntry) -> Query:
-    (x0, y0, t0), (x1, y1, t1) = entry.start, entry.goal
-    return Query(entry.name, (x0, y0, t0), (x1, y1, t1))
+    x0, y0, t0 = entry.start
+    if not isinstance(entry.goal, list):
+        return Query(entry.name, (x0, y0, t0), (_goal(entry.goal),))
+    poses = [goal for goal in entry.goal if isinstance(goal, float)]
+    goals = [_goal(goal) for goal in entry.goal if not isinstance(goal, float)]
+    return Query(entry.name, (x0, y0, t0), (poses[0], poses[1], poses[2]) if poses else tuple(goals))
+
+
+def _goal(entry: schema.GoalEntry) -> Goal:
+    return Goal(**entry.model_dump())
 
 
 def _zone(entry: schema.ZoneEntry) -> Zone:
@@ -205,6 +214,22 @@ def _risk_text(risk: RiskBound) -> str:
     if risk.pose_covariance is not None:
         fields += f", pose_covariance: {_points(risk.pose_covariance.tolist())}"
     return f"{{{fields}, reach: {_number(risk.reach)}}}" if risk.reach else f"{{{fields}}}"
+
+
+def _goals_text(query: Query) -> str:
+    goals = query.goals
+    if len(goals) == 1 and query.goal != goals:
+        return _numbers(query.pose())
+    text = ", ".join(map(_goal_text, goals))
+    return text if len(goals) == 1 else f"[{text}]"
+
+
+def _goal_text(goal: Goal) -> str:
+    fields = []
+    for name, value in goal.to_dict().items():
+        text = _points(value) if name == "region" else _numbers(value) if name == "pose" else _number(value)
+        fields.append(f"{name}: {text}")
+    return f"{{{', '.join(fields)}}}"
 
 
 def _points(points: Iterable[Iterable[float]]) -> str:

@@ -159,7 +159,7 @@ def simple_setup(world: World, robot: Robot | None = None, query: Ends = None, *
 def _ends(world: World, query: Ends) -> tuple[se2.FloatArray, se2.FloatArray]:
     if query is None or isinstance(query, str):
         query = world.query(query)
-    ends: Any = (query.start, query.goal) if isinstance(query, Query) else query
+    ends: Any = (query.start, query.pose()) if isinstance(query, Query) else query
     if not (isinstance(ends, Sequence | np.ndarray) and len(ends) == 2):
         raise ConfigurationError(f"query: expected a Query, its name, or start and goal, got {brief(query)}")
     start, goal = ends

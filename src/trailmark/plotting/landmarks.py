@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 
 from trailmark.plotting.canvas import (
     DPI,
-    GOAL,
     HATCH,
     LANDMARK,
     OUTSIDE,
@@ -30,7 +29,7 @@ from trailmark.plotting.canvas import (
     write,
 )
 from trailmark.plotting.plan import draw_plan
-from trailmark.plotting.world import draw_end, regions_of
+from trailmark.plotting.world import draw_end, draw_goal, regions_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,7 +111,7 @@ def save_landmarks_figure(
         _title(axes, f"landmarks, k = {len(executions[0].centres)}; {query.name}")
     for query, roadmap, path in planned:
         axes = next(rest)
-        draw_plan(axes, robot, path, roadmap, query.start, query.goal)
+        draw_plan(axes, robot, path, roadmap, query.start, query.goals)
         k = len(executions[0].repaired)
         answer = f"the {k} landmarks do not connect it" if path is None else f"over {k} landmarks, cost {path.cost:.4g}"
         _title(axes, f"{query.name}: {answer}")
@@ -195,7 +194,8 @@ def _draw_ground(axes: Axes, world: World, regions: tuple[Any, Any, Any], margin
 
 def _draw_ends(axes: Axes, robot: Robot, query: Query) -> None:
     draw_end(axes, robot, np.asarray(query.start), START, "o", "start")
-    draw_end(axes, robot, np.asarray(query.goal), GOAL, "s", "goal")
+    for goal in query.goals:
+        draw_goal(axes, robot, goal, np.asarray(query.start))
 
 
 def _grid(world: World, panels: int) -> tuple[Figure, list[Axes]]:

@@ -13,6 +13,7 @@ from matplotlib.colors import to_rgb
 
 from trailmark import se2
 from trailmark.curves import CurvePath
+from trailmark.goals import goals_of
 from trailmark.plotting.canvas import (
     BODY,
     CANDIDATE,
@@ -29,12 +30,13 @@ from trailmark.plotting.canvas import (
     write,
 )
 from trailmark.plotting.progress import add_progress
-from trailmark.plotting.world import draw_end, draw_world
+from trailmark.plotting.world import draw_end, draw_goal, draw_world
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
+    from trailmark.goals import Goal
     from trailmark.path import Path
     from trailmark.planning import PlanResult
     from trailmark.roadmap import Roadmap
@@ -49,7 +51,7 @@ def draw_plan(
     path: Path | None = None,
     roadmap: Roadmap | None = None,
     start: ArrayLike | None = None,
-    goal: ArrayLike | None = None,
+    goal: ArrayLike | tuple[Goal, ...] | None = None,
 ) -> None:
     """Draw a roadmap, a path with the robot along it, and the two ends, on axes whose limits are set.
 
@@ -59,14 +61,20 @@ def draw_plan(
         path: drawn from its first to its last state.
         roadmap: edges thin, certified ones stronger; landmarks with a tick along the heading (none for a disc).
         start: configuration, shape (3,); default: the path's first state.
-        goal: configuration, shape (3,); default: the path's last state.
+        goal: configuration, shape (3,), or goals; default: the path's last state.
     """
     if roadmap is not None and len(roadmap.configurations):
         _draw_roadmap(axes, robot, roadmap)
     if path is not None:
         _draw_path(axes, robot, path)
         start = path.states[0] if start is None else start
-        goal = path.states[-1] if goal is None else goal
+    goals = goals_of(goal)
+    if goals is not None:
+        for each in goals:
+            draw_goal(axes, robot, each, path.states[-1] if path is not None else np.asarray(start))
+        goal = None
+    if path is not None and goal is None:
+        goal = path.states[-1]
     for q, colour, marker, label in ((start, START, "o", "start"), (goal, GOAL, "s", "goal")):
         if q is not None:
             draw_end(axes, robot, np.asarray(q, dtype=np.float64), colour, marker, label)
@@ -79,7 +87,7 @@ def save_plan_figure(
     result: PlanResult,
     roadmap: Roadmap | None = None,
     start: ArrayLike | None = None,
-    goal: ArrayLike | None = None,
+    goal: ArrayLike | tuple[Goal, ...] | None = None,
     query: str | None = None,
 ) -> None:
     """Write a picture of a plan, with its cost over time; without a path it shows the roadmap, which tells why.
@@ -91,7 +99,7 @@ def save_plan_figure(
         result: status, path, times, history and lower bound.
         roadmap: left out if None.
         start: configuration, shape (3,).
-        goal: configuration, shape (3,).
+        goal: configuration, shape (3,), or goals.
         query: its name, for the title.
 
     Raises:

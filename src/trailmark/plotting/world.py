@@ -38,10 +38,11 @@ from trailmark.plotting.canvas import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from trailmark.goals import Goal
     from trailmark.moving import Moving
     from trailmark.world import Robot, World
 
-__all__ = ["draw_end", "draw_world", "regions_of", "save_world_figure"]
+__all__ = ["draw_end", "draw_goal", "draw_world", "regions_of", "save_world_figure"]
 
 Regions = NDArray[Any]
 """Polygons, shape (n,)."""
@@ -112,10 +113,12 @@ def save_world_figure(file: str | FilePath, world: World) -> None:
     draw_world(axes, world, world.robot)
     shown = world.queries[:_SHOWN_QUERIES]
     for query in shown:
-        ends = np.array([query.start, query.goal])
-        axes.plot(*ends[:, :2].T, color=PATH, lw=0.8, ls=(0, (4, 3)), alpha=0.8, zorder=5.0)
-        for q, colour, marker, label in zip(ends, (START, GOAL), "os", ("start", "goal"), strict=True):
-            draw_end(axes, world.robot, q, colour, marker, label)
+        start = np.array(query.start)
+        draw_end(axes, world.robot, start, START, "o", "start")
+        for goal in query.goals:
+            ends = np.array([start, goal.nearest(start)[0]])
+            axes.plot(*ends[:, :2].T, color=PATH, lw=0.8, ls=(0, (4, 3)), alpha=0.8, zorder=5.0)
+            draw_goal(axes, world.robot, goal, start)
         if len(shown) <= _NAMED_QUERIES:
             note = axes.annotate(query.name, query.start[:2], xytext=(6, 6), textcoords="offset points", zorder=9.0)
             note.set(fontsize=8, color=TEXT, parse_math=False)
@@ -127,6 +130,15 @@ def save_world_figure(file: str | FilePath, world: World) -> None:
     facts.append(world.robot.describe() if world.robot else "no robot")
     annotate(figure, axes, world.name, " · ".join(facts))
     write(figure, picture_of(world, file))
+
+
+def draw_goal(axes: Axes, robot: Robot | None, goal: Goal, start: se2.FloatArray) -> None:
+    """Draw a goal: the positions that it allows, and the robot at the one nearest to the start, shape (3,)."""
+    if goal.region is not None or goal.position_tolerance > 0.0:
+        center, radius = goal.disc
+        allowed = shapely.Point(center).buffer(radius) if goal.region is None else goal.region.shapely()
+        fill(axes, [allowed], GOAL + "33", 3.0, edgecolor=GOAL, linewidth=1.2)
+    draw_end(axes, robot, goal.nearest(start)[0], GOAL, "s", "goal")
 
 
 def draw_end(axes: Axes, robot: Robot | None, q: se2.FloatArray, colour: str, marker: str, label: str) -> None:

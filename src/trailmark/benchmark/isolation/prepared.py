@@ -49,7 +49,7 @@ class Prepared:
     def ends(self) -> tuple[se2.FloatArray, se2.FloatArray]:
         """Start and goal, each of shape (3,)."""
         query = self.problem.query
-        start, goal = se2.configurations([query.start, query.goal])
+        start, goal = se2.configurations([query.start, query.pose()])
         return start, goal
 
 

@@ -121,7 +121,7 @@ class Scene:
             )
         query = self.problem.query
         parts += self._end(query.start, "S", "start")
-        parts += self._end(query.goal, "G", "goal")
+        parts += self._end(query.pose(), "G", "goal")
         frame = element("clipPath", element("rect", width=WIDTH, height=height), id=clip)
         whole = [frame, element("g", "".join(parts), clip_path=f"url(#{clip})"), *self._ruler(height)]
         return drawing(self._view[2] * self._view[4], self.height, label, whole, "chart world")

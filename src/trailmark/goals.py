@@ -1,0 +1,267 @@
+"""Goal: configurations at which a path may end, and what ending there costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trailmark import se2
+from trailmark.arguments import brief, number, number_array, one_of
+from trailmark.errors import ConfigurationError, ShapeError
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Polygon, triangulate
+
+__all__ = ["Goal", "ReachedGoal", "goals_of"]
+
+INWARDS = (0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1.0)
+"""Shares by which a point on the rim of a region is moved towards its middle, until it lies inside despite rounding."""
+
+FLAT = 1e-12
+"""Share of the largest triangle's area below which one counts as flat."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where a path may end: at a pose, near one, or with the reference point in a region.
+
+    Give either ``pose`` or ``region``. A heading that is not given is free: the path may end at any.
+
+    Attributes:
+        pose: x, y, theta, or x and y alone; metres, radians.
+        position_tolerance: metres by which the reference point may lie beside the pose.
+        heading_tolerance: radians by which the heading may differ from the one given; pi or more leaves it free.
+        region: polygon that the reference point ends in, its outline included: a Polygon or its vertices, shape (n, 2).
+        heading: in the region, radians; by default any.
+        cost: added to the cost of a path that ends here, metres, 0 or more.
+
+    Raises:
+        ConfigurationError: both or neither of ``pose`` and ``region``, a region without area, a negative cost or
+            tolerance, values that are not finite, or an option that does not belong to what is given.
+    """
+
+    pose: tuple[float, ...] | None = None
+    position_tolerance: float = 0.0
+    heading_tolerance: float = 0.0
+    region: Any = None
+    heading: float | None = None
+    cost: float = 0.0
+
+    def __post_init__(self) -> None:
+        if (self.pose is None) == (self.region is None):
+            raise ConfigurationError(f"goal: expected a pose or a region, got {'both' if self.pose else 'neither'}")
+        for name, unit in (("position_tolerance", "m"), ("heading_tolerance", "rad")):
+            object.__setattr__(self, name, number(getattr(self, name), f"goal: {name}:", minimum=0.0, unit=unit))
+        cost = number(self.cost, "goal: cost:")
+        if cost < 0.0:
+            raise ConfigurationError(
+                f"goal: cost: expected 0 or more, got {cost:g} (only differences count: add as much to each goal)"
+            )
+        object.__setattr__(self, "cost", cost)
+        if self.heading is not None:
+            object.__setattr__(self, "heading", float(se2.wrap(number(self.heading, "goal: heading:"))))
+        if self.region is None:
+            self._check_pose()
+        else:
+            self._check_region()
+        if self.heading_tolerance > 0.0 and self._heading is None:
+            raise ConfigurationError(f"goal: heading_tolerance: expected a heading, got {brief(self)}")
+
+    def _check_pose(self) -> None:
+        pose = number_array(self.pose, "goal: pose", "{} is not an array of numbers x, y, theta or x, y")
+        if pose.shape not in ((2,), (3,)):
+            raise ConfigurationError(f"goal: pose: expected [x, y, theta] or [x, y], got shape {pose.shape}")
+        if self.heading is not None:
+            raise ConfigurationError("goal: heading: expected the heading of a pose in the pose, got both")
+        whole = se2.configurations([*pose, 0.0][:3], name="goal: pose")
+        object.__setattr__(self, "pose", tuple(whole.tolist()[: len(pose)]))
+
+    def _check_region(self) -> None:
+        if self.position_tolerance > 0.0:
+            raise ConfigurationError("goal: position_tolerance: expected a pose, got a region")
+        if not isinstance(self.region, Polygon):
+            try:
+                object.__setattr__(self, "region", Polygon(self.region))
+            except ShapeError as error:
+                raise ConfigurationError(f"goal: region: {error}") from None
+
+    def __repr__(self) -> str:
+        fields = ", ".join(f"{name}={value}" for name, value in self.to_dict().items())
+        return f"Goal({fields})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what a world file says of the goal, without what is by default."""
+        data: dict[str, Any] = {}
+        if self.pose is not None:
+            data["pose"] = list(self.pose)
+        if self.region is not None:
+            data["region"] = self.region.vertices.tolist()
+        if self.heading is not None:
+            data["heading"] = self.heading
+        for name in ("position_tolerance", "heading_tolerance", "cost"):
+            if getattr(self, name):
+                data[name] = getattr(self, name)
+        return data
+
+    @property
+    def configuration(self) -> tuple[float, float, float] | None:
+        """The one configuration that it consists of, x, y, theta; None if there are more."""
+        if self.pose is None or len(self.pose) == 2 or self.position_tolerance or self.heading_tolerance:
+            return None
+        x, y, theta = self.pose
+        return x, y, theta
+
+    @property
+    def headings(self) -> tuple[float, float] | None:
+        """The heading, and by how much another may differ from it, radians; None if it is free."""
+        heading = self._heading
+        return None if heading is None or self.heading_tolerance >= math.pi else (heading, self.heading_tolerance)
+
+    @property
+    def _heading(self) -> float | None:
+        return self.heading if self.pose is None else self.pose[2] if len(self.pose) == 3 else None
+
+    @cached_property
+    def disc(self) -> tuple[FloatArray, float]:
+        """A disc that holds all its positions: centre, shape (2,), and radius, metres."""
+        if self.pose is not None:
+            return np.array(self.pose[:2]), self.position_tolerance
+        low, high = self._triangles.min(axis=(0, 1)), self._triangles.max(axis=(0, 1))
+        center = 0.5 * (low + high)
+        return center, float(np.hypot(*(self._triangles - center).reshape(-1, 2).T).max() * (1.0 + 1e-12))
+
+    @cached_property
+    def _triangles(self) -> FloatArray:
+        """What the region consists of, shape (m, 3, 2); for a pose none."""
+        if self.region is None:
+            return np.empty((0, 3, 2))
+        triangles = triangulate(self.region)
+        # Flat ones, where vertices lie on a line, have no middle to move to.
+        u, v = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+        area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+        return np.asarray(triangles[area > FLAT * area.max()])
+
+    def contains(self, q: ArrayLike) -> NDArray[np.bool_]:
+        """Return whether paths may end at configurations, shape (..., 3); exact, boundaries included."""
+        states = np.asarray(q, dtype=np.float64)
+        x, y = states[..., 0], states[..., 1]
+        if self.region is not None:
+            import shapely
+
+            inside = shapely.intersects_xy(self.region.shapely(), x, y)
+        else:
+            inside = np.hypot(x - self.disc[0][0], y - self.disc[0][1]) <= self.position_tolerance
+        headings = self.headings
+        if headings is not None:
+            inside = inside & (np.abs(se2.wrap(states[..., 2] - headings[0])) <= headings[1])
+        return np.asarray(inside)
+
+    def nearest(self, q: ArrayLike) -> FloatArray:
+        """Return the goal's configurations of the nearest position and the nearest heading to others, shape (n, 3)."""
+        states = np.array(q, dtype=np.float64).reshape(-1, 3)
+        xy = self._nearest_positions(states[:, :2])
+        return np.column_stack([xy, self._nearest_headings(states[:, 2])])
+
+    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Return configurations of the goal, spread evenly over positions and headings, shape (count, 3)."""
+        if self.pose is not None:
+            radius, angle = self.position_tolerance * np.sqrt(rng.random(count)), 2.0 * math.pi * rng.random(count)
+            xy = self.disc[0] + np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+        else:
+            a, b, c = (self._triangles[:, i] for i in range(3))
+            area = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+            k = rng.choice(len(a), count, p=area / area.sum())
+            u, v = rng.random((2, count, 1))
+            u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+            xy = a[k] + u * (b - a)[k] + v * (c - a)[k]
+        heading, tolerance = self.headings or (0.0, math.pi)
+        theta = np.asarray(se2.wrap(heading + tolerance * rng.uniform(-1.0, 1.0, count)))
+        return self.nearest(np.column_stack([xy, theta]))
+
+    def _nearest_positions(self, xy: FloatArray) -> FloatArray:
+        """Return the nearest points of the goal's positions to points (n, 2), inside it despite rounding."""
+        if self.region is None:
+            center, radius = self.disc
+            off = xy - center
+            away = np.hypot(*off.T)
+            found = np.where((away <= radius)[:, None], xy, center)
+            far = np.flatnonzero((away > radius) & (radius > 0.0))
+            for share in INWARDS:
+                found[far] = center + off[far] * (radius / away[far] * (1.0 - share))[:, None]
+                far = far[np.hypot(*(found[far] - center).T) > radius]
+            return found
+        import shapely
+
+        region = self.region.shapely()
+        found = xy.copy()
+        outside = np.flatnonzero(~shapely.intersects_xy(region, *xy.T))
+        if len(outside) == 0:
+            return found
+        # (outside, triangles, edges, xy)
+        a, b = self._triangles, np.roll(self._triangles, -1, axis=1)
+        along = ((xy[outside, None, None] - a) * (b - a)).sum(axis=-1)
+        share = along / np.maximum(((b - a) ** 2).sum(axis=-1), 1e-300)
+        places = a + np.clip(share, 0.0, 1.0)[..., None] * (b - a)
+        away = np.hypot(*np.moveaxis(places - xy[outside, None, None], -1, 0)).reshape(len(outside), -1)
+        best = away.argmin(axis=1)
+        rim, middle = places.reshape(len(outside), -1, 2)[np.arange(len(outside)), best], a.mean(axis=1)[best // 3]
+        left = np.arange(len(outside))
+        for inwards in INWARDS:
+            found[outside[left]] = rim[left] + inwards * (middle[left] - rim[left])
+            left = left[~shapely.intersects_xy(region, *found[outside[left]].T)]
+        return found
+
+    def _nearest_headings(self, theta: FloatArray) -> FloatArray:
+        """Return the nearest allowed headings to others (n,), in (-pi, pi]."""
+        if self.headings is None:
+            return np.asarray(se2.wrap(theta))
+        heading, tolerance = self.headings
+        turn = np.asarray(se2.wrap(theta - heading))
+        found = np.where(np.abs(turn) <= tolerance, se2.wrap(theta), heading)
+        far = np.flatnonzero((np.abs(turn) > tolerance) & (tolerance > 0.0))
+        for share in INWARDS:
+            found[far] = se2.wrap(heading + np.copysign(tolerance * (1.0 - share), turn[far]))
+            far = far[np.abs(se2.wrap(found[far] - heading)) > tolerance]
+        return found
+
+
+@dataclass(frozen=True)
+class ReachedGoal:
+    """Which of its goals a path ends at.
+
+    Attributes:
+        index: of the goal, from 0 on.
+        pose: the path's last state, x, y, theta.
+        cost: of the goal, metres, which the result's cost includes.
+    """
+
+    index: int
+    pose: tuple[float, float, float]
+    cost: float = 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``plan --json`` says of it."""
+        return {"index": self.index, "pose": list(self.pose)}
+
+
+def goals_of(value: Any) -> tuple[Goal, ...] | None:
+    """Return a goal or several as a tuple; None if the value is neither, but perhaps a configuration.
+
+    Raises:
+        ConfigurationError: goals among other things.
+    """
+    if isinstance(value, Goal):
+        return (value,)
+    if isinstance(value, np.ndarray) or not isinstance(value, Iterable):
+        return None
+    found = tuple(value)
+    if not any(isinstance(item, Goal) for item in found):
+        return None
+    for i, item in enumerate(found):
+        one_of(item, Goal, f"goal[{i}]:")
+    return found
