@@ -79,7 +79,7 @@ def free_positions(checker: StateChecker, *, cells: int = 1 << 16, headings: int
     reach = size * np.sqrt(0.5)
     q = np.column_stack([centers, np.zeros(len(centers))])
     certain = checker.valid(q)
-    for heading in np.arange(1, headings) * (2.0 * np.pi / headings) if checker.footprint.disc_radius < 0.0 else ():
+    for heading in np.arange(1, headings) * (2.0 * np.pi / headings) if not checker.footprint.is_disc else ():
         rest = np.flatnonzero(~certain)
         q[rest, 2] = se2.wrap(heading)
         certain[rest] = checker.valid(q[rest])

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from trailmark import se2
-from trailmark.arguments import brief, one_of, real
+from trailmark.arguments import brief, number, one_of, real
 from trailmark.errors import ShapeError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 
@@ -17,6 +17,9 @@ __all__ = ["TURNING_LIMIT", "Robot"]
 
 TURNING_LIMIT = 1e4
 """Metres: curves of a larger turning radius would miss their ends by more than rounding."""
+
+MAX_CLEARANCE = 1e7
+"""Metres: no world is larger."""
 
 
 @dataclass(frozen=True)
@@ -28,18 +31,23 @@ class Robot:
         turning_radius: of a car-like robot: metres, radius of the smallest circle that its reference point, which moves
             along the heading, can drive on. None: the robot moves in every direction and turns in place.
         reverse: whether a car-like robot drives backwards too.
+        clearance: metres that it keeps from obstacles, bounds and boundary: it collides with what is nearer. World
+            files hold none; planners and checkers take it as an argument.
 
     Raises:
         ShapeError: a footprint with holes, a disc or rectangle that is not centred on the reference point, a turning
-            radius out of range, or ``reverse`` False without one.
+            radius or a clearance out of range, or ``reverse`` False without a turning radius.
     """
 
     footprint: Shape
     turning_radius: float | None = None
     reverse: bool = True
+    clearance: float = 0.0
 
     def __post_init__(self) -> None:
         self._check_steering()
+        kept = number(self.clearance, "robot: clearance", minimum=0.0, maximum=MAX_CLEARANCE, error=ShapeError)
+        object.__setattr__(self, "clearance", kept)
         hint = " (from text: Robot.parse('disc:1'))" if isinstance(self.footprint, str) else ""
         one_of(self.footprint, (Disc, Rectangle, Polygon), "robot: footprint:", hint=hint, error=ShapeError)
         shape = self.footprint
@@ -100,21 +108,20 @@ class Robot:
 
     @cached_property
     def circumradius(self) -> float:
-        """Largest distance (metres) of a point of the footprint from the reference point."""
-        if isinstance(self.footprint, Disc):
-            return self.footprint.radius
-        return float(np.hypot(*self.outline.vertices.T).max())
+        """Largest distance (metres) from the reference point of a point of the footprint, dilated by the clearance."""
+        reach = self.footprint.radius if isinstance(self.footprint, Disc) else self.sweep_radius
+        return reach + self.clearance
 
-    @property
+    @cached_property
     def sweep_radius(self) -> float:
-        """R in the motion bound ‖Δxy‖ + R·|Δθ| (metres): the circumradius, but 0 for a disc, which turns in place."""
-        return 0.0 if isinstance(self.footprint, Disc) else self.circumradius
+        """R in the motion bound ‖Δxy‖ + R·|Δθ| (metres): the outline's reach; 0 for a disc, which turns in place."""
+        return 0.0 if isinstance(self.footprint, Disc) else float(np.hypot(*self.outline.vertices.T).max())
 
     @cached_property
     def inscribed_disc(self) -> Disc:
-        """The largest disc inside the footprint (robot frame); found to 1e-6 of its size, and never too large."""
+        """The largest disc inside the footprint (robot frame), dilated by the clearance; 1e-6 too small at most."""
         if isinstance(self.footprint, Disc):
-            return self.footprint
+            return replace(self.footprint, radius=self.footprint.radius + self.clearance)
         import shapely
 
         region = self.outline.shapely()
@@ -122,7 +129,7 @@ class Robot:
         center = shapely.get_coordinates(line)[0]
         # The distance is measured again from the centre, so that it is right whatever the search's tolerance.
         radius = float(shapely.distance(shapely.Point(center), region.exterior))
-        return Disc((float(center[0]), float(center[1])), radius)
+        return Disc((float(center[0]), float(center[1])), radius + self.clearance)
 
     @cached_property
     def reference_radius(self) -> float:
@@ -138,6 +145,10 @@ class Robot:
         """Return a robot of the same shape with another turning radius (metres), or None, and direction of driving."""
         return replace(self, turning_radius=turning_radius, reverse=reverse)
 
+    def keeping(self, clearance: float) -> Robot:
+        """Return a robot of the same shape that keeps a clearance, metres."""
+        return self if clearance == self.clearance else replace(self, clearance=clearance)
+
     def describe(self) -> str:
         """Return a short text such as ``rectangle 0.6 x 0.4 m``."""
         shape = self.footprint
@@ -149,6 +160,8 @@ class Robot:
             text = f"polygon of {len(shape.vertices)} vertices"
         if self.turning_radius is not None:
             text += f", turning radius {self.turning_radius:g} m" + ("" if self.reverse else ", forward only")
+        if self.clearance > 0.0:
+            text += f", clearance {self.clearance:g} m"
         return text
 
     def _check_steering(self) -> None:

@@ -70,7 +70,7 @@ def test_discs_bound_random_footprints(seed: int) -> None:
 def test_a_disc_is_its_own_cover() -> None:
     footprint = build_footprint(Robot.disc(0.3))
     assert footprint.cover.tolist() == footprint.inner.tolist() == [[0.0, 0.0, 0.3]]
-    assert footprint.disc_radius == footprint.circumradius == 0.3
+    assert footprint.dilation == footprint.circumradius == 0.3
     assert footprint.sweep_radius == 0.0
     assert len(footprint.outline) == 0
 

@@ -37,7 +37,7 @@ def queries(planner: LandmarkPlanner, n: int, seed: int = 8) -> tuple[FloatArray
     ends = free_samples(planner.checker, 4 * n, random_state=seed)
     reached = planner.relaxation.component(ends[0])
     ends = ends[reached[planner.relaxation.cells(planner.relaxation.disc_centers(ends))]][: 2 * n]
-    if not planner.checker.footprint.disc_radius < 0.0:
+    if planner.checker.footprint.is_disc:
         ends[:, 2] = np.random.default_rng(seed).uniform(-3.0, 3.0, len(ends))
     return ends[::2], ends[1::2]
 

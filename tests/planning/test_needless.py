@@ -63,7 +63,7 @@ def test_paths_of_many_queries(name: str) -> None:
     vertices = 0
     for result in planner.plan_many(pairs[:, 0], pairs[:, 1], 30.0, max_iterations=1):
         assert result.path is not None
-        if planner.checker.footprint.disc_radius < 0.0:
+        if not planner.checker.footprint.is_disc:
             vertices += assert_none_needless(planner.checker, result)
         else:
             # A disc turns evenly along its path: only its positions say what is needless.

@@ -42,11 +42,13 @@ class PathAuditor:
     cease to overlap it.
 
     Args:
-        checker: for the world and the robot.
+        checker: for the world and the robot; that it keeps a clearance is left aside.
     """
 
     def __init__(self, checker: StateChecker) -> None:
         one_of(checker, StateChecker, "audit: checker:")
+        if checker.robot.clearance > 0.0:
+            checker = StateChecker(checker.world, checker.robot, clearance=0.0)
         self.checker = checker
         self._core, self._body = core_of(checker.robot), whole(checker.robot)
         self._attribution = Attribution(checker, self._core)
@@ -107,10 +109,13 @@ def check_path(world: World, robot: Robot | None, path: Path | ArrayLike) -> Pat
         ConfigurationError: a path of another shape, values that are not finite, or positions beyond 1e7 m.
         WorldError: no world, or no robot.
     """
+    bare = robot or world.robot
+    if isinstance(bare, Robot):
+        bare = bare.keeping(0.0)
     for known, auditor in _recent:
-        if known is world and auditor.checker.robot == (robot or world.robot):
+        if known is world and auditor.checker.robot == bare:
             return auditor.audit(path)
-    auditor = PathAuditor(StateChecker(world, robot))
+    auditor = PathAuditor(StateChecker(world, bare))
     _recent[:] = [(world, auditor), *_recent[: REMEMBERED - 1]]
     return auditor.audit(path)
 

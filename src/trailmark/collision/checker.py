@@ -41,6 +41,9 @@ class StateChecker:
     is not certified, nor is one that needs more than 20,000 distances (40 m at 1 mm from a wall); its first and last
     1e-6 m (1e-4 of the inscribed radius of a robot of less than 2 cm) count as free, as its ends are.
 
+    A robot that keeps a clearance (:attr:`trailmark.Robot.clearance`) is valid where nothing is nearer than that; all
+    the above then holds of its footprint dilated by as much.
+
     The clearance field decides what it can prove, exact distances in compiled code decide most of the rest, and FCL
     decides what lies within 3e-7 m of touching. With ``exact="fcl"``, FCL decides all that the field leaves open: the
     same answers, more slowly, as a reference.
@@ -49,6 +52,7 @@ class StateChecker:
         world: obstacles, bounds, boundary.
         robot: footprint; the world's own robot if None.
         exact: which of the two decides where the field cannot.
+        clearance: metres that the robot keeps from obstacles, bounds and boundary; the robot's own if None.
         cell: edge of the field's cells in metres; by default a tenth of the robot's inscribed diameter, larger
             where that would take more than 2^18 cells (2^20 where cells would be larger than the robot).
 
@@ -63,6 +67,7 @@ class StateChecker:
         robot: Robot | None = None,
         *,
         exact: Literal["kernel", "fcl"] = "kernel",
+        clearance: float | None = None,
         cell: float | None = None,
     ) -> None:
         one_of(world, World, "world:", hint=" (World.load reads one)", error=WorldError)
@@ -72,6 +77,8 @@ class StateChecker:
         chosen = robot or world.robot
         if chosen is None:
             raise WorldError(f"world {world.name!r} names no robot: expected one, such as disc:0.2, got none")
+        if clearance is not None:
+            chosen = chosen.keeping(clearance)
         _require_covered(world, chosen)
         if not isinstance(exact, str) or exact not in ("kernel", "fcl"):
             raise WorldError(f"exact: expected 'kernel' or 'fcl', got {brief(exact)}")
@@ -85,6 +92,7 @@ class StateChecker:
         self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted, 1.5 * chosen.inscribed_disc.radius))
         self.field: ClearanceField = build_field(self.grid)
         self.footprint: Footprint = build_footprint(chosen)
+        self.bare_footprint = self.footprint if chosen.clearance == 0.0 else build_footprint(chosen.keeping(0.0))
         self._cells: Cells | None = None
         self._scene: FclScene | None = None
 
@@ -165,6 +173,8 @@ class StateChecker:
     def clearance(self, q: ArrayLike, *, cap: float = np.inf) -> Any:
         """Return the distance (metres) from the robot to the nearest obstacle or bound; 0 on contact or overlap.
 
+        That of the robot itself, whatever clearance it is to keep.
+
         Args:
             q: shape (3,) or (n, 3).
             cap: larger distances are returned as this value; a small cap is faster.
@@ -181,7 +191,7 @@ class StateChecker:
         if self.exact == "fcl":
             found = np.minimum([self.scene.clearance(row) for row in rows], cap)
         else:
-            found = kernels.clearances(self.grid, self.field, self.footprint, rows, float(cap))
+            found = kernels.clearances(self.grid, self.field, self.bare_footprint, rows, float(cap))
         return found if states.ndim == 2 else float(found[0])
 
     def motions_valid(self, a: ArrayLike, b: ArrayLike) -> NDArray[np.bool_]:
@@ -241,10 +251,17 @@ class StateChecker:
         """
         state = _one(q, name)
         if not self.valid(state):
-            reason = invalid_reason(self.world, self.robot, state)
+            reason = self._too_near(state) or invalid_reason(self.world, self.robot, state)
             at = ", ".join(f"{v:g}" for v in state)
             raise ConfigurationError(f"{name} ({at}) is not valid: the robot ({self.robot.describe()}) {reason}")
         return state
+
+    def _too_near(self, q: se2.FloatArray) -> str:
+        """Return what clearance there is in an invalid configuration, shape (3,); nothing if the robot overlaps."""
+        kept = self.robot.clearance
+        if kept == 0.0 or not StateChecker(self.world, self.robot, clearance=0.0).valid(q):
+            return ""
+        return f"has a clearance of {self.clearance(q):.6g} m there, less than the {kept:g} m that it is to keep"
 
     def require_for(self, world: World, robot: Robot | None = None) -> None:
         """Raise unless this checker is for a world and, where one is given, a robot: its answers would be wrong.
@@ -295,7 +312,7 @@ class StateChecker:
                 continue
             middle = 0.5 * (low + high)
             need = 0.5 * (high - low) * bound + kernels.ROUNDING
-            d = self.scene.clearance(se2.interpolate(a, b, middle))
+            d = self.scene.clearance(se2.interpolate(a, b, middle)) - self.robot.clearance
             if d >= need:
                 continue
             if d < certify.CONTACT:

@@ -40,14 +40,15 @@ class FclScene:
 
     Args:
         world: obstacles, boundary and bounds.
-        robot: its footprint; eroded by at most TOUCHING_TOLERANCE for :meth:`collides`, since touching is allowed.
+        robot: its footprint; eroded by at most TOUCHING_TOLERANCE for :meth:`collides`, since touching is allowed; and
+            the clearance that it keeps.
     """
 
     def __init__(self, world: World, robot: Robot) -> None:
         self._turns = Lock()
         self._bounds = world.bounds
         disc = robot.footprint if isinstance(robot.footprint, Disc) else None
-        self._radius = 0.0 if disc is None else disc.radius
+        self._radius, self._kept = 0.0 if disc is None else disc.radius, robot.clearance
         # A copy: shapes are read-only, which numba would take for another type and compile anew for.
         self._outline = np.array(robot.outline.vertices) if disc is None else np.zeros((1, 2))
         self._robot = fcl.CollisionObject(_robot_geometry(robot, eroding=False))
@@ -95,8 +96,11 @@ class FclScene:
         self._boxes[:, place] = NOWHERE if shape is None else shape.bounding_box()
 
     def collides(self, q: FloatArray) -> bool:
-        """Return whether the robot at q = (x, y, theta), shape (3,), overlaps an obstacle or leaves the bounds."""
-        box = _placed_box(self._outline, self._radius, float(q[0]), float(q[1]), float(q[2]))
+        """Return whether the robot at q = (x, y, theta), shape (3,), overlaps an obstacle or leaves the bounds.
+
+        So it does if it is nearer to one of them than the clearance that it keeps.
+        """
+        box = _placed_box(self._outline, self._radius + self._kept, float(q[0]), float(q[1]), float(q[2]))
         if self._beyond_bounds(box) > TOUCHING_TOLERANCE:
             return True
         near = _meeting(self._boxes, *box)
@@ -104,7 +108,8 @@ class FclScene:
             return False
         with self._turns:
             self._robot_eroded.setTransform(_transform(q))
-            return any(_overlap(self._robot_eroded, self._object(place)) for place in near.tolist())
+            self._robot.setTransform(_transform(q))
+            return any(self._too_near(place) for place in near.tolist())
 
     def clearance(self, q: FloatArray) -> float:
         """Return the distance (metres) of the robot at q to all that blocks it; 0 on overlap or outside."""
@@ -123,6 +128,13 @@ class FclScene:
                 clearance = self._distance(place, gaps[place], clearance)
                 gaps[place] = math.inf
         return max(0.0, clearance)
+
+    def _too_near(self, place: int) -> bool:
+        """Return whether the robot, as it stands, overlaps an obstacle or does not keep its clearance from it."""
+        if _overlap(self._robot_eroded, self._object(place)):
+            return True
+        needed = self._kept - TOUCHING_TOLERANCE
+        return needed > 0.0 and self._distance(place, 0.0, math.inf) < needed
 
     def _distance(self, place: int, gap: float, clearance: float) -> float:
         """Return the distance (metres) of the robot, as it stands, to an obstacle, or ``clearance`` if that is less."""

@@ -29,17 +29,18 @@ MAX_TILES = 48
 
 
 class Footprint(NamedTuple):
-    """A robot's footprint in its own frame; all lengths in metres.
+    """A robot's footprint in its own frame, dilated by the clearance that it keeps; all lengths in metres.
 
     Attributes:
-        outline: (v, 2) vertices, counter-clockwise; empty for a disc.
-        core: (w, 2) the outline eroded by DEEP_TOLERANCE; a collision of the core is a collision in any case.
-        core_gap: no point of the footprint is farther from the core than this; infinite if there is no core.
+        outline: (v, 2) vertices before the dilation, counter-clockwise; empty for a disc.
+        core: (w, 2) the outline, eroded by DEEP_TOLERANCE if it is dilated by no more than that.
+        core_gap: no point of the footprint is farther from the core, dilated by what the dilation exceeds
+            DEEP_TOLERANCE by, than this; infinite if there is no core.
         cover: (c, 3) discs x, y, radius that together contain the footprint.
         inner: (i, 3) discs that lie inside it.
         circumradius: largest distance of the footprint from the reference point.
         sweep_radius: R in the motion bound ‖Δxy‖ + R·|Δθ|; 0 for a disc.
-        disc_radius: the radius of a disc, -1 for any other footprint.
+        dilation: radius of the disc by which the outline is dilated; a disc robot is a point dilated.
     """
 
     outline: FloatArray
@@ -49,29 +50,40 @@ class Footprint(NamedTuple):
     inner: FloatArray
     circumradius: float
     sweep_radius: float
-    disc_radius: float
+    dilation: float
+
+    @property
+    def is_disc(self) -> bool:
+        """Whether the heading makes no difference to what the footprint covers."""
+        return len(self.outline) == 0
 
 
 def build_footprint(robot: Robot, discs: int = 12) -> Footprint:
     """Return the kernels' arrays for a robot, covered by about ``discs`` discs."""
     shape = robot.footprint
     if isinstance(shape, Disc):
-        disc = np.array([[0.0, 0.0, shape.radius]])
+        disc = np.array([[0.0, 0.0, robot.circumradius]])
         none = np.empty((0, 2))
-        return Footprint(none, none, np.inf, disc, disc, shape.radius, 0.0, shape.radius)
-    region = robot.outline.shapely()
+        return Footprint(none, none, np.inf, disc, disc, robot.circumradius, 0.0, robot.circumradius)
+    region, clearance = robot.outline.shapely(), robot.clearance
+    # A copy: shapes are read-only, which numba would take for another type and compile anew for.
+    outline = np.array(robot.outline.rings()[0], order="C")
     cover, inner = _cover(region, discs)
-    core = _largest_ring(eroded(region, DEEP_TOLERANCE))
+    if clearance > DEEP_TOLERANCE:
+        core, gap = outline, DEEP_TOLERANCE
+    else:
+        core = _largest_ring(eroded(region, DEEP_TOLERANCE))
+        gap = _gap(region, core) + clearance
+    dilation = np.array([0.0, 0.0, clearance])
     return Footprint(
-        # A copy: shapes are read-only, which numba would take for another type and compile anew for.
-        np.array(robot.outline.rings()[0], order="C"),
+        outline,
         core,
-        _gap(region, core),
-        cover,
-        inner,
+        gap,
+        cover + dilation,
+        inner + dilation,
         robot.circumradius,
         robot.sweep_radius,
-        -1.0,
+        clearance,
     )
 
 

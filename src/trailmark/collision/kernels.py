@@ -121,10 +121,10 @@ def exact_clearance(
     cap: float,
 ) -> float:
     """Return min(clearance, cap) of the robot, 0 on overlap; wrong by at most ROUNDING."""
-    if robot.disc_radius > 0.0:
-        return max(0.0, point_clearance(grid, x, y, cap + robot.disc_radius) - robot.disc_radius)
+    if len(robot.outline) == 0:
+        return max(0.0, point_clearance(grid, x, y, cap + robot.dilation) - robot.dilation)
     n = _place(robot.outline, c, s, placed)
-    return ring_clearance(grid, placed, n, x, y, cap)
+    return max(0.0, ring_clearance(grid, placed, n, x, y, cap + robot.dilation) - robot.dilation)
 
 
 @njit(cache=True)
@@ -143,19 +143,20 @@ def state(
         return FREE
     if field_hit(field, robot, x, y, c, s):
         return BLOCKED
-    if robot.disc_radius > 0.0:
-        d = point_clearance(grid, x, y, robot.disc_radius + 2.0 * ROUNDING) - robot.disc_radius
+    if len(robot.outline) == 0:
+        d = point_clearance(grid, x, y, robot.dilation + 2.0 * ROUNDING) - robot.dilation
         if d > ROUNDING:
             return FREE
         return BLOCKED if d < -DEEP_TOLERANCE else UNDECIDED
     # The core first: it decides for most free and most blocked configurations at once.
     if len(robot.core) > 0:
         n = _place(robot.core, c, s, placed)
-        # With a wider gap nothing counts as free here.
-        d = ring_clearance(grid, placed, n, x, y, min(robot.core_gap, WIDEST_GAP) + 2.0 * ROUNDING)
-        if d == 0.0:
+        # A core dilated by so much meets nothing; with a wider gap nothing counts as free here.
+        deep = max(0.0, robot.dilation - DEEP_TOLERANCE)
+        d = ring_clearance(grid, placed, n, x, y, deep + min(robot.core_gap, WIDEST_GAP) + 2.0 * ROUNDING)
+        if d <= deep:
             return BLOCKED
-        if d > robot.core_gap + ROUNDING:
+        if d > deep + robot.core_gap + ROUNDING:
             return FREE
     if exact_clearance(grid, robot, placed, x, y, c, s, 2.0 * ROUNDING) > ROUNDING:
         return FREE

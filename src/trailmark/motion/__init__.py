@@ -32,4 +32,4 @@ def motion_of(checker: StateChecker, steering: Steering | None = None) -> Motion
     """
     if steering is not None or checker.robot.turning_radius is not None:
         return CurveMotion(checker, steering)
-    return StraightMotion(checker) if checker.footprint.disc_radius < 0.0 else TranslationMotion(checker)
+    return TranslationMotion(checker) if checker.footprint.is_disc else StraightMotion(checker)

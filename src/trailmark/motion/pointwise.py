@@ -115,10 +115,11 @@ class PointwiseChecker:
         return _state_valid(self.packed, x, y, theta)
 
     def clearance(self, x: float, y: float, theta: float) -> float:
-        """Return the distance (metres) to the nearest obstacle or bound; 0 on contact or overlap."""
+        """Return the distance (metres) to the nearest obstacle or bound, beyond the clearance that the robot keeps."""
         packed = self.packed
         if packed.by_fcl:
-            return float(packed.checker.clearance((x, y, theta))) if is_configuration(x, y, theta) else 0.0
+            found = packed.checker.clearance((x, y, theta)) if is_configuration(x, y, theta) else 0.0
+            return max(0.0, found - packed.checker.robot.clearance)
         return float(_clearance(packed.address, x, y, theta))
 
     def motion_valid(self, a: Configuration, b: Configuration) -> bool:
@@ -194,7 +195,7 @@ def _numbers(checker: StateChecker) -> list[float]:
         robot.core_gap,
         robot.circumradius,
         robot.sweep_radius,
-        robot.disc_radius,
+        robot.dilation,
     ]
 
 

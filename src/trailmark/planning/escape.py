@@ -67,11 +67,9 @@ def _free_shifts(checker: StateChecker, q: FloatArray, reach: float) -> shapely.
     """Return the translations (metres) by at most ``reach`` along x and y to where the robot is free."""
     blocked = shapely.union_all(list(_blocked_shifts(checker, q, reach)))
     xmin, ymin, xmax, ymax = checker.world.bounds
-    footprint = checker.robot.footprint
-    placed = se2.transform(q, checker.robot.outline.vertices)
-    low, high = placed.min(axis=0), placed.max(axis=0)
-    if isinstance(footprint, Disc):
-        low, high = q[:2] - footprint.radius, q[:2] + footprint.radius
+    footprint = checker.footprint
+    placed = q[None, :2] if footprint.is_disc else se2.transform(q, footprint.outline)
+    low, high = placed.min(axis=0) - footprint.dilation, placed.max(axis=0) + footprint.dilation
     box = np.array([xmin - low[0], ymin - low[1], xmax - high[0], ymax - high[1]])
     box = np.array([*np.maximum(box[:2], -reach), *np.minimum(box[2:], reach)])
     if (box[:2] >= box[2:]).any():
@@ -91,20 +89,18 @@ def _shortest(free: shapely.Geometry, reach: float) -> FloatArray | None:
 def _blocked_shifts(checker: StateChecker, q: FloatArray, reach: float) -> Iterator[shapely.Geometry]:
     """Yield the translations that put the robot on what blocks it: Minkowski differences of convex pieces.
 
-    A disc counts as its centre, and its radius is what the difference is grown by.
+    The difference is grown by the robot's dilation: of a disc, which counts as its centre, by its radius.
     """
-    robot = checker.robot
-    round_ = isinstance(robot.footprint, Disc)
+    robot, dilation = checker.robot, checker.footprint.dilation
+    round_ = checker.footprint.is_disc
     body = [q[None, :2]] if round_ else [se2.transform(q, piece) for piece in convex_pieces(robot.outline)]
-    placed = se2.transform(q, robot.outline.vertices)
-    low, high = placed.min(axis=0) - reach, placed.max(axis=0) + reach
+    low, high = q[:2] - robot.circumradius - reach, q[:2] + robot.circumradius + reach
     for shape in _obstacles(checker.world):
         box = shape.bounding_box()
         if box[0] > high[0] or box[1] > high[1] or box[2] < low[0] or box[3] < low[1]:
             continue
-        radius = robot.circumradius if round_ else 0.0
         pieces = [np.array([shape.center])] if isinstance(shape, Disc) else convex_pieces(shape.polygon())
-        radius += shape.radius if isinstance(shape, Disc) else 0.0
+        radius = dilation + (shape.radius if isinstance(shape, Disc) else 0.0)
         for piece in pieces:
             if (piece.min(axis=0) - radius > high).any() or (piece.max(axis=0) + radius < low).any():
                 continue

@@ -50,9 +50,9 @@ class FinalCheck:
     def __init__(self, world: World, robot: Robot) -> None:
         self.world, self.robot = world, robot
         shape = robot.footprint
-        self._radius, self._parts, self._body = 0.0, [], np.zeros((1, 4))
+        self._radius, self._parts, self._body = robot.clearance, [], np.zeros((1, 4))
         if isinstance(shape, Disc):
-            self._radius = max(shape.radius - RIM, 0.5 * shape.radius)
+            self._radius += max(shape.radius - RIM, 0.5 * shape.radius)
         else:
             self._parts = _eroded(robot.outline)
             self._body = np.concatenate([closed(ring) for part in self._parts for ring in _coordinates(part)])
@@ -128,12 +128,8 @@ class FinalCheck:
     def _fault_at(self, q: FloatArray) -> str | None:
         """Return what is wrong with a state: overlap, one inside the other included."""
         xmin, ymin, xmax, ymax = self.world.bounds
-        if self._radius > 0.0:
-            body = shapely.Point(q[:2])
-            low, high = q[:2] - self._radius, q[:2] + self._radius
-        else:
-            body = shapely.MultiPolygon([_placed(part, q) for part in self._parts])
-            low, high = np.array(body.bounds[:2]), np.array(body.bounds[2:])
+        body = shapely.MultiPolygon([_placed(part, q) for part in self._parts]) if self._parts else shapely.Point(q[:2])
+        low, high = np.array(body.bounds[:2]) - self._radius, np.array(body.bounds[2:]) + self._radius
         if min(low[0] - xmin, low[1] - ymin, xmax - high[0], ymax - high[1]) < 0.0:
             return f"state {q.tolist()} reaches over the bounds"
         radius = self._radius

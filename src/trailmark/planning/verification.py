@@ -126,7 +126,8 @@ class Verification:
         """
         if len(vertices) == 1:
             return float(self.checker.clearance(vertices)[0]), 0
-        least, motion = least_clearance_of(self.motion.kind, np.array(vertices), NEARLY, LOOKS, known)
+        kind = self.motion.kind._replace(robot=self.checker.bare_footprint)
+        least, motion = least_clearance_of(kind, np.array(vertices), NEARLY, LOOKS, known)
         return float(least), int(motion)
 
     def _nearest(self, incumbent: Incumbent) -> Path | None:

@@ -132,7 +132,9 @@ def fingerprint(checker: StateChecker) -> str:
     digest = hashlib.sha256(f"trailmark roadmap {VERSION}".encode())
     # Not as the checker has them: in which order depends on how the world came about.
     segments, discs = boundary_segments(world)[0], obstacle_discs(world)
-    for array in (world.bounds, segments, discs, robot.outline, robot.disc_radius):
+    # Files of robots that keep no clearance stay what they were.
+    dilation = robot.dilation or -1.0
+    for array in (world.bounds, segments, discs, robot.outline, dilation):
         _digest(digest, np.asarray(array), "<f8")
     if checker.robot.turning_radius is not None:
         _digest(digest, np.array([checker.robot.turning_radius, checker.robot.reverse]), "<f8")

@@ -53,7 +53,7 @@ def free_somewhere(
         pivot: in the robot's frame, shape (2,).
         stop: asked every few milliseconds whether to end; nothing is found then.
     """
-    space = _Space(world)
+    space = _Space(world, robot.clearance)
     outline = np.asarray(robot.outline.rings()[0]) - pivot
     left = MOST
     for _ in range(HALVINGS + 1):
@@ -80,9 +80,10 @@ def free_somewhere(
 
 
 class _Space:
-    """What the robot must not meet or leave."""
+    """What the robot must not come nearer to than its clearance, metres."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, clearance: float) -> None:
+        self._clearance = clearance
         # Discs as polygons about them, by 1 mm at most: what is said to be free is.
         self._tree = shapely.STRtree([shape.polygon().shapely() for shape in world.obstacles])
         self._rooms = [shapely.box(*world.bounds)]
@@ -94,9 +95,11 @@ class _Space:
         """Return which of n robots, given as arrays of their pieces (shapely), meet an obstacle or leave a room."""
         found = np.zeros(len(placed[0]), np.bool_)
         for pieces in placed:
-            found[self._tree.query(pieces, predicate="intersects")[0]] = True
+            found[self._tree.query(pieces, predicate="dwithin", distance=self._clearance)[0]] = True
             for room in self._rooms:
                 found |= ~shapely.covers(room, pieces)
+                if self._clearance > 0.0:
+                    found |= shapely.distance(room.exterior, pieces) < self._clearance
         return found
 
 

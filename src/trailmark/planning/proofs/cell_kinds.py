@@ -98,11 +98,11 @@ def _decided(
     if field_clearance(field, robot, x, y, c, s, enough) >= enough:
         return FREE
     # The core lies deeper in the robot than touching and rounding reach, wherever in the cell the robot is.
-    if _gap(level, 0.0, x, y, c, s, division, grid, placed) == 0.0:
+    if _gap(level, 0.0, x, y, c, s, division, grid, robot.dilation, placed) <= 0.0:
         return BLOCKED
     if _deep(level, x, y, c, s, division, grid, field, robot):
         return BLOCKED
-    return FREE if _gap(finest, enough, x, y, c, s, division, grid, placed) >= enough else MIXED
+    return FREE if _gap(finest, enough, x, y, c, s, division, grid, robot.dilation, placed) >= enough else MIXED
 
 
 @njit(cache=True)
@@ -115,18 +115,20 @@ def _gap(
     s: float,
     division: Division,
     grid: ObstacleGrid,
+    dilation: float,
     placed: FloatArray,
 ) -> float:
-    """Return the clearance of a level's core, 0 on overlap; it may be less if above ``enough`` and MARGIN."""
+    """Return the clearance of a level's core, dilated, 0 on overlap; it may be less if above ``enough`` and MARGIN."""
     gap = max(enough, MARGIN)
     for ring in range(division.cores[level], division.cores[level + 1]):
         begin, end = division.rings[ring], division.rings[ring + 1]
         for k in range(begin, end):
             px, py = division.points[k, 0], division.points[k, 1]
             placed[k - begin, 0], placed[k - begin, 1] = c * px - s * py, s * px + c * py
-        gap = min(gap, ring_clearance(grid, placed, end - begin, x, y, gap))
-        if gap == 0.0:
-            break
+        # The dilated core is as deep in the dilated robot as the core is in the robot.
+        gap = min(gap, ring_clearance(grid, placed, end - begin, x, y, gap + dilation) - dilation)
+        if gap <= 0.0:
+            return 0.0
     return gap
 
 

@@ -135,15 +135,16 @@ class Space:
         footprint, robot = checker.footprint, checker.robot
         self.pivot = pivot(robot)
         outline = footprint.outline - self.pivot
-        radius = float(np.hypot(*outline.T).max()) * (1.0 + 1e-12)
+        sweep = float(np.hypot(*outline.T).max()) * (1.0 + 1e-12)
+        radius = sweep + footprint.dilation
         shift = np.array([*self.pivot, 0.0])
         about = footprint._replace(
             outline=outline,
             core=footprint.core - self.pivot,
             cover=footprint.cover - shift,
-            inner=discs(outline),
+            inner=discs(outline) + np.array([0.0, 0.0, footprint.dilation]),
             circumradius=radius,
-            sweep_radius=radius,
+            sweep_radius=sweep,
         )
         self.parts: tuple[ObstacleGrid, ClearanceField, Footprint] = (checker.grid, checker.field, about)
         # Wider than where the pivot of a valid configuration can be: it lies in the footprint's smallest circle.
@@ -153,10 +154,10 @@ class Space:
         self._origin = xmin - 2.0 * radius, ymin - 2.0 * radius
         self._columns, self._rows = ceil(width / edge), ceil(height / edge)
         self._half: se2.FloatArray = 0.5 * edge * 0.5 ** np.arange(LEVELS, dtype=np.float64)
-        wanted = [ceil(log2(radius * pi / (BALANCE * half))) for half in self._half]
+        wanted = [ceil(log2(sweep * pi / (BALANCE * half))) for half in self._half]
         self._turns = np.array([min(level, max(0, turns)) for level, turns in enumerate(wanted)], np.int64)
         self._shift, self._turn = sqrt(2.0) * self._half, pi / np.exp2(self._turns)
-        self._spread = self._shift + 2.0 * radius * np.sin(0.5 * self._turn)
+        self._spread = self._shift + 2.0 * sweep * np.sin(0.5 * self._turn)
         self._cores: list[list[se2.FloatArray]] = []
         self.first = int(np.count_nonzero(self._half > 0.5 * robot.inscribed_disc.radius))
 

@@ -48,7 +48,7 @@ class MovingObstacles(NamedTuple):
         velocities: (k, 2).
         until: (k,) up to when each is foreseen; nothing is claimed for later times.
         body: (b, 4) the robot's edges in its own frame; one of length 0 for a disc.
-        radius: by which they are thickened: the radius of a disc, 0 for any other robot.
+        radius: by which they are thickened: the clearance that the robot keeps, and the radius of a disc.
         reach: largest distance of a point of the robot from its reference point.
         size: half of the shortest side of the obstacles' bounding boxes, the smallest disc's radius.
     """
@@ -81,15 +81,14 @@ class MovingObstacles(NamedTuple):
                 edges += [(*edge, 0.0) for ring in rings for edge in _closed(ring)]
                 size = min(size, 0.5 * float((high - low).min()))
             first.append(len(edges))
-        disc = robot.disc_radius > 0.0
         return cls(
             np.array(edges),
             np.array(first),
             np.array(circles),
             np.array([obstacle.velocity for obstacle in obstacles]),
             np.array([obstacle.until for obstacle in obstacles]),
-            np.zeros((1, 4)) if disc else _closed(robot.outline),
-            robot.disc_radius if disc else 0.0,
+            np.zeros((1, 4)) if robot.is_disc else _closed(robot.outline),
+            robot.dilation,
             robot.circumradius,
             size,
         )
@@ -138,7 +137,7 @@ def motion_clear(moving: MovingObstacles, a: FloatArray, begin: float, b: FloatA
         if hypot(x + t * dx, y + t * dy) >= r + moving.reach + ROUNDING:
             continue
         first, last = moving.first[k], moving.first[k + 1]
-        if moving.radius > 0.0 and last - first == 1:
+        if len(moving.body) == 1 and last - first == 1:
             return False
         edges = moving.edges[first:last]
         if not _clear_of(moving, edges, x + cx, y + cy, a[2], dx, dy, share * turn(a[2], b[2])):
