@@ -23,6 +23,7 @@ from trailmark.curves import CurvePath
 from trailmark.path import Path
 from trailmark.planning.conservative_advancement import advance
 from trailmark.planning.edge_index import EdgeIndex, closed
+from trailmark.planning.one_way_check import OneWayCheck
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import Robot, World
@@ -57,6 +58,7 @@ class FinalCheck:
             self._parts = _eroded(robot.outline)
             self._body = np.concatenate([closed(ring) for part in self._parts for ring in _coordinates(part)])
         self._index = EdgeIndex(world)
+        self._one_way = OneWayCheck(world.zones)
 
     def edited(self, world: World) -> FinalCheck:
         """Return the check for a world with other obstacles; one with other bounds, boundary or zones is made anew."""
@@ -90,7 +92,7 @@ class FinalCheck:
         failed, where = self._certified(starts, moves, curvature)
         if failed >= 0:
             return f"motion {failed} from {starts[failed].tolist()} meets an obstacle at {where:.6f} of its way"
-        return None
+        return self._one_way.fault(starts, moves, curvature)
 
     def _certified(self, starts: FloatArray, moves: FloatArray, curvature: FloatArray) -> tuple[int, float]:
         """Return the first motion that is not certified and at which share of it; -1 if all are.
