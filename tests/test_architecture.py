@@ -23,7 +23,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"nearest", "se2", "shapes"}),
     frozenset({"path", "robot", "objective"}),
     frozenset({"estimates", "goals", "moving", "zones"}),
-    frozenset({"changes"}),
+    frozenset({"changes", "query"}),
     frozenset({"edits"}),
     frozenset({"world", "formats"}),
     frozenset({"curves"}),
@@ -45,13 +45,14 @@ PEERS = {
     ("se2", "shapes"),
     ("shapes", "se2"),
     ("formats", "world"),
-    # World.load and World.save hand over to the readers when they are called.
+    # World.load, World.save and Robot.load hand over to the readers when they are called.
     ("world", "formats"),
+    ("robot", "formats"),
     # Path.smooth and Path.timed hand over when they are called.
     ("path", "trajectories"),
     ("exploration", "ompl_bridge"),
 }
-"""Imports within one layer: collision and estimation do not know each other."""
+"""Imports within one layer, and a robot's from its files: collision and estimation do not know each other."""
 
 HOMES = {"fcl": {"collision/fcl_scene.py"}, "ompl": {"ompl_bridge"}, "matplotlib": {"plotting"}}
 """Libraries that only one file or one part may import."""

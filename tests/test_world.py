@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
-from trailmark.errors import ConfigurationError, FormatError, WorldError
+from trailmark.errors import ConfigurationError, FormatError, TrailmarkError, WorldError
+from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import BOUNDS_LIMIT, Query, Robot, World
+from trailmark.zones import CostZone
 
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
@@ -62,6 +65,71 @@ def test_bad_bounds_are_refused_in_one_line(bounds: Any) -> None:
 def test_a_boundary_has_no_holes() -> None:
     with pytest.raises(WorldError, match=r"boundary: expected a polygon without holes, got one with holes \(make"):
         World("w", (0, 0, 9, 9), boundary=Polygon(SQUARE * 9, (SQUARE + 1,)))
+
+
+def test_geometries_of_shapely_become_polygons() -> None:
+    holed = shapely.box(0, 0, 3, 3) - shapely.box(1, 1, 2, 2)
+    square = Polygon(SQUARE[[1, 2, 3, 0]])  # in shapely's order
+    world = World("w", (0, 0, 9, 9), (holed, Disc((5, 5), 1)), boundary=shapely.box(0, 0, 9, 9))
+    assert isinstance(world.obstacles[0], Polygon)
+    assert world.obstacles[0].area == holed.area
+    assert world.boundary == Polygon(square.vertices * 9)
+    assert Robot(shapely.box(-1, -1, 1, 1)) == Robot.polygon(square.vertices * 2 - 1)
+    assert CostZone(shapely.box(0, 0, 1, 1), 2.0) == CostZone(square, 2.0)
+    pair = shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(2, 2, 3, 3)])
+    assert World("w", (0, 0, 9, 9), (pair, holed)).obstacles[0] == square
+    assert len(World("w", (0, 0, 9, 9), (pair, holed)).obstacles) == 3
+    with pytest.raises(WorldError, match="ids: expected one for each of 2 obstacles, or none, got 1"):
+        World("w", (0, 0, 9, 9), (pair,), ids=("pair",))
+
+
+def test_a_world_is_made_of_geometries() -> None:
+    geometries = [shapely.box(0, 0, 1, 1), shapely.Polygon(), shapely.box(4, 5, 6, 9)]
+    expected = (Polygon(SQUARE), Polygon(np.array([[4, 5], [6, 5], [6, 9], [4, 9]])))
+    for given in (geometries, np.array(geometries), shapely.GeometryCollection(geometries)):
+        world = World.from_shapely(given, name="yard")
+        assert (world.name, world.bounds) == ("yard", (0.0, 0.0, 6.0, 9.0))
+        assert [shape.polygon().shapely().normalize() for shape in world.obstacles] == [
+            shape.shapely().normalize() for shape in expected
+        ]
+    assert World.from_shapely([], bounds=(0, 0, 2, 2)) == World("world", (0, 0, 2, 2))
+    assert World.from_shapely(shapely.Point(1, 1).buffer(0.5), (0, 0, 2, 2)).bounds == (0.0, 0.0, 2.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("geometries", "problem"),
+    [
+        ([], "expected bounds or a geometry that is not empty, got neither"),
+        ([shapely.box(0, 0, 1, 1), shapely.Point(1, 1)], r"obstacles\[1\]: expected a Polygon or .*, got a Point"),
+        (shapely.LineString([(0, 0), (1, 1)]), "got a LineString"),
+        ([shapely.Polygon([(0, 0), (1, 1), (1, 0), (0, 1)])], r"obstacles\[0\]: polygon: not simple"),
+        ([None], r"obstacles\[0\]: expected Disc or Rectangle or Polygon or Moving, got None"),
+        ("office", "obstacles: expected a sequence, got 'office'"),
+        (7, "obstacles: expected a sequence, got 7"),
+    ],
+)
+def test_other_geometries_are_refused_in_one_line(geometries: Any, problem: str) -> None:
+    with pytest.raises(TrailmarkError, match=problem) as caught:
+        World.from_shapely(geometries)
+    assert "\n" not in str(caught.value)
+
+
+def test_obstacles_are_added() -> None:
+    world = World("w", (0, 0, 9, 9), (Disc((1, 1), 0.5),), Robot.disc(0.1), ids=("bin",))
+    pair = shapely.MultiPolygon([shapely.box(0, 0, 1, 1), shapely.box(2, 2, 3, 3)])
+    more = world.add(Disc((5, 5), 1), pair, Moving(Disc((3, 3), 0.2), (1, 0), 2))
+    assert len(more.obstacles) == 5
+    assert more.obstacles[:2] == (world.obstacles[0], Disc((5, 5), 1))
+    assert more.ids == ("bin", None, None, None, None)
+    assert more.moving[4] is not None
+    assert more.robot == world.robot
+    assert len(world.obstacles) == 1
+    assert world.difference(more).items[0].after == Disc((5, 5), 1)
+    assert world.edited(add={"box": shapely.box(0, 0, 1, 1)}).ids == ("bin", "box")
+    assert world.add() == world
+    for wrong in (7, "disc", None, shapely.Point(1, 1), [Disc((1, 1), 1)]):
+        with pytest.raises(TrailmarkError, match="add"):
+            world.add(wrong)
 
 
 def test_queries_are_found_by_name() -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from trailmark.errors import ConfigurationError, TrailmarkError
 
-__all__ = ["brief", "callback", "each_of", "number", "number_array", "one_of", "real", "truth", "whole"]
+__all__ = ["angle", "brief", "callback", "each_of", "number", "number_array", "one_of", "real", "truth", "whole"]
 
 T = TypeVar("T")
 Error = type[TrailmarkError]
@@ -84,6 +84,15 @@ def callback(value: T, name: str, *, error: Error = ConfigurationError) -> T:
     if value is None or callable(value):
         return value
     raise error(f"{_label(name)} expected a function or None, got {brief(value)}")
+
+
+def angle(text: str) -> float:
+    """Return the radians that a text says: a number, or a number with ``deg`` behind it; NaN for any other text."""
+    number, mark, rest = text.partition("deg")
+    try:
+        return math.nan if rest.strip() else math.radians(float(number)) if mark else float(number)
+    except ValueError:
+        return math.nan
 
 
 def one_of(
@@ -165,7 +174,5 @@ def _is_text(value: object) -> bool:
 
 
 def _conversion(value: object) -> str:
-    """Return how a shapely geometry becomes a shape, for a message."""
-    if not type(value).__module__.startswith("shapely"):
-        return ""
-    return "; from shapely: Polygon(list(g.exterior.coords), [list(hole.coords) for hole in g.interiors])"
+    """Return what takes a shapely geometry, for a message."""
+    return "; World.from_shapely takes geometries" if type(value).__module__.startswith("shapely") else ""

@@ -15,9 +15,9 @@ from trailmark.changes import Change, Changes, Obstacles
 from trailmark.errors import WorldError, expected_name
 from trailmark.estimates import ObstacleEstimate
 from trailmark.moving import Moving
-from trailmark.shapes import Disc, Polygon, Rectangle, Shape, displaced
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape, displaced, shape_of, shapes_of
 
-__all__ = ["KINDS", "Obstacle", "changes_of_edits", "index_of", "require_id"]
+__all__ = ["KINDS", "Obstacle", "changes_of_edits", "index_of", "obstacles_of", "require_id"]
 
 Obstacle = Shape | Moving | ObstacleEstimate
 """What a world may be given as an obstacle."""
@@ -85,7 +85,7 @@ def changes_of_edits(
         )
     named = isinstance(add, Mapping)
     new: Iterable[tuple[Any, Any]] = (
-        add.items() if isinstance(add, Mapping) else enumerate(each_of(add, KINDS, "edited: add", error=WorldError))
+        add.items() if isinstance(add, Mapping) else enumerate(each_of(add, object, "edited: add", error=WorldError))
     )
     for k, (name, obstacle) in enumerate(new, start=len(obstacles.shapes) - len(lost)):
         entry = _entry(obstacle, f"edited: add[{brief(name)}]", grown)
@@ -93,6 +93,48 @@ def changes_of_edits(
             Change(require_id(name, "edited: add:") if named else None, None, entry.shape, None, k, *entry[1:])
         )
     return Changes(tuple(items))
+
+
+def obstacles_of(shapes: Iterable[Any], ids: Any, estimates: Any, moving: Any) -> Obstacles:
+    """Return the obstacles that a world is given, checked; those that move become the regions that they sweep.
+
+    Args:
+        shapes: shapes, geometries of shapely and :class:`Moving`.
+        ids: one for each obstacle, None where it has none; or empty.
+        estimates: likewise.
+        moving: likewise; empty where obstacles are given as :class:`Moving`.
+
+    Raises:
+        ShapeError: a geometry that bounds no region.
+        WorldError: what :class:`trailmark.World` says.
+    """
+    placed: tuple[Any, ...] = each_of(shapes, object, "obstacles", error=WorldError)
+    if any(type(part).__module__.startswith("shapely") for part in placed):
+        placed = tuple(shape for i, part in enumerate(placed) for shape in shapes_of(part, f"obstacles[{i}]"))
+    each_of(placed, (Disc, Rectangle, Polygon, Moving), "obstacles", error=WorldError)
+    kinds = {"ids": str, "estimates": ObstacleEstimate, "moving": Moving}
+    columns: dict[str, tuple[Any, ...]] = {}
+    for (name, kind), given in zip(kinds.items(), (ids, estimates, moving), strict=True):
+        column: tuple[Any, ...] = each_of(given, (kind, type(None)), name, error=WorldError)
+        if column and len(column) != len(placed):
+            raise WorldError(f"{name}: expected one for each of {len(placed)} obstacles, or none, got {len(column)}")
+        columns[name] = column if any(value is not None for value in column) else ()
+    among = tuple(shape if isinstance(shape, Moving) else None for shape in placed)
+    if any(among):
+        if columns["moving"]:
+            raise WorldError("moving: expected moving obstacles either among the obstacles or beside them, got both")
+        columns["moving"] = among
+        placed = tuple(shape.swept if isinstance(shape, Moving) else shape for shape in placed)
+    names = [require_id(name, "ids:") for name in columns["ids"] if name is not None]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise WorldError(f"ids: expected each id once, got {twice!r} more than once")
+    for i, motion in enumerate(columns["moving"]):
+        if motion is not None and columns["estimates"] and columns["estimates"][i] is not None:
+            raise WorldError(f"obstacles[{i}]: expected an estimate or a motion, got both")
+        if motion is not None and placed[i] is not motion.swept and placed[i] != motion.swept:
+            raise WorldError(f"moving[{i}]: expected the region that it sweeps in its place, got {placed[i]}")
+    return Obstacles(placed, **columns)
 
 
 def require_id(value: object, name: str) -> str:
@@ -131,6 +173,7 @@ def _mapping(value: Any, verb: str) -> Mapping[Any, Any]:
 
 def _entry(obstacle: Any, where: str, grown: bool) -> _Entry:
     """Return a new obstacle as a world holds it."""
+    obstacle = shape_of(obstacle, where)
     one_of(obstacle, KINDS, where, error=WorldError)
     if grown and isinstance(obstacle, ObstacleEstimate):
         raise WorldError(

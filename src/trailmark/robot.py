@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from trailmark import se2
 from trailmark.arguments import brief, number, one_of, real
 from trailmark.errors import ShapeError
-from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.shapes import Disc, Polygon, Rectangle, Shape, shape_of
 
 __all__ = ["TURNING_LIMIT", "Robot"]
 
@@ -49,6 +51,7 @@ class Robot:
         kept = number(self.clearance, "robot: clearance", minimum=0.0, maximum=MAX_CLEARANCE, error=ShapeError)
         object.__setattr__(self, "clearance", kept)
         hint = " (from text: Robot.parse('disc:1'))" if isinstance(self.footprint, str) else ""
+        object.__setattr__(self, "footprint", shape_of(self.footprint, "robot: footprint"))
         one_of(self.footprint, (Disc, Rectangle, Polygon), "robot: footprint:", hint=hint, error=ShapeError)
         shape = self.footprint
         if isinstance(shape, Polygon):
@@ -77,28 +80,43 @@ class Robot:
         """Return the robot that a shell argument names.
 
         Args:
-            text: ``disc:RADIUS``, ``rectangle:LENGTHxWIDTH`` or ``polygon:x,y;x,y;x,y…``; metres.
+            text: ``disc:RADIUS``, ``rectangle:LENGTHxWIDTH``, ``polygon:x,y;x,y;x,y…``, or as nav2 has it
+                ``robot_radius:RADIUS`` or a footprint ``[[x, y], [x, y], …]``; metres.
 
         Raises:
             ShapeError: anything else.
         """
-        kind, _, rest = one_of(text, str, "robot:", error=ShapeError).partition(":")
+        kind, _, rest = one_of(text, str, "robot:", error=ShapeError).strip().partition(":")
         try:
-            if kind == "disc":
+            if kind in ("disc", "robot_radius"):
                 return cls.disc(float(rest))
             if kind == "rectangle":
                 length, width = (float(v) for v in rest.split("x"))
                 return cls.rectangle(length, width)
-            if kind == "polygon":
-                points = [[float(v) for v in point.split(",")] for point in rest.split(";")]
-                return cls.polygon(np.array(points))
+            points = rest.split(";") if kind == "polygon" else re.findall(r"\[([^][]*)\]", text)
+            if kind == "polygon" or re.sub(r"\[[^][]*\]|[\s,]", "", text) == "[]":
+                return cls.polygon(np.array([[float(v) for v in point.split(",")] for point in points]))
         except ShapeError:
             raise
         except ValueError:
             pass
-        raise ShapeError(
-            f"expected disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres), got robot {text!r}"
-        )
+        allowed = "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or [[x, y], ...] (metres)"
+        raise ShapeError(f"expected {allowed}, got robot {brief(text)}")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Robot:
+        """Read a robot from a YAML file.
+
+        Args:
+            path: a robot as world files have it (``shape: rectangle`` …), a world file with one, or parameters of nav2
+                or move_base with ``footprint`` or ``robot_radius`` (:func:`trailmark.formats.robot_file.read_robot`).
+
+        Raises:
+            FormatError: the file is missing, is not YAML, or holds no robot.
+        """
+        from trailmark.formats.robot_file import read_robot
+
+        return read_robot(Path(path))
 
     @cached_property
     def outline(self) -> Polygon:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,19 @@ from trailmark.errors import ShapeError
 if TYPE_CHECKING:
     import shapely
 
-__all__ = ["LIMIT", "Disc", "Polygon", "Rectangle", "Shape", "convex_pieces", "displaced", "signed_area", "triangulate"]
+__all__ = [
+    "LIMIT",
+    "Disc",
+    "Polygon",
+    "Rectangle",
+    "Shape",
+    "convex_pieces",
+    "displaced",
+    "shape_of",
+    "shapes_of",
+    "signed_area",
+    "triangulate",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -187,6 +199,43 @@ class Polygon:
 
 
 Shape = Disc | Rectangle | Polygon
+
+
+def shapes_of(value: Any, name: str) -> tuple[Any, ...]:
+    """Return the polygons that a geometry of shapely consists of; anything else, alone, as it is.
+
+    Empty geometries have no polygons, and z coordinates are left out.
+
+    Args:
+        value: a geometry, or whatever else somebody gave as a shape.
+        name: what the message calls it.
+
+    Raises:
+        ShapeError: a geometry without an area, such as a point or a line, or an invalid polygon.
+    """
+    if not type(value).__module__.startswith("shapely"):
+        return (value,)
+    import shapely
+
+    found, parts = [], [value]
+    for part in parts:
+        if hasattr(part, "geoms"):
+            parts.extend(part.geoms)  # which are reached later in this loop
+        elif part.geom_type != "Polygon":
+            raise ShapeError(f"{name}: expected a Polygon or MultiPolygon of shapely, got a {part.geom_type}")
+        elif not part.is_empty:
+            rings = (shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors))
+            try:
+                found.append(Polygon(next(rings), tuple(rings)))
+            except ShapeError as error:
+                raise ShapeError(f"{name}: {error}") from None
+    return tuple(found)
+
+
+def shape_of(value: Any, name: str) -> Any:
+    """Return the polygon that a geometry of shapely is; several, and anything else, come back as they are."""
+    parts = shapes_of(value, name)
+    return parts[0] if len(parts) == 1 else value
 
 
 def displaced(shape: Shape, dx: float, dy: float, dtheta: float = 0.0) -> Shape:

@@ -1,4 +1,4 @@
-"""World and Query: what there is to plan in, and from where to where.
+"""World: what there is to plan in.
 
 A world made from noisy readings also says how well each obstacle is known (:class:`ObstacleEstimate`) and for which
 risk it was grown (:class:`RiskBound`); :mod:`trailmark.estimation.risk.allocation` makes such worlds.
@@ -8,23 +8,23 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark import se2
 from trailmark.arguments import brief, each_of, one_of, real
 from trailmark.changes import Changes, Obstacles, apply, difference
-from trailmark.edits import Obstacle, changes_of_edits, require_id
+from trailmark.edits import Obstacle, changes_of_edits, obstacles_of
 from trailmark.errors import WorldError, expected_name
 from trailmark.estimates import ObstacleEstimate, RiskBound
-from trailmark.goals import Goal, goals_of
 from trailmark.moving import Moving
+from trailmark.query import Query
 from trailmark.robot import Robot
-from trailmark.shapes import Disc, Polygon, Rectangle, Shape
+from trailmark.shapes import Polygon, Shape, shape_of, shapes_of
 from trailmark.zones import KEEP_OUT, CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 __all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
@@ -37,65 +37,14 @@ _AROUND_OBSTACLES = ("bounds", "boundary", "zones")
 
 
 @dataclass(frozen=True)
-class Query:
-    """One planning problem.
-
-    Attributes:
-        name: what reports call it.
-        start: configuration x, y, theta; metres, radians.
-        goal: configuration, or goals of which one is to be reached; one Goal that is but a configuration becomes that.
-    """
-
-    name: str
-    start: tuple[float, float, float]
-    goal: Any  # tuple[float, float, float] | tuple[Goal, ...]; who wrote the world's queries knows which
-
-    def __post_init__(self) -> None:
-        one_of(self.name, str, "query: name:", error=WorldError)
-        object.__setattr__(self, "start", self._configuration("start"))
-        goals = goals_of(self.goal)
-        if goals is not None and len(goals) == 1 and goals[0].configuration is not None and not goals[0].cost:
-            object.__setattr__(self, "goal", goals[0].configuration)
-            goals = None
-        object.__setattr__(self, "goal", self._configuration("goal") if goals is None else goals)
-
-    def _configuration(self, end: str) -> tuple[float, ...]:
-        q = se2.configurations(getattr(self, end), name=f"query {self.name!r}: {end}")
-        if q.ndim != 1:
-            raise WorldError(f"query {self.name!r}: {end}: expected shape (3,), got {q.shape}")
-        return tuple(float(v) for v in q)
-
-    @property
-    def goals(self) -> tuple[Goal, ...]:
-        """The goals of which one is to be reached."""
-        return goals_of(self.goal) or (Goal(self.pose()),)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what a world file says of it, in plain numbers, texts and lists."""
-        goal = [part.to_dict() if isinstance(part, Goal) else part for part in self.goal]
-        return {"name": self.name, "start": list(self.start), "goal": goal}
-
-    def pose(self) -> tuple[float, float, float]:
-        """Return the goal for who can plan to a configuration only.
-
-        Raises:
-            WorldError: the goal is a region, has a tolerance, or is one of several.
-        """
-        if isinstance(self.goal[0], Goal):
-            raise WorldError(f"query {self.name!r}: expected a goal that is one configuration, got {brief(self.goal)}")
-        x, y, theta = self.goal
-        return x, y, theta
-
-
-@dataclass(frozen=True)
 class World:
     """A planar world: free space lies inside ``bounds`` and ``boundary`` and outside all obstacles.
 
     Attributes:
         name: what reports call it.
         bounds: xmin, ymin, xmax, ymax in metres; no part of the robot may leave it.
-        obstacles: discs, rectangles and polygons; they may overlap. One that is given as :class:`Moving` becomes the
-            region that it sweeps, so that who knows no time avoids it at any.
+        obstacles: discs, rectangles and polygons, which may overlap; geometries of shapely become polygons. One that
+            is given as :class:`Moving` becomes the region that it sweeps, so that who knows no time avoids it at any.
         robot: the robot to plan for, if the file names one.
         boundary: optional simple polygon, also not left by any part of the robot.
         queries: named planning problems.
@@ -143,11 +92,11 @@ class World:
         if not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
             raise WorldError(f"bounds: expected xmin < xmax and ymin < ymax, got {list(bounds)}")
         object.__setattr__(self, "bounds", bounds)
-        kinds: dict[str, Any] = {"obstacles": (Disc, Rectangle, Polygon, Moving), "queries": Query}
-        kinds["estimates"] = (ObstacleEstimate, type(None))
-        kinds["ids"] = (str, type(None))
-        kinds["moving"] = (Moving, type(None))
-        kinds["zones"] = (CostZone, KeepOutZone, OneWayZone, SpeedZone)
+        columns = obstacles_of(self.obstacles, self.ids, self.estimates, self.moving)
+        for name, column in zip(("obstacles", "ids", "estimates", "moving"), columns, strict=True):
+            object.__setattr__(self, name, column)
+        object.__setattr__(self, "boundary", shape_of(self.boundary, "boundary"))
+        kinds: dict[str, Any] = {"queries": Query, "zones": (CostZone, KeepOutZone, OneWayZone, SpeedZone)}
         for name, kind in kinds.items():
             object.__setattr__(self, name, each_of(getattr(self, name), kind, name, error=WorldError))
         one_of(self.robot, (Robot, type(None)), "world: robot:", hint=" (Robot.parse)", error=WorldError)
@@ -159,7 +108,6 @@ class World:
         twice = sorted({name for name in names if names.count(name) > 1}) if len(set(names)) < len(names) else []
         if twice:
             raise WorldError(f"queries: expected each name once, got {twice[0]!r} more than once")
-        self._check_obstacles()
         self._check_shares()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -190,6 +138,67 @@ class World:
         from trailmark.library import find_world
 
         return formats.load_world(find_world(path))
+
+    @classmethod
+    def from_grid(
+        cls, cells: ArrayLike, resolution: float, origin: Sequence[float] = (0.0, 0.0), name: str = "grid"
+    ) -> World:
+        """Return the world of an occupancy grid: its cells that are not free, exactly, as polygons.
+
+        Args:
+            cells: truth values or whole numbers, shape (rows, columns), row 0 with the smallest y, as in
+                ``nav_msgs/OccupancyGrid``. 0 is free; all else is not: 100 (occupied), -1 (unknown), and in between.
+            resolution: side of a cell, metres.
+            origin: x, y of cell (0, 0)'s outer corner and, if given, the yaw by which the grid is turned about it.
+            name: what reports call it.
+
+        Raises:
+            WorldError: an array of another shape or kind, a resolution that is not above 0, or too many cells.
+        """
+        from trailmark.formats.grid_world import world_of_grid
+
+        return world_of_grid(cells, resolution, origin, name)
+
+    @classmethod
+    def from_image(
+        cls, path: str | FilePath, resolution: float, origin: Sequence[float] = (0.0, 0.0), **thresholds: Any
+    ) -> World:
+        """Return the world of a map's image, whose pixels are obstacles unless nav2 would take them for free.
+
+        Args:
+            path: PGM, PNG, BMP or JPEG; its stem names the world.
+            resolution: side of a pixel, metres.
+            origin: x, y of the lower left pixel's outer corner and, if given, the yaw.
+            thresholds: ``negate``, ``occupied_thresh``, ``free_thresh`` and ``mode``, as in a nav2 map file.
+
+        Raises:
+            FormatError: the image cannot be read, or a value is not allowed.
+        """
+        from trailmark.formats.nav2_map import read_image
+
+        return read_image(FilePath(path), {"resolution": resolution, "origin": origin, **thresholds})
+
+    @classmethod
+    def from_shapely(cls, geometries: Any, bounds: Sequence[float] | None = None, name: str = "world") -> World:
+        """Return the world whose obstacles are geometries of shapely: polygons, multi-polygons, collections of them.
+
+        Args:
+            geometries: one or more.
+            bounds: xmin, ymin, xmax, ymax in metres; by default the box around the obstacles.
+            name: what reports call it.
+
+        Raises:
+            ShapeError: a geometry without area, such as a line, or an invalid polygon.
+            WorldError: neither bounds nor an obstacle.
+        """
+        given = (geometries,) if type(geometries).__module__.startswith("shapely") else geometries
+        shapes = cls(name, (0.0, 0.0, 1.0, 1.0), given).obstacles
+        if bounds is None:
+            if not shapes:
+                raise WorldError("from_shapely: expected bounds or a geometry that is not empty, got neither")
+            boxes = np.array([shape.bounding_box() for shape in shapes])
+            bounds = (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0))
+        return cls(name, tuple(bounds), shapes)  # type: ignore[arg-type]  # as many as there are, checked there
 
     def save(self, path: str | FilePath) -> None:
         """Write the world as trailmark YAML (schema version 1), whole or not at all.
@@ -222,6 +231,11 @@ class World:
     def with_robot(self, robot: Robot) -> World:
         """Return the same world with another robot."""
         return replace(self, robot=robot)
+
+    def add(self, *obstacles: Any) -> World:
+        """Return the world with more obstacles: shapes, or geometries of shapely (:meth:`edited` says the rest)."""
+        given = enumerate(obstacles)
+        return self.edited(add=[part for i, item in given for part in shapes_of(item, f"add: obstacles[{i}]")])
 
     def edited(
         self,
@@ -315,36 +329,6 @@ class World:
 
     def _described(self) -> Obstacles:
         return Obstacles(self.obstacles, self.ids, self.estimates, self.moving)
-
-    def _check_obstacles(self) -> None:
-        """Check what is said of each obstacle, and put the regions that moving ones sweep in their place."""
-        given = tuple(shape if isinstance(shape, Moving) else None for shape in self.obstacles)
-        if any(given):
-            if any(self.moving):
-                raise WorldError(
-                    "moving: expected moving obstacles either among the obstacles or beside them, got both"
-                )
-            swept = (motion.swept if motion else shape for shape, motion in zip(self.obstacles, given, strict=True))
-            object.__setattr__(self, "obstacles", tuple(swept))
-            object.__setattr__(self, "moving", given)
-        count = len(self.obstacles)
-        for name in ("estimates", "ids", "moving"):
-            column = getattr(self, name)
-            if column and len(column) != count:
-                raise WorldError(f"{name}: expected one for each of {count} obstacles, or none, got {len(column)}")
-            if not any(value is not None for value in column):
-                object.__setattr__(self, name, ())
-        names = [require_id(name, "ids:") for name in self.ids if name is not None]
-        if len(set(names)) < len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise WorldError(f"ids: expected each id once, got {twice!r} more than once")
-        for i, motion in enumerate(self.moving):
-            if motion is not None and self.estimates and self.estimates[i] is not None:
-                raise WorldError(f"obstacles[{i}]: expected an estimate or a motion, got both")
-            if motion is not None and self.obstacles[i] is not motion.swept and self.obstacles[i] != motion.swept:
-                raise WorldError(
-                    f"moving[{i}]: expected the region that it sweeps in its place, got {self.obstacles[i]}"
-                )
 
     def _check_shares(self) -> None:
         # Rounding of many shares may carry their sum a little over 1.

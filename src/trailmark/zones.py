@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from trailmark.arguments import number
 from trailmark.errors import WorldError
 from trailmark.se2 import wrap
-from trailmark.shapes import Polygon
+from trailmark.shapes import Polygon, shape_of
 
 __all__ = ["KEEP_OUT", "CostZone", "KeepOutZone", "OneWayZone", "SpeedZone", "Zone"]
 
@@ -31,8 +31,8 @@ class _Zone:
     region: Polygon
 
     def __post_init__(self) -> None:
-        if not isinstance(self.region, Polygon):
-            object.__setattr__(self, "region", Polygon(self.region))
+        region = shape_of(self.region, "zone: region")
+        object.__setattr__(self, "region", region if isinstance(region, Polygon) else Polygon(region))
 
     def _check(self, name: str, **limits: float) -> None:
         value = number(getattr(self, name), f"zone: {name}:", error=WorldError, **limits)  # type: ignore[arg-type]

@@ -19,6 +19,19 @@ def test_any_finite_configuration_is_read_as_written(x: float, y: float, theta: 
     assert options.read_configuration(f"{x!r},{y!r},{theta!r}", "--start") == (x, y, theta)
 
 
+@given(finite, st.floats(-720.0, 720.0))
+def test_headings_may_be_in_degrees(x: float, degrees: float) -> None:
+    expected = (x, 1.0, math.radians(degrees))
+    for text in (f"{degrees!r}deg", f" {degrees!r} deg "):
+        assert options.read_configuration(f"{x!r},1,{text}", "--start") == expected
+
+
+@pytest.mark.parametrize("text", ["1,2,deg", "1,2,90degrees", "1,90deg,2", "1,2,90deg5", "1,2,nandeg", "1,2,90°"])
+def test_no_degrees(text: str) -> None:
+    with pytest.raises(options.UsageError, match=r"expected X,Y,T, finite numbers .*, or degrees such as 90deg"):
+        options.read_configuration(text, "--start")
+
+
 @given(st.text(max_size=30))
 def test_other_text_is_a_usage_error_that_quotes_it(text: str) -> None:
     try:

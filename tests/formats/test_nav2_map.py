@@ -72,6 +72,42 @@ def test_yaw_turns_the_map_about_its_origin(tmp_path: Path) -> None:
     assert world.bounds == pytest.approx(region.bounds)
 
 
+def test_an_image_is_read_without_a_map_file(tmp_path: Path) -> None:
+    image = grey([0, 254, 205], [254, 100, 254])
+    file = write_map(tmp_path, image, origin=[1, 2, 0.5])
+    alone = World.from_image(tmp_path / "map.pgm", 0.5, (1, 2, 0.5))
+    assert alone == load_world(file)
+    assert alone.sources == ((tmp_path / "map.pgm").absolute(),)
+    lenient = World.from_image(tmp_path / "map.pgm", 0.5, (1, 2), free_thresh=0.64, occupied_thresh=0.65)
+    assert sum(shape.area for shape in lenient.obstacles) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "keys", "problem"),
+    [
+        ((0,), {}, r"resolution: expected a finite number above 0 \(metres per pixel\), got 0"),
+        (("1",), {}, "resolution: expected a finite number above 0"),
+        ((1, (0,)), {}, r"origin: expected \[x, y, yaw\] of finite numbers \(metres, radians\), got \[0\]"),
+        ((1, "here"), {}, "origin: expected"),
+        ((1, (0, math.nan)), {}, "expected a finite number, got nan"),
+        ((1,), {"mode": "binary"}, "mode: expected trinary, scale, raw, got 'binary'"),
+    ],
+)
+def test_an_image_with_wrong_fields(
+    tmp_path: Path, arguments: tuple[Any, ...], keys: dict[str, Any], problem: str
+) -> None:
+    grey([0, 254]).save(tmp_path / "map.png")
+    with pytest.raises(FormatError, match=problem) as caught:
+        World.from_image(tmp_path / "map.png", *arguments, **keys)
+    assert "map.png" in str(caught.value)
+
+
+def test_no_image(tmp_path: Path) -> None:
+    for name in ("none.png", "."):
+        with pytest.raises(FormatError, match=r"cannot be read|expected an image"):
+            World.from_image(tmp_path / name, 0.1)
+
+
 def test_quarter_turn(tmp_path: Path) -> None:
     world = load_world(write_map(tmp_path, grey([254, 254, 0]), origin=[0, 0, math.pi / 2]))
     assert world.bounds == pytest.approx((-0.5, 0.0, 0.0, 1.5))

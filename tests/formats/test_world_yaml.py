@@ -219,6 +219,29 @@ def test_a_name_that_utf8_cannot_hold(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_angles_may_be_in_degrees(tmp_path: Path) -> None:
+    text = (
+        "trailmark: 1\nbounds: [0, 0, 9, 9]\n"
+        "obstacles: [{shape: rectangle, center: [4, 4], length: 2, width: 1, heading: -45deg}]\n"
+        "queries: [{name: a, start: [1, 1, 90deg], goal: [2, 2, '180 deg']}]\n"
+        "zones: [{kind: one-way, heading: 270deg, tolerance: 30deg, vertices: [[0, 0], [1, 0], [0, 1]]}]\n"
+    )
+    world = load_world(write(tmp_path, text))
+    assert world.obstacles == (Rectangle((4.0, 4.0), 2.0, 1.0, -math.pi / 4),)
+    assert world.queries == (Query("a", (1.0, 1.0, math.pi / 2), (2.0, 2.0, math.pi)),)
+    zone = world.zones[0]
+    assert isinstance(zone, OneWayZone)
+    assert (zone.heading, zone.tolerance) == pytest.approx((-math.pi / 2, math.pi / 6))
+    with pytest.raises(FormatError, match=r"queries\[0\]\.start\[2\]: expected .* degrees such as 90deg, got '90dog'"):
+        load_world(write(tmp_path, text.replace("90deg]", "90dog]")))
+    with pytest.raises(FormatError, match=r"obstacles\[0\]\.heading: expected .* degrees such as 90deg, got 'deg'"):
+        load_world(write(tmp_path, text.replace("-45deg", "deg")))
+    with pytest.raises(
+        FormatError, match=r"tolerance: expected a number from 0 to pi \(radians\) or degrees such as 45deg, got"
+    ):
+        load_world(write(tmp_path, text.replace("30deg", "181deg")))
+
+
 def test_saving_to_a_missing_directory(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="No such file or directory"):
         save_world(OFFICE, tmp_path / "no" / "out.yaml")
@@ -318,15 +341,15 @@ def polygon(points: str) -> str:
         (HEAD + "queries: [{name: 1, start: [0, 0, 0], goal: [0, 0, 0]}]", "queries[0].name: expected a text (quote"),
         (
             HEAD + "queries: [{name: a, start: [0, 0], goal: [0, 0, 0]}]",
-            "queries[0].start: expected a configuration [x, y, theta] of finite numbers (metres, radians), got",
+            "queries[0].start: expected a configuration [x, y, theta] of finite numbers (metres, radians or degrees",
         ),
         (
             goal("7"),
-            "queries[0].goal: expected a configuration [x, y, theta] of finite numbers (metres, radians), or",
+            "queries[0].goal: expected a configuration [x, y, theta] of finite numbers (metres, radians or",
         ),
         (goal("[]"), "queries[0].goal: expected a configuration [x, y, theta] of finite numbers"),
         (goal("[1, 2]"), "queries[0].goal: expected a configuration [x, y, theta] of finite numbers"),
-        (goal("[1, 2, x]"), "queries[0].goal[2]: expected a finite number, got 'x'"),
+        (goal("[1, 2, x]"), "queries[0].goal[2]: expected a finite number (radians, counter-clockwise) or"),
         (goal("{}"), "queries[0]: goal: expected a pose or a region, got neither"),
         (goal("{pos: [1, 2]}"), "queries[0].goal.pos: unknown key; expected cost, heading, heading_tolerance, pose, "),
         (goal("{pose: [1]}"), "queries[0].goal.pose: expected [x, y, theta] or, for any heading, [x, y], finite"),

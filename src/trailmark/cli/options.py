@@ -70,7 +70,8 @@ RobotOption = Annotated[
     option(
         "--robot",
         "SHAPE",
-        "disc:RADIUS, rectangle:LENGTHxWIDTH or polygon:x,y;x,y;x,y in metres, instead of the file's.",
+        "disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or '[[x, y], ...]' in metres, or a .yaml file "
+        "(a robot's, a world's, nav2's parameters), instead of the world's.",
     ),
 ]
 TimeLimitOption = Annotated[str, option("--time-limit", "SECONDS", "Time for one query.", default=True)]
@@ -89,21 +90,26 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object,
 
 
 def read_configuration(text: str, option: str) -> Configuration:
-    """Return the configuration that an option gives as ``X,Y,T``; a heading beyond a full turn is warned of.
+    """Return the configuration that an option gives as ``X,Y,T``; T is in radians, or in degrees as in ``90deg``.
+
+    A heading in radians beyond a full turn is warned of.
 
     Raises:
         UsageError: anything but three finite numbers.
     """
+    from trailmark.arguments import angle
+
     try:
-        x, y, theta = (float(word) for word in text.split(","))
+        first, second, heading = text.split(",")
+        x, y, theta = float(first), float(second), angle(heading)
     except ValueError:
         x = y = theta = math.nan
     if not all(map(math.isfinite, (x, y, theta))):
-        raise UsageError(f"expected X,Y,T, finite numbers (metres, metres, radians), got {option} {text!r}")
-    if abs(theta) > 2.0 * math.pi:
+        allowed = "finite numbers (metres, metres, radians, or degrees such as 90deg)"
+        raise UsageError(f"expected X,Y,T, {allowed}, got {option} {text!r}")
+    if abs(theta) > 2.0 * math.pi and "deg" not in heading:
         console.warn(
-            f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, "
-            f"give {math.radians(theta):.6g}"
+            f"{option} {text!r}: the heading {theta:g} is taken as radians; if it is in degrees, give {heading}deg"
         )
     return x, y, theta
 
@@ -151,16 +157,17 @@ def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
 
 
 def read_robot(text: str | None) -> Robot | None:
-    """Return the robot that ``--robot`` describes; None for None.
+    """Return the robot that ``--robot`` describes, or that the YAML file it names holds; None for None.
 
     Raises:
         ShapeError: a description that cannot be read.
+        FormatError: a file that cannot be read, or that holds no robot.
     """
     if text is None:
         return None
-    from trailmark.world import Robot
+    from trailmark.robot import Robot
 
-    return Robot.parse(text)
+    return Robot.load(text) if text.lower().endswith((".yaml", ".yml")) else Robot.parse(text)
 
 
 def read_turning_radius(text: str | None) -> float | None:

@@ -6,8 +6,8 @@ both become obstacles.
 
 from __future__ import annotations
 
-import math
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError, WorldError
-from trailmark.formats.grid import MAX_CELLS, check_size, grid_polygons
-from trailmark.shapes import Polygon
+from trailmark.formats.grid import MAX_CELLS, check_size
+from trailmark.formats.grid_world import world_of_grid
 from trailmark.world import World
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from trailmark.formats.schema import MapFile
 
-__all__ = ["free_cells", "read_nav2_map"]
+__all__ = ["free_cells", "read_image", "read_nav2_map"]
 
 IMAGE_KINDS = {"PPM": "PGM/PBM/PPM", "PNG": "PNG", "BMP": "BMP", "JPEG": "JPEG"}
 
@@ -46,26 +46,36 @@ def read_nav2_map(data: dict[str, Any], path: Path) -> World:
     Raises:
         FormatError: a field is missing or wrong, the image is missing, of another kind, damaged, or too large.
     """
-    from trailmark.formats.schema import MapFile, validate
+    from trailmark.formats.schema import MapFile
+    from trailmark.formats.validation import validate
 
     file = validate(MapFile, data, path)
     image = path.parent / file.image
+    return _world(image, file, path.stem, (path.absolute(), image.absolute()))
+
+
+def read_image(path: Path, fields: dict[str, Any]) -> World:
+    """Return the world of a map's image, whose nav2 map file would hold ``fields``; the origin's yaw may be left out.
+
+    Raises:
+        FormatError: as :func:`read_nav2_map`.
+    """
+    from trailmark.formats.schema import MapFile
+    from trailmark.formats.validation import validate
+
+    origin = np.asarray(fields["origin"]).tolist()
+    given = [*origin, 0.0] if isinstance(origin, list) and len(origin) == 2 else origin
+    file = validate(MapFile, {**fields, "origin": given, "image": path.name}, path)
+    return _world(path, file, path.stem, (path.absolute(),))
+
+
+def _world(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> World:
     free = _free_image(image, file)
-    x, y, yaw = file.origin
     try:
-        obstacles = grid_polygons(~free[::-1], file.resolution, (x, y, yaw))
+        world = world_of_grid(~free[::-1], file.resolution, file.origin, name)
     except WorldError as error:
         raise FormatError(image, str(error)) from None
-    sources = (path.absolute(), image.absolute())
-    rows, columns = free.shape
-    width, height = columns * file.resolution, rows * file.resolution
-    if yaw == 0.0:
-        return World(path.stem, (x, y, x + width, y + height), obstacles, sources=sources)
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    along, across = np.array([cos, sin]) * width, np.array([-sin, cos]) * height
-    corners = np.array([x, y]) + np.array([np.zeros(2), along, along + across, across])
-    (xmin, ymin), (xmax, ymax) = corners.min(axis=0), corners.max(axis=0)
-    return World(path.stem, (xmin, ymin, xmax, ymax), obstacles, boundary=Polygon(corners), sources=sources)
+    return replace(world, sources=sources)
 
 
 def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:

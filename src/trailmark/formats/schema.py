@@ -1,4 +1,4 @@
-"""What may stand in a world file and in a nav2 map file, as pydantic models, and one-line messages about the rest.
+"""What may stand in a world file, a robot file and a nav2 map file, as pydantic models.
 
 Strict: a number is not given as text or boolean, NaN and infinity are refused, and so are unknown keys (in the
 world file; nav2 itself ignores them). A field's description says what is allowed; messages and the JSON Schema
@@ -9,16 +9,22 @@ both quote it.
 from __future__ import annotations
 
 import math
-import reprlib
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
-from trailmark.errors import FormatError, expected_name
+from trailmark.arguments import angle
 
-__all__ = ["MapFile", "WorldFile", "validate"]
+__all__ = ["ANGLE", "POINT", "Angle", "MapFile", "Pose", "RobotFile", "WorldFile"]
+
+
+def _in_radians(value: Any) -> Any:
+    """Return an angle such as ``90deg``, or the last number of a pose, in radians; what is neither as it is."""
+    if isinstance(value, list) and len(value) == 3:
+        return [*value[:2], _in_radians(value[2])]
+    degrees = isinstance(value, str) and value.rstrip().endswith("deg")
+    return angle(value) if degrees and math.isfinite(angle(value)) else value
+
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0)]
@@ -26,7 +32,10 @@ Fraction = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0, le=1
 Text = Annotated[str, Field(strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
 Point = Annotated[list[Number], Field(min_length=2, max_length=2)]
-Pose = Annotated[list[Number], Field(min_length=3, max_length=3)]
+_Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
+_Degrees = Annotated[str, Field(pattern=r"^[-+0-9.eE]+ *deg$")]
+Angle = Annotated[Number, BeforeValidator(_in_radians, json_schema_input_type=float | _Degrees)]
+Pose = Annotated[_Three, BeforeValidator(_in_radians, json_schema_input_type=tuple[float, float, float | _Degrees])]
 Ring = Annotated[list[Point], Field(min_length=3)]
 Matrix = Annotated[list[Annotated[list[Number], Field(min_length=2, max_length=5)]], Field(min_length=2, max_length=5)]
 Share = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1.0)]
@@ -35,9 +44,10 @@ NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
 
 _NAME = "a text (quote it if it looks like a number)"
 _LENGTH = "a finite number above 0 (metres)"
-_POINT = "a point [x, y] of finite numbers (metres)"
+POINT = "a point [x, y] of finite numbers (metres)"
 _RING = "three or more points [x, y] of finite numbers (metres)"
-_POSE = "a configuration [x, y, theta] of finite numbers (metres, radians)"
+ANGLE = "a finite number (radians, counter-clockwise) or degrees such as 90deg"
+_POSE = "a configuration [x, y, theta] of finite numbers (metres, radians or degrees such as 90deg)"
 _KIND = "a mapping with the key shape: disc, rectangle or polygon"
 _ESTIMATE = "a mapping {mean, covariance, share}"
 _ID = "a text that is not empty and names no other obstacle (quote it if it looks like a number)"
@@ -81,7 +91,7 @@ class DiscShape(_Strict):
     """A disc."""
 
     shape: Literal["disc"]
-    center: Point = Field(description=_POINT)
+    center: Point = Field(description=POINT)
     radius: Positive = Field(description=_LENGTH)
 
 
@@ -89,10 +99,10 @@ class RectangleShape(_Strict):
     """A rectangle, its length along its heading."""
 
     shape: Literal["rectangle"]
-    center: Point = Field(description=_POINT)
+    center: Point = Field(description=POINT)
     length: Positive = Field(description=_LENGTH)
     width: Positive = Field(description=_LENGTH)
-    heading: Number = Field(default=0.0, description="a finite number (radians, counter-clockwise)")
+    heading: Angle = Field(default=0.0, description=ANGLE)
 
 
 class PolygonShape(_Strict):
@@ -171,8 +181,8 @@ class OneWayZoneEntry(_Zone):
     """Where the reference point may only travel along a heading, within a tolerance."""
 
     kind: Literal["one-way"]
-    heading: Number = Field(description="a finite number (radians, counter-clockwise)")
-    tolerance: NotNegative = Field(le=math.pi, description="a number from 0 to pi (radians)")
+    heading: Angle = Field(description=ANGLE)
+    tolerance: Angle = Field(ge=0.0, le=math.pi, description="a number from 0 to pi (radians) or degrees such as 45deg")
 
 
 class SpeedZoneEntry(_Zone):
@@ -188,13 +198,13 @@ ZoneEntry = CostZoneEntry | KeepOutZoneEntry | OneWayZoneEntry | SpeedZoneEntry
 class GoalEntry(_Strict):
     """Where a path may end: near a pose, whose heading may be left out, or in a region."""
 
-    pose: Annotated[list[Number], Field(min_length=2, max_length=3)] | None = Field(
+    pose: Annotated[list[Number], Field(min_length=2, max_length=3), BeforeValidator(_in_radians)] | None = Field(
         default=None, description="[x, y, theta] or, for any heading, [x, y], finite numbers (metres, radians)"
     )
     region: Ring | None = Field(default=None, description=_RING)
-    heading: Number | None = Field(default=None, description="a finite number (radians; of a region)")
+    heading: Angle | None = Field(default=None, description="a finite number (radians; of a region)")
     position_tolerance: NotNegative = Field(default=0.0, description="a finite number, 0 or more (metres)")
-    heading_tolerance: NotNegative = Field(default=0.0, description="a finite number, 0 or more (radians)")
+    heading_tolerance: Angle = Field(default=0.0, ge=0.0, description="a finite number, 0 or more (radians)")
     cost: Number = Field(default=0.0, description="a finite number, 0 or more (metres, added to a path's cost)")
 
 
@@ -220,6 +230,12 @@ class QueryEntry(_Strict):
     name: Text = Field(description=_NAME)
     start: Pose = Field(description=_POSE)
     goal: QueryGoal = Field(description=f"{_POSE}, or a mapping {{pose or region, …}}, or a list of these")
+
+
+class RobotFile(BaseModel):
+    """A robot file: the robot as a world file has it, under the key ``robot``; other keys are ignored."""
+
+    robot: Annotated[DiscRobot | RectangleRobot | PolygonRobot, Field(discriminator="shape")] = Field(description=_KIND)
 
 
 class WorldFile(_Strict):
@@ -251,108 +267,8 @@ class MapFile(BaseModel):
 
     image: Text = Field(min_length=1, description="the path of an image file")
     resolution: Positive = Field(description="a finite number above 0 (metres per pixel)")
-    origin: Pose = Field(default=[0.0, 0.0, 0.0], description="[x, y, yaw] of finite numbers (metres, radians)")
+    origin: _Three = Field(default=[0.0, 0.0, 0.0], description="[x, y, yaw] of finite numbers (metres, radians)")
     negate: Literal[0, 1] = Field(default=0, description="0 or 1")
     occupied_thresh: Fraction = Field(default=0.65, description="a number from 0 to 1")
     free_thresh: Fraction = Field(default=0.196, description="a number from 0 to 1")
     mode: Literal["trinary", "scale", "raw"] = Field(default="trinary", description="trinary, scale, raw")
-
-
-_KINDS: dict[str, dict[str, type[BaseModel]]] = {
-    "robot": {"disc": DiscRobot, "rectangle": RectangleRobot, "polygon": PolygonRobot},
-    "obstacles": {"disc": DiscObstacle, "rectangle": RectangleObstacle, "polygon": PolygonObstacle},
-    "mean": {"disc": DiscShape, "rectangle": RectangleShape, "polygon": PolygonShape},
-    "zones": {
-        "cost": CostZoneEntry,
-        "keep-out": KeepOutZoneEntry,
-        "one-way": OneWayZoneEntry,
-        "speed": SpeedZoneEntry,
-    },
-}
-_PARTS: dict[str, type[BaseModel]] = {
-    "queries": QueryEntry,
-    "goal": GoalEntry,
-    "estimate": EstimateEntry,
-    "motion": MotionEntry,
-    "risk": RiskEntry,
-}
-_MODELS = (*(model for name in ("robot", "obstacles", "zones") for model in _KINDS[name].values()), *_PARTS.values())
-_POINT_DEPTH = {"vertices": 1, "boundary": 1, "holes": 2}  # indices from the field down to one point
-_GOALS = {"a pose", "one goal", "several goals"}
-_TAGS = {"shape": ("disc", "polygon", "rectangle"), "kind": ("cost", "keep-out", "one-way", "speed")}
-_ALL_TAGS = {tag for tags in _TAGS.values() for tag in tags} | _GOALS
-
-ModelT = TypeVar("ModelT", bound=BaseModel)
-
-_short = reprlib.Repr()
-_short.maxstring = 60
-_short.maxlist = _short.maxdict = 5
-_short.maxlevel = 3
-
-
-def validate(model: type[ModelT], data: dict[str, Any], path: Path) -> ModelT:
-    """Return the data as a model.
-
-    Args:
-        model: :class:`WorldFile` or :class:`MapFile`.
-        data: plain data, as :func:`trailmark.formats.yaml_data.parse_yaml` gives it.
-        path: the file it came from, for messages.
-
-    Raises:
-        FormatError: the data breaks the model's rules; the message names the first field that does, its value
-            and what is allowed, and how many more there are.
-    """
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        # An unknown key goes first: a key that is missing elsewhere is often the same one, misspelt.
-        problems = sorted(error.errors(include_url=False), key=lambda e: e["type"] != "extra_forbidden")
-        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise FormatError(path, _describe(model, problems[0]) + more) from None
-
-
-def _describe(model: type[BaseModel], problem: Any) -> str:
-    *before, last = problem["loc"]
-    # Who made up a key may have given it the name of a tag, but for those of goals, which hold a blank.
-    ends = [] if last in _GOALS else [last]
-    kind, location = problem["type"], [*(part for part in before if part not in _ALL_TAGS), *ends]
-    where, value = _where(location), _short.repr(problem["input"])
-    if kind == "extra_forbidden":
-        allowed = expected_name(str(location[-1]), _model_at(model, problem["loc"]).model_fields)
-        return f"{where}: unknown key; {allowed}"
-    if kind in ("union_tag_invalid", "union_tag_not_found"):
-        key = problem["ctx"]["discriminator"].strip("'")
-        given = problem["input"].get(key) if isinstance(problem["input"], dict) else problem["input"]
-        if kind == "union_tag_not_found":
-            return f"{where}.{key}: expected {', '.join(_TAGS[key])}, got nothing"
-        return f"{where}.{key}: {expected_name(str(given), _TAGS[key])}"
-    allowed = _allowed(model, location, kind)
-    return f"{where}: expected {allowed}, got {'nothing' if kind == 'missing' else value}"
-
-
-def _allowed(model: type[BaseModel], location: Sequence[str | int], kind: str) -> str:
-    depth = next(i for i, part in enumerate(reversed(location)) if isinstance(part, str))
-    field = str(location[-1 - depth])
-    if depth and kind in ("float_type", "finite_number"):
-        return "a finite number"
-    if depth and field in ("obstacles", "queries", "zones", "goal") and kind.startswith("model"):
-        return "a mapping"
-    if depth and depth == _POINT_DEPTH.get(field):
-        return _POINT
-    owners = (model, *_MODELS) if len(location) == 1 else (*_MODELS, model)
-    allowed = next(owner.model_fields[field].description for owner in owners if field in owner.model_fields)
-    return allowed or ", ".join(_TAGS[field])
-
-
-def _model_at(model: type[BaseModel], location: Sequence[str | int]) -> type[BaseModel]:
-    """Return the model that the last key of a location was given to."""
-    names = [part for part in location if isinstance(part, str) and part not in _GOALS][:-1]
-    if not names:
-        return model
-    return _PARTS[names[-1]] if names[-1] in _PARTS else _KINDS[names[-2]][names[-1]]
-
-
-def _where(location: Sequence[str | int]) -> str:
-    # A key that someone made up may hold anything: what is no plain name is quoted and cut.
-    named = (part if isinstance(part, int) or part.isidentifier() else _short.repr(part) for part in location)
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in named).removeprefix(".")

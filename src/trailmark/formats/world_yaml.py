@@ -18,7 +18,7 @@ from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 if TYPE_CHECKING:
     from trailmark.formats import schema
 
-__all__ = ["world_from_data", "world_text"]
+__all__ = ["robot_from_entry", "world_from_data", "world_text"]
 
 _HEADER = "# A trailmark world. Metres and radians; y up, theta counter-clockwise; configurations are [x, y, theta].\n"
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?: [A-Za-z0-9_.-]+)*")
@@ -37,13 +37,14 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         FormatError: a field is missing, unknown, of a wrong type or out of range, or a shape bounds no region; the
             message names the field, its value and what is allowed.
     """
-    from trailmark.formats.schema import WorldFile, validate
+    from trailmark.formats.schema import WorldFile
+    from trailmark.formats.validation import validate
 
     version = data["trailmark"]
     if isinstance(version, bool | float) or version != 1:
         raise FormatError(path, f"trailmark: expected 1 (the schema version), got {version!r}")
     file = validate(WorldFile, data, path)
-    robot = None if file.robot is None else _build(path, "robot", _robot, file.robot)
+    robot = None if file.robot is None else _build(path, "robot", robot_from_entry, file.robot)
     boundary = None if file.boundary is None else _build(path, "boundary", Polygon, file.boundary)
     entries = file.obstacles or ()
     obstacles = [_build(path, f"obstacles[{i}]", _any_obstacle, entry) for i, entry in enumerate(entries)]
@@ -107,7 +108,8 @@ def _build(path: Path, where: str, make: Any, entry: Any) -> Any:
         raise FormatError(path, f"{where}: {error}") from None
 
 
-def _robot(entry: schema.DiscRobot | schema.RectangleRobot | schema.PolygonRobot) -> Robot:
+def robot_from_entry(entry: schema.DiscRobot | schema.RectangleRobot | schema.PolygonRobot) -> Robot:
+    """Return the robot that a world file's ``robot`` describes."""
     if entry.shape == "disc":
         robot = Robot.disc(entry.radius)
     elif entry.shape == "rectangle":
