@@ -50,6 +50,9 @@ PEERS = {
     ("robot", "formats"),
     # Path.smooth and Path.timed hand over when they are called.
     ("path", "trajectories"),
+    ("path", "collision"),
+    ("path", "robot"),
+    ("path", "world"),
     ("exploration", "ompl_bridge"),
 }
 """Imports within one layer, and a robot's from its files: collision and estimation do not know each other."""

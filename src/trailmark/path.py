@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,10 @@ from trailmark.arguments import number, number_array
 from trailmark.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from trailmark.trajectories import Trajectory
+    from trailmark.collision import StateChecker
+    from trailmark.robot import Robot
+    from trailmark.trajectories import SmoothPath, Trajectory
+    from trailmark.world import World
 
 __all__ = ["Path", "fractions"]
 
@@ -108,6 +112,31 @@ class Path:
     def reversed(self) -> Path:
         """Return the path from its end to its start; it has the same cost."""
         return Path(self.states[::-1])
+
+    def smooth(
+        self, world: World | StateChecker, robot: Robot | None = None, *, max_curvature: float = math.inf
+    ) -> SmoothPath:
+        """Return the path with its corners rounded within the free space, certified.
+
+        Straight motions are joined by parabolas in x, y and heading; where a corner touches an obstacle, they swing
+        around it. A car's arcs and lines are joined by clothoids, along which its curvature changes steadily. Where
+        there is no room the corner stays, and the robot stops there: ``stops`` of the result lists these places.
+
+        Args:
+            world: obstacles, bounds, boundary; or a :class:`trailmark.StateChecker`, which is faster for many paths.
+            robot: that drives; the world's own if None.
+            max_curvature: of the reference point's way, 1/m; infinity for no limit. A car has its turning radius.
+
+        Raises:
+            ConfigurationError: the path is not certified free of collision, or is smooth already.
+        """
+        from trailmark.collision import StateChecker
+        from trailmark.trajectories.smooth import smoothed
+
+        curvature = number(max_curvature, "smooth: max_curvature", above=0.0, infinite=True, unit="1/m")
+        checker = world if isinstance(world, StateChecker) else StateChecker(world, robot)
+        checker.require_for(checker.world, robot)
+        return smoothed(self, checker, curvature)
 
     def timed(
         self,

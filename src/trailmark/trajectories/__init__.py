@@ -1,7 +1,8 @@
 """Trajectories: smoothed paths, and the fastest way to drive a path within a robot's limits."""
 
 from trailmark.trajectories.pieces import Pieces
+from trailmark.trajectories.smooth import SmoothPath
 from trailmark.trajectories.time_law import Limits
 from trailmark.trajectories.trajectory import Trajectory, timed
 
-__all__ = ["Limits", "Pieces", "Trajectory", "timed"]
+__all__ = ["Limits", "Pieces", "SmoothPath", "Trajectory", "timed"]

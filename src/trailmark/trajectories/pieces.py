@@ -21,7 +21,7 @@ from trailmark.curves import CurvePath
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
 
-__all__ = ["Pieces", "joined", "pieces_of"]
+__all__ = ["Pieces", "joined", "pieces_of", "straight"]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 """Gauss and Legendre's quadrature: exact to rounding for pieces that turn by less than two turns."""
@@ -97,6 +97,18 @@ class Pieces(NamedTuple):
         """Return the configurations, shape (n, 3), at which the pieces end; headings are not wrapped."""
         return self.states(np.arange(len(self.length)), self.length)
 
+    def curvature(self) -> FloatArray:
+        """Return the largest curvature (1/m, shape (n,)) of the reference point's way on each piece; 0 in place."""
+        begin, end = self.first, self.first + self.length[:, None] * self.second
+        x, y = self.second[:, 0], self.second[:, 1]
+        square = x * x + y * y
+        # Where a parabola is slowest.
+        s = np.clip(-(begin[:, 0] * x + begin[:, 1] * y) / np.where(square > 0.0, square, 1.0), 0.0, self.length)
+        speed = np.hypot(begin[:, 0] + s * x, begin[:, 1] + s * y)
+        cross = np.abs(begin[:, 0] * y - begin[:, 1] * x)
+        bent = np.divide(cross, speed**3, out=np.zeros_like(cross), where=cross > 0.0)
+        return np.where(self.direction != 0, np.maximum(np.abs(begin[:, 2]), np.abs(end[:, 2])), bent)
+
     def travelled(self) -> FloatArray:
         """Return the distance (metres, shape (n,)) that the reference point travels on each piece."""
         piece = np.repeat(np.arange(len(self.length)), len(_NODES))
@@ -131,17 +143,22 @@ def pieces_of(path: Path) -> Pieces:
     """Return the pieces of a path of straight motions, or of a car's curves; motions of length 0 are left out."""
     if isinstance(path, CurvePath):
         return _driven(path)
-    return straight(path.states[:-1], path.states[1:])
+    return straight(path.states[:-1], se2.difference(path.states[:-1], path.states[1:]))
 
 
-def straight(a: FloatArray, b: FloatArray) -> Pieces:
-    """Return the straight motions from a to b, each of shape (n, 3), without those of length 0."""
-    move = se2.difference(a, b)
+def straight(start: FloatArray, move: FloatArray, *, keep: bool = False) -> Pieces:
+    """Return straight motions, without those of length 0 unless they are to be kept.
+
+    Args:
+        start: configurations, shape (n, 3).
+        move: changes of x, y and heading, shape (n, 3).
+        keep: whether the ones of length 0 stay.
+    """
     length, angle = np.hypot(*move[:, :2].T), np.abs(move[:, 2])
     length = np.where(length > STANDING * angle, length, 0.5 * angle)
-    used = length > NEGLIGIBLE
-    first = move[used] / length[used, None]
-    return Pieces(a[used].copy(), first, np.zeros_like(first), length[used], np.zeros(len(first), np.int8))
+    used = (length > NEGLIGIBLE) | keep
+    first = move[used] / np.maximum(length[used, None], NEGLIGIBLE)
+    return Pieces(start[used].copy(), first, np.zeros_like(first), length[used], np.zeros(len(first), np.int8))
 
 
 def _driven(path: CurvePath) -> Pieces:

@@ -221,6 +221,8 @@ def _largest(constraints: list[list[float]], x: float, known: int) -> float:
             if inside < -ROUNDING * unknown:
                 return -inf
             largest = min(largest, (sqrt(max(inside, 0.0)) - row[1] * x) / unknown)
+        elif row[known] * x * x > 1.0 + ROUNDING:
+            return -inf
     return largest
 
 
@@ -229,9 +231,9 @@ def _peaks(constraints: FloatArray, top: FloatArray) -> FloatArray:
     low, high, share = np.zeros(len(top)), top, 0.5 * (sqrt(5.0) - 1.0)
 
     def largest(x: FloatArray) -> FloatArray:
-        pp, pq, _, cross = np.moveaxis(constraints, 2, 0)
+        pp, pq, qq, cross = np.moveaxis(constraints, 2, 0)
         x = x[:, None]
-        inside = pp - cross * x * x
+        inside = np.where(pp > 0.0, pp - cross * x * x, 1.0 - qq * x * x)
         with np.errstate(divide="ignore", invalid="ignore"):
             roots = np.where(pp > 0.0, (np.sqrt(inside) - pq * x) / pp, inf)
         return np.asarray(np.where(inside < 0.0, -inf, roots).min(axis=1))

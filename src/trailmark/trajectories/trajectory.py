@@ -16,6 +16,7 @@ from trailmark.errors import ConfigurationError
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
 from trailmark.trajectories.pieces import Pieces, joined, pieces_of
+from trailmark.trajectories.smooth import SmoothPath
 from trailmark.trajectories.time_law import Limits, TimeLaw, fastest
 
 __all__ = ["Trajectory", "timed"]
@@ -124,10 +125,12 @@ def timed(path: Path, limits: Limits, zones: Iterable[Any] = ()) -> Trajectory:
         zones: of the world (``world.zones``); the speed limits among them hold for the reference point.
     """
     one_of(path, Path, "timed: path:")
-    pieces = pieces_of(path)
+    pieces = path.pieces if isinstance(path, SmoothPath) else pieces_of(path)
     if len(pieces.length) == 0:
         return Trajectory(
             path, limits, pieces, TimeLaw(np.zeros(0, np.intp), np.zeros(0), np.zeros(0), np.zeros((0, 2)))
         )
-    moving = joined(pieces, limits.max_turn_acceleration is not None)
-    return Trajectory(path, limits, pieces, fastest(pieces, moving, limits, zones))
+    moving = joined(pieces, isinstance(path, SmoothPath) or limits.max_turn_acceleration is not None)
+    # As many rows as the path's, so that the straight motions between them are as good.
+    rows = path.rows if isinstance(path, SmoothPath) else None
+    return Trajectory(path, limits, pieces, fastest(pieces, moving, limits, zones, rows))

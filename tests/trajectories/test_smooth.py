@@ -1,0 +1,191 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.support.trajectories import assert_within_limits
+
+from trailmark import ConfigurationError, CurvePath, Path, Polygon, Rectangle, Robot, StateChecker, Steering, World, se2
+from trailmark.benchmark.referee import Referee
+from trailmark.trajectories import SmoothPath
+
+BOX = Rectangle((5.0, 5.0), 2.0, 2.0)
+WORLD = World(name="box", bounds=(0.0, 0.0, 10.0, 10.0), obstacles=(BOX,))
+OPEN = World(name="open", bounds=(-20.0, -20.0, 20.0, 20.0))
+ROBOT = Robot.rectangle(0.6, 0.4)
+AROUND = Path(np.array([[1.0, 3.5, 0.0], [6.5, 3.5, 0.0], [6.5, 9.0, 1.5]]))
+
+
+def path_of(*states: tuple[float, float, float]) -> Path:
+    return Path(np.array(states))
+
+
+def assert_correct(path: SmoothPath, world: World, robot: Robot, like: Path) -> None:
+    """It passes the referee, is continuous with continuous velocity but for its stops, and its states lie on it."""
+    fault = Referee(world, robot.steered(None)).fault(path.states, like.states[0], like.states[-1])
+    assert fault is None
+    pieces = path.pieces
+    if len(pieces.length):
+        np.testing.assert_allclose(pieces.ends()[:-1, :2], pieces.start[1:, :2], atol=1e-9)
+        assert (np.abs(se2.difference(pieces.ends()[:-1], pieces.start[1:])[:, 2]) < 1e-9).all()
+    # The straight motions from state to state stay as near to the curve as is said.
+    middle = se2.interpolate(path.states[:-1], path.states[1:], 0.5)
+    dense = path.resample(1e-3 * min(1.0, path.length)).states
+    reach = robot.sweep_radius
+    for row in middle[:: max(1, len(middle) // 20)]:
+        assert se2.motion_bound(dense, row, reach).min() < 1e-3 + 1e-4
+    assert path.length == pytest.approx(Path(dense).length, rel=1e-3)
+    assert path.rotation == pytest.approx(Path(dense).rotation, rel=1e-3, abs=1e-6)
+
+
+@pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.3)], ids=["rectangle", "disc"])
+def test_a_corner_with_room_is_cut(robot: Robot) -> None:
+    path = path_of((1.0, 1.0, 0.0), (8.0, 1.0, 0.0), (8.0, 8.0, 1.5)).smooth(WORLD, robot)
+    assert_correct(path, WORLD, robot, path_of((1.0, 1.0, 0.0), (8.0, 8.0, 1.5)))
+    assert len(path.stops) == 0
+    assert path.length < 14.0
+    assert path.timed(1.0, 1.0, 1.0, 1.0).duration < 14.0 + 1.0
+
+
+def test_around_an_obstacle_that_the_corner_touches_the_path_swings_outwards() -> None:
+    # At the corner the robot's touches that of the box.
+    path = path_of((1.0, 3.5, 0.0), (6.3, 3.8, 0.0), (6.5, 9.0, 0.0))
+    checker = StateChecker(WORLD, ROBOT)
+    assert checker.clearance(path.states[1]) < 1e-6
+    assert checker.motions_valid(path.states[:-1], path.states[1:]).all()
+    smooth = path.smooth(checker)
+    assert len(smooth.stops) == 0
+    assert_correct(smooth, WORLD, ROBOT, path)
+    assert smooth.max_curvature < 5.0
+
+
+def test_where_there_is_no_room_the_corner_is_a_stop() -> None:
+    # Two corridors a little wider than the robot, and a quarter of a turn between them.
+    walls = Polygon(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [4.0, 5.0], [4.0, 1.0], [0.0, 1.0]]))
+    world = World(name="corridor", bounds=(0.0, 0.0, 5.0, 5.0), boundary=walls)
+    robot = Robot.rectangle(1.0 - 1e-3, 1.0 - 1e-3)
+    path = path_of((1.0, 0.5, 0.0), (4.5, 0.5, 0.0), (4.5, 4.0, 0.0))
+    smooth = path.smooth(world, robot)
+    np.testing.assert_allclose(smooth.stops, [[4.5, 0.5, 0.0]], atol=1e-12)
+    np.testing.assert_array_equal(smooth.states, path.states)
+    assert smooth.timed(1.0, 1.0, 1.0).duration == pytest.approx(path.timed(1.0, 1.0, 1.0).duration)
+
+
+def test_a_corridor_hardly_wider_than_the_robot_is_not_left() -> None:
+    world = World(name="corridor", bounds=(0.0, 0.0, 9.0, 0.402))
+    y = 0.201
+    path = path_of((1.0, y, 0.0), (3.0, y, 0.0), (5.0, y, math.pi), (7.0, y, math.pi))
+    with pytest.raises(ConfigurationError, match=r"certified free of collision; motion 1 is not"):
+        path.smooth(world, ROBOT)
+    straight = path_of((1.0, y, 0.0), (3.0, y, 0.0), (8.0, y, 0.0)).smooth(world, ROBOT)
+    assert_correct(straight, world, ROBOT, path_of((1.0, y, 0.0), (8.0, y, 0.0)))
+    assert len(straight.stops) == 0
+
+
+@pytest.mark.parametrize("turn", [math.pi, -math.pi, np.nextafter(math.pi, 0.0), np.nextafter(-math.pi, 0.0), 3.0])
+def test_headings_turn_the_way_that_the_path_turns(turn: float) -> None:
+    path = path_of((0.0, 0.0, 0.0), (5.0, 0.0, turn), (9.0, 4.0, 0.0), (9.0, 9.0, turn))
+    smooth = path.smooth(OPEN, ROBOT)
+    assert_correct(smooth, OPEN, ROBOT, path)
+    assert len(smooth.stops) == 0
+    apart = [np.abs(se2.difference(smooth.states, path.at(f))).sum(axis=1).min() for f in (0.1, 0.5, 0.9)]
+    assert max(apart) < 2.0
+
+
+def test_a_reversal_and_turns_in_place_are_stops() -> None:
+    smooth = path_of((0, 0, 0), (5, 0, 0), (1, 0, 0)).smooth(OPEN, ROBOT)
+    np.testing.assert_array_equal(smooth.stops, [[5.0, 0.0, 0.0]])
+    smooth = path_of((0, 0, 0), (5, 0, 0), (5, 0, 1), (5, 5, 1)).smooth(OPEN, ROBOT)
+    np.testing.assert_allclose(smooth.stops, [[5.0, 0.0, 0.0], [5.0, 0.0, 1.0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("states", [[(1, 1, 1)], [(1, 1, 1)] * 3, [(1, 1, 1), (2, 1, 1)], [(1, 1, 1), (1, 1, 2)]])
+def test_paths_without_corners(states: list[tuple[float, float, float]]) -> None:
+    path = path_of(*states)
+    smooth = path.smooth(OPEN, ROBOT)
+    np.testing.assert_array_equal(smooth.states[[0, -1]], path.states[[0, -1]])
+    assert smooth.length == pytest.approx(path.length)
+    assert smooth.rotation == pytest.approx(path.rotation)
+    assert smooth.stops.shape == (0, 3)
+    np.testing.assert_allclose(smooth.at([0.0, 1.0]), path.states[[0, -1]])
+
+
+def test_segments_of_micrometres_are_smoothed_too() -> None:
+    states = np.cumsum(np.random.default_rng(5).normal(scale=1e-6, size=(30, 3)), axis=0)
+    smooth = Path(states).smooth(OPEN, ROBOT)
+    assert_correct(smooth, OPEN, ROBOT, Path(states))
+    # Directions of so short motions are rounded.
+    assert_within_limits(smooth.timed(1.0, 1.0, 1.0, 1.0), jump=1e-6)
+
+
+def test_a_path_in_many_parts_is_smoothed_as_one() -> None:
+    dense = AROUND.resample(0.01).smooth(WORLD, ROBOT)
+    assert dense.max_curvature == pytest.approx(AROUND.smooth(WORLD, ROBOT).max_curvature, rel=1e-3)
+
+
+def test_curvature_is_bounded() -> None:
+    smooth = AROUND.smooth(WORLD, ROBOT, max_curvature=2.0)
+    assert smooth.max_curvature <= 2.0
+    assert len(smooth.stops) == 0
+    assert len(AROUND.smooth(WORLD, ROBOT, max_curvature=1e-3).stops) == 1
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_a_cars_curvature_is_continuous_but_for_stops(reverse: bool) -> None:
+    rng = np.random.default_rng(8)
+    smoothed = 0
+    for _ in range(8):
+        knots = np.column_stack([rng.uniform(-15.0, 15.0, (4, 2)), rng.uniform(-3.0, 3.0, 4)])
+        path = CurvePath(knots, Steering(1.0, reverse))
+        robot = ROBOT.steered(1.0, reverse)
+        smooth = path.smooth(OPEN.with_robot(robot))
+        assert_correct(smooth, OPEN, robot, path)
+        assert smooth.max_curvature <= 1.0 + 1e-12
+        assert smooth.cost == smooth.length == pytest.approx(path.length, rel=0.05)
+        piece = np.arange(len(smooth.pieces.length))
+        begin, _ = smooth.pieces.derivatives(piece, np.zeros(len(piece)))
+        end, _ = smooth.pieces.derivatives(piece, smooth.pieces.length)
+        jump = np.abs(end[:-1] - begin[1:]).max(axis=1) > 1e-6
+        assert np.count_nonzero(jump) == len(smooth.stops)
+        # It is a car that drives: the reference point moves along the heading.
+        q = smooth.resample(0.01).states
+        move, middle = np.diff(q[:, :2], axis=0), se2.interpolate(q[:-1], q[1:], 0.5)[:, 2]
+        aside = move[:, 1] * np.cos(middle) - move[:, 0] * np.sin(middle)
+        assert (np.abs(aside) < 1e-4).all()
+        trajectory = smooth.timed(1.0, 0.5, 1.0, 1.0)
+        assert_within_limits(trajectory)
+        smoothed += trajectory.duration < path.timed(1.0, 0.5, 1.0, 1.0).duration - 1.0
+    assert smoothed >= 4
+
+
+def test_a_smooth_path_is_a_path() -> None:
+    smooth = AROUND.smooth(WORLD, ROBOT)
+    back = smooth.reversed()
+    assert back.length == pytest.approx(smooth.length)
+    np.testing.assert_allclose(back.at(0.3), smooth.at(0.7), atol=1e-2)
+    np.testing.assert_array_equal(back.states[[0, -1]], smooth.states[[-1, 0]])
+    assert smooth == AROUND.smooth(WORLD, ROBOT)
+    assert hash(smooth) == hash(AROUND.smooth(WORLD, ROBOT))
+    assert smooth != AROUND
+    assert Path(smooth.states) != smooth
+    assert "SmoothPath" in repr(smooth)
+    assert se2.distance(smooth.resample(0.05).states[:-1], smooth.resample(0.05).states[1:]).max() <= 0.05
+
+
+def test_what_cannot_be_smoothed_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match=r"certified free of collision; motion 0 is not"):
+        path_of((1, 5, 0), (9, 5, 0), (9, 9, 0)).smooth(WORLD, ROBOT)
+    with pytest.raises(ConfigurationError, match="its only state is not"):
+        path_of((5, 5, 0)).smooth(WORLD, ROBOT)
+    with pytest.raises(ConfigurationError, match="smooth already"):
+        AROUND.smooth(WORLD, ROBOT).smooth(WORLD, ROBOT)
+    with pytest.raises(ConfigurationError, match="expected a car's path, got one of straight motions"):
+        AROUND.smooth(WORLD, ROBOT.steered(1.0))
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, "1", None])
+def test_the_curvature_is_checked(value: Any) -> None:
+    with pytest.raises(ConfigurationError, match="max_curvature: expected more than 0, got"):
+        AROUND.smooth(WORLD, ROBOT, max_curvature=value)
