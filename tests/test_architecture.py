@@ -26,6 +26,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"changes", "query"}),
     frozenset({"edits"}),
     frozenset({"world", "formats"}),
+    frozenset({"keep_out"}),
     frozenset({"curves"}),
     frozenset({"collision", "estimation"}),
     frozenset({"motion"}),

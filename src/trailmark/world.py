@@ -25,7 +25,7 @@ from trailmark.moving import Moving
 from trailmark.query import Query
 from trailmark.robot import Robot
 from trailmark.shapes import Polygon, Shape, shape_of, shapes_of
-from trailmark.zones import KEEP_OUT, CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
+from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 __all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
 
@@ -304,23 +304,6 @@ class World:
         if any(item.estimate is not None for item in changes.items):
             world._check_shares()
         return world
-
-    @property
-    def occupied(self) -> World:
-        """The world in which each keep-out zone is also an obstacle ``keep-out zone i``, i its index in ``zones``.
-
-        That is the world that robots are checked in; it is this one if there is no such zone, or all stand here.
-
-        Raises:
-            WorldError: another obstacle has such an id.
-        """
-        zones = {f"{KEEP_OUT} {i}": z.region for i, z in enumerate(self.zones) if isinstance(z, KeepOutZone)}
-        known = dict(zip(self.ids, self.obstacles, strict=True)) if zones and self.ids else {}
-        for name, region in zones.items():
-            if known.get(name, region) != region:
-                raise WorldError(f"ids: {name!r} is the name of a zone, expected another one for an obstacle")
-        missing = {name: region for name, region in zones.items() if name not in known}
-        return self.edited(add=missing) if missing else self
 
     @property
     def extent(self) -> float:

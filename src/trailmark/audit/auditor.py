@@ -16,6 +16,7 @@ from trailmark.audit.verdict import colliding_parts
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
+from trailmark.keep_out import keep_outs
 from trailmark.path import Path
 from trailmark.world import BOUNDS_LIMIT, Robot, World
 
@@ -36,8 +37,9 @@ _recent: list[tuple[World, PathAuditor]] = []
 class PathAuditor:
     """Audits paths of one robot in one world: a fraction of a millisecond for a free path of 50 m.
 
-    A path is free if nowhere along it the robot overlaps an obstacle, or reaches over bounds or boundary, by more than
-    1e-7 m: touching is allowed (:class:`trailmark.collision.StateChecker`). It is certified, not sampled: intervals are
+    A path is free if nowhere along it the robot overlaps an obstacle or a keep-out zone, or reaches over bounds or
+    boundary, by more than 1e-7 m: touching is allowed (:class:`trailmark.collision.StateChecker`). A path that starts
+    in a keep-out zone may leave it, and then stays out. It is certified, not sampled: intervals are
     cleared by distances, and where the robot comes near to something, all events are found at which it may begin or
     cease to overlap it.
 
@@ -52,6 +54,7 @@ class PathAuditor:
         self.checker = checker
         self._core, self._body = core_of(checker.robot), whole(checker.robot)
         self._attribution = Attribution(checker, self._core)
+        self._keep_outs = keep_outs(checker.world)
 
     def audit(self, path: Path | ArrayLike) -> PathAudit:
         """Audit a path.
@@ -76,8 +79,14 @@ class PathAuditor:
         parts = colliding_parts(grid, field, footprint, self._core, states)
         scale = Scale(states, footprint.sweep_radius)
         if len(parts):
-            collisions = self._attribution.collisions(scale, merged(parts, scale))
-            clearance, place = 0.0, scale.interval(collisions[0].motions)[0]
+            found = self._attribution.collisions(scale, merged(parts, scale))
+            clearance, place = 0.0, scale.interval(found[0].motions)[0]
+            # A robot may leave the keep-out zones that it starts in.
+            collisions = tuple(
+                c
+                for c in found
+                if c.obstacle not in self._keep_outs or c.motions[0] > 0.0 or c.motions[1] == len(states) - 1
+            )
         else:
             collisions = ()
             clearance, motion, share = least_clearance(grid, field, footprint, self._body, states)

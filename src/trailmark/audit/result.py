@@ -18,7 +18,7 @@ class Collision:
     Attributes:
         begin: where it begins: metres along the path, by the length of its xy curve.
         end: where it ends.
-        obstacle: the obstacle's id, its index if it has none, ``bounds`` or ``boundary``.
+        obstacle: the obstacle's id, its index if it has none, ``keep-out zone i``, ``bounds`` or ``boundary``.
         depth: metres of the shortest translation that would take the robot out of it (for bounds and boundary: back
             inside), where that is largest, to a thousandth.
         motions: the same interval as indices of the path's motions and shares of them: 2.25 is a quarter into the
@@ -41,7 +41,7 @@ class PathAudit:
         free: whether the robot overlaps no obstacle by more than 1e-7 m anywhere along the path, and stays inside.
         collisions: in their order along the path, by obstacle; empty if it is free.
         min_clearance: least clearance along the path, metres; found by exact distances, at most 5e-7 m above the true
-            one; 0 if it collides.
+            one; 0 if it collides, or leaves a keep-out zone.
         min_clearance_at: where, metres along the path's xy curve; where the first collision begins if it collides.
         min_clearance_state: configuration there (x, y, theta).
         length: of the xy curve, metres.

@@ -16,6 +16,7 @@ import shapely
 
 from trailmark import se2
 from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
+from trailmark.keep_out import with_keep_outs
 from trailmark.shapes import Disc, Polygon, triangulate
 from trailmark.world import Query, Robot, World
 
@@ -41,7 +42,9 @@ def problem_text(world: World, robot: Robot, query: Query) -> str:
     """
     ends = {"start": list(query.start), "goal": list(query.pose())}
     # The obstacles' part is cached as text: queries of one world differ in their last two fields only.
-    return _scene(world.bounds, world.boundary, world.occupied.obstacles, robot)[:-1] + ", " + json.dumps(ends)[1:]
+    return (
+        _scene(world.bounds, world.boundary, with_keep_outs(world).obstacles, robot)[:-1] + ", " + json.dumps(ends)[1:]
+    )
 
 
 @lru_cache(maxsize=4)

@@ -12,6 +12,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark.curves import Steering
+from trailmark.keep_out import with_keep_outs
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -42,7 +43,7 @@ class Referee:
 
     def __init__(self, world: World, robot: Robot) -> None:
         footprint = robot.footprint
-        self._world = world = world.occupied
+        self._world = world = with_keep_outs(world)
         self._radius = footprint.radius - TOUCHING if isinstance(footprint, Disc) else 0.0
         self._outline = None if isinstance(footprint, Disc) else _shrunk(robot)
         self._reach = 0.0 if self._outline is None else float(np.hypot(*self._outline.T).max())

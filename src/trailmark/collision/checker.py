@@ -22,6 +22,7 @@ from trailmark.collision.field import ClearanceField, build_field
 from trailmark.collision.footprint import Footprint, build_footprint
 from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
 from trailmark.errors import ConfigurationError, WorldError
+from trailmark.keep_out import with_keep_outs
 from trailmark.world import Robot, World
 
 __all__ = ["StateChecker", "ends_of_motions"]
@@ -84,7 +85,7 @@ class StateChecker:
             raise WorldError(f"exact: expected 'kernel' or 'fcl', got {brief(exact)}")
         if cell is not None:
             cell = number(cell, "cell:", above=0.0, unit="m", error=WorldError)
-        world = self.world = world.occupied
+        world = self.world = with_keep_outs(world)
         self.robot: Robot = chosen
         self.exact = exact
         self._cell = cell
@@ -110,7 +111,7 @@ class StateChecker:
             WorldError: the obstacles were grown for the errors of a robot that reaches less far.
         """
         one_of(world, World, "world:", error=WorldError)
-        world = world.occupied
+        world = with_keep_outs(world)
         if world is self.world:
             return self
         if not world.differs_in_obstacles_only(self.world):
@@ -271,7 +272,7 @@ class StateChecker:
         """
         one_of(world, World, "world:", error=WorldError)
         one_of(robot, (Robot, type(None)), "robot:", error=WorldError)
-        mine, world = self.world, world.occupied
+        mine, world = self.world, with_keep_outs(world)
         if mine is not world and mine.with_robot(self.robot) != world.with_robot(self.robot):
             raise ConfigurationError(
                 f"checker: expected one for world {world.name!r} as it is, got one for another ({mine.name!r})"

@@ -13,6 +13,7 @@ import numpy as np
 
 from trailmark.changes import Change, Changes
 from trailmark.collision import StateChecker
+from trailmark.keep_out import with_keep_outs
 from trailmark.lock import Lock
 from trailmark.motion import Motion
 from trailmark.planning.space_time.obstacles import MovingObstacles
@@ -104,7 +105,7 @@ class WorldModels:
         account when that one is needed.
         """
         begin, old = perf_counter(), self.world
-        world = (changes if isinstance(changes, World) else old.apply(changes)).occupied
+        world = with_keep_outs(changes if isinstance(changes, World) else old.apply(changes))
         items = old.difference(world).items if world.differs_in_obstacles_only(old) else ()
         if items and all(self._moves(item) for item in items):
             new, update = WorldModels(world, self._full, self._standing), Update(changes=len(items))

@@ -56,11 +56,11 @@ class OneWayCheck:
         lines = [np.stack([starts[:, :2], starts[:, :2] + moves[:, :2]], axis=1)[~arcs]]
         ahead = [np.tile(np.arctan2(moves[~arcs, 1], moves[~arcs, 0])[:, None], (1, 2))]
         motion = [np.flatnonzero(~arcs)]
-        for i in np.flatnonzero(arcs):
-            chords, directions = _chords(starts[i], moves[i, 0], curvature[i])
+        for arc in np.flatnonzero(arcs):
+            chords, directions = _chords(starts[arc], moves[arc, 0], curvature[arc])
             lines.append(chords)
             ahead.append(directions)
-            motion.append(np.full(len(chords), i))
+            motion.append(np.full(len(chords), arc))
         segments, directions, motions = np.concatenate(lines), np.concatenate(ahead), np.concatenate(motion)
         travels = np.hypot(*(segments[:, 1] - segments[:, 0]).T) > IN_PLACE
         for i, zone, region in self._zones:

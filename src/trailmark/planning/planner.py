@@ -18,6 +18,7 @@ from trailmark.landmarks import Relaxation
 from trailmark.lock import Lock
 from trailmark.motion import Motion, kind_of
 from trailmark.path import Path
+from trailmark.planning.leaving import answer_from_anywhere
 from trailmark.planning.many_queries import answer_queries
 from trailmark.planning.models import WorldModels
 from trailmark.planning.proofs import LowerBound
@@ -25,7 +26,7 @@ from trailmark.planning.query import OnProgress
 from trailmark.planning.replan_query import ReplanOptions, answer_replan
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
-from trailmark.planning.single_query import GAP, answer_query
+from trailmark.planning.single_query import GAP
 from trailmark.planning.updating import Update
 from trailmark.planning.warmup import warm_up, warm_up_moving, warm_up_queries
 from trailmark.planning.world_model import WorldModel
@@ -339,7 +340,7 @@ class LandmarkPlanner:
 def _answer(model: WorldModel, start: ArrayLike, goal: ArrayLike, seconds: float, **options: Any) -> PlanResult:
     """Return the answer to one query; those that let the roadmap grow take turns."""
     with model.shared.lock:
-        return answer_query(model, start, goal, seconds, **options)
+        return answer_from_anywhere(model, start, goal, seconds, **options)
 
 
 def _limits(time_limit: float, max_iterations: int | None) -> tuple[float, int | None]:

@@ -17,6 +17,7 @@ from trailmark.path import Path
 from trailmark.planning.escape import way_out
 from trailmark.planning.followed import vertices_of
 from trailmark.planning.incumbent import Incumbent
+from trailmark.planning.leaving import MIN_SECONDS, answer_from_anywhere, zones_at
 from trailmark.planning.models import WorldModels
 from trailmark.planning.replanning import Replanner, ReplanOptions, as_replan
 from trailmark.planning.result import ReplanResult, Status
@@ -73,6 +74,12 @@ def _replanned(
     free = model.checker.states_free(ends)
     if free.all():
         return Replanner(model, ends[0], ends[1], options).answer(path)
+    if free[1] and (zones := zones_at(model.checker, ends[0])) and model.without(zones).checker.valid(ends[0]):
+        seconds = max(options.deadline - perf_counter(), MIN_SECONDS)
+        left = answer_from_anywhere(model, ends[0], ends[1], seconds)
+        names = " and ".join(zones)
+        reason = f"no path out of {names} was found" if left.path is None else f"the path leaves {names}"
+        return replace(as_replan(left, ""), reason=reason)
     for end, name in ((1, "goal"), (0, "robot")):
         if not free[end]:
             problem = f"the {name} {invalid_reason(model.checker.world, model.checker.robot, ends[end])}"

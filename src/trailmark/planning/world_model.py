@@ -23,6 +23,7 @@ from trailmark.planning.shared_roadmap import SharedRoadmap
 from trailmark.planning.updating import Boxes, Update
 from trailmark.planning.verification import Verification
 from trailmark.world import World
+from trailmark.zones import KeepOutZone
 
 __all__ = ["WorldModel"]
 
@@ -65,6 +66,7 @@ class WorldModel:
         self.checker, self.rng, self.seed, self.settings = checker, rng, seed, settings
         self.motion = motion_of(checker)
         self.followed: FollowedPath | None = None
+        self._without: tuple[tuple[str, ...], WorldModel] | None = None
         self.guide: tuple[tuple[float, float], CostToGo] | None = None if before is None else before.guide
         if before is None:
             self.verification = Verification(checker, self.motion, seed)
@@ -92,6 +94,15 @@ class WorldModel:
         if self.followed is not None:
             model.followed = self.followed.after(model.motion, boxes.removed, boxes.added)
         return model, replace(counts, changes=len(changes.items), seconds=perf_counter() - begin)
+
+    def without(self, zones: tuple[str, ...]) -> WorldModel:
+        """Return the model of the world without some keep-out zones; the last one is kept."""
+        if self._without is None or self._without[0] != zones:
+            world = self.checker.world.edited(remove=zones)
+            # The others stand there as obstacles.
+            others = tuple(zone for zone in world.zones if not isinstance(zone, KeepOutZone))
+            self._without = zones, self.edited(replace(world, zones=others))[0]
+        return self._without[1]
 
     def valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
         """Return start and goal, shape (2, 3), both valid, or raise a ConfigurationError."""

@@ -17,6 +17,7 @@ from trailmark.benchmark.report.charts import WIDTH
 from trailmark.benchmark.report.palette import Style
 from trailmark.benchmark.report.svg import drawing, element, points, text
 from trailmark.errors import TrailmarkError
+from trailmark.keep_out import with_keep_outs
 from trailmark.shapes import Disc
 
 __all__ = ["Scene", "scene_of"]
@@ -67,7 +68,7 @@ class Scene:
         parts = [element("rect", width=width * scale, height=height * scale, class_="outside")]
         parts.append(element("path", d=self._region([inside]), class_="free"))
         discs, rest = [], []
-        for shape in world.occupied.obstacles:
+        for shape in with_keep_outs(world).obstacles:
             if isinstance(shape, Disc):
                 (x, y), r = self._at(np.array([shape.center]))[0], max(0.6, shape.radius * scale)
                 discs.append(element("circle", cx=float(x), cy=float(y), r=float(r)))

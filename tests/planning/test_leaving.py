@@ -1,0 +1,172 @@
+"""Paths that leave keep-out zones, against shapely: clear of all else, and never back in a zone once they left it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from trailmark import (
+    ConfigurationError,
+    Disc,
+    KeepOutZone,
+    LandmarkPlanner,
+    Path,
+    PlanProgress,
+    PlanResult,
+    Polygon,
+    Rectangle,
+    Robot,
+    World,
+    check_path,
+    se2,
+)
+from trailmark.shapes import Shape
+
+ROBOTS = {
+    "disc": Robot.disc(0.3),
+    "rectangle": Robot.rectangle(0.8, 0.4),
+    "car": Robot.rectangle(0.8, 0.4).steered(1.0),
+    "dubins": Robot.rectangle(0.8, 0.4).steered(1.0, reverse=False),
+}
+BOUNDS = (0.0, 0.0, 20.0, 12.0)
+MIDDLE = Rectangle((6.0, 6.0), 6.0, 6.0)
+# Two towers on a base: from one to the other, the straight way leaves the zone and comes back.
+U_SHAPE = [[2, 2], [14, 2], [14, 9], [10, 9], [10, 4], [6, 4], [6, 9], [2, 9]]
+
+
+def zone(shape: Shape) -> KeepOutZone:
+    return KeepOutZone(shape.polygon())
+
+
+def plan(
+    world: World, robot: Robot, start: tuple[float, ...], goal: tuple[float, ...], seconds: float = 2.0
+) -> PlanResult:
+    return LandmarkPlanner(world, robot, seed=1).plan(start, goal, time_limit=seconds)
+
+
+def overlaps(robot: Robot, states: np.ndarray, shape: Shape) -> np.ndarray:
+    """Return at which states the robot overlaps a shape by more than a micrometre or two."""
+    region = shapely.buffer(shape.polygon(1e-9).shapely(), -2e-6)
+    if isinstance(robot.footprint, Disc):
+        return np.array(shapely.distance(region, shapely.points(states[:, :2])) < robot.footprint.radius)
+    bodies = [shapely.Polygon(se2.transform(q, robot.outline.vertices)) for q in states]
+    return np.array(shapely.intersects(region, np.array(bodies)))
+
+
+def assert_leaves(world: World, robot: Robot, path: Path) -> None:
+    states = path.resample(0.01).states
+    for obstacle in world.obstacles:
+        assert not overlaps(robot, states, obstacle).any()
+    for other in world.zones:
+        inside = overlaps(robot, states, other.region)
+        left = int(np.argmin(inside))
+        assert not inside[left:].any()
+
+
+@pytest.mark.parametrize("name", sorted(ROBOTS))
+def test_a_start_inside_leaves_past_obstacles(name: str) -> None:
+    world = World("w", BOUNDS, (Rectangle((8.0, 6.0), 0.5, 5.0),), zones=(zone(MIDDLE),))
+    result = plan(world, ROBOTS[name], (5.0, 6.0, 0.0), (15.0, 6.0, 0.0))
+    assert result.status == "solved"
+    assert result.path is not None
+    assert result.lower_bound is not None
+    assert result.lower_bound <= result.path.cost + 1e-9
+    assert_leaves(world, ROBOTS[name], result.path)
+
+
+@pytest.mark.parametrize("name", sorted(ROBOTS))
+def test_it_does_not_come_back(name: str) -> None:
+    world = World("w", BOUNDS, zones=(KeepOutZone(Polygon(np.array(U_SHAPE, dtype=float))),))
+    result = plan(world, ROBOTS[name], (4.0, 8.0, 0.0), (18.0, 5.0, 0.0))
+    assert result.status == "solved"
+    assert result.path is not None
+    assert_leaves(world, ROBOTS[name], result.path)
+    assert result.lower_bound is not None
+    # Straight through would be 14.3 m.
+    assert 14.0 <= result.lower_bound <= result.path.cost
+    assert result.path.length > 14.6
+
+
+def test_it_does_not_pass_through_other_keep_out_zones() -> None:
+    other = zone(Rectangle((12.0, 6.0), 1.0, 9.0))
+    world = World("w", BOUNDS, zones=(zone(MIDDLE), other))
+    result = plan(world, ROBOTS["rectangle"], (6.0, 6.0, 0.0), (18.0, 6.0, 0.0))
+    assert result.path is not None
+    assert_leaves(world, ROBOTS["rectangle"], result.path)
+    assert result.path.length > 14.0
+
+
+def test_a_start_in_two_zones_leaves_both() -> None:
+    world = World("w", BOUNDS, zones=(zone(MIDDLE), zone(Rectangle((8.0, 6.0), 6.0, 2.0))))
+    result = plan(world, ROBOTS["rectangle"], (7.0, 6.0, 0.0), (1.0, 1.0, 0.0))
+    assert result.path is not None
+    assert_leaves(world, ROBOTS["rectangle"], result.path)
+
+
+def test_where_nothing_leads_out_that_is_proven() -> None:
+    walls = tuple(
+        Rectangle(center, *size)
+        for center, size in (((6.0, 9.0), (6.4, 0.2)), ((6.0, 3.0), (6.4, 0.2)), ((3.0, 6.0), (0.2, 6.0)))
+    )
+    closed = World("w", BOUNDS, (*walls, Rectangle((9.0, 6.0), 0.2, 6.0)), zones=(zone(MIDDLE),))
+    assert plan(closed, ROBOTS["rectangle"], (6.0, 6.0, 0.0), (15.0, 6.0, 0.0)).status == "infeasible"
+    opened = plan(replace(closed, obstacles=walls), ROBOTS["rectangle"], (6.0, 6.0, 0.0), (15.0, 6.0, 0.0))
+    assert opened.status == "solved"
+
+
+def test_what_is_not_valid_is_refused_in_one_line() -> None:
+    world = World("w", BOUNDS, (Disc((6.0, 6.0), 1.0),), zones=(zone(MIDDLE), zone(Rectangle((15.0, 6.0), 2.0, 2.0))))
+    planner = LandmarkPlanner(world, ROBOTS["disc"], seed=0)
+    with pytest.raises(ConfigurationError, match=r"^goal .* overlaps keep-out zone 1 by"):
+        planner.plan((1.0, 1.0, 0.0), (15.0, 6.0, 0.0))
+    with pytest.raises(ConfigurationError, match=r"^goal .* overlaps keep-out zone 0 by"):
+        planner.plan((6.0, 4.0, 0.0), (8.0, 6.0, 0.0))
+    with pytest.raises(ConfigurationError, match=r"^start .* overlaps obstacle 0 \(disc\) by"):
+        planner.plan((6.5, 6.0, 0.0), (18.0, 6.0, 0.0))
+    with pytest.raises(ConfigurationError, match=r"^start: expected"):
+        planner.plan([(6.5, 6.0, 0.0)], (18.0, 6.0, 0.0))
+
+
+def test_a_zone_that_covers_everything_cannot_be_left() -> None:
+    world = World("w", BOUNDS, zones=(zone(Rectangle((10.0, 6.0), 40.0, 40.0)),))
+    with pytest.raises(ConfigurationError, match=r"^goal .* overlaps keep-out zone 0"):
+        LandmarkPlanner(world, ROBOTS["disc"], seed=0).plan((6.0, 4.0, 0.0), (8.0, 6.0, 0.0))
+
+
+def test_updates_replans_and_progress() -> None:
+    world = World("w", BOUNDS, (Disc((12.0, 6.0), 1.0),), zones=(zone(MIDDLE),))
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+    start, goal = (6.0, 6.0, 0.0), (18.0, 6.0, 0.0)
+    seen: list[PlanProgress] = []
+    first = planner.plan(start, goal, on_progress=seen.append)
+    assert first.path is not None
+    assert seen
+    assert all(progress.path is None for progress in seen)
+    changed = world.edited(add=[Rectangle((9.5, 6.0), 0.5, 5.0)])
+    planner.update(changed)
+    again = planner.replan(start, goal, first.path)
+    assert again.path is not None
+    assert not again.kept
+    assert_leaves(changed, ROBOTS["rectangle"], again.path)
+    assert "leaves keep-out zone 0" in again.reason
+    planner.update(replace(world, zones=()))
+    free = planner.plan(start, goal)
+    assert free.path is not None
+    assert free.path.cost <= first.path.cost + 1e-3
+
+
+def test_audits_let_a_path_leave() -> None:
+    world = World("w", BOUNDS, zones=(zone(MIDDLE),))
+    leaves = check_path(world, ROBOTS["rectangle"], [[6.0, 6.0, 0.0], [15.0, 6.0, 0.0]])
+    assert leaves.free
+    back = check_path(
+        world, ROBOTS["rectangle"], [[6.0, 6.0, 0.0], [15.0, 6.0, 0.0], [9.0, 6.0, 0.0], [15.0, 6.0, 0.0]]
+    )
+    assert [(c.obstacle, round(c.begin, 3)) for c in back.collisions] == [("keep-out zone 0", 14.6)]
+    crosses = check_path(world, ROBOTS["rectangle"], [[1.0, 6.0, 0.0], [15.0, 6.0, 0.0]])
+    assert [c.obstacle for c in crosses.collisions] == ["keep-out zone 0"]
+    stays = check_path(world, ROBOTS["rectangle"], [[6.0, 6.0, 0.0], [7.0, 6.0, 0.0]])
+    assert not stays.free
