@@ -235,8 +235,10 @@ def _peaks(constraints: FloatArray, top: FloatArray) -> FloatArray:
         x = x[:, None]
         inside = np.where(pp > 0.0, pp - cross * x * x, 1.0 - qq * x * x)
         with np.errstate(divide="ignore", invalid="ignore"):
-            roots = np.where(pp > 0.0, (np.sqrt(inside) - pq * x) / pp, inf)
-        return np.asarray(np.where(inside < 0.0, -inf, roots).min(axis=1))
+            root, middle = np.sqrt(inside) / pp, -pq * x / pp
+        upper = np.where(inside < 0.0, -inf, np.where(pp > 0.0, middle + root, inf)).min(axis=1)
+        lower = np.where((inside >= 0.0) & (pp > 0.0), middle - root, -inf).max(axis=1)
+        return np.asarray(np.where(lower <= upper * (1.0 + ROUNDING), upper, -inf))
 
     for _ in range(SEARCH_STEPS):
         a, b = high - share * (high - low), low + share * (high - low)
