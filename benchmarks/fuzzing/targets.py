@@ -112,14 +112,24 @@ def _path_files(folder: Path) -> None:
     from trailmark.formats.path_files import write_path
 
     states = np.array([[1.0, 1.0, 0.0], [2.0, 1.5, 0.3], [3.0, 1.0, -3.0]])
-    for suffix in (".json", ".csv", ".txt", ".path"):
+    for suffix in (".json", ".csv", ".txt", ".yaml", ".nav2.json", ".geojson"):
         write_path(folder / f"path{suffix}", states)
 
 
-def _path(path: Path) -> None:
-    from trailmark.formats.path_files import read_path
+def _robots(folder: Path) -> None:
+    """Write a robot as world files have it, and as nav2's parameters have it."""
+    (folder / "robot.yaml").write_text("robot: {shape: rectangle, length: 0.6, width: 0.4, turning_radius: 1.0}\n")
+    costmap = 'ros__parameters: {footprint: "[[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2]]", robot_radius: 0.3}\n'
+    lines = [f"{name}:\n  {name}:\n    {costmap}" for name in ("local_costmap", "global_costmap")]
+    (folder / "nav2_params.yaml").write_text("".join(lines))
 
-    assert np.isfinite(read_path(path).states).all()
+
+def _robot(path: Path) -> None:
+    assert Robot.load(path).circumradius > 0.0
+
+
+def _image(path: Path) -> None:
+    assert World.from_image(path, 0.05, (1.0, 2.0, 0.3)).boundary is not None
 
 
 def _messages(folder: Path) -> None:
@@ -308,13 +318,15 @@ TARGETS: dict[str, Target] = {
     "roadmap npz": Target(_roadmap_files, "roadmap.npz", _roadmap),
     "roadmap graphml": Target(_roadmap_files, "roadmap.graphml", _roadmap),
     "route graph": Target(_copy("nav2/depot_graph.geojson"), "depot_graph.geojson", _route),
-    "path json": Target(_path_files, "path.json", _path),
-    "path csv": Target(_path_files, "path.csv", _path),
-    "path txt": Target(_path_files, "path.txt", _path),
-    "any path json": Target(_path_files, "path.json", _any_path),
-    "any path csv": Target(_path_files, "path.csv", _any_path),
+    **{
+        f"path {suffix}": Target(_path_files, f"path.{suffix}", _any_path)
+        for suffix in ("json", "csv", "txt", "yaml", "nav2.json", "geojson")
+    },
     "path message json": Target(_messages, "message.json", _any_path),
     "path message yaml": Target(_messages, "message.yaml", _any_path),
+    "robot": Target(_robots, "robot.yaml", _robot),
+    "robot of nav2": Target(_robots, "nav2_params.yaml", _robot),
+    "image": Target(_copy("nav2/tb3_sandbox.pgm"), "tb3_sandbox.pgm", _image),
     "log jsonl": Target(_jsonl, "log.jsonl", _log),
     "log CARMEN": Target(_head("carmen/intel-corrected.log.gz", 60), "intel-corrected.log", _log),
     "log Victoria": Target(_head("victoria/victoria_park.txt"), "victoria_park.txt", _log),

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from trailmark.formats.path_files import read_path, write_path
+from trailmark.formats.any_path import read_any_path
+from trailmark.formats.path_files import write_path
 
 Shell = Callable[..., Any]
 
@@ -82,13 +83,13 @@ def test_repair_writes_a_free_path_that_keeps_what_was_free(
     assert run.status == 5
     assert (tmp_path / "a.png").stat().st_size > 10_000
     assert shell("check", yard, out).status == 0
-    states = read_path(out).states
+    states = read_any_path(out).path.states
     assert states[[0, -1]].tolist() == THROUGH
     assert (states[:2, 1] == 3.0).all()  # straight on until near the disc
     assert states[1, 0] > 3.0
     again = tmp_path / "again.csv"
     assert shell("check", yard, out, "--repair", again).status == 0
-    assert np.array_equal(read_path(again).states, states)
+    assert np.array_equal(read_any_path(again).path.states, states)
 
 
 def test_a_start_in_collision_is_not_repaired(shell: Shell, yard: Path, paths: Any, tmp_path: Path) -> None:
@@ -144,7 +145,7 @@ def test_bad_words_are_told_in_one_line(shell: Shell, yard: Path, paths: Any, tm
         run = shell("check", *words)
         assert run.status == 2
         assert run.problem
-    assert read_path(file).states.tolist() == FREE
+    assert read_any_path(file).path.states.tolist() == FREE
 
 
 @pytest.mark.parametrize("reverse", [[], ["--forward-only"]])

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from trailmark.curves import CurvePath, Steering
-from trailmark.formats.path_files import read_path
+from trailmark.formats.any_path import read_any_path
 from trailmark.world import Robot
 
 Shell = Callable[..., Any]
@@ -77,7 +77,7 @@ def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
     assert record["cost"] == record["length"] == path.length
     assert record["lower_bound"] <= record["cost"] + 1e-9
     for file in files.values():
-        assert np.array_equal(read_path(file).states, path.states)
+        assert np.array_equal(read_any_path(file).path.states, path.states)
     assert picture.stat().st_size > 10_000
 
 

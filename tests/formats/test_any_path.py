@@ -102,6 +102,18 @@ def test_only_the_direction_of_a_quaternion_counts(tmp_path: FilePath, scale: fl
     np.testing.assert_allclose(read_any_path(tmp_path / "a.json").path.states, STATES, atol=1e-12)
 
 
+def geojson(**changes: Any) -> str:
+    parts = {"coordinates": [[1.0, 2.0], [3.0, 4.0]], "theta": [0.0, 0.5]} | changes
+    geometry = {"type": "LineString", "coordinates": parts["coordinates"]}
+    properties = {} if parts["theta"] is None else {"theta": parts["theta"]}
+    return json.dumps({"features": [{"type": "Feature", "geometry": geometry, "properties": properties}]})
+
+
+def test_a_line_with_headings_is_read(tmp_path: FilePath) -> None:
+    (tmp_path / "a.geojson").write_text(geojson())
+    assert read_any_path(tmp_path / "a.geojson").path.states.tolist() == [[1.0, 2.0, 0.0], [3.0, 4.0, 0.5]]
+
+
 def zeros() -> str:
     data = message()
     data["poses"][1]["pose"]["orientation"] = dict.fromkeys("xyzw", 0)
@@ -127,6 +139,20 @@ def zeros() -> str:
         ("[[1, 2]]", "states[0]: expected three numbers [x, y, theta], got [1, 2]"),
         ('{"states": [[1, 2, NaN]]}', "not a finite number"),
         ("{", ":1: not valid JSON"),
+        ("[" * 100_000, "not valid JSON"),
+        ('{"states": [[' + "9" * 5000 + ", 0, 0]]}", "not valid JSON: nested too deeply or a number too long"),
+        ('{"states": [[' + "9" * 400 + ", 0, 0]]}", "path: "),
+        ('{"states": [[1, 2, "3"]]}', "states[0]: expected three numbers [x, y,"),
+        ('{"states": [[1, 2, true]]}', "states[0]: expected three numbers [x, y,"),
+        ('{"type": "FeatureCollection", "features": []}', "expected a LineString among the features, got none"),
+        ('{"features": [3, {"geometry": 7}, {"geometry": {"type": "Point"}}]}', "expected a LineString among"),
+        (geojson(theta=None), "features[0]: expected coordinates with as many headings properties.theta, got None"),
+        (geojson(theta=[0.0]), "features[0]: expected coordinates with as many headings properties.theta, got [0.0]"),
+        (geojson(coordinates=[[1, 2], [3]]), "states[1]: expected three numbers [x, y, theta], got [3, 0.5]"),
+        (geojson(coordinates=[[1, 2], 3]), "states[1]: expected three numbers [x, y, theta], got 3"),
+        (geojson(coordinates=[[1, 2], [3, "4"]]), "states[1]: expected three numbers"),
+        ("points: 3\n", "or poses of a nav_msgs/Path, got neither"),
+        ("points:\n- {pose: {position: {x: 1}}}\n", "poses[0]: expected finite numbers"),
         ('{"poses": [{"pose": {"position": {"x": 1}}}]}', "poses[0]: expected finite numbers position {x, y}"),
         ('{"poses": [3]}', "poses[0]: expected finite numbers"),
         (zeros(), "poses[1].orientation: expected a quaternion, got all zeros"),

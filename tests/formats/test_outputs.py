@@ -10,7 +10,7 @@ from PIL import Image
 
 from trailmark.errors import OutputError
 from trailmark.formats.outputs import require_not_an_input, require_replaceable
-from trailmark.formats.path_files import write_path
+from trailmark.formats.path_files import SUFFIXES, write_path
 from trailmark.plotting import save_world_figure
 from trailmark.world import World
 
@@ -54,6 +54,12 @@ FOREIGN = {
     "rows.path": "1 2 3\n4 5\n",
     "server.log": "12:00 started\n",
     "binary.csv": "\0\1\2",
+    "nav2_params.yaml": "bt_navigator:\n  ros__parameters:\n    use_sim_time: True\n",
+    "recorded.yaml": "header:\n  frame_id: map\nposes:\n- pose: 1\n",
+    "recorded.nav2.json": '{"header": {"stamp": {"sec": 7, "nanosec": 0}, "frame_id": "map"}, "poses": []}',
+    "graph.geojson": '{"type": "FeatureCollection", "features": []}',
+    "graph.graphml": "<graphml/>",
+    "arrays.npz": "PK",
 }
 
 
@@ -83,7 +89,7 @@ def test_own_pictures_are_written_again(tmp_path: Path, suffix: str) -> None:
     require_replaceable(file)
 
 
-@pytest.mark.parametrize("suffix", [".json", ".csv", ".path", ".txt"])
+@pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("rows", [1, 30_000])
 def test_own_paths_are_written_again(tmp_path: Path, suffix: str, rows: int) -> None:
     file = tmp_path / f"path{suffix}"

@@ -63,7 +63,11 @@ def check(
     forward_only: ForwardOnlyOption = False,
     repair: Annotated[
         str | None,
-        option("--repair", "OUT", "Write the path with its colliding parts planned anew: .json, .csv, .path or .txt."),
+        option(
+            "--repair",
+            "OUT",
+            "Write the path with its colliding parts planned anew: in the formats of plan's --output.",
+        ),
     ] = None,
     time_limit: Annotated[
         str, option("--time-limit", "SECONDS", "Time for each part that is planned anew.", default=True)

@@ -18,6 +18,7 @@ __all__ = [
     "PICTURE_SUFFIXES",
     "Configuration",
     "ForwardOnlyOption",
+    "FrameOption",
     "JsonOption",
     "PlotOption",
     "RobotOption",
@@ -34,6 +35,7 @@ __all__ = [
     "read_configuration",
     "read_count",
     "read_duration",
+    "read_frame",
     "read_length",
     "read_number",
     "read_robot",
@@ -85,6 +87,9 @@ TurningRadiusOption = Annotated[
     ),
 ]
 ForwardOnlyOption = Annotated[bool, typer.Option("--forward-only", help="The car does not drive backwards.")]
+FrameOption = Annotated[
+    str, option("--frame-id", "NAME", "The coordinate frame that messages and GeoJSON name.", default=True)
+]
 PlotOption = Annotated[str | None, option("--plot", "FILE", "Write a picture: .png, .svg or .pdf.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")]
 
@@ -154,6 +159,17 @@ def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:
     if not low <= count <= high:
         raise UsageError(f"expected an integer from {low} to {high}, got {option} {text!r}")
     return count
+
+
+def read_frame(text: str) -> str:
+    """Return the name of a coordinate frame.
+
+    Raises:
+        UsageError: an empty one, or one with blanks or control characters.
+    """
+    if not text or any(c.isspace() or not c.isprintable() for c in text):
+        raise UsageError(f"expected a name without blanks, such as map, got --frame-id {text!r}")
+    return text
 
 
 def read_robot(text: str | None) -> Robot | None:

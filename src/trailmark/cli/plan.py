@@ -16,6 +16,7 @@ from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     Configuration,
     ForwardOnlyOption,
+    FrameOption,
     JsonOption,
     PlotOption,
     RobotOption,
@@ -32,6 +33,7 @@ from trailmark.cli.options import (
     read_configuration,
     read_count,
     read_duration,
+    read_frame,
     read_number,
     read_robot,
     read_turning_radius,
@@ -87,9 +89,13 @@ def plan(
     output: Annotated[
         str | None,
         option(
-            "--output", "FILE", "Write the path: .json (the whole record), .csv, or rows 'x y theta' (.path, .txt)."
+            "--output",
+            "FILE",
+            "Write the path: .json (the whole record), .csv, rows 'x y theta' (.path, .txt), nav_msgs/Path (.yaml, "
+            ".nav2.json), .geojson.",
         ),
     ] = None,
+    frame_id: FrameOption = "map",
     plot: PlotOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -111,7 +117,7 @@ def plan(
     given = read_robot(robot)
     radius = read_turning_radius(turning_radius)
     ends = _given_ends(query, start, goal)
-    path_file = output_file(output, path_files.SUFFIXES)
+    path_file, frame = output_file(output, path_files.SUFFIXES), read_frame(frame_id)
     picture = output_file(plot, PICTURE_SUFFIXES)
 
     with console.progress("loading") as progress:
@@ -159,7 +165,7 @@ def plan(
         record["time"]["total"] += loading
         progress.stage("writing")
         written = []
-        if path_file is not None and _write_path(path_file, result, record):
+        if path_file is not None and _write_path(path_file, result, record, frame):
             written.append(path_file)
         if picture is not None:
             from trailmark.plotting import save_plan_figure
@@ -193,14 +199,14 @@ def _ends_of(world: World, name: str | None) -> tuple[str, Configuration, Config
     return query.name, query.start, query.pose()
 
 
-def _write_path(file: Path, result: PlanResult, record: dict[str, Any]) -> bool:
+def _write_path(file: Path, result: PlanResult, record: dict[str, Any], frame: str) -> bool:
     """Write the path, or without one the JSON record that says so; return whether a file was written."""
     from trailmark.formats.files import write_atomically
     from trailmark.formats.path_files import write_path
 
     if result.path is not None:
-        write_path(file, result.path, record)
-    elif file.suffix.lower() == ".json":
+        write_path(file, result.path, record, frame)
+    elif file.suffix.lower() == ".json" and not file.name.lower().endswith(".nav2.json"):
         write_atomically(file, console.json_text(record) + "\n")
     else:
         console.note(f"{file}: not written, for there is no path")

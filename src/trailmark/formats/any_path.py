@@ -1,7 +1,8 @@
-"""Paths as anybody writes them: JSON, CSV, rows of numbers, and nav2's ``nav_msgs/Path`` as YAML or JSON."""
+"""Paths as anybody writes them: JSON, CSV, rows of numbers, and nav2's messages as YAML or JSON, GeoJSON."""
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from pathlib import Path as FilePath
@@ -12,7 +13,6 @@ import numpy as np
 from trailmark.arguments import brief, real
 from trailmark.errors import ConfigurationError, FormatError
 from trailmark.formats import files
-from trailmark.formats.path_files import parse_json, state_rows
 from trailmark.formats.yaml_data import parse_yaml
 from trailmark.path import Path
 
@@ -46,7 +46,8 @@ def read_any_path(path: FilePath) -> PathFile:
     """Read a path file, whose format is recognised by its content.
 
     - JSON: the record of ``trailmark plan``, an object with ``states`` or a list [[x, y, theta], ...], or a message
-      nav_msgs/Path: ``poses`` with positions and quaternions, also inside of other objects.
+      nav_msgs/Path or Trajectory: ``poses`` or ``points`` with positions and quaternions, also inside other objects.
+    - GeoJSON: the first line, with its headings as ``properties.theta``, as trailmark writes it.
     - YAML: the same message, as ``ros2 topic echo`` prints it; of several, set off by ``---``, the last complete one.
     - CSV: columns x, y and theta (or yaw, or heading) by their header, or three columns without one.
     - Rows ``x y theta``, as OMPL's ``printAsMatrix`` writes them; empty lines and those that begin with # are skipped.
@@ -57,11 +58,11 @@ def read_any_path(path: FilePath) -> PathFile:
     text = files.read_text(path, _ALLOWED)
     curve = None
     if text.lstrip()[:1] in ("{", "["):
-        data = parse_json(text, path)
+        data = _parse_json(text, path)
         if isinstance(data, dict) and data.get("states") == [] and "status" in data:
             raise FormatError(path, f"expected a path, got a plan without one (status {data['status']!r:.60})")
         states, curve = _states_of_data(data, path), data.get("curve") if isinstance(data, dict) else None
-    elif re.search(r"^\s*poses\s*:", text, re.MULTILINE):
+    elif re.search(r"^\s*(poses|points)\s*:", text, re.MULTILINE):
         states = _states_of_documents(text, path)
     else:
         states = _states_of_table(text, path)
@@ -78,19 +79,39 @@ def _states_of_data(data: Any, path: FilePath) -> list[list[float]]:
     """Return the states of a JSON text: a list of rows, an object with ``states``, or a message."""
     if isinstance(data, dict) and "states" in data:
         data = data["states"]
+    elif isinstance(data, dict) and isinstance(data.get("features"), list):
+        data = _line(data["features"], path)
     if isinstance(data, list):
-        return state_rows(data, path)
+        return _state_rows(data, path)
     poses = _poses(data)
     if poses is None:
         raise FormatError(path, "expected states [[x, y, theta], ...], or poses of a nav_msgs/Path, got neither")
     return [_state_of_pose(entry, i, path) for i, entry in enumerate(poses)]
 
 
+def _parse_json(text: str, path: FilePath) -> Any:
+    """Return what a JSON text says."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        raise FormatError(path, f"not valid JSON: {error.msg}", error.lineno) from None
+    except (RecursionError, ValueError):
+        raise FormatError(path, "not valid JSON: nested too deeply or a number too long") from None
+
+
+def _state_rows(states: list[Any], path: FilePath) -> list[list[float]]:
+    """Return a list of states as it is if each is three numbers."""
+    for i, row in enumerate(states):
+        if not (isinstance(row, list) and len(row) == 3 and all(type(v) in (int, float) for v in row)):
+            raise FormatError(path, f"states[{i}]: expected three numbers [x, y, theta], got {str(row)[:60]}")
+    return states
+
+
 def _states_of_documents(text: str, path: FilePath) -> list[list[float]]:
     """Return the states of the last complete one of some YAML documents that each hold a message."""
     documents, line = [], 0
     for part in re.split(r"^---[ \t]*\r?$", text, flags=re.MULTILINE):
-        if "poses" in part:
+        if "poses" in part or "points" in part:
             # Empty lines before it, so that messages name the file's lines.
             documents.append("\n" * line + part)
         line += part.count("\n")
@@ -104,12 +125,33 @@ def _states_of_documents(text: str, path: FilePath) -> list[list[float]]:
     raise problem or FormatError(path, "expected poses of a nav_msgs/Path, got none in any document")
 
 
+def _line(features: list[Any], path: FilePath) -> list[Any]:
+    """Return rows x, y, theta of the first line of GeoJSON's features."""
+    for i, feature in enumerate(features):
+        geometry, properties = (_member(feature, name) for name in ("geometry", "properties"))
+        if geometry.get("type") != "LineString":
+            continue
+        positions, headings = geometry.get("coordinates"), properties.get("theta")
+        if not (isinstance(positions, list) and isinstance(headings, list) and len(positions) == len(headings)):
+            allowed = "coordinates with as many headings properties.theta"
+            raise FormatError(path, f"features[{i}]: expected {allowed}, got {brief(headings)}")
+        pairs = zip(positions, headings, strict=True)
+        return [[*at, theta] if isinstance(at, list) else at for at, theta in pairs]
+    raise FormatError(path, "expected a LineString among the features, got none")
+
+
+def _member(data: Any, name: str) -> dict[str, Any]:
+    value = data.get(name) if isinstance(data, dict) else None
+    return value if isinstance(value, dict) else {}
+
+
 def _poses(data: Any, depth: int = _DEPTH) -> list[Any] | None:
-    """Return the list ``poses`` of a message, wherever in other objects it is; None if there is none."""
+    """Return the list ``poses`` or ``points`` of a message, wherever in other objects it is; None if there is none."""
     if not isinstance(data, dict) or depth == 0:
         return None
-    if isinstance(data.get("poses"), list):
-        return list(data["poses"])
+    for key in ("poses", "points"):
+        if isinstance(data.get(key), list):
+            return list(data[key])
     found = (_poses(value, depth - 1) for value in data.values())
     return next((poses for poses in found if poses is not None), None)
 

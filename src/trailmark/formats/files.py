@@ -86,7 +86,7 @@ def check_writable(path: Path, suffixes: Sequence[str] = ()) -> None:
     Raises:
         OutputError: another suffix, a missing directory, a path that is a directory, no permission.
     """
-    if suffixes and path.suffix.lower() not in suffixes:
+    if suffixes and not path.name.lower().endswith(tuple(suffixes)):
         raise OutputError(f"{path}: suffix: {expected_name(path.suffix.lower(), suffixes)}")
     try:
         if path.is_dir():

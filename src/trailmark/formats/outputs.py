@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from trailmark.errors import OutputError
+from trailmark.formats import geojson, nav2_messages
 
 __all__ = ["is_world_file", "require_not_an_input", "require_replaceable"]
 
@@ -19,6 +20,9 @@ MARKS = {
     ".htm": b'<meta name="generator" content="trailmark">',
     ".md": b"Written by `trailmark report`",
     ".log": b"trailmark version",
+    ".geojson": geojson.MARK.encode(),
+    ".graphml": b"trailmark_roadmap",
+    ".npz": b"fingerprint.npy",
 }
 """What stands near the beginning or the end of the files that trailmark writes and never reads."""
 
@@ -93,7 +97,8 @@ def _own(kind: str, head: bytes, tail: bytes) -> bool:
         return False
     text = head.decode("utf-8", "replace")
     if kind in (".yaml", ".yml"):
-        return _OWN_WORLD.search(text) is not None or not _MAPPING.search(text)
+        own = text.startswith(nav2_messages.YAML_MARK) or _OWN_WORLD.search(text) is not None
+        return own or not _MAPPING.search(text)
     if kind == ".json":
         return _own_json(text, whole=not tail)
     if kind == ".csv":
@@ -105,8 +110,8 @@ def _own(kind: str, head: bytes, tail: bytes) -> bool:
 
 
 def _own_json(text: str, whole: bool) -> bool:
-    """Return whether JSON has a member ``states``, as all our records; True for what is not JSON."""
-    if not text.lstrip().startswith(("{", "[")):
+    """Return whether JSON has a member ``states``, as our records, or is our message; True for what is not JSON."""
+    if not text.lstrip().startswith(("{", "[")) or text.startswith(nav2_messages.JSON_MARK):
         return True
     if not whole:
         return '"states"' in text

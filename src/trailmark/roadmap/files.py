@@ -48,7 +48,7 @@ class _Content(NamedTuple):
     checksum: str
 
 
-def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
+def save_roadmap(roadmap: Roadmap, path: str | FilePath, frame: str = "map") -> None:
     """Write a roadmap to a file, whole or not at all.
 
     - ``.npz``: arrays ``configurations`` (n, 3), ``edges`` (m, 2), ``status`` (m,), and strings ``fingerprint``
@@ -61,6 +61,7 @@ def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
     Args:
         roadmap: what to write.
         path: the file; its suffix chooses the format.
+        frame: name of the coordinate frame, for GeoJSON.
 
     Raises:
         OutputError: another suffix, a path that cannot be written or that the world was read from, or a GeoJSON file
@@ -76,7 +77,7 @@ def save_roadmap(roadmap: Roadmap, path: str | FilePath) -> None:
                 f"{path}: expected straight motions for a route graph, got a car's curves (.graphml and .npz take them)"
             )
         roadmap.certify_all()
-        write_atomically(path, route_text(roadmap, path))
+        write_atomically(path, route_text(roadmap, path, frame))
     else:
         write_atomically(path, _npz_bytes(roadmap) if suffix == ".npz" else _graphml_bytes(roadmap))
 

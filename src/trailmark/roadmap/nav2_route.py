@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trailmark.errors import FormatError, OutputError
+from trailmark.formats import geojson
 from trailmark.formats.files import read_text
 
 if TYPE_CHECKING:
@@ -26,14 +27,13 @@ if TYPE_CHECKING:
 
 __all__ = ["read_route_graph", "route_text"]
 
-FRAME = "map"
 LINES = ("LineString", "MultiLineString")
 MAX_ID = 2**32 - 1
 """nav2 keeps ids in 32 bits without a sign."""
 
 
-def route_text(roadmap: Roadmap, path: FilePath) -> str:
-    """Return a roadmap's certified edges as GeoJSON, each once in either direction.
+def route_text(roadmap: Roadmap, path: FilePath, frame: str) -> str:
+    """Return a roadmap's certified edges as GeoJSON, each once in either direction that was certified.
 
     nav2 uses positions only: headings are written as ``metadata.theta`` (radians), beside ``metadata.clearance``
     (metres). An edge's ``cost`` is its length in the roadmap, ‖Δxy‖ + 0.5·|Δθ| metres. What is certified is the
@@ -43,6 +43,7 @@ def route_text(roadmap: Roadmap, path: FilePath) -> str:
     Args:
         roadmap: its certified edges are written.
         path: for the message.
+        frame: name of the coordinate frame.
 
     Raises:
         OutputError: there is no certified edge; nav2 reads no graph without one.
@@ -56,16 +57,15 @@ def route_text(roadmap: Roadmap, path: FilePath) -> str:
     features: list[dict[str, Any]] = []
     for node, (x, y, theta), free in zip(nodes.tolist(), q.tolist(), clearance.tolist(), strict=True):
         metadata = {"theta": theta, "clearance": free}
-        features.append(_feature({"id": node, "frame": FRAME, "metadata": metadata}, "Point", [x, y]))
+        features.append(geojson.feature({"id": node, "frame": frame, "metadata": metadata}, "Point", [x, y]))
     number = len(roadmap)
     positions = roadmap.configurations[:, :2].tolist()
     for (u, v), length in zip(pairs.tolist(), lengths.tolist(), strict=True):
-        for start, end in ((u, v), (v, u)):
+        for start, end in ((u, v),) if roadmap.directed else ((u, v), (v, u)):
             properties = {"id": number, "startid": start, "endid": end, "cost": length}
-            features.append(_feature(properties, "LineString", [positions[start], positions[end]]))
+            features.append(geojson.feature(properties, "LineString", [positions[start], positions[end]]))
             number += 1
-    lines = ",\n".join(json.dumps(feature, allow_nan=False) for feature in features)
-    return f'{{"type": "FeatureCollection", "features": [\n{lines}\n]}}\n'
+    return geojson.collection_text(features)
 
 
 def read_route_graph(path: str | FilePath) -> nx.DiGraph:
@@ -108,10 +108,6 @@ def read_route_graph(path: str | FilePath) -> nx.DiGraph:
             path, f"expected Point and LineString features, one or more of each, got {len(graph)} nodes and 0 edges"
         )
     return graph
-
-
-def _feature(properties: dict[str, Any], kind: str, coordinates: list[Any]) -> dict[str, Any]:
-    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
 
 
 def _features(path: FilePath) -> list[Any]:

@@ -125,11 +125,11 @@ class Roadmap:
         """Whether edges lead one way only."""
         return self.motion.directed
 
-    def save(self, path: str | FilePath) -> None:
+    def save(self, path: str | FilePath, frame: str = "map") -> None:
         """Write the roadmap to a file: see :func:`trailmark.roadmap.files.save_roadmap`."""
         from trailmark.roadmap.files import save_roadmap
 
-        save_roadmap(self, path)
+        save_roadmap(self, path, frame)
 
     @classmethod
     def load(cls, path: str | FilePath, checker: StateChecker) -> Roadmap:

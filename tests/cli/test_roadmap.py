@@ -1,0 +1,89 @@
+"""``trailmark roadmap``: what it writes is what others read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import pytest
+
+from trailmark.collision import StateChecker
+from trailmark.roadmap import Roadmap, read_route_graph
+from trailmark.world import World
+
+Shell = Callable[..., Any]
+
+
+def test_each_format_holds_the_same_roadmap(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    records = []
+    for suffix in ("geojson", "graphml", "npz") * 2:  # the second time each is written again
+        file = tmp_path / f"graph.{suffix}"
+        run = shell("roadmap", yard, "-k", 40, "--seed", 3, "--output", file, "--json")
+        assert (run.status, run.err) == (0, "")
+        records.append(json.loads(run.out))
+    assert all(record | {"time": 0} == records[0] | {"time": 0} for record in records)
+    record = records[0]
+    assert record["world"] == "yard"
+    assert record["landmarks"] >= 40
+
+    world = World.load(yard)
+    loaded = Roadmap.load(tmp_path / "graph.npz", StateChecker(world, world.robot))
+    assert len(loaded) == record["landmarks"]
+    assert int(loaded.certified.sum()) == record["edges"]
+    graph = nx.read_graphml(tmp_path / "graph.graphml", node_type=int)
+    assert (len(graph), graph.number_of_edges()) == (record["landmarks"], record["edges"])
+    assert all(certified for _, _, certified in graph.edges(data="certified"))
+    route = read_route_graph(tmp_path / "graph.geojson")
+    assert route.number_of_edges() == 2 * record["edges"]
+    for node, position in route.nodes(data="position"):
+        assert np.array_equal(loaded.configurations[node, :2], position)
+
+
+def test_a_car_s_roadmap(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    words = ["roadmap", yard, "-k", 10, "--turning-radius", 0.5, "--output"]
+    run = shell(*words, tmp_path / "graph.graphml")
+    assert run.status == 0
+    assert "turning radius 0.5 m" in run.out
+    run = shell(*words, tmp_path / "graph.geojson")
+    assert run.status == 2
+    assert "expected straight motions for a route graph, got a car's curves" in run.problem
+    assert not (tmp_path / "graph.geojson").exists()
+
+
+def test_the_frame_is_named(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    assert shell("roadmap", yard, "-k", 10, "--frame-id", "odom", "--output", tmp_path / "a.geojson").status == 0
+    assert '"frame": "odom"' in (tmp_path / "a.geojson").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ([], "Missing option '--output'"),
+        (["--output", "a.json"], "a.json: suffix: expected .geojson, .graphml, .npz, got '.json'"),
+        (["--output", "a"], "a: suffix: expected"),
+        (["--output", "none/a.npz"], "the directory 'none' does not exist"),
+        (["--output", "own.npz"], "own.npz: a file that trailmark did not write is there"),
+        (["--output", "own.geojson"], "own.geojson: a file that trailmark did not write is there"),
+        (["--output", "own.graphml"], "own.graphml: a file that trailmark did not write is there"),
+        (["--output", "a.npz", "-k", "0"], "expected an integer from 1 to 200000, got -k '0'"),
+        (["--output", "a.npz", "-k", "ten"], "expected an integer from 1 to 200000, got -k 'ten'"),
+        (["--output", "a.npz", "--seed", "-1"], "got --seed '-1'"),
+        (["--output", "a.npz", "--frame-id", ""], "expected a name without blanks, such as map, got --frame-id ''"),
+        (["--output", "a.npz", "--robot", "disc"], "expected disc:RADIUS"),
+        (["--output", "a.npz", "--robot", "disc:9"], "no free place for the robot was found"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(
+    shell: Shell, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], problem: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("own.npz", "own.geojson", "own.graphml"):
+        Path(name).write_text('{"features": []}')
+    run = shell("roadmap", yard, *words)
+    assert run.status == 2
+    assert problem in run.problem
+    assert sorted(file.name for file in tmp_path.iterdir() if file.name.startswith("a")) == []
