@@ -23,6 +23,7 @@ __all__ = [
     "difference",
     "distance",
     "embed",
+    "ends_of_motions",
     "interpolate",
     "motion_bound",
     "transform",
@@ -153,3 +154,15 @@ def embed(q: ArrayLike, radius: float) -> FloatArray:
     """
     pose = np.asarray(q, dtype=np.float64)
     return np.concatenate([pose[..., :2], radius * np.cos(pose[..., 2:]), radius * np.sin(pose[..., 2:])], axis=-1)
+
+
+def ends_of_motions(a: ArrayLike, b: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return starts and ends, both of shape (n, 3).
+
+    Raises:
+        ConfigurationError: other shapes, different lengths, or values that are not finite.
+    """
+    starts, ends = np.atleast_2d(configurations(a)), np.atleast_2d(configurations(b))
+    if starts.shape != ends.shape:
+        raise ConfigurationError(f"motions: expected as many ends as starts, got {len(starts)} and {len(ends)}")
+    return starts, ends

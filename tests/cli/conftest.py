@@ -113,10 +113,8 @@ class FakePlanner:
     calls: list[dict[str, Any]]
     action: Callable[[], None]
 
-    def __init__(
-        self, world: Any, robot: Any, seed: int = 0, landmarks: int | None = None, settings: Any = None
-    ) -> None:
-        self.asked = {"world": world, "robot": robot, "seed": seed, "landmarks": landmarks, "settings": settings}
+    def __init__(self, world: Any, robot: Any, **asked: Any) -> None:
+        self.asked = {"world": world, "robot": robot, **asked}
         at = np.array([[1.0, 1.0, 0.0], [5.0, 1.0, 0.5], [9.0, 5.0, 1.5]])
         edges, status = np.array([[0, 1], [1, 2]]), np.array([1, 2])
         motion = SimpleNamespace(lines=lambda a, b: np.stack([a[:, :2], b[:, :2]], axis=1))
@@ -157,7 +155,8 @@ class FakePlanner:
             }
 
         history = () if path is None else ((0.25, path.cost),)
-        found = {"status": self.status, "path": path, "seed": seed, "time": times, "history": history}
+        kept = {"clearance": 0.0, "clearance_bound": None}
+        found = kept | {"status": self.status, "path": path, "seed": seed, "time": times, "history": history}
         return SimpleNamespace(**found, lower_bound=None, to_dict=to_dict)
 
 

@@ -90,6 +90,12 @@ ForwardOnlyOption = Annotated[bool, typer.Option("--forward-only", help="The car
 FrameOption = Annotated[
     str, option("--frame-id", "NAME", "The coordinate frame that messages and GeoJSON name.", default=True)
 ]
+ClearanceOption = Annotated[
+    str | None, option("--clearance", "METRES", "Keep so far from obstacles and bounds, all along the path.")
+]
+RelaxOption = Annotated[
+    bool, typer.Option("--relax", help="Where no path keeps the --clearance: as much of it as there is.")
+]
 PlotOption = Annotated[str | None, option("--plot", "FILE", "Write a picture: .png, .svg or .pdf.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")]
 
@@ -144,6 +150,19 @@ def read_duration(text: str, option: str) -> float:
 def read_length(text: str, option: str) -> float:
     """Return the metres that an option gives; :func:`read_number` says what it raises."""
     return read_number(text, option, "a finite number of metres above 0", above=0.0)
+
+
+def read_clearance(text: str | None, relax: bool) -> float | None:
+    """Return the metres that ``--clearance`` gives; None for None.
+
+    Raises:
+        UsageError: no number of 0 or more, or ``--relax`` without it.
+    """
+    if text is not None:
+        return read_number(text, "--clearance", "metres, from 0 to 1e7", low=0.0, high=1e7)
+    if relax:
+        raise UsageError("--relax given without --clearance; expected both or neither")
+    return None
 
 
 def read_count(text: str, option: str, low: int, high: int = 2**32 - 1) -> int:

@@ -14,11 +14,13 @@ from trailmark.cli import console
 from trailmark.cli.map_settings import read_probability
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
+    ClearanceOption,
     Configuration,
     ForwardOnlyOption,
     FrameOption,
     JsonOption,
     PlotOption,
+    RelaxOption,
     RobotOption,
     SeedOption,
     TimeLimitOption,
@@ -30,6 +32,7 @@ from trailmark.cli.options import (
     option,
     output_file,
     protect_inputs,
+    read_clearance,
     read_configuration,
     read_count,
     read_duration,
@@ -60,6 +63,8 @@ def plan(
     start: Annotated[str | None, option("--start", "X,Y,T", "Metres, metres, radians.")] = None,
     goal: Annotated[str | None, option("--goal", "X,Y,T", "Metres, metres, radians.")] = None,
     time_limit: TimeLimitOption = "1.0",
+    clearance: ClearanceOption = None,
+    relax: RelaxOption = False,
     seed: SeedOption = "0",
     landmarks: Annotated[str | None, option("--landmarks", "K", "Number of landmarks; default: by the world.")] = None,
     gap: Annotated[
@@ -114,6 +119,7 @@ def plan(
     rounds = None if max_iterations is None else read_count(max_iterations, "--max-iterations", 1)
     probability = None if confidence is None else read_probability(confidence, "--confidence")
     share = read_number(gap, "--gap", "a finite number of 0 or more", low=0.0)
+    margin = read_clearance(clearance, relax)
     given = read_robot(robot)
     radius = read_turning_radius(turning_radius)
     ends = _given_ends(query, start, goal)
@@ -144,7 +150,9 @@ def plan(
 
         def solve(world: World, seconds: float) -> tuple[LandmarkPlanner, PlanResult]:
             progress.stage("preparing (compiles on first use)")
-            planner = LandmarkPlanner(world, body, seed=number, landmarks=count, settings=chosen)
+            planner = LandmarkPlanner(
+                world, body, seed=number, landmarks=count, clearance=margin, relax=relax, settings=chosen
+            )
             progress.stage("planning", seconds)
             return planner, planner.plan(a, b, time_limit=seconds, on_progress=follow, max_iterations=rounds, gap=share)
 
@@ -219,7 +227,7 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
     verdict, colour = {
         "solved": ("path found", "green"),
         "timeout": (f"no path found within {limit:g} s", "yellow"),
-        "infeasible": ("infeasible: no path exists", "red"),
+        "infeasible": (f"infeasible: no path {_keeping(result.clearance) or 'exists'}", "red"),
     }[record["status"]]
     console.say(f"{title}: {verdict}", fg=colour, bold=True)
     seconds = record["time"]
@@ -230,7 +238,7 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
             ("length", f"{record['length']:.4f} m"),
             ("rotation", f"{record['rotation']:.4f} rad ({math.degrees(record['rotation']):.0f}°)"),
             *_curve_rows(result),
-            ("clearance", f"{record['min_clearance']:.4f} m at its least"),
+            ("clearance", f"{record['min_clearance']:.4f} m at its least{_kept(result)}"),
             ("first path", f"cost {record['first_cost']:.4f} after {seconds['first_solution']:.3f} s"),
         ]
     if record.get("risk", {}).get("upper_bound") is not None:
@@ -244,6 +252,17 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
         *(("written", str(file)) for file in written),
     ]
     console.print_table(rows, indent="  ")
+
+
+def _keeping(clearance: float) -> str:
+    return f"keeps {clearance:g} m" if clearance > 0.0 else ""
+
+
+def _kept(result: PlanResult) -> str:
+    """Return what clearance a path keeps for certain, and what none keeps, as far as it was asked for."""
+    if result.clearance_bound is not None:
+        return f"; keeps {result.clearance:.4f} m, and no path more than {result.clearance_bound:.4f} m"
+    return f"; {_keeping(result.clearance)}" if result.clearance > 0.0 else ""
 
 
 def _curve_rows(result: PlanResult) -> list[tuple[str, str]]:

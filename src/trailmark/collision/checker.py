@@ -25,7 +25,7 @@ from trailmark.errors import ConfigurationError, WorldError
 from trailmark.keep_out import with_keep_outs
 from trailmark.world import Robot, World
 
-__all__ = ["StateChecker", "ends_of_motions"]
+__all__ = ["StateChecker"]
 
 
 MANY_CHANGES = 8
@@ -208,7 +208,7 @@ class StateChecker:
         Raises:
             ConfigurationError: other shapes, different lengths, or values that are not finite.
         """
-        starts, ends = ends_of_motions(a, b)
+        starts, ends = se2.ends_of_motions(a, b)
         free = self.states_free(starts) & self.states_free(ends)
         free[free] = self.motions_between_valid(starts[free], ends[free])
         return free
@@ -222,7 +222,7 @@ class StateChecker:
 
     def motions_between_valid(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
         """Return which motions between configurations known to be valid are certified; shapes (n, 3)."""
-        return self.motions_free(*ends_of_motions(a, b))
+        return self.motions_free(*se2.ends_of_motions(a, b))
 
     def motions_free(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.bool_]:
         """Return what :meth:`motions_between_valid` does, for arrays (n, 3) that are not checked."""
@@ -234,7 +234,7 @@ class StateChecker:
 
     def motions_by_field(self, a: se2.FloatArray, b: se2.FloatArray) -> NDArray[np.uint8]:
         """Return what the field alone proves about motions between valid configurations: FREE, BLOCKED, UNDECIDED."""
-        a, b = ends_of_motions(a, b)
+        a, b = se2.ends_of_motions(a, b)
         return np.asarray(certify.motions_certified(self.grid, self.field, self.footprint, a, b, False))
 
     def disc_center(self, q: se2.FloatArray) -> tuple[float, float]:
@@ -252,17 +252,18 @@ class StateChecker:
         """
         state = _one(q, name)
         if not self.valid(state):
-            reason = self._too_near(state) or invalid_reason(self.world, self.robot, state)
             at = ", ".join(f"{v:g}" for v in state)
-            raise ConfigurationError(f"{name} ({at}) is not valid: the robot ({self.robot.describe()}) {reason}")
+            raise ConfigurationError(
+                f"{name} ({at}) is not valid: the robot ({self.robot.describe()}) {self.fault(state)}"
+            )
         return state
 
-    def _too_near(self, q: se2.FloatArray) -> str:
-        """Return what clearance there is in an invalid configuration, shape (3,); nothing if the robot overlaps."""
+    def fault(self, q: se2.FloatArray) -> str:
+        """Return a clause that says why a configuration, shape (3,), is not valid."""
         kept = self.robot.clearance
-        if kept == 0.0 or not StateChecker(self.world, self.robot, clearance=0.0).valid(q):
-            return ""
-        return f"has a clearance of {self.clearance(q):.6g} m there, less than the {kept:g} m that it is to keep"
+        if kept > 0.0 and StateChecker(self.world, self.robot, clearance=0.0).valid(q):
+            return f"has a clearance of {self.clearance(q):.6g} m there, less than the {kept:g} m that it is to keep"
+        return invalid_reason(self.world, self.robot, q)
 
     def require_for(self, world: World, robot: Robot | None = None) -> None:
         """Raise unless this checker is for a world and, where one is given, a robot: its answers would be wrong.
@@ -341,15 +342,3 @@ def _one(q: ArrayLike, name: str) -> se2.FloatArray:
     if state.ndim != 1:
         raise ConfigurationError(f"{name}: expected shape (3,), got {state.shape}")
     return state
-
-
-def ends_of_motions(a: ArrayLike, b: ArrayLike) -> tuple[se2.FloatArray, se2.FloatArray]:
-    """Return starts and ends, both of shape (n, 3).
-
-    Raises:
-        ConfigurationError: other shapes, different lengths, or values that are not finite.
-    """
-    starts, ends = np.atleast_2d(se2.configurations(a)), np.atleast_2d(se2.configurations(b))
-    if starts.shape != ends.shape:
-        raise ConfigurationError(f"motions: expected as many ends as starts, got {len(starts)} and {len(ends)}")
-    return starts, ends

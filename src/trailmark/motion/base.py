@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
-from trailmark.collision.checker import ends_of_motions
 from trailmark.collision.kernels import UNDECIDED
 from trailmark.compiled import by_type, njit
 from trailmark.errors import ConfigurationError
@@ -249,7 +248,7 @@ class Motion(ABC):
         Raises:
             ConfigurationError: other shapes, different lengths, or values that are not finite.
         """
-        starts, ends = ends_of_motions(a, b)
+        starts, ends = se2.ends_of_motions(a, b)
         free = np.asarray(self.checker.valid(starts) & self.checker.valid(ends))
         free[free] = self.motions_between_valid(starts[free], ends[free])
         return free

@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.arguments import callback, number, one_of, truth, whole
+from trailmark.arguments import brief, callback, number, one_of, truth, whole
 from trailmark.changes import Changes
 from trailmark.collision import StateChecker
-from trailmark.errors import WorldError, as_raised
+from trailmark.errors import ConfigurationError, WorldError, as_raised
 from trailmark.landmarks import Relaxation
 from trailmark.lock import Lock
 from trailmark.motion import Motion, kind_of
 from trailmark.path import Path
-from trailmark.planning.leaving import answer_from_anywhere
 from trailmark.planning.many_queries import answer_queries
 from trailmark.planning.models import WorldModels
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.query import OnProgress
+from trailmark.planning.relaxed_clearance import answer_in_turn
 from trailmark.planning.replan_query import ReplanOptions, answer_replan
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
@@ -70,6 +70,8 @@ class LandmarkPlanner:
         seed: the same seed gives the same paths, as long as no time limit cuts in; None draws one.
         landmarks: landmarks spread over all free space before the first query; by default none, since every
             query places its own.
+        clearance: metres that no configuration along a path comes nearer to anything than; the robot's own if None.
+        relax: :meth:`plan` keeps as much of that as there is (:mod:`trailmark.planning.relaxed_clearance`).
         checker: one that is there already for this world and robot; without ``robot``, its robot counts.
         settings: numbers that a person may change; by default those that the benchmarks were run with.
         warm: load the compiled kernels now (:func:`trailmark.planning.warmup.warm_up`), so that no query pays for it.
@@ -87,6 +89,8 @@ class LandmarkPlanner:
         *,
         seed: int | None = None,
         landmarks: int | None = None,
+        clearance: float | None = None,
+        relax: bool = False,
         checker: StateChecker | None = None,
         settings: PlannerSettings | None = None,
         warm: bool = True,
@@ -95,14 +99,16 @@ class LandmarkPlanner:
         one_of(world, World, "world:", hint=" (World.load reads one)", error=WorldError)
         if checker is not None:
             one_of(checker, StateChecker, "checker:").require_for(world, robot)
+            if clearance not in (None, checker.robot.clearance):
+                raise ConfigurationError(f"clearance: expected the checker's or none, got {brief(clearance)}")
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
         self.settings = one_of(PlannerSettings() if settings is None else settings, PlannerSettings, "settings:")
-        self._warm = truth(warm, "warm:")
+        self._relax, self._warm = truth(relax, "relax:"), truth(warm, "warm:")
         moving = robot if robot is not None else checker.robot if checker is not None else world.robot
         if self._warm and moving is not None:
             warm_up(kind_of(one_of(moving, Robot, "robot:", error=WorldError)))
         begin = perf_counter()
-        checker = StateChecker(world, robot) if checker is None else checker
+        checker = StateChecker(world, robot, clearance=clearance) if checker is None else checker
         self._landmarks, rng = landmarks, np.random.default_rng(self.seed)
         self._models = WorldModels(checker.world, WorldModel(checker, rng, self.seed, self.settings, landmarks or 0))
         self._updating = Lock()
@@ -201,9 +207,8 @@ class LandmarkPlanner:
         time_limit, max_iterations = _limits(time_limit, max_iterations)
         callback(on_progress, "on_progress:")
         callback(stop, "stop:")
-        return _answer(
-            self._model, start, goal, time_limit, max_rounds=max_iterations, on_progress=on_progress, stop=stop, gap=gap
-        )
+        options = {"max_rounds": max_iterations, "on_progress": on_progress, "stop": stop, "gap": gap}
+        return answer_in_turn(self._model, start, goal, time_limit, relax=self._relax, **options)
 
     @as_raised
     def update(self, changes: Changes | World) -> Update:
@@ -328,19 +333,13 @@ class LandmarkPlanner:
             ends,
             begin + time_limit * len(ends),
             time_limit,
-            plan=partial(_answer, model, max_rounds=max_iterations, stop=stop),
+            plan=partial(answer_in_turn, model, max_rounds=max_iterations, stop=stop),
             workers=workers,
             bounds=bounds,
             seed=self.seed,
             on_progress=on_progress,
             stop=stop,
         )
-
-
-def _answer(model: WorldModel, start: ArrayLike, goal: ArrayLike, seconds: float, **options: Any) -> PlanResult:
-    """Return the answer to one query; those that let the roadmap grow take turns."""
-    with model.shared.lock:
-        return answer_from_anywhere(model, start, goal, seconds, **options)
 
 
 def _limits(time_limit: float, max_iterations: int | None) -> tuple[float, int | None]:

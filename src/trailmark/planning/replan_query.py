@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark import se2
-from trailmark.collision.explain import invalid_reason
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path
 from trailmark.planning.escape import way_out
@@ -82,7 +81,7 @@ def _replanned(
         return replace(as_replan(left, ""), reason=reason)
     for end, name in ((1, "goal"), (0, "robot")):
         if not free[end]:
-            problem = f"the {name} {invalid_reason(model.checker.world, model.checker.robot, ends[end])}"
+            problem = f"the {name} {model.checker.fault(ends[end])}"
             if end == 1 or not options.escape:
                 return _nothing(model, ends, "infeasible", problem)
     out = way_out(model.checker, ends[0])

@@ -53,6 +53,9 @@ class PlanResult:
             relaxed problem), ``first_solution`` (from the call to the first path; None if there is none),
             ``total`` (the whole call).
         nearest: without a path, the certified path from the start that ends nearest to the goal, if one was found.
+        clearance: metres that the whole path is certified to keep: what the planner was asked for, or less if that may
+            be relaxed.
+        clearance_bound: if it may be: no path keeps more, metres, which is proven; else None.
     """
 
     status: Status
@@ -66,6 +69,8 @@ class PlanResult:
     history: tuple[tuple[float, float], ...] = ()
     time: dict[str, float | None] = field(default_factory=dict)
     nearest: Path | None = None
+    clearance: float = 0.0
+    clearance_bound: float | None = None
 
     @property
     def cost(self) -> float | None:
@@ -75,6 +80,9 @@ class PlanResult:
     def to_dict(self, world: str, query: str | None = None) -> dict[str, Any]:
         """Return the record that ``plan --json`` prints, made of plain numbers, strings and lists."""
         path = self.path
+        kept = {"clearance": self.clearance} if self.clearance > 0.0 or self.clearance_bound is not None else {}
+        if self.clearance_bound is not None:
+            kept["clearance_bound"] = self.clearance_bound
         curve = {"curve": path.record()} if isinstance(path, CurvePath) else {}
         return {
             "world": world,
@@ -88,6 +96,7 @@ class PlanResult:
             "rotation": None if path is None else path.rotation,
             **curve,
             "min_clearance": self.min_clearance,
+            **kept,
             "lower_bound": self.lower_bound,
             "first_cost": self.first_cost,
             "landmarks": self.landmarks,

@@ -111,6 +111,7 @@ class Verification:
             edges=int(np.count_nonzero(roadmap.status)),
             nearest=None if path is not None else self._nearest(incumbent),
             history=tuple(incumbent.history),
+            clearance=self.robot.clearance,
             time={
                 "load": 0.0,
                 "build": build,

@@ -104,6 +104,14 @@ class WorldModel:
             self._without = zones, self.edited(replace(world, zones=others))[0]
         return self._without[1]
 
+    def keeping(self, clearance: float) -> WorldModel:
+        """Return a model for a robot that keeps another clearance (metres); this one if it is the same."""
+        checker = self.checker
+        if clearance == checker.robot.clearance:
+            return self
+        checker = StateChecker(checker.world, checker.robot, exact=checker.exact, clearance=clearance)
+        return WorldModel(checker, np.random.default_rng(self.seed), self.seed, self.settings, 0)
+
     def valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
         """Return start and goal, shape (2, 3), both valid, or raise a ConfigurationError."""
         ends = [se2.configurations(start, name="start"), se2.configurations(goal, name="goal")]

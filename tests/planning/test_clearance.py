@@ -1,0 +1,188 @@
+"""Clearance: paths keep it by shapely's measure, in every kind of motion; and as much of it as there is, if relaxed."""
+
+from __future__ import annotations
+
+from pathlib import Path as File
+
+import numpy as np
+import pytest
+from benchmarks.oracle import Oracle, motion_states
+from benchmarks.random_worlds import ROBOTS, random_world
+
+from trailmark import check_path
+from trailmark.collision import StateChecker
+from trailmark.collision.kernels import UNDECIDED
+from trailmark.curves import CurvePath
+from trailmark.errors import ConfigurationError, ShapeError, TrailmarkError
+from trailmark.landmarks import free_samples
+from trailmark.path import Path
+from trailmark.planning import LandmarkPlanner
+from trailmark.planning.proofs.enclosure import enclosed
+from trailmark.roadmap import Roadmap
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc, Rectangle
+from trailmark.world import Robot, World
+
+CAR = Robot.rectangle(0.6, 0.4)
+ALLOWED = 1e-7
+"""Metres by which a path may come nearer than its clearance: touching is allowed."""
+
+
+def door(gap: float) -> World:
+    """A 10 x 6 m world, a wall across it at x = 5 with one gap around y = 3."""
+    low, high = 3.0 - gap / 2, 3.0 + gap / 2
+    parts = (Rectangle((5.0, low / 2), 0.4, low), Rectangle((5.0, (6.0 + high) / 2), 0.4, 6.0 - high))
+    return World("door", (0, 0, 10, 6), parts)
+
+
+def least(world: World, robot: Robot, path: Path, fine: float = 0.01) -> float:
+    """Return the least distance (metres) of a densely sampled path to what blocks the robot, by shapely."""
+    states = path.polyline(1e-8).states if isinstance(path, CurvePath) else path.states
+    moved = np.hypot(*(states[1:, :2] - states[:-1, :2]).T) + np.abs(states[1:, 2] - states[:-1, 2])
+    pieces = zip(states[:-1], states[1:], moved, strict=True)
+    rows = [motion_states(a[None], b[None], 2 + int(m / fine))[0] for a, b, m in pieces]
+    return float(Oracle(world, robot).clearance(np.concatenate(rows)).min())
+
+
+def ends_of(world: World, robot: Robot, clearance: float, seed: int) -> FloatArray:
+    return free_samples(StateChecker(world, robot, clearance=clearance), 2, random_state=seed)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("clearance", [1e-9, 0.05, 0.4])
+def test_states_are_valid_where_shapely_measures_the_clearance(name: str, clearance: float) -> None:
+    world, robot = random_world(3, 40, size=40.0, discs=0.3, holes=0.2, boundary=True), ROBOTS[name]
+    rng = np.random.default_rng(5)
+    q = np.column_stack([rng.uniform(0, 40, (3000, 2)), rng.uniform(-3, 3, 3000)])
+    distance = Oracle(world, robot).clearance(q)
+    sure = (np.abs(distance - clearance) > ALLOWED) | Oracle(world, robot).collides(q)
+    assert sure.mean() > 0.9
+    for exact in ("kernel", "fcl"):
+        checker = StateChecker(world, robot, clearance=clearance, exact=exact)
+        few = slice(None) if exact == "kernel" else slice(300)
+        assert (checker.valid(q[few]) == (distance[few] > clearance))[sure[few]].all()
+        assert checker.clearance(q[:100]) == pytest.approx(distance[:100], abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset"])
+@pytest.mark.parametrize("radius", [None, 2.0])
+def test_paths_in_random_worlds_keep_the_clearance(name: str, radius: float | None) -> None:
+    robot = ROBOTS[name].steered(radius)
+    solved = 0
+    for seed in range(4):
+        world = random_world(seed, 25, size=40.0, discs=0.3, boundary=seed % 2 == 1)
+        for clearance in (1e-9, 0.3):
+            start, goal = ends_of(world, robot, clearance, seed)
+            result = LandmarkPlanner(world, robot, clearance=clearance, seed=seed).plan(start, goal, 0.3)
+            if result.path is not None:
+                solved += 1
+                assert least(world, robot, result.path) >= clearance - ALLOWED
+                assert result.min_clearance >= clearance - ALLOWED  # type: ignore[operator]
+                assert result.clearance == clearance
+                audit = check_path(world, robot.keeping(clearance), result.path)
+                assert audit.free
+                assert audit.min_clearance >= clearance - ALLOWED
+    assert solved >= 4
+
+
+@pytest.mark.parametrize("robot", [CAR, Robot.disc(0.2)])
+def test_a_gap_as_wide_as_the_robot_and_its_clearance(robot: Robot) -> None:
+    start, goal = (1.0, 3.0, 0.0), (9.0, 3.0, 0.0)
+    for clearance, status in ((0.1, "solved"), (0.3 - 1e-5, "solved"), (0.3 + 1e-4, "infeasible"), (2.0, "infeasible")):
+        planner = LandmarkPlanner(door(1.0), robot, clearance=clearance, seed=1)
+        if clearance > 0.8:
+            with pytest.raises(ConfigurationError, match=r"has a clearance of 0\.[78] m there, less than the 2 m"):
+                planner.plan(start, goal, 1.0)
+            continue
+        result = planner.plan(start, goal, 1.0)
+        assert result.status == status, clearance
+        if result.path is not None:
+            assert least(door(1.0), robot, result.path) >= clearance - ALLOWED
+            assert result.lower_bound == pytest.approx(8.0)
+
+
+def test_proofs_with_headings_know_of_the_clearance() -> None:
+    # The robot fits the bend only without a clearance; its inscribed disc fits in any case.
+    parts = (Rectangle((2.25, 3.5), 4.5, 5.0), Rectangle((3.0, 0.0), 6.0, 0.6), Rectangle((5.75, 3.0), 0.5, 6.0))
+    world = World("bend", (0, 0, 6, 6), parts)
+    robot, ends = Robot.rectangle(1.4, 0.3), ((1.0, 0.65, 0.0), (5.0, 5.0, np.pi / 2))
+    assert LandmarkPlanner(world, robot, seed=1).plan(*ends, 2.0).status == "solved"
+    assert not enclosed(StateChecker(world, robot), *ends, seconds=1.0)
+    assert enclosed(StateChecker(world, robot, clearance=0.15), *ends, seconds=120.0)
+
+
+def test_lower_bounds_rise_with_the_clearance() -> None:
+    world = World("block", (0, 0, 10, 10), (Rectangle((5.0, 5.0), 4.0, 6.0), Disc((5.0, 9.5), 0.5)))
+    costs = []
+    for clearance in (0.0, 0.2, 0.5):
+        result = LandmarkPlanner(world, Robot.disc(0.3), clearance=clearance, seed=1).plan((1, 5, 0), (9, 5, 0), 1.0)
+        assert result.cost is not None
+        assert result.lower_bound is not None
+        assert result.lower_bound <= result.cost <= 1.01 * result.lower_bound
+        costs.append(result.lower_bound)
+    assert costs[0] + 0.1 < costs[1] < costs[2] - 0.1
+
+
+def test_updates_and_replanned_paths_keep_the_clearance() -> None:
+    start, goal = (1.0, 3.0, 0.0), (9.0, 3.0, 0.0)
+    world = World("open", (0, 0, 10, 6), (), ids=())
+    planner = LandmarkPlanner(world, CAR, clearance=0.3, seed=1)
+    first = planner.plan(start, goal, 1.0)
+    assert first.path is not None
+    for n, y in enumerate((3.0, 2.0, 4.2)):
+        changed = planner.world.edited(add={f"disc {n}": Disc((3.0 + 2.0 * n, y), 0.5)})
+        planner.update(changed)
+        result = planner.replan(start, goal, first.path, 1.0)
+        assert result.path is not None
+        assert least(changed, CAR, result.path) >= 0.3 - ALLOWED
+        assert result.clearance == 0.3
+    near = planner.replan((3.0, 2.25, 0.0), goal, first.path, 1.0)
+    assert near.status == "infeasible"
+    assert "has a clearance of 0.05 m there, less than the 0.3 m that it is to keep" in near.reason
+    out = planner.replan((3.0, 2.25, 0.0), goal, first.path, 1.0, escape=True)
+    assert out.path is not None
+    assert least(planner.world, CAR, Path(out.path.states[out.escape :])) >= 0.3 - ALLOWED
+
+
+def test_queries_answered_together_and_saved_roadmaps_keep_the_clearance(tmp_path: File) -> None:
+    planner = LandmarkPlanner(door(1.2), CAR, clearance=0.2, seed=1)
+    starts, goals = [(1.0, 3.0, 0.0), (1.0, 1.0, 1.0)], [(9.0, 3.0, 0.0), (9.0, 5.0, 2.0)]
+    for result in planner.plan_many(starts, goals, 2.0):
+        assert result.path is not None
+        assert least(door(1.2), CAR, result.path) >= 0.2 - ALLOWED
+    file = tmp_path / "roadmap.npz"
+    planner.roadmap.save(file)
+    same, other = (Roadmap.load(file, StateChecker(door(1.2), CAR, clearance=m)) for m in (0.2, 0.1))
+    assert (same.status != UNDECIDED).all()
+    assert (other.status == UNDECIDED).all()
+
+
+@pytest.mark.parametrize("robot", [CAR, Robot.disc(0.2)])
+def test_relaxed_it_keeps_as_much_as_there_is(robot: Robot) -> None:
+    start, goal = (1.0, 3.0, 0.0), (9.0, 3.0, 0.0)
+    planner = LandmarkPlanner(door(1.0), robot, clearance=0.5, relax=True, seed=1)
+    result = planner.plan(start, goal, 4.0)
+    assert result.path is not None
+    assert result.clearance_bound is not None
+    # 0.3 m is what there is on either side in the middle of the gap.
+    assert 0.297 < result.clearance <= 0.3
+    assert result.clearance <= result.clearance_bound <= 0.5
+    assert least(door(1.0), robot, result.path) >= result.clearance - ALLOWED
+    easy = LandmarkPlanner(door(1.0), robot, clearance=0.2, relax=True, seed=1).plan(start, goal, 1.0)
+    assert easy.clearance == easy.clearance_bound == 0.2
+    # An end limits it too.
+    tight = planner.plan((0.45, 3.0, 0.0), goal, 4.0)
+    assert tight.clearance <= (tight.clearance_bound or 0.0) <= 0.25 + 1e-9 if robot.sweep_radius == 0.0 else 0.15
+    closed = LandmarkPlanner(door(0.3), robot, clearance=0.5, relax=True, seed=1).plan(start, goal, 2.0)
+    assert closed.status == "infeasible"
+    assert closed.clearance == closed.clearance_bound == 0.0
+
+
+def test_bad_clearances() -> None:
+    for bad in (-0.1, np.nan, np.inf, "0.1", 2e7):
+        with pytest.raises(ShapeError, match="robot: clearance: expected a finite number of 0 or more"):
+            LandmarkPlanner(door(1.0), CAR, clearance=bad)  # type: ignore[arg-type]
+    with pytest.raises(TrailmarkError, match="relax: expected True or False, got 1"):
+        LandmarkPlanner(door(1.0), CAR, relax=1)  # type: ignore[arg-type]
+    with pytest.raises(ConfigurationError, match=r"clearance: expected the checker's or none, got 0\.2"):
+        LandmarkPlanner(door(1.0), checker=StateChecker(door(1.0), CAR), clearance=0.2)
