@@ -11,7 +11,7 @@ import weakref
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -199,6 +199,24 @@ class World:
             boxes = np.array([shape.bounding_box() for shape in shapes])
             bounds = (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0))
         return cls(name, tuple(bounds), shapes)  # type: ignore[arg-type]  # as many as there are, checked there
+
+    def with_mask(self, path: str | FilePath, kind: Literal["keep-out", "speed"] = "keep-out", **scale: float) -> World:
+        """Return the world with the zones of a nav2 filter mask, a map file beside the map that the world is.
+
+        Args:
+            path: the mask's YAML file.
+            kind: ``keep-out`` (cells that are occupied are keep-out zones) or ``speed`` (cells are speed zones).
+            scale: of a speed mask: ``max_speed`` (1.0 m/s), of which a cell of value v, 1 to 100, allows ``base`` (100)
+                + ``multiplier`` (-1) · v percent; 0 is no limit. These are the parameters of nav2's speed filter.
+
+        Raises:
+            WorldError: another kind, or a number out of range.
+            FormatError: the mask cannot be read.
+        """
+        from trailmark.formats.nav2_mask import read_mask
+
+        zones, sources = read_mask(FilePath(path), kind, **scale)
+        return replace(self, zones=(*self.zones, *zones), sources=(*self.sources, *sources))
 
     def save(self, path: str | FilePath) -> None:
         """Write the world as trailmark YAML (schema version 1), whole or not at all.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from trailmark.arguments import number
 from trailmark.errors import WorldError
@@ -26,7 +27,7 @@ MIN_FACTOR, MAX_FACTOR = 0.1, 1e6
 
 @dataclass(frozen=True)
 class _Zone:
-    """What all zones have: a region, given as a polygon or as its vertices, shape (n, 2), metres."""
+    """What all zones have: a kind, by which world files tell them apart, and a region."""
 
     region: Polygon
 
@@ -53,6 +54,7 @@ class CostZone(_Zone):
     """
 
     factor: float
+    kind: ClassVar[str] = "cost"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,6 +71,8 @@ class KeepOutZone(_Zone):
     Raises:
         ShapeError: vertices that bound no region.
     """
+
+    kind: ClassVar[str] = "keep-out"
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,7 @@ class OneWayZone(_Zone):
 
     heading: float
     tolerance: float
+    kind: ClassVar[str] = "one-way"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -112,6 +117,7 @@ class SpeedZone(_Zone):
     """
 
     limit: float
+    kind: ClassVar[str] = "speed"
 
     def __post_init__(self) -> None:
         super().__post_init__()

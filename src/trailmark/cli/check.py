@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trailmark.cli import console
+from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     ForwardOnlyOption,
@@ -59,6 +60,8 @@ def check(
         ),
     ],
     robot: RobotOption = None,
+    keepout: KeepoutOption = None,
+    speed_mask: SpeedMaskOption = None,
     turning_radius: TurningRadiusOption = None,
     forward_only: ForwardOnlyOption = False,
     repair: Annotated[
@@ -88,7 +91,7 @@ def check(
     given, radius = read_robot(robot), read_turning_radius(turning_radius)
     picture, output = output_file(plot, PICTURE_SUFFIXES), output_file(repair, path_files.SUFFIXES)
     with console.progress("loading") as progress:
-        loaded, file = load_world(world), Path(path)
+        loaded, file = with_masks(load_world(world), keepout, speed_mask), Path(path)
         protect_inputs((*loaded.sources, file), picture, output)
         body = steered(robot_of(loaded, given), radius, forward_only)
         loaded = grown_for(loaded, body)

@@ -12,6 +12,7 @@ import typer
 
 from trailmark.cli import console
 from trailmark.cli.map_settings import read_probability
+from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     ClearanceOption,
@@ -57,6 +58,8 @@ MAX_LANDMARKS = 200_000  # half a minute
 def plan(
     world: WorldArgument,
     robot: RobotOption = None,
+    keepout: KeepoutOption = None,
+    speed_mask: SpeedMaskOption = None,
     turning_radius: TurningRadiusOption = None,
     forward_only: ForwardOnlyOption = False,
     query: Annotated[str | None, option("--query", "NAME", "A query of the world; default: its first.")] = None,
@@ -128,7 +131,7 @@ def plan(
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
-        loaded = load_world(world)
+        loaded = with_masks(load_world(world), keepout, speed_mask)
         protect_inputs(loaded.sources, path_file, picture)
         body = steered(robot_of(loaded, given), radius, forward_only)
         if probability is None:

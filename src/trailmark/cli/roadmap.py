@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from trailmark.cli import console
+from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
 from trailmark.cli.options import (
     ForwardOnlyOption,
     FrameOption,
@@ -48,6 +49,8 @@ def roadmap(
         ),
     ],
     robot: RobotOption = None,
+    keepout: KeepoutOption = None,
+    speed_mask: SpeedMaskOption = None,
     turning_radius: TurningRadiusOption = None,
     forward_only: ForwardOnlyOption = False,
     count: Annotated[str, option("-k", "K", "Number of landmarks.", default=True)] = "200",
@@ -65,7 +68,7 @@ def roadmap(
     assert file is not None  # noqa: S101  # only an option that is not given has none
     with console.progress("loading") as progress:
         begun = perf_counter()
-        loaded = load_world(world)
+        loaded = with_masks(load_world(world), keepout, speed_mask)
         protect_inputs(loaded.sources, file)
         body = steered(robot_of(loaded, given), radius, forward_only)
         loaded = grown_for(loaded, body)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trailmark.cli import console
+from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     JsonOption,
@@ -48,11 +49,18 @@ def list_worlds(context: typer.Context, as_json: JsonOption = False) -> None:
 
 
 @app.command("show")
-def show(world: WorldArgument, robot: RobotOption = None, plot: PlotOption = None, as_json: JsonOption = False) -> None:
+def show(
+    world: WorldArgument,
+    robot: RobotOption = None,
+    keepout: KeepoutOption = None,
+    speed_mask: SpeedMaskOption = None,
+    plot: PlotOption = None,
+    as_json: JsonOption = False,
+) -> None:
     """Say what a world holds; --plot draws it."""
     picture = output_file(plot, PICTURE_SUFFIXES)
     with console.progress("loading") as progress:
-        loaded = _load(world, robot)
+        loaded = with_masks(_load(world, robot), keepout, speed_mask)
         protect_inputs(loaded.sources, picture)
         if picture is not None:
             from trailmark.plotting import save_world_figure
@@ -77,6 +85,9 @@ def show(world: WorldArgument, robot: RobotOption = None, plot: PlotOption = Non
             f"{len(names):,}" + (f" ({', '.join(names[:8])}{', …' if len(names) > 8 else ''})" if names else ""),
         ),
     ]
+    if loaded.zones:
+        zones = ", ".join(f"{n} {kind}" for kind, n in sorted(facts["zones"].items()))
+        rows.insert(3, ("zones", f"{len(loaded.zones):,} ({zones})"))
     if picture is not None:
         rows.append(("written", str(picture)))
     console.print_table(rows, indent="  ")
@@ -89,12 +100,14 @@ def convert(
     ],
     output: Annotated[str, typer.Argument(metavar="OUT", help="The trailmark YAML file to write.", show_default=False)],
     robot: RobotOption = None,
+    keepout: KeepoutOption = None,
+    speed_mask: SpeedMaskOption = None,
 ) -> None:
     """Write a world of any format as trailmark YAML."""
     file = output_file(output, (".yaml", ".yml"))
     assert file is not None  # noqa: S101  # only an option that is not given has none
     with console.progress("converting"):
-        loaded = _load(world, robot)
+        loaded = with_masks(_load(world, robot), keepout, speed_mask)
         protect_inputs(loaded.sources, file)
         loaded.save(file)
     console.note(f"{file}: {len(loaded.obstacles):,} obstacles, {len(loaded.queries):,} queries")
@@ -121,6 +134,7 @@ def _facts(world: World) -> dict[str, Any]:
         "boundary": world.boundary is not None,
         "obstacles": len(world.obstacles),
         "kinds": dict(Counter(type(shape).__name__.lower() for shape in world.obstacles)),
+        "zones": dict(Counter(zone.kind for zone in world.zones)),
         "robot": world.robot.describe() if world.robot else None,
         "queries": [query.to_dict() for query in world.queries],
     }

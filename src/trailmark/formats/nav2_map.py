@@ -7,9 +7,10 @@ both become obstacles.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,9 @@ if TYPE_CHECKING:
 
     from trailmark.formats.schema import MapFile
 
-__all__ = ["free_cells", "read_image", "read_nav2_map"]
+__all__ = ["free_cells", "occupancy", "pixels_of", "read_image", "read_nav2_map"]
+
+T = TypeVar("T", bound=np.generic)
 
 IMAGE_KINDS = {"PPM": "PGM/PBM/PPM", "PNG": "PNG", "BMP": "BMP", "JPEG": "JPEG"}
 
@@ -70,7 +73,7 @@ def read_image(path: Path, fields: dict[str, Any]) -> World:
 
 
 def _world(image: Path, file: MapFile, name: str, sources: tuple[Path, ...]) -> World:
-    free = _free_image(image, file)
+    free = pixels_of(image, lambda pixels: free_cells(pixels, file))
     try:
         world = world_of_grid(~free[::-1], file.resolution, file.origin, name)
     except WorldError as error:
@@ -107,19 +110,41 @@ def free_cells(image: Image, file: MapFile) -> NDArray[np.bool_]:
     return free
 
 
-def _free(values: NDArray[np.int64], full: int, has_alpha: bool, file: MapFile) -> NDArray[np.bool_]:
-    colours = values[..., :-1] if has_alpha and file.mode != "trinary" else values
-    # Sums and full scale are whole numbers, so that p is the double nearest to the true quotient.
-    bright, scale = colours.sum(axis=-1), full * colours.shape[-1]
+def occupancy(image: Image, file: MapFile) -> NDArray[np.int8]:
+    """Return the values that nav2 gives to pixels: 0 (free) to 100 (occupied), -1 where they are unknown.
+
+    Arguments, shape and errors are those of :func:`free_cells`.
+    """
+    values, full, has_alpha = _channels(image)
+    p = _probability(values.astype(np.int64), full, has_alpha, file)
     if file.mode == "raw":
-        percent = np.floor(255.0 * bright / scale + 0.5)
-        p = percent / 100.0
-    else:
-        p = (bright if file.negate else scale - bright) / scale
+        return np.where(p <= 1.0, np.rint(100.0 * p), -1).astype(np.int8)
+    between, unknown = np.full(p.shape, -1.0), np.zeros(p.shape, np.bool_)
+    if file.mode == "scale":
+        # Where both thresholds are the same, nothing lies between them but that value itself.
+        room = file.occupied_thresh - file.free_thresh
+        between = np.rint(100.0 * (p - file.free_thresh) / (room if room > 0.0 else 1.0))
+        unknown = (values[..., -1] != full) & has_alpha
+    found = np.select([unknown, p > file.occupied_thresh, p < file.free_thresh], [-1.0, 100.0, 0.0], between)
+    return found.astype(np.int8)
+
+
+def _free(values: NDArray[np.int64], full: int, has_alpha: bool, file: MapFile) -> NDArray[np.bool_]:
+    p = _probability(values, full, has_alpha, file)
     free = np.asarray((p <= file.free_thresh) & (p < file.occupied_thresh))
     if has_alpha and file.mode == "scale":
         free &= values[..., -1] == full
     return free
+
+
+def _probability(values: NDArray[np.int64], full: int, has_alpha: bool, file: MapFile) -> NDArray[np.float64]:
+    """Return the probability that each pixel is occupied; beyond 1 where a raw value is unknown."""
+    colours = values[..., :-1] if has_alpha and file.mode != "trinary" else values
+    # Sums and full scale are whole numbers, so that p is the double nearest to the true quotient.
+    bright, scale = colours.sum(axis=-1), full * colours.shape[-1]
+    if file.mode == "raw":
+        return np.asarray(np.floor(255.0 * bright / scale + 0.5) / 100.0)
+    return np.asarray((bright if file.negate else scale - bright) / scale)
 
 
 def _channels(image: Image) -> tuple[NDArray[Any], int, bool]:
@@ -134,7 +159,12 @@ def _channels(image: Image) -> tuple[NDArray[Any], int, bool]:
     raise WorldError(f"expected grey or colours of 8 or 16 bits, got pixels of mode {image.mode}")
 
 
-def _free_image(path: Path, file: MapFile) -> NDArray[np.bool_]:
+def pixels_of(path: Path, take: Callable[[Image], NDArray[T]]) -> NDArray[T]:
+    """Return what a function takes from an image file, shape (rows, columns); row 0 is the image's top row.
+
+    Raises:
+        FormatError: the image is missing, of another kind, damaged or too large; or the function raises a WorldError.
+    """
     from PIL import Image, UnidentifiedImageError
 
     allowed = f"expected an image of the kinds {', '.join(IMAGE_KINDS.values())}"
@@ -150,7 +180,7 @@ def _free_image(path: Path, file: MapFile) -> NDArray[np.bool_]:
             warnings.simplefilter("ignore")
             with Image.open(path, formats=tuple(IMAGE_KINDS)) as image:
                 check_size(*image.size)  # known from the header, before any pixel is decoded
-                return free_cells(image, file)
+                return take(image)
     except UnidentifiedImageError:
         raise FormatError(path, f"not an image that can be read; {allowed}") from None
     except Image.DecompressionBombError:

@@ -198,12 +198,12 @@ def _obstacle_text(shape: Shape, name: str | None, estimate: ObstacleEstimate | 
 
 def _zone_text(zone: Zone) -> str:
     if isinstance(zone, CostZone):
-        fields = f"cost, factor: {_number(zone.factor)}"
+        fields = f", factor: {_number(zone.factor)}"
     elif isinstance(zone, OneWayZone):
-        fields = f"one-way, heading: {_number(zone.heading)}, tolerance: {_number(zone.tolerance)}"
+        fields = f", heading: {_number(zone.heading)}, tolerance: {_number(zone.tolerance)}"
     else:
-        fields = f"speed, limit: {_number(zone.limit)}" if isinstance(zone, SpeedZone) else "keep-out"
-    return f"{{kind: {fields}, {_rings(zone.region)}}}"
+        fields = f", limit: {_number(zone.limit)}" if isinstance(zone, SpeedZone) else ""
+    return f"{{kind: {zone.kind}{fields}, {_rings(zone.region)}}}"
 
 
 def _rings(polygon: Polygon) -> str:

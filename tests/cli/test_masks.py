@@ -1,0 +1,56 @@
+"""--keepout and --speed-mask: nav2's masks beside a world."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from trailmark.world import World
+
+Shell = Callable[..., Any]
+
+
+@pytest.fixture
+def mask(tmp_path: Path) -> Path:
+    """A wall across the yard, from y = 0 to 4, with what nav2 takes for 60 % in the column beside it."""
+    image = np.full((6, 10), 255, dtype=np.uint8)
+    image[2:, 5], image[:, 8] = 0, 153
+    Image.fromarray(image).save(tmp_path / "mask.pgm")
+    file = tmp_path / "mask.yaml"
+    file.write_text(
+        "image: mask.pgm\nresolution: 1.0\norigin: [0, 0, 0]\nmode: scale\nfree_thresh: 0.0\noccupied_thresh: 1.0\n"
+    )
+    return file
+
+
+def test_zones_are_shown_converted_and_kept_out_of(shell: Shell, yard: Path, mask: Path, tmp_path: Path) -> None:
+    run = shell("worlds", "show", yard, "--keepout", mask, "--speed-mask", mask)
+    assert "  zones      2 (1 keep-out, 1 speed)" in run.out.splitlines()
+    written = tmp_path / "out.yaml"
+    assert shell("worlds", "convert", yard, written, "--keepout", mask, "--speed-mask", mask).status == 0
+    zones = World.load(written).zones
+    assert [zone.kind for zone in zones] == ["keep-out", "speed"]
+    assert zones[1].limit == 0.6  # type: ignore[union-attr]
+    path = tmp_path / "path.csv"
+    path.write_text("x,y,theta\n1,1,0\n9,1,0\n")
+    found = json.loads(shell("check", yard, path, "--keepout", mask, "--json").out)
+    assert "keep-out zone 0" in [collision["obstacle"] for collision in found["collisions"]]
+
+
+@pytest.mark.parametrize("command", [["plan"], ["worlds", "show"], ["roadmap"], ["check"]])
+@pytest.mark.parametrize("option", ["--keepout", "--speed-mask"])
+def test_a_mask_that_is_none_is_refused(
+    shell: Shell, yard: Path, tmp_path: Path, command: list[str], option: str
+) -> None:
+    extras: dict[str, list[Any]] = {"roadmap": ["--output", tmp_path / "r.npz"], "check": [tmp_path / "path.csv"]}
+    (tmp_path / "path.csv").write_text("x,y,theta\n1,1,0\n1,2,0\n")
+    run = shell(*command, yard, *extras.get(command[0], []), option, yard)
+    assert (run.status, run.out) == (2, "")
+    assert run.err.count("\n") == 1
+    assert "no mask: expected nav2 map YAML" in run.err
