@@ -174,6 +174,11 @@ def test_long_work_shows_progress_on_a_terminal_and_wipes_it(terminal: Terminal)
     assert written.rstrip().endswith(("\x1b[2K", "\x1b[?25h")), "the line is erased and the cursor shown again"
 
 
+def test_pieces_of_work_have_a_bar(terminal: Terminal) -> None:
+    program = WAIT.format(seconds=0.7).replace("    time", "    progress.done = 3, 4\n    time")
+    assert "━━━━━━╌╌╌╌╌╌ 3 of 4 · planning" in terminal(sys.executable, "-c", program).err
+
+
 def test_short_work_shows_nothing(terminal: Terminal) -> None:
     assert "planning" not in terminal(sys.executable, "-c", WAIT.format(seconds=0.05)).err
 

@@ -60,6 +60,8 @@ def test_afterwards_nothing_compiles(tmp_path: Path, worlds: Path) -> None:
     )
     assert warm.returncode == 0, warm.stderr
     record = json.loads(warm.stdout)
+    assert record["cache"]["files"] > 0
+    assert Path(record["cache"]["folder"]).is_dir()
     assert {"planning", "many queries", "discs", "many queries of discs", "cars"} <= set(record["kernels"])
     program = EVERYTHING.replace('"office.yaml"', repr(os.fspath(tmp_path / "office.yaml")))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300)

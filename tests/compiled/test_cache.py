@@ -92,6 +92,24 @@ def test_code_is_kept_and_found_again(probe: Path) -> None:
     assert run(probe) == ("[2, 2, 11, 2] [1, 1, 1, 1]", "")
 
 
+CONTENTS = """
+import time
+since = time.time()
+from probe.outer import by_constant, by_name
+from trailmark.compiled.cache import cache_contents
+by_constant(1), by_name(1)
+found = cache_contents(since)
+print(found.folder, found.files, found.written, found.size > 1000, found.free > 0)
+"""
+
+
+def test_the_cache_says_where_it_is_and_what_it_holds(probe: Path) -> None:
+    assert run(probe, CONTENTS)[0] == f"{probe / '__pycache__'} 2 2 True True"
+    assert run(probe, CONTENTS)[0] == f"{probe / '__pycache__'} 2 0 True True"
+    program = "from trailmark.compiled.cache import cache_contents; print(cache_contents(0.0))"
+    assert "folder=None, files=0" in run(probe, program)[0]
+
+
 @pytest.mark.parametrize(
     ("shift", "inner", "answers"), [(10, "x + 2", "[3, 3, 11, 3]"), (20, "x + 1", "[2, 2, 21, 2]")]
 )

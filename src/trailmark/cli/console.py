@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["Progress", "fail", "json_text", "note", "print_table", "progress", "say", "silence_stdout", "warn"]
 
 _PATIENCE = 0.3  # seconds of work before a display appears
+_BAR = 24  # characters
 
 
 def say(text: str, **style: Any) -> None:
@@ -69,7 +70,10 @@ class Progress:
     Attributes:
         phase: a word or two.
         details: further facts, such as ``312 landmarks``.
+        done: how many pieces of work of how many are done, for a bar; None without one.
     """
+
+    done: tuple[int, int] | None = None
 
     def __init__(self, phase: str) -> None:
         self._begun = time.perf_counter()
@@ -89,7 +93,14 @@ class Progress:
             return ""
         clock = f"{now - self._stage_begun:.1f}"
         clock += " s" if self._limit is None else f" of {self._limit:g} s"
-        return " · ".join([self.phase, clock, *self.details])
+        return " · ".join([*self._bar(), self.phase, clock, *self.details])
+
+    def _bar(self) -> list[str]:
+        if self.done is None:
+            return []
+        done, pieces = self.done
+        full = _BAR * done // pieces
+        return [f"{'━' * full}{'╌' * (_BAR - full)} {done} of {pieces}"]
 
 
 @contextmanager

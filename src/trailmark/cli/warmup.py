@@ -18,11 +18,15 @@ app = typer.Typer(help="Compile all kernels now, so that no later command has to
 
 @app.callback()
 def warmup(as_json: JsonOption = False) -> None:
-    """Compile all kernels now, so that no later command or program has to: one or two minutes, once."""
+    """Compile all kernels now, so that no later command or program has to: a few minutes, once.
+
+    What was compiled before is taken from the cache; after an interruption the command goes on where it was.
+    """
+    from trailmark.compiled.cache import cache_contents
     from trailmark.compiled.side_by_side import compiled_side_by_side
     from trailmark.planning.warmup import warm_up, warm_up_moving, warm_up_queries
 
-    begun = time.perf_counter()
+    begun, since = time.perf_counter(), time.time()
     stages: dict[str, Callable[[], None]] = {
         "planning": partial(warm_up, "straight"),
         "many queries": partial(warm_up_queries, "straight"),
@@ -40,14 +44,32 @@ def warmup(as_json: JsonOption = False) -> None:
         console.progress("preparing (compiles on first use)") as progress,
         compiled_side_by_side(list(stages.values())),
     ):
-        for name, warm in stages.items():
+        for done, (name, warm) in enumerate(stages.items()):
             progress.stage(f"preparing the kernels for {name}")
-            warm()
-    seconds = time.perf_counter() - begun
+            progress.done = done, len(stages)
+            try:
+                warm()
+            except KeyboardInterrupt:
+                console.warn(f"{done} of {len(stages)} stages are ready; the same command goes on with {name}")
+                raise
+    seconds, cache = time.perf_counter() - begun, cache_contents(since)
     if as_json:
-        console.say(console.json_text({"kernels": list(stages), "time": {"total": seconds}}))
-    else:
-        console.say(f"the kernels for {', '.join(stages)} are ready ({seconds:.1f} s)")
+        facts = {**cache._asdict(), "folder": cache.folder and str(cache.folder)}
+        console.say(console.json_text({"kernels": list(stages), "cache": facts, "time": {"total": seconds}}))
+        return
+    console.say(f"the kernels for {', '.join(stages)} are ready ({seconds:.1f} s)")
+    if cache.folder is None:
+        console.say("  cache  none: no folder can be written to (NUMBA_CACHE_DIR names one)")
+        return
+    new = f"{cache.written:,} of them new" if cache.written else "none of them new"
+    console.print_table(
+        [
+            ("cache", str(cache.folder)),
+            ("kernels", f"{cache.files:,}, {new}"),
+            ("size", f"{cache.size / 1e6:,.0f} MB, {cache.free / 1e9:,.1f} GB are left on the disk"),
+        ],
+        indent="  ",
+    )
 
 
 def _warm_up_pointwise() -> None:

@@ -14,13 +14,14 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import shutil
 import stat
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
@@ -28,7 +29,42 @@ from numba.core.caching import FunctionCache, IndexDataCacheFile, NullCache
 from trailmark.compiled.origin import origin_of
 from trailmark.compiled.report import report_once
 
-__all__ = ["KernelCache", "cache_of"]
+__all__ = ["CacheContents", "KernelCache", "cache_contents", "cache_of"]
+
+_folders: set[Path] = set()
+
+
+class CacheContents(NamedTuple):
+    """What the cache of the kernels that this process knows holds.
+
+    Attributes:
+        folder: that all of it lies in; None without a cache.
+        files: number of files of machine code.
+        written: how many of them were written since a time.
+        size: bytes of all of them.
+        free: bytes that are left on the disk; 0 without a cache.
+    """
+
+    folder: Path | None
+    files: int
+    written: int
+    size: int
+    free: int
+
+
+def cache_contents(since: float) -> CacheContents:
+    """Return what the cache holds; ``since`` is a time in seconds as ``time.time`` gives it."""
+    facts = []
+    for folder in _folders:
+        with suppress(OSError):
+            facts += [file.stat() for file in folder.glob("*.nbc")]
+    if not _folders:
+        return CacheContents(None, 0, 0, 0, 0)
+    common = Path(os.path.commonpath(_folders))
+    written = sum(fact.st_mtime >= since for fact in facts)
+    return CacheContents(
+        common, len(facts), written, sum(fact.st_size for fact in facts), shutil.disk_usage(common).free
+    )
 
 
 class KernelCache(FunctionCache):
@@ -83,7 +119,7 @@ class KernelCache(FunctionCache):
 def cache_of(function: Callable[..., Any]) -> KernelCache | NullCache:
     """Return the kernel's cache, in the first place that can be written to."""
     try:
-        return KernelCache(function)
+        return _noted(KernelCache(function))
     except RuntimeError:  # numba knows no such place
         pass
     folder = _own_temporary_folder()
@@ -91,7 +127,7 @@ def cache_of(function: Callable[..., Any]) -> KernelCache | NullCache:
         config: Any = numba.config
         before, config.CACHE_DIR = config.CACHE_DIR, folder
         try:
-            found = KernelCache(function)
+            found = _noted(KernelCache(function))
         except RuntimeError:
             pass
         else:
@@ -103,6 +139,11 @@ def cache_of(function: Callable[..., Any]) -> KernelCache | NullCache:
         "no folder can be written to: the kernels are compiled anew by each process (NUMBA_CACHE_DIR names one)"
     )
     return NullCache()
+
+
+def _noted(found: KernelCache) -> KernelCache:
+    _folders.add(Path(found.cache_path))
+    return found
 
 
 @cache
