@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,7 +17,7 @@ from trailmark.errors import ConfigurationError, ShapeError
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Polygon, triangulate
 
-__all__ = ["Goal", "ReachedGoal", "goals_of"]
+__all__ = ["Ends", "Goal", "ReachedGoal", "goals_of"]
 
 INWARDS = (0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1.0)
 """Shares by which a point on the rim of a region is moved towards its middle, until it lies inside despite rounding."""
@@ -247,6 +247,10 @@ class ReachedGoal:
     def to_dict(self) -> dict[str, Any]:
         """Return what ``plan --json`` says of it."""
         return {"index": self.index, "pose": list(self.pose)}
+
+
+Ends = ArrayLike | Goal | Sequence[Goal]
+"""Where a path may end: a configuration, a goal, or several of which one is to be reached."""
 
 
 def goals_of(value: Any) -> tuple[Goal, ...] | None:

@@ -14,6 +14,7 @@ from trailmark.arguments import brief, callback, number, one_of, truth, whole
 from trailmark.changes import Changes
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError, WorldError, as_raised
+from trailmark.goals import Ends
 from trailmark.landmarks import Relaxation
 from trailmark.lock import Lock
 from trailmark.motion import Motion, kind_of
@@ -178,7 +179,7 @@ class LandmarkPlanner:
     def plan(
         self,
         start: ArrayLike,
-        goal: ArrayLike,
+        goal: Ends,
         time_limit: float = 1.0,
         *,
         max_iterations: int | None = None,
@@ -190,7 +191,7 @@ class LandmarkPlanner:
 
         Args:
             start: configuration (x, y, theta), shape (3,).
-            goal: configuration, shape (3,).
+            goal: configuration, shape (3,), or goals (:class:`~trailmark.Goal`) of which the cheapest is reached.
             time_limit: seconds, half of which may go into landmarks that were asked for and are not spread yet; that
                 and making the planner, which reads the world, are not counted in what a first path takes. Kept to
                 about 5 % or 20 ms, whichever is more.

@@ -33,11 +33,11 @@ class Clock:
 
     def __init__(self, begin: float, limit: float, stop: Callable[[], bool] | None = None) -> None:
         self.begin, self.limit = begin, limit
-        self._stop = stop
+        self.stop = stop
 
     def seconds_left(self) -> float:
         """Return the seconds left, 0 or less once the time is up or planning was told to stop."""
-        if self._stop is not None and self._stop():
+        if self.stop is not None and self.stop():
             return 0.0
         return self.begin + self.limit - perf_counter()
 

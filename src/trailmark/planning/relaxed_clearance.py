@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trailmark.errors import ConfigurationError
-from trailmark.planning.leaving import answer_from_anywhere
+from trailmark.goals import Ends, goals_of
+from trailmark.planning.answer import answer
 from trailmark.planning.result import PlanResult
-from trailmark.planning.single_query import answer_query
 from trailmark.planning.world_model import WorldModel
 
 __all__ = ["answer_in_turn", "answer_relaxed"]
@@ -33,17 +33,15 @@ PROBE_SHARE = 0.25
 
 
 def answer_in_turn(
-    model: WorldModel, start: ArrayLike, goal: ArrayLike, seconds: float, *, relax: bool = False, **options: Any
+    model: WorldModel, start: ArrayLike, goal: Ends, seconds: float, *, relax: bool = False, **options: Any
 ) -> PlanResult:
     """Return the answer to one query, relaxed or not; those that let the roadmap grow take turns."""
-    solve = answer_relaxed if relax and model.checker.robot.clearance > 0.0 else answer_from_anywhere
+    solve = answer_relaxed if relax and model.checker.robot.clearance > 0.0 else answer
     with model.shared.lock:
         return solve(model, start, goal, seconds, **options)
 
 
-def answer_relaxed(
-    model: WorldModel, start: ArrayLike, goal: ArrayLike, time_limit: float, **options: Any
-) -> PlanResult:
+def answer_relaxed(model: WorldModel, start: ArrayLike, goal: Ends, time_limit: float, **options: Any) -> PlanResult:
     """Return a path that keeps what the model's robot is to keep, or as much of it as a bisection finds a path for.
 
     A clearance is too large if an end does not have it, if it is proven that no path keeps it, or if none is found in a
@@ -53,7 +51,7 @@ def answer_relaxed(
     Args:
         model: of the world, with a robot that keeps a clearance.
         start: configuration, shape (3,).
-        goal: what :func:`trailmark.planning.single_query.answer_query` takes.
+        goal: configuration, shape (3,), or goals.
         time_limit: seconds for all.
         options: of that function.
 
@@ -64,8 +62,8 @@ def answer_relaxed(
     stop = options.get("stop") or (lambda: False)
     bare = model.keeping(0.0).checker
     ends = [bare.require_valid(start, "start")]
-    if np.shape(goal) == (3,):
-        ends.append(bare.require_valid(goal, "goal"))
+    if goals_of(goal) is None:
+        ends.append(bare.require_valid(goal, "goal"))  # type: ignore[arg-type]  # no goals: a configuration
     # No path keeps more than its ends have.
     bound = min(wanted, *bare.clearance(np.array(ends), cap=wanted).tolist())
     best, first_time = None, None
@@ -88,17 +86,17 @@ def answer_relaxed(
             break
     # The first path is known to its roadmap.
     left = begin + time_limit - perf_counter()
-    result = answer_query(best or model.keeping(0.0), start, goal, max(left, LEAST_TIME), **options)
+    result = answer(best or model.keeping(0.0), start, goal, max(left, LEAST_TIME), **options)
     time = {**result.time, "total": perf_counter() - begin, "first_solution": first_time}
     return replace(result, clearance_bound=bound, time=time)
 
 
 def _first_path(
-    model: WorldModel, start: ArrayLike, goal: ArrayLike, seconds: float, options: dict[str, Any]
+    model: WorldModel, start: ArrayLike, goal: Ends, seconds: float, options: dict[str, Any]
 ) -> PlanResult | None:
     """Return the answer with the first path found; None if an end cannot keep the clearance."""
     try:
-        return answer_query(model, start, goal, max(seconds, LEAST_TIME), **options | {"gap": np.inf})
+        return answer(model, start, goal, max(seconds, LEAST_TIME), **options | {"gap": np.inf})
     except ConfigurationError:
         if model.checker.robot.clearance == 0.0:
             raise

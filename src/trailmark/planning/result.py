@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from trailmark.curves import CurvePath
+from trailmark.goals import ReachedGoal
 from trailmark.path import Path
 
 __all__ = ["PlanProgress", "PlanResult", "ReplanResult", "Status"]
@@ -56,6 +57,7 @@ class PlanResult:
         clearance: metres that the whole path is certified to keep: what the planner was asked for, or less if that may
             be relaxed.
         clearance_bound: if it may be: no path keeps more, metres, which is proven; else None.
+        goal: which of its goals the path ends at, where there were goals (:class:`~trailmark.Goal`); else None.
     """
 
     status: Status
@@ -71,11 +73,12 @@ class PlanResult:
     nearest: Path | None = None
     clearance: float = 0.0
     clearance_bound: float | None = None
+    goal: ReachedGoal | None = None
 
     @property
     def cost(self) -> float | None:
-        """The path's cost in metres; None if there is no path."""
-        return None if self.path is None else self.path.cost
+        """The path's cost in metres, with that of the goal it ends at; None if there is no path."""
+        return None if self.path is None else self.path.cost + (0.0 if self.goal is None else self.goal.cost)
 
     def to_dict(self, world: str, query: str | None = None) -> dict[str, Any]:
         """Return the record that ``plan --json`` prints, made of plain numbers, strings and lists."""
@@ -89,6 +92,7 @@ class PlanResult:
             "query": query,
             "planner": "landmark",
             "status": self.status,
+            **({} if self.goal is None else {"goal": self.goal.to_dict()}),
             "seed": self.seed,
             "states": [] if path is None else path.states.tolist(),
             "cost": self.cost,

@@ -114,6 +114,8 @@ class LatticeSchedule:
 
     Attributes:
         expanded: number of nodes expanded so far.
+        guides: costs to go made so far: by their cells, whether they lead to the goal, and their tightness. Those from
+            the start may be shared with another that has the same.
     """
 
     def __init__(
@@ -132,8 +134,7 @@ class LatticeSchedule:
         self.window = self.checker.world.bounds if window is None else window
         xmin, ymin, xmax, ymax = self.window
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
-        # Not by functools: its cache would refer to this and this to it, and only a collection would free them.
-        self._guides: dict[tuple[int, bool, float], CostToGo] = {}
+        self.guides: dict[tuple[int, bool, float], CostToGo] = {}
         self.level = self.views = self.expanded = 0
         self._exhausted: set[tuple[float, int, bool, bool]] = set()
 
@@ -212,7 +213,7 @@ class LatticeSchedule:
 
     def _has_time(self, cells: int, forward: bool, tightness: float) -> bool:
         """Return whether there is time for the costs to go, and some of it left for a search."""
-        known = (cells, forward, tightness) in self._guides
+        known = (cells, forward, tightness) in self.guides
         return self.seconds_left() > (0.0 if known else GUIDING.seconds(min(cells, self.cells)))
 
     def _shortened(self, path: FloatArray, forward: bool) -> FloatArray:
@@ -230,10 +231,10 @@ class LatticeSchedule:
         if cells == 0:
             return CostToGo.straight()
         key = (cells, forward, tightness)
-        if key in self._guides:
-            return self._guides[key]
+        if key in self.guides:
+            return self.guides[key]
         begin, count = perf_counter(), min(cells, self.cells)
         to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness, self.window)
         GUIDING.note(count, perf_counter() - begin)
-        self._guides[key] = to_go
+        self.guides[key] = to_go
         return to_go

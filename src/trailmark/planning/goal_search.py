@@ -1,0 +1,286 @@
+"""GoalSearch: the cheapest path to any of several goals, each of which may be more than one configuration.
+
+Configurations are drawn in each goal, and planned to in order of promise as any other: first whatever path is soonest
+found, then those that may be cheaper by what is proven of them. A path to a goal that holds more than one configuration
+then gets the end that costs it least.
+"""
+
+# Tested by tests/planning/test_goal_search.py.
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.goals import Goal
+from trailmark.planning.followed import vertices_of
+from trailmark.planning.goal_candidates import Candidates
+from trailmark.planning.goal_incumbent import GoalIncumbent
+from trailmark.planning.lattice.cost_to_go import CostToGo
+from trailmark.planning.lattice.schedule import AT_FIRST, LatticeSchedule
+from trailmark.planning.query import Clock, OnProgress
+from trailmark.planning.result import PlanResult
+from trailmark.planning.roadmap_lookup import RoadmapLookup
+from trailmark.planning.shortening import shorten
+from trailmark.planning.single_query import GAP, answer_query
+from trailmark.planning.world_model import WorldModel
+from trailmark.se2 import FloatArray
+
+__all__ = ["GoalSearch", "answer_goals"]
+
+NEARBY = 3
+"""Goals looked for over the smallest lattice, the nearest first, before it is known what way leads to which."""
+
+RANKING_CELLS = 1 << 14
+"""Of the costs from the start that tell which goals are near."""
+
+MAX_ATTEMPTS = 3
+"""Attempts at one configuration once there is a path to another, or where rounds are counted, not seconds."""
+
+MAX_SLICE = 10.0
+"""Seconds; of a longer time limit no more is shared out by FIRST_SHARE."""
+
+BATCH = 16
+"""Motions that are certified together."""
+
+FIRST_SHARE = 0.05
+"""Of the time limit: what one attempt at a path may take, while others wait; twice as much at the next."""
+
+POLISHING_SHARE = 0.4
+"""Of the time left: kept for improving the best paths."""
+
+CONTENDER = 1.05
+"""Times the best cost up to which a path to another goal is improved as well."""
+
+PROOF_SHARE = 0.1
+"""Of the time left that one lower bound may take."""
+
+
+def answer_goals(
+    model: WorldModel,
+    start: ArrayLike,
+    goals: tuple[Goal, ...],
+    time_limit: float,
+    *,
+    max_rounds: int | None = None,
+    on_progress: OnProgress | None = None,
+    stop: Callable[[], bool] | None = None,
+    gap: float = GAP,
+) -> PlanResult:
+    """Return the cheapest path to any of the goals; whoever calls holds the lock of the model's roadmap.
+
+    Other arguments are those of :func:`trailmark.planning.single_query.answer_query`.
+
+    Raises:
+        ConfigurationError: the start is not valid, or each goal is one configuration and none is valid.
+    """
+    begin = perf_counter()
+    state = model.checker.require_valid(start, "start")
+    search = GoalSearch(model, state, goals, Clock(begin, time_limit, stop), gap, max_rounds, on_progress)
+    search.find_first()
+    search.try_others()
+    search.polish()
+    return search.best.result()
+
+
+class GoalSearch:
+    """One query with several goals, or one that holds more than one configuration.
+
+    Args:
+        model: of the world.
+        start: valid, shape (3,).
+        goals: of which one is to be reached.
+        clock: tells the time left.
+        gap: how far above the proven lower bound a path may be to end the search, as a share of it.
+        max_rounds: rounds of landmarks at most for each configuration planned to.
+        on_progress: called after every step and with every better path.
+
+    Attributes:
+        candidates: configurations of the goals.
+        best: the best path so far, and what is proven.
+    """
+
+    def __init__(
+        self,
+        model: WorldModel,
+        start: FloatArray,
+        goals: tuple[Goal, ...],
+        clock: Clock,
+        gap: float,
+        max_rounds: int | None,
+        on_progress: OnProgress | None,
+    ) -> None:
+        self.model, self.start, self.goals, self.clock = model, start, goals, clock
+        self.motion, self.checker = model.motion, model.checker
+        self._max_rounds, self._on_progress = max_rounds, on_progress
+        self.candidates = Candidates(model, start, goals)
+        self.best = GoalIncumbent(model, start, goals, self.candidates.bounds, clock, gap, on_progress)
+        self._proven = np.zeros(len(goals), np.bool_)
+        self._guides: dict[tuple[int, bool, float], CostToGo] = {}
+
+    def find_first(self) -> None:
+        """Find a path to any goal that is soon found."""
+        self._stand()
+        self._go_straight()
+        if self.best.path is None and self._has_lattices:
+            nearest = np.argsort(self.candidates.estimates, kind="stable")[:NEARBY]
+            any(self._try(k, 1) for k in nearest.tolist())
+
+    @property
+    def _has_lattices(self) -> bool:
+        return self.motion.moves_anywhere and self.model.settings.uses("lattice")
+
+    def _schedule(self, end: FloatArray) -> LatticeSchedule:
+        """Return the lattices that a path to a configuration may be sought on."""
+        model, ends = self.model, self.motion.ends(self.start, end)
+        lattices = LatticeSchedule(
+            self.motion, ends, model.relaxation.size, self.clock.seconds_left, model.settings.without
+        )
+        # What leads on from the start is the same for all of them.
+        lattices.guides = self._guides
+        return lattices
+
+    def _try(self, k: int, levels: int = AT_FIRST) -> bool:
+        """Look for a path to a configuration where one is soon found; return whether one was."""
+        ends = self.motion.ends(self.start, self.candidates.ends[k])
+        found = ends[:0]
+        if self.motion.motions_between_valid(ends[:1], ends[1:])[0]:
+            found = ends
+        if len(found) == 0:
+            found = RoadmapLookup(self.model.shared.roadmap, *ends).search_free_edges()
+        if len(found) == 0 and self._has_lattices:
+            self._guides = {key: guide for key, guide in self._guides.items() if not key[1]}
+            found = self._schedule(self.candidates.ends[k]).first_path(levels)
+        if len(found) == 0:
+            return False
+        i = int(self.candidates.of[k])
+        if self.best.offer(found, i, self.candidates.ends[k]):
+            settings, motion = self.model.settings, self.motion
+            found = shorten(motion, found, self.model.rng, sweeps=settings.sweeps, seconds_left=self.clock.seconds_left)
+            self.best.settle(found, i, self.candidates.ends[k])
+        self.candidates.attempts[k] = np.inf
+        return True
+
+    def _stand(self) -> None:
+        """Take the path of one state, where a goal holds the start."""
+        inside = [i for i, goal in enumerate(self.goals) if goal.contains(self.start)]
+        if inside:
+            i = min(inside, key=lambda i: self.goals[i].cost)
+            self.best.offer(self.motion.ends(self.start, self.start)[:1], i, self.start)
+            self.candidates.attempts[self.candidates.of == i] = np.inf
+
+    def _go_straight(self) -> None:
+        """Take the cheapest of the candidates that lie in sight, unless the path there is better."""
+        candidates = self.candidates
+        order = np.argsort(candidates.estimates, kind="stable")
+        order = order[(candidates.estimates < self.best.cost)[order]]
+        for begin in range(0, len(order), BATCH):
+            batch = order[begin : begin + BATCH]
+            pairs = np.array([self.motion.ends(self.start, q) for q in candidates.ends[batch]])
+            seen = self.motion.motions_between_valid(np.array(pairs[:, 0]), np.array(pairs[:, 1]))
+            if seen.any():
+                k = int(batch[np.argmax(seen)])
+                candidates.attempts[k] = np.inf
+                self.best.settle(pairs[np.argmax(seen)], int(candidates.of[k]), candidates.ends[k])
+                return
+
+    def try_others(self) -> None:
+        """Plan to one configuration after the other, the most promising first, as far as they may be better."""
+        limit, candidates = min(self.clock.limit, MAX_SLICE), self.candidates
+        while not (self.best.close_enough or self.clock.is_up()):
+            order = candidates.promising(self.best.better())
+            if len(order) == 0:
+                for i in range(len(self.goals)):
+                    self._prove(i)
+                if self.best.path is not None or not candidates.draw_more():
+                    return
+                continue
+            if len(order) > 1 and not candidates.ranked:
+                lattices = self._schedule(candidates.ends[0])
+                candidates.rank(lattices.to_go(RANKING_CELLS, forward=False))
+                continue
+            k = int(order[0])
+            if self.best.path is not None or candidates.estimates[k] == np.inf:
+                self._prove(int(candidates.of[k]))
+                if not self.best.better()[candidates.of[k]]:
+                    continue
+            left = self.clock.seconds_left()
+            if self.best.path is not None:
+                left *= 1.0 - POLISHING_SHARE
+                if left <= 0.01 * limit:
+                    return
+            if candidates.attempts[k] == 0.0 and self._try(k):
+                continue
+            share = FIRST_SHARE * limit * 2.0 ** min(candidates.attempts[k], 20.0)
+            counted = self._max_rounds is not None
+            self._plan(k, left if counted or (len(order) == 1 and self.best.path is None) else min(left, share))
+            if candidates.attempts[k] >= MAX_ATTEMPTS and (counted or self.best.path is not None):
+                candidates.attempts[k] = np.inf
+
+    def _prove(self, i: int) -> None:
+        """Prove a lower bound for a goal, with the obstacles, unless that takes too long or is done."""
+        bound, goal = self.model.bound, self.goals[i]
+        if self._proven[i] or bound is None or goal.configuration is None:
+            return
+        pose, most = np.array(goal.configuration), self.best.cost - goal.cost
+        if bound.seconds(self.start, pose, most) < PROOF_SHARE * self.clock.seconds_left():
+            self._proven[i] = True
+            self.best.bounds[i] = max(self.best.bounds[i], bound.of(self.start, pose, most).cost + goal.cost)
+
+    def _plan(self, k: int, seconds: float = np.inf, *, known: FloatArray | None = None, gap: float = np.inf) -> None:
+        """Plan to a configuration, until there is a path, or by default to the first one that there is."""
+        i, end = int(self.candidates.of[k]), self.candidates.ends[k]
+        self.candidates.attempts[k] += 1
+        result = self._answer(end, i, seconds, known, gap)
+        if self.goals[i].configuration is not None:
+            bound = np.inf if result.status == "infeasible" else (result.lower_bound or 0.0) + self.best.charges[i]
+            self.best.bounds[i] = max(self.best.bounds[i], bound)
+        if result.status != "timeout":
+            self.candidates.attempts[k] = np.inf
+        if result.path is not None:
+            self.best.settle(vertices_of(self.motion, result.path), i, end)
+        elif self.best.nearest is None:
+            self.best.nearest = result.nearest
+
+    def _answer(self, end: FloatArray, i: int, seconds: float, known: FloatArray | None, gap: float) -> PlanResult:
+        """Return the answer to the query for one configuration, and note how its paths got better."""
+        offset = perf_counter() - self.clock.begin
+        seconds = max(min(seconds, self.clock.seconds_left()), 1e-3)
+        result = answer_query(
+            self.model,
+            self.start,
+            end,
+            seconds,
+            max_rounds=self._max_rounds,
+            on_progress=None if self._on_progress is None else lambda state: self.best.report(state, i, offset),
+            stop=self.clock.stop,
+            gap=gap,
+            known=known,
+        )
+        self.best.build += result.time["build"] or 0.0
+        for at, cost in result.history:
+            self.best.note(offset + at, cost + self.best.charges[i])
+        return result
+
+    def polish(self) -> None:
+        """Improve the best path, and those to other goals that are about as good, until proven or the time is up."""
+        contenders = sorted(self.best.found, key=lambda i: self.best.found[i][0] + self.best.charges[i])
+        for done, i in enumerate(contenders):
+            cost, states = self.best.found[i]
+            if len(states) < 2 or cost + self.best.charges[i] > CONTENDER * self.best.cost or not self.best.better()[i]:
+                continue
+            if self.best.close_enough or self.clock.is_up():
+                return
+            self._prove(i)
+            end = self.best.end_of(i, states)
+            seconds = self.clock.seconds_left() / (len(contenders) - done if done else 2 if len(contenders) > 1 else 1)
+            if len(states) == 2 and self.goals[i].configuration is None:
+                continue
+            result = self._answer(end, i, seconds, states, self.best.gap)
+            if self.goals[i].configuration is not None and result.lower_bound is not None:
+                self.best.bounds[i] = max(self.best.bounds[i], result.lower_bound + self.best.charges[i])
+            if result.path is not None:
+                self.best.settle(vertices_of(self.motion, result.path), i, end)

@@ -1,0 +1,206 @@
+"""Paths to goals: the best of several, exact at their ends, bounded over all of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+
+from trailmark import Goal, LandmarkPlanner, PlanProgress, PlanResult, Rectangle, Robot, World
+from trailmark.benchmark.referee import Referee
+from trailmark.errors import ConfigurationError
+from trailmark.se2 import FloatArray
+
+START = np.array([1.0, 1.0, 0.3])
+ROBOTS = {
+    "rectangle": Robot.rectangle(0.6, 0.4),
+    "disc": Robot.disc(0.25),
+    "offset": Robot.polygon(np.array([[-0.1, -0.2], [0.7, -0.2], [0.7, 0.2], [-0.1, 0.2]])),
+    "car": Robot.rectangle(0.6, 0.4).steered(0.5),
+}
+WALLS = (
+    Rectangle((5.0, 4.0), 0.2, 6.0),
+    Rectangle((8.0, 7.0), 0.2, 6.0),
+    Rectangle((3.0, 8.0), 2.0, 0.3, 0.4),
+    Rectangle((7.0, 2.0), 1.0, 1.0, 0.7),
+)
+
+
+def room(robot: str = "rectangle", *more: Rectangle) -> World:
+    return World("room", (0.0, 0.0, 10.0, 10.0), (*WALLS, *more), ROBOTS[robot])
+
+
+def box(x: float, y: float, half: float) -> list[tuple[float, float]]:
+    return [(x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half)]
+
+
+def closed(x: float, y: float, half: float) -> list[Rectangle]:
+    """Return four walls around a place."""
+    side = 2.0 * half + 0.2
+    return [
+        Rectangle((x, y - half), side, 0.1),
+        Rectangle((x, y + half), side, 0.1),
+        Rectangle((x - half, y), 0.1, side),
+        Rectangle((x + half, y), 0.1, side),
+    ]
+
+
+def plan(world: World, *goals: Goal, seconds: float = 1.0, start: FloatArray = START) -> PlanResult:
+    """Return an answer whose claims were looked at by code that planning does not use."""
+    result = LandmarkPlanner(world, seed=3).plan(start, goals, seconds)
+    if result.path is None:
+        return result
+    assert world.robot is not None
+    assert result.goal is not None
+    goal, states = goals[result.goal.index], result.path.states
+    assert goal.contains(states[-1])
+    assert result.goal.pose == tuple(states[-1])
+    assert result.goal.cost == goal.cost
+    assert result.lower_bound is not None
+    assert result.cost is not None
+    assert result.cost == pytest.approx(result.path.cost + goal.cost, abs=1e-12)
+    assert result.lower_bound <= result.cost * (1 + 1e-9)
+    assert [cost for _, cost in result.history] == sorted({cost for _, cost in result.history}, reverse=True)
+    assert result.history[-1][1] >= result.cost - 1e-9
+    if len(states) > 1 and world.robot.turning_radius is None:
+        assert Referee(world, world.robot).fault(states, states[0], states[-1]) is None
+    assert np.array_equal(states[0], start)
+    return result
+
+
+GOALS = {
+    "tolerance": Goal((8.5, 2.0, 1.0), position_tolerance=0.4, heading_tolerance=0.5),
+    "position": Goal((8.5, 2.0, 1.0), position_tolerance=0.4),
+    "across half a turn": Goal((8.5, 2.0, 3.0), heading_tolerance=0.5),
+    "half a turn": Goal((8.5, 2.0, 3.0), heading_tolerance=pi),
+    "free heading": Goal((8.5, 2.0)),
+    "region": Goal(region=box(8.5, 3.0, 0.7)),
+    "region with heading": Goal(region=box(8.5, 3.0, 0.7), heading=1.5, heading_tolerance=0.2),
+    "mostly blocked": Goal(region=box(5.0, 4.0, 0.45)),
+    "partly outside": Goal(region=[(9.0, 1.0), (14.0, 1.0), (14.0, 3.0), (9.0, 3.0)]),
+}
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("name", GOALS)
+def test_a_path_ends_within_its_goal(robot: str, name: str) -> None:
+    goal, world = GOALS[name], room(robot)
+    result = plan(world, goal, seconds=0.5)
+    assert result.status == "solved"
+    # It costs no more than planning to where one would guess.
+    if goal.pose is not None:
+        guess = np.array([*goal.pose, START[2]])[:3]
+        other = LandmarkPlanner(world, seed=3).plan(START, guess, 0.5)
+        assert other.cost is not None
+        assert result.cost is not None
+        assert result.cost <= 1.02 * other.cost
+
+
+def test_the_heading_that_takes_no_turning_is_chosen() -> None:
+    result = plan(World("empty", (0, 0, 10, 10), (), ROBOTS["rectangle"]), Goal((8.0, 5.0)))
+    assert result.path is not None
+    assert result.path.rotation == 0.0
+    assert result.cost == pytest.approx(np.hypot(7.0, 4.0))
+    assert result.lower_bound == pytest.approx(result.cost)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_start_inside_is_a_path_of_one_state(robot: str) -> None:
+    goal = Goal(region=box(1.0, 1.0, 0.5), cost=0.25)
+    result = plan(room(robot), goal, Goal((8.5, 2.0, 1.0)))
+    assert result.path is not None
+    assert len(result.path.states) == 1
+    assert result.cost == result.lower_bound == 0.25
+    # A dearer place to stay than to go somewhere else.
+    result = plan(room(robot), replace(goal, cost=1.0), Goal((1.3, 1.1, 0.3)))
+    assert result.goal is not None
+    assert result.goal.index == 1
+
+
+def test_zero_tolerance_is_a_pose() -> None:
+    world, pose = room(), (8.5, 2.0, 1.0)
+    result = plan(world, Goal(pose, position_tolerance=0.0, heading_tolerance=0.0))
+    assert result.path is not None
+    assert tuple(result.path.states[-1]) == pose
+    other = LandmarkPlanner(world, seed=3).plan(START, pose)
+    assert result.cost == pytest.approx(other.cost, rel=0.02)
+    assert other.goal is None
+
+
+def test_the_best_goal_is_chosen_as_by_planning_to_each() -> None:
+    rng = np.random.default_rng(11)
+    world = room()
+    planner = LandmarkPlanner(world, seed=1)
+    wrong = 0
+    for _ in range(6):
+        poses = rng.uniform([0.5, 0.5, -pi], [9.5, 9.5, pi], (40, 3))
+        poses = poses[planner.checker.valid(poses)][:8]
+        goals = [Goal(tuple(q), cost=float(rng.choice([0.0, 2.0]))) for q in poses]
+        result = plan(world, *goals, seconds=1.0)
+        each = [planner.plan(START, q, 0.3) for q in poses]
+        costs = [np.inf if r.cost is None else r.cost + g.cost for r, g in zip(each, goals, strict=True)]
+        bounds = [(r.lower_bound or np.inf) + g.cost for r, g in zip(each, goals, strict=True)]
+        assert result.cost is not None
+        assert result.lower_bound is not None
+        assert result.lower_bound <= min(costs) * (1 + 1e-9)
+        assert result.cost >= min(bounds) * (1 - 1e-9)
+        wrong += result.cost > 1.02 * min(costs)
+    assert wrong == 0
+
+
+def test_equal_goals_and_costs() -> None:
+    goal = Goal((8.5, 2.0, 1.0))
+    result = plan(room(), goal, goal, goal, seconds=0.5)
+    assert result.status == "solved"
+    far = plan(room(), replace(goal, cost=50.0), Goal((9.0, 9.0, 0.0)), seconds=0.5)
+    assert far.goal is not None
+    assert far.goal.index == 1
+
+
+def test_a_hundred_goals_of_which_one_can_be_reached() -> None:
+    world = room("rectangle", *closed(2.5, 4.0, 1.2))
+    rng = np.random.default_rng(2)
+    inside = rng.uniform([1.8, 3.3, -pi], [3.2, 4.7, pi], (99, 3))
+    goals = [*(Goal(tuple(q)) for q in inside), Goal((9.0, 9.0, 0.0))]
+    result = plan(world, *goals)
+    assert result.goal is not None
+    assert result.goal.index == 99
+    assert result.time["first_solution"] is not None
+
+
+def test_it_is_infeasible_only_if_each_goal_is() -> None:
+    world = room("rectangle", *closed(2.5, 4.0, 1.2))
+    blocked = [Goal((2.5, 4.0, 0.0)), Goal((2.3, 4.1, 1.0)), Goal((5.0, 4.0, 0.0))]
+    result = plan(world, *blocked)
+    assert result.status == "infeasible"
+    assert result.lower_bound is None
+    assert plan(world, *blocked, Goal((9.0, 9.0, 0.0))).status == "solved"
+
+
+def test_goals_that_are_not_valid_are_left_out_or_refused() -> None:
+    world, wall, free = room(), (5.0, 4.0, 0.0), (8.5, 2.0, 1.0)
+    result = plan(world, Goal(wall), Goal((20.0, 2.0, 0.0)), Goal(free), seconds=0.5)
+    assert result.goal is not None
+    assert result.goal.index == 2
+    planner = LandmarkPlanner(world, seed=0)
+    with pytest.raises(ConfigurationError, match=r"^goal \(5, 4, 0\) is not valid"):
+        planner.plan(START, Goal(wall))
+    with pytest.raises(ConfigurationError, match=r"^goal\[0\] \(5, 4, 0\) is not"):
+        planner.plan(START, [Goal(wall), Goal((20.0, 2.0, 0.0))])
+    with pytest.raises(ConfigurationError, match=r"^start \(5, 4, 0\) is not valid"):
+        planner.plan(wall, Goal(free))
+    with pytest.raises(ConfigurationError, match=r"goal\[1\]: expected Goal, got"):
+        planner.plan(START, [Goal(free), free])  # type: ignore[arg-type]  # that is the point
+
+
+def test_progress_tells_of_ever_better_paths() -> None:
+    world, told = room(), list[PlanProgress]()
+    goals = [Goal((8.5, 2.0, 1.0)), Goal(region=box(8.5, 8.0, 0.5)), Goal((3.0, 6.0), cost=3.0)]
+    result = LandmarkPlanner(world, seed=0).plan(START, goals, 0.5, on_progress=told.append)
+    costs = [state.cost for state in told if state.cost is not None]
+    assert costs
+    assert costs == sorted(costs, reverse=True)
+    assert result.cost is not None
+    assert costs[-1] >= result.cost - 1e-9
