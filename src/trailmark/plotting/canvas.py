@@ -53,7 +53,8 @@ _LEGEND = [
     "edge, certified",
     "edge, not checked",
 ]
-_LEGEND += ["obstacle", "C-obstacle at every heading", "outside"]
+_LEGEND += ["obstacle", "C-obstacle at every heading", "outside", "keep-out zone", "one-way zone"]
+_LEGEND += ["avoid (cost zone)", "prefer (cost zone)", "speed zone"]
 
 
 def view(world: World) -> tuple[float, float, float, float]:

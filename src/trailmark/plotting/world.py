@@ -34,6 +34,7 @@ from trailmark.plotting.canvas import (
     view,
     write,
 )
+from trailmark.plotting.zones import draw_zones
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,7 +53,7 @@ _SHOWN_QUERIES, _NAMED_QUERIES = 12, 6
 
 
 def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
-    """Draw obstacles, what lies outside, and the margin that the robot's reference point cannot enter.
+    """Draw obstacles, zones, what lies outside, and the margin that the robot's reference point cannot enter.
 
     The margin is the obstacles and walls grown by :attr:`Robot.reference_radius`: no heading is valid there, so
     no landmark and no path ever touches it. Sets limits and an equal aspect.
@@ -69,6 +70,7 @@ def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
     fill(axes, [shapely.box(*window).difference(inside)], OUTSIDE, 2.0, edgecolor=HATCH, hatch="////", label="outside")
     fill(axes, [inside], "none", 2.5, edgecolor=OBSTACLE, linewidth=1.0)
     set_limits(axes, world)
+    draw_zones(axes, world.zones)
     for motion in filter(None, world.moving):
         _draw_motion(axes, motion)
 
