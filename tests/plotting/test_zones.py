@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -30,7 +31,7 @@ ZONES: tuple[Zone, ...] = (
 
 def test_zones_are_drawn_where_they_are() -> None:
     figure = Figure(figsize=(8.0, 5.0), dpi=100)
-    canvas = FigureCanvasAgg(figure)
+    canvas: Any = FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     draw_world(axes, World("w", (0.0, 0.0, 16.0, 10.0), zones=ZONES))
     canvas.draw()

@@ -11,7 +11,7 @@ import shapely
 from matplotlib.colors import to_hex, to_rgb
 
 from trailmark.plotting.canvas import COLLISION, TEXT, fill, points_per_metre
-from trailmark.zones import CostZone, OneWayZone, SpeedZone, Zone
+from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +34,7 @@ def draw_zones(axes: Axes, zones: Sequence[Zone]) -> None:
     """Draw zones, on axes whose limits are set, as far as they are in the picture."""
     (xmin, xmax), (ymin, ymax) = axes.get_xlim(), axes.get_ylim()
     window = shapely.box(xmin, ymin, xmax, ymax)
-    noted = sorted((zone for zone in zones if zone.kind != "keep-out"), key=lambda zone: -zone.region.area)[:NOTED]
+    noted = sorted(zones, key=lambda zone: -zone.region.area)[:NOTED]
     for zone in zones:
         region = zone.region.shapely().intersection(window)
         if region.area == 0.0:
@@ -42,20 +42,20 @@ def draw_zones(axes: Axes, zones: Sequence[Zone]) -> None:
         if isinstance(zone, CostZone):
             colour = AVOID if zone.factor >= 1.0 else PREFER
             strength = FAINT + (STRONG - FAINT) * min(1.0, abs(math.log10(zone.factor)))
-            tint = to_hex(1.0 - strength * (1.0 - np.array(to_rgb(colour))))
+            red, green, blue = 1.0 - strength * (1.0 - np.array(to_rgb(colour)))
             name = "avoid (cost zone)" if zone.factor >= 1.0 else "prefer (cost zone)"
-            fill(axes, [region], tint, 1.1, edgecolor=colour, linewidth=0.8, label=name)
+            fill(axes, [region], to_hex((red, green, blue)), 1.1, edgecolor=colour, linewidth=0.8, label=name)
         elif isinstance(zone, SpeedZone):
             fill(axes, [region], SPEED + "55", 1.2, edgecolor="#b3a800", linewidth=0.8, label="speed zone")
         elif isinstance(zone, OneWayZone):
             fill(axes, [region], ONE_WAY + "44", 1.3, edgecolor=ONE_WAY, linewidth=0.8, label="one-way zone")
         else:
             fill(axes, [region], "none", 1.7, edgecolor=COLLISION, hatch="xxx", linewidth=1.0, label="keep-out zone")
-        if any(zone is other for other in noted):
+        if not isinstance(zone, KeepOutZone) and any(zone is other for other in noted):
             _note(axes, zone, region)
 
 
-def _note(axes: Axes, zone: Zone, region: shapely.Geometry) -> None:
+def _note(axes: Axes, zone: CostZone | OneWayZone | SpeedZone, region: shapely.Geometry) -> None:
     """Write a zone's factor or limit in its middle, or draw its direction, where there is room."""
     middle = region.centroid if region.contains(region.centroid) else region.representative_point()
     x, y = middle.x, middle.y
