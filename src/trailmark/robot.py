@@ -14,6 +14,7 @@ from trailmark import se2
 from trailmark.arguments import brief, number, one_of, real
 from trailmark.errors import ShapeError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape, shape_of
+from trailmark.shown import Shown
 
 __all__ = ["TURNING_LIMIT", "Robot"]
 
@@ -25,7 +26,7 @@ MAX_CLEARANCE = 1e7
 
 
 @dataclass(frozen=True)
-class Robot:
+class Robot(Shown):
     """A robot: its footprint in its own frame, whose origin is the reference point that a configuration places.
 
     Attributes:

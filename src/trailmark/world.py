@@ -25,6 +25,7 @@ from trailmark.moving import Moving
 from trailmark.query import Query
 from trailmark.robot import Robot
 from trailmark.shapes import Polygon, Shape, shape_of, shapes_of
+from trailmark.shown import Shown
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 __all__ = ["BOUNDS_LIMIT", "ObstacleEstimate", "Query", "RiskBound", "Robot", "World"]
@@ -37,7 +38,7 @@ _AROUND_OBSTACLES = ("bounds", "boundary", "zones")
 
 
 @dataclass(frozen=True)
-class World:
+class World(Shown):
     """A planar world: free space lies inside ``bounds`` and ``boundary`` and outside all obstacles.
 
     Attributes:

@@ -18,10 +18,10 @@ from trailmark.errors import OutputError
 from trailmark.landmarks.executions import Execution, execute_paper, execute_se2
 from trailmark.path import Path
 from trailmark.plotting import landmarks, save_landmarks_figure
-from trailmark.plotting.canvas import GOAL, LANDMARK, PATH, START
 from trailmark.plotting.world import regions_of
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Disc, Polygon, Rectangle
+from trailmark.sketch.colours import GOAL, LANDMARK, PATH, START
 from trailmark.world import Query, Robot, World
 
 ROBOT = Robot.disc(0.4)

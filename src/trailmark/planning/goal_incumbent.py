@@ -148,7 +148,8 @@ class GoalIncumbent:
         found = self.model.verification.result(incumbent, status, path, self.model.shared.roadmap, self.build)
         goal = None if path is None else ReachedGoal(self._index, _three(path.states[-1]), self.goals[self._index].cost)
         lower_bound = bound if np.isfinite(bound) else None
-        return replace(found, lower_bound=lower_bound, goal=goal, nearest=self.nearest if path is None else None)
+        nearest = self.nearest if path is None else None
+        return replace(found, lower_bound=lower_bound, goal=goal, nearest=nearest, target=tuple(self.goals))
 
 
 def _three(q: FloatArray) -> tuple[float, float, float]:

@@ -8,6 +8,8 @@ from typing import Any, Literal
 from trailmark.curves import CurvePath
 from trailmark.goals import ReachedGoal
 from trailmark.path import Path
+from trailmark.shown import Shown
+from trailmark.world import Robot, World
 
 __all__ = ["PlanProgress", "PlanResult", "ReplanResult", "Status"]
 
@@ -36,7 +38,7 @@ class PlanProgress:
 
 
 @dataclass(frozen=True)
-class PlanResult:
+class PlanResult(Shown):
     """The answer to one query.
 
     Attributes:
@@ -58,6 +60,10 @@ class PlanResult:
             be relaxed.
         clearance_bound: if it may be: no path keeps more, metres, which is proven; else None.
         goal: which of its goals the path ends at, where there were goals (:class:`~trailmark.Goal`); else None.
+        world: what was planned in; results compare without it, and without what follows.
+        robot: what was planned for.
+        start: configuration (x, y, theta).
+        target: where it was to go: a configuration, or goals.
     """
 
     status: Status
@@ -74,6 +80,19 @@ class PlanResult:
     clearance: float = 0.0
     clearance_bound: float | None = None
     goal: ReachedGoal | None = None
+    world: World | None = field(default=None, repr=False, compare=False)
+    robot: Robot | None = field(default=None, repr=False, compare=False)
+    start: tuple[float, float, float] | None = field(default=None, repr=False, compare=False)
+    target: Any = field(default=None, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        facts = [str(self.status), *([] if self.path is None else [repr(self.path)])]
+        if self.cost is not None and self.lower_bound:
+            facts.append(f"at most {100.0 * (self.cost / self.lower_bound - 1.0):.2g} % above the optimum")
+        for name, unit in (("first_solution", "first path after"), ("total", "in all")):
+            seconds = self.time.get(name)
+            facts += [] if seconds is None else [f"{unit} {seconds:.3g} s"]
+        return f"{type(self).__name__}({', '.join(facts)})"
 
     @property
     def cost(self) -> float | None:
@@ -110,7 +129,7 @@ class PlanResult:
         }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ReplanResult(PlanResult):
     """The answer to a query for which there was a path.
 

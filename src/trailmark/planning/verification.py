@@ -118,6 +118,10 @@ class Verification:
                 "first_solution": incumbent.history[0][0] if incumbent.history else None,
                 "total": perf_counter() - incumbent.begin,
             },
+            world=self.world,
+            robot=self.robot,
+            start=tuple(incumbent.start.tolist()),
+            target=tuple(incumbent.goal.tolist()),
         )
 
     def least_clearance(self, vertices: FloatArray, known: float = np.inf) -> tuple[float, int]:

@@ -7,20 +7,12 @@ write it whole or not at all. No pyplot, hence no global state and no display. C
 
 from trailmark.plotting.animation import Frame, save_animation
 from trailmark.plotting.audit import draw_audit, save_audit_figure
-from trailmark.plotting.canvas import (
-    EDGE,
-    GOAL,
-    LANDMARK,
-    MARGIN,
-    OBSTACLE,
-    PATH,
-    PICTURE_SUFFIXES,
-    START,
-)
+from trailmark.plotting.canvas import PICTURE_SUFFIXES
 from trailmark.plotting.landmarks import save_landmarks_figure
 from trailmark.plotting.plan import draw_plan, save_plan_figure
 from trailmark.plotting.progress import draw_progress
 from trailmark.plotting.world import draw_world, save_world_figure
+from trailmark.sketch.colours import EDGE, GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START
 
 __all__ = [
     "EDGE",

@@ -13,8 +13,9 @@ from matplotlib.collections import PolyCollection
 
 from trailmark import se2
 from trailmark.errors import OutputError
-from trailmark.plotting.canvas import GOAL, PATH, TEXT, figure_of, picture_of
+from trailmark.plotting.canvas import figure_of, picture_of
 from trailmark.plotting.world import draw_end, draw_world
+from trailmark.sketch.colours import GOAL, PATH, TEXT
 
 if TYPE_CHECKING:
     from trailmark.path import Path

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +15,13 @@ import shapely
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
-from matplotlib.ticker import MaxNLocator
 
 from trailmark import se2
 from trailmark.errors import OutputError
+from trailmark.plotting.ticks import label_metres
+from trailmark.sketch.colours import (
+    TEXT,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,18 +30,11 @@ if TYPE_CHECKING:
 
 __all__ = [
     *("DPI", "LONG_SIDE", "PICTURE_SUFFIXES"),
-    *("BODY", "CANDIDATE", "COLLISION", "EDGE", "GOAL", "HATCH", "LANDMARK"),
-    *("MARGIN", "OBSTACLE", "OUTSIDE", "PATH", "REPAIRED", "START", "TEXT"),
     *("annotate", "draw_legend", "draw_lines", "figure_of", "fill", "picture_of", "points_per_metre", "set_limits"),
     *("tidy", "view", "write"),
 ]
 
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
-
-OBSTACLE, MARGIN, OUTSIDE, HATCH, TEXT = "#3f4249", "#c9ccd2", "#eceef1", "#b4b9c2", "#55585f"
-START, GOAL, PATH, BODY, LANDMARK = "#009e73", "#d55e00", "#0072b2", "#d8e9f4", "#9c4a79"
-COLLISION, REPAIRED = "#c1121f", "#cc79a7"
-EDGE, CANDIDATE = "#dca6c5", "#ecdde5"  # tints of Okabe & Ito's purple: the roadmap is the path's background
 
 LONG_SIDE = 7.5  # inches of the axes
 DPI = 160
@@ -68,28 +65,30 @@ def set_limits(axes: Axes, world: World, *, labels: bool = True) -> None:
     """Let axes show the world, with an equal aspect and, if ``labels``, the names of x and y."""
     xmin, ymin, xmax, ymax = view(world)
     axes.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal")
-    if labels:
-        axes.set(xlabel="x [m]", ylabel="y [m]")
+    for axis, name, low, high in zip((axes.xaxis, axes.yaxis), "xy", world.bounds[:2], world.bounds[2:], strict=True):
+        label_metres(axis, name, low, high)
+        if not labels and axis.get_label_text() == f"{name} [m]":
+            axis.set_label_text("")
 
 
-def tidy(axes: Axes, font_size: float, ticks: int) -> None:
-    """Draw axes without a frame, with small grey tick labels at round values, ``ticks`` intervals at most."""
+def tidy(axes: Axes, font_size: float) -> None:
+    """Draw axes without a frame, with small grey tick labels."""
     axes.tick_params(labelsize=font_size, color=TEXT, labelcolor=TEXT)
     axes.spines[:].set_visible(False)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
 
 
-def figure_of(world: World) -> tuple[Figure, Axes]:
-    """Return a figure with one pair of axes that fit the world's shape."""
+def figure_of(world: World, new_figure: Callable[..., Figure] = Figure) -> tuple[Figure, Axes]:
+    """Return a figure with one pair of axes that fit the world's shape; ``new_figure`` makes it, as ``Figure`` does."""
     xmin, ymin, xmax, ymax = view(world)
-    scale = LONG_SIDE / max(xmax - xmin, ymax - ymin)
+    ratio = max((xmax - xmin) / (ymax - ymin), (ymax - ymin) / (xmax - xmin))
+    # Long and thin worlds are drawn larger.
+    scale = LONG_SIDE * min(1.5, max(1.0, math.sqrt(0.4 * ratio))) / max(xmax - xmin, ymax - ymin)
     width, height = max(0.8, (xmax - xmin) * scale), max(0.8, (ymax - ymin) * scale)
     left, bottom, right, top = 0.7, 0.6, 0.2, 0.6
     whole = left + width + right, bottom + height + top
-    figure = Figure(figsize=whole, dpi=DPI, facecolor="white")
+    figure = new_figure(figsize=whole, facecolor="white", **({"dpi": DPI} if new_figure is Figure else {}))
     axes = figure.add_axes((left / whole[0], bottom / whole[1], width / whole[0], height / whole[1]))
-    tidy(axes, 8, 8)
+    tidy(axes, 8)
     return figure, axes
 
 
@@ -100,7 +99,8 @@ def annotate(figure: Figure, axes: Axes, title: str, facts: str) -> None:
         (facts, 6, {"fontsize": 9, "color": TEXT}),
     ]
     for text, up, style in lines:
-        short = text if len(text) <= 90 else text[:89] + "…"
+        room = max(48, int(axes.bbox.width * 72.0 / figure.dpi / (0.6 * style["fontsize"])))
+        short = text if len(text) <= room else text[: room - 1] + "…"
         note = axes.annotate(short, (0.0, 1.0), xytext=(0, up), xycoords="axes fraction", textcoords="offset points")
         note.set(va="bottom", ha="left", parse_math=False, **style)
     artists, labels = axes.get_legend_handles_labels()
@@ -154,7 +154,7 @@ def draw_lines(axes: Axes, lines: se2.FloatArray, colour: str, width: float, zor
     cells = np.floor(scale / 12.0 * (lines[:, 0] + steps * (lines[:, 1] - lines[:, 0])))
     room = 144.0 * len(np.unique(cells @ [1.0, 1e4]))  # square points: what the lines touch, in cells of 12 points
     codes = np.tile(np.array([Outline.MOVETO, Outline.LINETO], dtype=Outline.code_type), len(lines))
-    thin = min(width, max(0.06, 0.7 * room / max(ink, 1e-9)))
+    thin = min(width, max(0.05, 0.4 * room / max(ink, 1e-9)))
     axes.add_artist(
         PathPatch(Outline(lines.reshape(-1, 2), codes), fill=False, edgecolor=colour, linewidth=thin, zorder=zorder)
     )

@@ -14,22 +14,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 
-from trailmark.plotting.canvas import (
-    DPI,
-    HATCH,
-    LANDMARK,
-    OUTSIDE,
-    START,
-    TEXT,
-    fill,
-    picture_of,
-    set_limits,
-    tidy,
-    view,
-    write,
-)
+from trailmark.plotting.canvas import DPI, fill, picture_of, set_limits, tidy, view, write
 from trailmark.plotting.plan import draw_plan
 from trailmark.plotting.world import draw_end, draw_goal, regions_of
+from trailmark.sketch.colours import HATCH, LANDMARK, OUTSIDE, START, TEXT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -218,7 +206,7 @@ def _grid(world: World, panels: int) -> tuple[Figure, list[Axes]]:
         if i >= panels:
             axes.remove()
             continue
-        tidy(axes, 7, 5)
+        tidy(axes, 7)
     return figure, list(grid.flat[:panels])
 
 

@@ -14,14 +14,6 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
 from trailmark.plotting.canvas import (
-    GOAL,
-    HATCH,
-    LANDMARK,
-    MARGIN,
-    OBSTACLE,
-    OUTSIDE,
-    PATH,
-    START,
     annotate,
     draw_legend,
     figure_of,
@@ -34,6 +26,7 @@ from trailmark.plotting.canvas import (
 )
 from trailmark.plotting.world import draw_end
 from trailmark.shapes import Disc
+from trailmark.sketch.colours import GOAL, HATCH, LANDMARK, MARGIN, OBSTACLE, OUTSIDE, PATH, START
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,25 +12,13 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 
 from trailmark import se2
-from trailmark.curves import CurvePath
 from trailmark.goals import goals_of
-from trailmark.plotting.canvas import (
-    BODY,
-    CANDIDATE,
-    EDGE,
-    GOAL,
-    LANDMARK,
-    PATH,
-    START,
-    annotate,
-    draw_lines,
-    figure_of,
-    picture_of,
-    points_per_metre,
-    write,
-)
+from trailmark.layers import ALL, Layers
+from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, points_per_metre, write
 from trailmark.plotting.progress import add_progress
 from trailmark.plotting.world import draw_end, draw_goal, draw_world
+from trailmark.sketch.colours import BODY, CANDIDATE, EDGE, GOAL, LANDMARK, PATH, START
+from trailmark.sketch.scene import plan_facts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,6 +33,10 @@ if TYPE_CHECKING:
 __all__ = ["draw_plan", "save_plan_figure"]
 
 
+_MANY_LANDMARKS = 2_000
+"""From here on ticks along their headings would be noise."""
+
+
 def draw_plan(
     axes: Axes,
     robot: Robot,
@@ -52,6 +44,7 @@ def draw_plan(
     roadmap: Roadmap | None = None,
     start: ArrayLike | None = None,
     goal: ArrayLike | tuple[Goal, ...] | None = None,
+    layers: Layers = ALL,
 ) -> None:
     """Draw a roadmap, a path with the robot along it, and the two ends, on axes whose limits are set.
 
@@ -62,11 +55,15 @@ def draw_plan(
         roadmap: edges thin, certified ones stronger; landmarks with a tick along the heading (none for a disc).
         start: configuration, shape (3,); default: the path's first state.
         goal: configuration, shape (3,), or goals; default: the path's last state.
+        layers: what to show.
     """
     if roadmap is not None and len(roadmap.configurations):
-        _draw_roadmap(axes, robot, roadmap)
+        _draw_roadmap(axes, robot, roadmap, layers)
     if path is not None:
-        _draw_path(axes, robot, path)
+        _draw_path(axes, robot, path, layers)
+    if not layers.ends:
+        return
+    if path is not None:
         start = path.states[0] if start is None else start
     goals = goals_of(goal)
     if goals is not None:
@@ -89,6 +86,7 @@ def save_plan_figure(
     start: ArrayLike | None = None,
     goal: ArrayLike | tuple[Goal, ...] | None = None,
     query: str | None = None,
+    layers: Layers = ALL,
 ) -> None:
     """Write a picture of a plan, with its cost over time; without a path it shows the roadmap, which tells why.
 
@@ -101,29 +99,21 @@ def save_plan_figure(
         start: configuration, shape (3,).
         goal: configuration, shape (3,), or goals.
         query: its name, for the title.
+        layers: what to show.
 
     Raises:
         OutputError: another suffix, a file that cannot be written, or one that the world was read from.
     """
     figure, axes = figure_of(world)
-    draw_world(axes, world, robot)
-    draw_plan(axes, robot, result.path, roadmap, start, goal)
-    seconds = f"{result.time.get('total', math.nan):.3g} s"
-    if result.path is not None:
-        path = result.path
-        facts = f"cost {path.cost:.4g} = {path.length:.4g} m + {se2.ROTATION_WEIGHT:g} × {path.rotation:.3g} rad"
-        if isinstance(path, CurvePath):
-            facts = f"{path.length:.4g} m, {path.cusps} changes of direction"
-        facts = f"{facts} · {seconds} · {robot.describe()}"
-    else:
-        why = "no path exists (proven)" if result.status == "infeasible" else f"no path found in {seconds}"
-        facts = f"{why} · {robot.describe()}"
-    annotate(figure, axes, world.name if query is None else f"{world.name} · {query}", facts)
-    add_progress(figure, axes, result.history, result.time.get("total") or 0.0, result.lower_bound)
+    draw_world(axes, world, robot, layers)
+    draw_plan(axes, robot, result.path, roadmap, start, goal, layers)
+    annotate(figure, axes, world.name if query is None else f"{world.name} · {query}", plan_facts(result, robot))
+    if layers.progress:
+        add_progress(figure, axes, result.history, result.time.get("total") or 0.0, result.lower_bound)
     write(figure, picture_of(world, file))
 
 
-def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:
+def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap, layers: Layers) -> None:
     from trailmark.collision.kernels import BLOCKED
 
     at, status = roadmap.configurations, roadmap.status
@@ -133,25 +123,31 @@ def _draw_roadmap(axes: Axes, robot: Robot, roadmap: Roadmap) -> None:
         (roadmap.certified, (EDGE, 0.8, 3.0), "edge, certified"),
     ):
         edges = roadmap.edges[chosen]
-        if len(edges):
+        if layers.edges and len(edges):
             draw_lines(axes, roadmap.motion.lines(at[edges[:, 0]], at[edges[:, 1]]), *style)
             axes.plot([], [], color=style[0], lw=1.5, label=label)
+    if not layers.landmarks:
+        return
     axes.plot([], [], "o", ms=3.0, mew=0, color=LANDMARK, label="landmark")
     size = min(3.0, max(0.8, 3.0 * math.sqrt(400 / len(at))))
     axes.plot(*at[:, :2].T, "o", ms=size, mew=0, color=LANDMARK, zorder=4.0)
-    if robot.sweep_radius > 0.0 or robot.turning_radius is not None:
+    crowded = len(at) > _MANY_LANDMARKS
+    if not crowded and (robot.sweep_radius > 0.0 or robot.turning_radius is not None):
         tick = 2.2 * size / points_per_metre(axes)
         tips = at[:, :2] + tick * np.column_stack([np.cos(at[:, 2]), np.sin(at[:, 2])])
         draw_lines(axes, np.stack([at[:, :2], tips], axis=1), LANDMARK, 0.3 * size, 4.0)
 
 
-def _draw_path(axes: Axes, robot: Robot, path: Path) -> None:
+def _draw_path(axes: Axes, robot: Robot, path: Path, layers: Layers) -> None:
     # By cost, so that the robot also shows where it turns in place; some dozens at most.
     n = min(48, max(8, math.ceil(path.cost / (2.0 * robot.circumradius)))) + 1
     shown = se2.transform(path.at(np.linspace(0.0, 1.0, n)), robot.outline.vertices)
     robots = PolyCollection(list(shown), facecolors=(*to_rgb(BODY), 0.7), edgecolors=PATH)
     robots.set(linewidths=0.6, zorder=5.0, label="robot along the path")
-    axes.add_collection(robots, autolim=False)
+    if layers.footprints:
+        axes.add_collection(robots, autolim=False)
+    if not layers.path:
+        return
     xy = path.states[:, :2]
     axes.plot(*xy.T, color="white", lw=3.6, alpha=0.9, zorder=6.0, solid_joinstyle="round")
     axes.plot(*xy.T, color=PATH, lw=2.0, zorder=6.1, solid_joinstyle="round", label="path")

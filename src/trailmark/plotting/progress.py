@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import MaxNLocator, NullLocator
 
-from trailmark.plotting.canvas import PATH, TEXT
+from trailmark.sketch.colours import PATH, TEXT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

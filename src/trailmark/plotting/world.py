@@ -11,20 +11,15 @@ import numpy as np
 import shapely
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
+from matplotlib.image import AxesImage
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.layers import ALL, Layers
 from trailmark.plotting.canvas import (
     DPI,
-    GOAL,
-    HATCH,
     LONG_SIDE,
-    MARGIN,
-    OBSTACLE,
-    OUTSIDE,
-    PATH,
-    START,
-    TEXT,
     annotate,
     figure_of,
     fill,
@@ -35,6 +30,9 @@ from trailmark.plotting.canvas import (
     write,
 )
 from trailmark.plotting.zones import draw_zones
+from trailmark.sketch.colours import GOAL, HATCH, MARGIN, OBSTACLE, OUTSIDE, PATH, START, TEXT
+from trailmark.sketch.frame import inside_of
+from trailmark.sketch.scene import world_facts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,16 +41,17 @@ if TYPE_CHECKING:
     from trailmark.moving import Moving
     from trailmark.world import Robot, World
 
-__all__ = ["draw_end", "draw_goal", "draw_world", "regions_of", "save_world_figure"]
+__all__ = ["draw_end", "draw_goal", "draw_queries", "draw_world", "regions_of", "save_world_figure"]
 
 Regions = NDArray[Any]
 """Polygons, shape (n,)."""
 
 _MANY_VERTICES = 20_000
 _SHOWN_QUERIES, _NAMED_QUERIES = 12, 6
+_CLEARANCE_CELLS = 400  # along the world's longer side
 
 
-def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
+def draw_world(axes: Axes, world: World, robot: Robot | None = None, layers: Layers = ALL) -> None:
     """Draw obstacles, zones, what lies outside, and the margin that the robot's reference point cannot enter.
 
     The margin is the obstacles and walls grown by :attr:`Robot.reference_radius`: no heading is valid there, so
@@ -62,17 +61,42 @@ def draw_world(axes: Axes, world: World, robot: Robot | None = None) -> None:
         axes: what to draw on; one unit is a metre.
         world: the world; curves in it are drawn to half a pixel.
         robot: whose margin to draw; none without it.
+        layers: what to show.
     """
-    window = view(world)
-    solid, margin, inside = regions_of(world, robot)
-    fill(axes, margin, MARGIN, 1.0, label="C-obstacle at every heading")
-    fill(axes, solid, OBSTACLE, 1.5, label="obstacle")
-    fill(axes, [shapely.box(*window).difference(inside)], OUTSIDE, 2.0, edgecolor=HATCH, hatch="////", label="outside")
-    fill(axes, [inside], "none", 2.5, edgecolor=OBSTACLE, linewidth=1.0)
     set_limits(axes, world)
-    draw_zones(axes, world.zones)
-    for motion in filter(None, world.moving):
-        _draw_motion(axes, motion)
+    solid, margin, inside = regions_of(world, robot if layers.margin else None)
+    fill(axes, margin, MARGIN, 1.0, label="C-obstacle at every heading")
+    if layers.clearance:
+        _draw_clearance(axes, world)
+    if layers.obstacles:
+        fill(axes, solid, OBSTACLE, 1.5, label="obstacle")
+        for motion in filter(None, world.moving):
+            _draw_motion(axes, motion)
+    if layers.zones:
+        draw_zones(axes, world.zones)
+    if layers.outside:
+        beyond = shapely.box(*view(world)).difference(inside)
+        fill(axes, [beyond], OUTSIDE, 2.0, edgecolor=HATCH, hatch="////", label="outside")
+    fill(axes, [inside], "none", 2.5, edgecolor=OBSTACLE, linewidth=1.0)
+
+
+def _draw_clearance(axes: Axes, world: World) -> None:
+    """Shade free space by the distance to the nearest obstacle, with contours at round distances."""
+    from trailmark.collision.field import build_field
+    from trailmark.collision.obstacles import build_grid
+
+    size = max(world.bounds[2] - world.bounds[0], world.bounds[3] - world.bounds[1]) / _CLEARANCE_CELLS
+    field = build_field(build_grid(world, size))
+    rows, columns = field.distance.shape
+    x, y = field.x0 + size * (np.arange(columns) + 0.5), field.y0 + size * (np.arange(rows) + 0.5)
+    ends = (field.x0, field.x0 + size * columns, field.y0, field.y0 + size * rows)
+    # Not by axes.imshow, which sets limits and aspect anew.
+    image = AxesImage(axes, cmap="YlGnBu_r", origin="lower", extent=ends, alpha=0.55, zorder=0.5)
+    image.set_data(field.distance)
+    axes.add_image(image)
+    levels = MaxNLocator(nbins=6, steps=[1, 2, 5, 10]).tick_values(0.0, float(field.distance.max()))[1:]
+    lines = axes.contour(x, y, field.distance, levels=levels, colors=[TEXT], linewidths=0.6, zorder=0.6)
+    axes.clabel(lines, fontsize=7, fmt=lambda metres: f"{metres:g} m")
 
 
 def _draw_motion(axes: Axes, motion: Moving) -> None:
@@ -90,9 +114,7 @@ def regions_of(world: World, robot: Robot | None) -> tuple[Regions, Regions, sha
     Curves are right to half a pixel. The margin is empty without a robot.
     """
     pixel = world.extent / (LONG_SIDE * DPI)
-    inside = shapely.box(*world.bounds)
-    if world.boundary is not None:
-        inside = inside.intersection(world.boundary.shapely())
+    inside = inside_of(world)
     solid = np.array([shape.polygon(pixel / 8).shapely() for shape in world.obstacles], dtype=object)
     if shapely.get_num_coordinates(solid).sum() > _MANY_VERTICES:
         solid = shapely.simplify(solid, pixel / 2)
@@ -113,6 +135,13 @@ def save_world_figure(file: str | FilePath, world: World) -> None:
     """
     figure, axes = figure_of(world)
     draw_world(axes, world, world.robot)
+    draw_queries(axes, world)
+    annotate(figure, axes, world.name, world_facts(world))
+    write(figure, picture_of(world, file))
+
+
+def draw_queries(axes: Axes, world: World) -> None:
+    """Draw the first of a world's queries, with their names if they are few."""
     shown = world.queries[:_SHOWN_QUERIES]
     for query in shown:
         start = np.array(query.start)
@@ -125,13 +154,6 @@ def save_world_figure(file: str | FilePath, world: World) -> None:
             note = axes.annotate(query.name, query.start[:2], xytext=(6, 6), textcoords="offset points", zorder=9.0)
             note.set(fontsize=8, color=TEXT, parse_math=False)
             note.set_bbox({"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.8})
-    facts = [f"{world.bounds[2] - world.bounds[0]:g} × {world.bounds[3] - world.bounds[1]:g} m"]
-    facts.append(f"{len(world.obstacles):,} obstacle{'' if len(world.obstacles) == 1 else 's'}")
-    facts.append(f"{len(world.queries):,} quer{'y' if len(world.queries) == 1 else 'ies'}")
-    facts[-1] += f", {len(shown)} shown" if len(shown) < len(world.queries) else ""
-    facts.append(world.robot.describe() if world.robot else "no robot")
-    annotate(figure, axes, world.name, " · ".join(facts))
-    write(figure, picture_of(world, file))
 
 
 def draw_goal(axes: Axes, robot: Robot | None, goal: Goal, start: se2.FloatArray) -> None:

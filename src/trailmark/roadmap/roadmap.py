@@ -16,6 +16,7 @@ from trailmark.nearest import Forest
 from trailmark.roadmap.insertion import append_edges, insert_edges, insert_nodes
 from trailmark.roadmap.search import UNBOUNDED, FoundPath, Search, only, search, search_between, without_repetitions
 from trailmark.roadmap.store import EdgeStatus, Store, require_nodes
+from trailmark.shown import Shown
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -43,7 +44,7 @@ class _Content(NamedTuple):
     consistent: bool
 
 
-class Roadmap:
+class Roadmap(Shown):
     """Nodes are valid configurations, edges are motions between near ones, each checked at most once.
 
     Edges of a car that moves forwards only lead from their first node to their second; all others lead both ways.

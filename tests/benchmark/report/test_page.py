@@ -13,9 +13,9 @@ from tests.benchmark.report.made_results import GOAL, START, random_results, run
 
 from trailmark.benchmark.report import html_report, load_results, markdown_report
 from trailmark.benchmark.report.figures import panels
-from trailmark.benchmark.report.svg import Scale, points
 from trailmark.benchmark.report.tables import Table
 from trailmark.benchmark.report.worlds import scene_of
+from trailmark.sketch.svg import Scale, points
 
 PLANNERS = ["landmark", "PRM", "PRM+certified", "native:PRM", "RRTstar", "RRTstar+certified", "RRTConnect"]
 VOID = {"meta", "link", "br", "wbr"}

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.benchmark.report.palette import Style
-from trailmark.benchmark.report.svg import Scale, drawing, element, points, text, text_width
+from trailmark.sketch.svg import Scale, drawing, element, points, text, text_width
 
 __all__ = ["WIDTH", "BoxRow", "ShareRow", "box_chart", "legend_mark", "legend_marks", "share_chart"]
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from trailmark.benchmark.report.charts import WIDTH
 from trailmark.benchmark.report.curves import CostCurve
 from trailmark.benchmark.report.palette import Style
-from trailmark.benchmark.report.svg import Scale, coordinate, drawing, element, points, text, text_width
+from trailmark.sketch.svg import Scale, coordinate, drawing, element, points, text, text_width
 
 __all__ = ["CostLine", "EcdfLine", "cost_chart", "ecdf_chart"]
 

@@ -1,0 +1,14 @@
+"""Colours of all pictures: Okabe & Ito's ("Color Universal Design", 2008), which colour-blind readers tell apart."""
+
+# Tested by tests/plotting/test_plotting.py.
+from __future__ import annotations
+
+__all__ = [
+    *("BODY", "CANDIDATE", "COLLISION", "EDGE", "GOAL", "HATCH", "LANDMARK", "MARGIN", "OBSTACLE", "OUTSIDE"),
+    *("PATH", "REPAIRED", "START", "TEXT"),
+]
+
+OBSTACLE, MARGIN, OUTSIDE, HATCH, TEXT = "#3f4249", "#c9ccd2", "#eceef1", "#b4b9c2", "#55585f"
+START, GOAL, PATH, BODY, LANDMARK = "#009e73", "#d55e00", "#0072b2", "#d8e9f4", "#9c4a79"
+COLLISION, REPAIRED = "#c1121f", "#cc79a7"
+EDGE, CANDIDATE = "#dca6c5", "#ecdde5"  # tints of Okabe & Ito's purple: the roadmap is the path's background

@@ -1,0 +1,42 @@
+"""Which layers a picture shows, in Python and in the shell."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, fields
+
+import pytest
+
+from trailmark.errors import ConfigurationError
+from trailmark.layers import ALL, Layers
+
+
+def test_names_change_the_default() -> None:
+    assert Layers.of({}) == ALL
+    shown = Layers.of({"margin": False, "clearance": True})
+    assert shown.clearance
+    assert not shown.margin
+    assert shown.obstacles
+
+
+def test_a_list_shows_nothing_else() -> None:
+    shown = asdict(Layers.parse("obstacles, path"))
+    assert {name for name, value in shown.items() if value} == {"obstacles", "path"}
+
+
+@pytest.mark.parametrize("text", ["", "pth", "path,,ends", "all"])
+def test_unknown_names_are_refused(text: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"^layers: expected clearance, edges, .*got "):
+        Layers.parse(text)
+
+
+def test_values_are_truths() -> None:
+    with pytest.raises(ConfigurationError, match="layers: path: expected True or False, got 'no'"):
+        Layers.of({"path": "no"})  # type: ignore[dict-item]  # what the test is about
+    with pytest.raises(ConfigurationError, match=r"did you mean 'path'\?"):
+        Layers.of({"pth": True})
+
+
+def test_every_layer_is_described() -> None:
+    documented = re.findall(r"^        (\w+): ", Layers.__doc__ or "", re.MULTILINE)
+    assert documented == [field.name for field in fields(Layers)]
