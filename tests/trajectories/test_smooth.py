@@ -10,6 +10,7 @@ from tests.support.trajectories import assert_within_limits
 from trailmark import ConfigurationError, CurvePath, Path, Polygon, Rectangle, Robot, StateChecker, Steering, World, se2
 from trailmark.benchmark.referee import Referee
 from trailmark.trajectories import SmoothPath
+from trailmark.zones import OneWayZone
 
 BOX = Rectangle((5.0, 5.0), 2.0, 2.0)
 WORLD = World(name="box", bounds=(0.0, 0.0, 10.0, 10.0), obstacles=(BOX,))
@@ -130,6 +131,15 @@ def test_curvature_is_bounded() -> None:
     assert smooth.max_curvature <= 2.0
     assert len(smooth.stops) == 0
     assert len(AROUND.smooth(WORLD, ROBOT, max_curvature=1e-3).stops) == 1
+
+
+def test_directions_of_one_way_zones_are_kept() -> None:
+    corners = np.array([[5.0, -1.0], [8.0, -1.0], [8.0, 2.0], [5.0, 2.0]])
+    path = path_of((0.0, 0.0, 0.0), (6.5, 0.0, 0.0), (6.5, 9.0, 0.0))
+    for heading, tolerance, stops in ((0.0, 1.6, 0), (math.pi / 4.0, 0.8, 0), (0.0, 1.5, 1), (math.pi, 1.6, 1)):
+        zone = OneWayZone(Polygon(corners), heading, tolerance)
+        world = World(name="one-way", bounds=OPEN.bounds, zones=(zone,))
+        assert len(path.smooth(world, ROBOT).stops) == stops, (heading, tolerance)
 
 
 @pytest.mark.parametrize("reverse", [True, False])

@@ -44,8 +44,24 @@ from trailmark.cli.options import (
     robot_of,
     steered,
 )
+from trailmark.cli.plan_trajectory import (
+    AnimateOption,
+    MaxAccelerationOption,
+    MaxSpeedOption,
+    MaxTurnAccelerationOption,
+    MaxTurnRateOption,
+    SmoothOption,
+    StepOption,
+    TrajectoryOption,
+    read_step,
+    read_timing,
+    smoothed,
+    trajectory_rows,
+    with_step,
+)
 
 if TYPE_CHECKING:
+    from trailmark.path import Path as TrailPath
     from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
     from trailmark.world import World
 
@@ -105,6 +121,14 @@ def plan(
     ] = None,
     frame_id: FrameOption = "map",
     plot: PlotOption = None,
+    smooth: SmoothOption = False,
+    step: StepOption = None,
+    trajectory: TrajectoryOption = None,
+    animate: AnimateOption = None,
+    max_speed: MaxSpeedOption = None,
+    max_acceleration: MaxAccelerationOption = None,
+    max_turn_rate: MaxTurnRateOption = None,
+    max_turn_acceleration: MaxTurnAccelerationOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a path, and write, draw or print it.
@@ -128,11 +152,16 @@ def plan(
     ends = _given_ends(query, start, goal)
     path_file, frame = output_file(output, path_files.SUFFIXES), read_frame(frame_id)
     picture = output_file(plot, PICTURE_SUFFIXES)
+    spacing = read_step(step, path_file)
+    timing = read_timing(trajectory, animate, max_speed, max_acceleration, max_turn_rate, max_turn_acceleration)
+    outputs = (path_file, picture, timing.table, timing.animation)
+    if smooth and probability is not None:
+        raise UsageError(f"expected --smooth or --confidence, got both (--confidence {confidence!r})")
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
         loaded = with_masks(load_world(world), keepout, speed_mask)
-        protect_inputs(loaded.sources, path_file, picture)
+        protect_inputs(loaded.sources, *outputs)
         body = steered(robot_of(loaded, given), radius, forward_only)
         if probability is None:
             loaded = grown_for(loaded, body)
@@ -144,7 +173,7 @@ def plan(
 
         chosen = PlannerSettings() if settings is None else PlannerSettings.load(settings)
         if settings is not None:
-            protect_inputs((Path(settings),), path_file, picture)
+            protect_inputs((Path(settings),), *outputs)
 
         def follow(state: PlanProgress) -> None:
             progress.phase = state.phase
@@ -168,15 +197,18 @@ def plan(
             answer = plan_at_confidence(loaded, body, probability, solve, limit, number)
             loaded, planner, result, risk = answer
 
-        record = result.to_dict(world=loaded.name, query=name)
-        if risk is not None:
-            record["risk"] = risk
+        extras: dict[str, Any] = {} if risk is None else {"risk": risk}
+        if smooth:
+            result, found = smoothed(result, loaded, body)
+            extras |= found
+        record = result.to_dict(world=loaded.name, query=name) | extras
         record["settings"] = chosen.to_dict()
         record["time"]["load"] = loading
         record["time"]["total"] += loading
         progress.stage("writing")
-        written = []
-        if path_file is not None and _write_path(path_file, result, record, frame):
+        written, found = timing.write(result, loaded, body, frame)
+        record |= found
+        if path_file is not None and _write_path(path_file, with_step(result.path, spacing), record, frame):
             written.append(path_file)
         if picture is not None:
             from trailmark.plotting import save_plan_figure
@@ -210,13 +242,13 @@ def _ends_of(world: World, name: str | None) -> tuple[str, Configuration, Config
     return query.name, query.start, query.pose()
 
 
-def _write_path(file: Path, result: PlanResult, record: dict[str, Any], frame: str) -> bool:
+def _write_path(file: Path, path: TrailPath | None, record: dict[str, Any], frame: str) -> bool:
     """Write the path, or without one the JSON record that says so; return whether a file was written."""
     from trailmark.formats.files import write_atomically
     from trailmark.formats.path_files import write_path
 
-    if result.path is not None:
-        write_path(file, result.path, record, frame)
+    if path is not None:
+        write_path(file, path, record, frame)
     elif file.suffix.lower() == ".json" and not file.name.lower().endswith(".nav2.json"):
         write_atomically(file, console.json_text(record) + "\n")
     else:
@@ -241,6 +273,7 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
             ("length", f"{record['length']:.4f} m"),
             ("rotation", f"{record['rotation']:.4f} rad ({math.degrees(record['rotation']):.0f}°)"),
             *_curve_rows(result),
+            *trajectory_rows(record),
             ("clearance", f"{record['min_clearance']:.4f} m at its least{_kept(result)}"),
             ("first path", f"cost {record['first_cost']:.4f} after {seconds['first_solution']:.3f} s"),
         ]

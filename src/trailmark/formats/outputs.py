@@ -102,7 +102,8 @@ def _own(kind: str, head: bytes, tail: bytes) -> bool:
     if kind == ".json":
         return _own_json(text, whole=not tail)
     if kind == ".csv":
-        return "".join(text.split("\n", 1)[0].split()) == "x,y,theta" or "," not in text
+        header = "".join(text.split("\n", 1)[0].split())
+        return header == "x,y,theta" or header.startswith("t[s],x[m],") or "," not in text
     if kind in (".path", ".txt"):
         lines = text.split("\n")
         return all(_NUMBERS.fullmatch(line) for line in (lines[:-1] if tail else lines))

@@ -11,6 +11,7 @@ from trailmark.plotting.canvas import PICTURE_SUFFIXES
 from trailmark.plotting.landmarks import save_landmarks_figure
 from trailmark.plotting.plan import draw_plan, save_plan_figure
 from trailmark.plotting.progress import draw_progress
+from trailmark.plotting.trajectory import save_trajectory_animation
 from trailmark.plotting.world import draw_world, save_world_figure
 from trailmark.sketch.colours import EDGE, GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START
 
@@ -32,5 +33,6 @@ __all__ = [
     "save_audit_figure",
     "save_landmarks_figure",
     "save_plan_figure",
+    "save_trajectory_animation",
     "save_world_figure",
 ]

@@ -19,6 +19,7 @@ from trailmark.collision import StateChecker
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
 from trailmark.trajectories.certificate import certified
+from trailmark.trajectories.one_way import one_way_respected
 from trailmark.trajectories.pieces import Pieces, joined, straight
 
 __all__ = ["rounded"]
@@ -134,5 +135,6 @@ def _free(checker: StateChecker, pieces: Pieces, known: dict[bytes, bool]) -> ND
     a, b = asked.start[lines], asked.ends()[lines]
     answer[lines] = checker.motions_valid(a, b) & (np.abs(b - a)[:, 2] <= np.pi)
     answer[~lines] = certified(checker, asked.take(~lines))
+    answer &= one_way_respected(asked, checker.world.zones)
     known.update((keys[i], bool(free)) for i, free in zip(new, answer, strict=True))
     return np.array([known[key] for key in keys])

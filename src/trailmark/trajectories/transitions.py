@@ -20,6 +20,7 @@ from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.se2 import FloatArray
 from trailmark.trajectories.certificate import certified
+from trailmark.trajectories.one_way import one_way_respected
 from trailmark.trajectories.pieces import Pieces, pieces_of
 
 __all__ = ["with_transitions"]
@@ -175,7 +176,9 @@ def _not_free(
     """Return the lines with clothoids because of which pieces are not certified."""
     new = [row for row, causes in rows if row not in known and row[5] > 0.0 and any(i in lines for i in causes)]
     if new:
-        known.update(zip(new, certified(checker, _pieces(new)).tolist(), strict=True))
+        pieces = _pieces(new)
+        free = certified(checker, pieces) & one_way_respected(pieces, checker.world.zones)
+        known.update(zip(new, free.tolist(), strict=True))
     return {i for row, causes in rows if not known.get(row, True) for i in causes if i in lines}
 
 

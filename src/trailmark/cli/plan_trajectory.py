@@ -1,0 +1,188 @@
+"""What ``trailmark plan`` does with a path beyond writing it: smooth it, time it, and show the robot along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from trailmark.cli import console
+from trailmark.cli.options import UsageError, option, output_file, read_length, read_number
+
+if TYPE_CHECKING:
+    from trailmark.path import Path as TrailPath
+    from trailmark.planning import PlanResult
+    from trailmark.world import Robot, World
+
+__all__ = [
+    "AnimateOption",
+    "MaxAccelerationOption",
+    "MaxSpeedOption",
+    "MaxTurnAccelerationOption",
+    "MaxTurnRateOption",
+    "SmoothOption",
+    "StepOption",
+    "Timing",
+    "TrajectoryOption",
+    "read_step",
+    "read_timing",
+    "smoothed",
+    "trajectory_rows",
+    "with_step",
+]
+
+ANIMATION_SUFFIXES = (".gif", ".html")
+
+DEFAULT_SPEED, DEFAULT_ACCELERATION, DEFAULT_TURN_RATE = 1.0, 0.5, 1.0
+"""m/s, m/s² and rad/s: of a small mobile robot indoors."""
+
+PERIOD, MAX_ROWS = 0.1, 100_000
+"""Seconds between a trajectory's rows at most, unless there would be more than so many."""
+
+SPACING = 0.002
+"""Metres of cost between the states at which a smooth path's clearance is measured."""
+
+Text = str | None
+SmoothOption = Annotated[
+    bool, typer.Option("--smooth", help="Round the path's corners where there is room, certified; the rest are stops.")
+]
+StepOption = Annotated[Text, option("--step", "METRES", "Rows of the path that is written at most so far apart.")]
+TrajectoryOption = Annotated[
+    Text,
+    option(
+        "--trajectory",
+        "FILE",
+        "Write the fastest trajectory: .csv (time, configuration, velocity), nav_msgs/Trajectory (.yaml, .nav2.json).",
+    ),
+]
+AnimateOption = Annotated[
+    Text, option("--animate", "FILE", "Write the robot along the trajectory: .gif, or .html with a slider.")
+]
+MaxSpeedOption = Annotated[
+    Text, option("--max-speed", "M/S", f"Of the trajectory's reference point; default: {DEFAULT_SPEED:g}.")
+]
+MaxAccelerationOption = Annotated[
+    Text, option("--max-acceleration", "M/S2", f"Likewise, in every direction; default: {DEFAULT_ACCELERATION:g}.")
+]
+MaxTurnRateOption = Annotated[
+    Text, option("--max-turn-rate", "RAD/S", f"Of the trajectory; default: {DEFAULT_TURN_RATE:g}.")
+]
+MaxTurnAccelerationOption = Annotated[
+    Text, option("--max-turn-acceleration", "RAD/S2", "Of the trajectory; default: turn rates change at once.")
+]
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What the options on trajectories say.
+
+    Attributes:
+        limits: maximum speed, acceleration, turn rate and, if limited, turn acceleration.
+        table: where the trajectory goes; None for nowhere.
+        animation: where the animation goes; None for nowhere.
+    """
+
+    limits: tuple[float, float, float, float | None]
+    table: Path | None
+    animation: Path | None
+
+    def write(self, result: PlanResult, world: World, robot: Robot, frame: str) -> tuple[list[Path], dict[str, Any]]:
+        """Write what was asked for; return the files, and what the record says of the trajectory."""
+        asked = [file for file in (self.table, self.animation) if file is not None]
+        if result.path is None:
+            for file in asked:
+                console.note(f"{file}: not written, for there is no path")
+            return [], {}
+        if not asked:
+            return [], {}
+        import numpy as np
+
+        trajectory = result.path.timed(*self.limits, zones=world.zones)
+        if self.table is not None:
+            from trailmark.formats.trajectory_files import write_trajectory
+
+            # Between the rows of the law, evenly spaced ones, for programs that join rows by straight lines.
+            count = min(MAX_ROWS, int(np.ceil(trajectory.duration / PERIOD)))
+            t = np.union1d(trajectory.t, np.linspace(0.0, trajectory.duration, count + 1))
+            write_trajectory(self.table, t, trajectory.at(t), trajectory.velocity(t), frame)
+        if self.animation is not None:
+            from trailmark.plotting import save_trajectory_animation
+
+            save_trajectory_animation(self.animation, trajectory, world, robot)
+        return asked, {"trajectory": {"duration": trajectory.duration, "rows": len(trajectory.t)}}
+
+
+def read_timing(
+    table: Text,
+    animation: Text,
+    speed: Text,
+    acceleration: Text,
+    turn_rate: Text,
+    turn_acceleration: Text,
+) -> Timing:
+    """Return what the options say.
+
+    Raises:
+        UsageError: limits that are not numbers above 0, or that nothing needs.
+        OutputError: files that cannot be written.
+    """
+    given = (
+        ("--max-speed", speed, DEFAULT_SPEED, "m/s"),
+        ("--max-acceleration", acceleration, DEFAULT_ACCELERATION, "m/s²"),
+        ("--max-turn-rate", turn_rate, DEFAULT_TURN_RATE, "rad/s"),
+        ("--max-turn-acceleration", turn_acceleration, None, "rad/s²"),
+    )
+    limits: list[Any] = []
+    for name, text, default, unit in given:
+        if text is not None and table is None and animation is None:
+            raise UsageError(f"{name} {text!r} given without a trajectory; expected --trajectory or --animate too")
+        expected = f"a finite number above 0 ({unit})"
+        limits.append(default if text is None else read_number(text, name, expected, above=0.0))
+    from trailmark.formats.trajectory_files import TRAJECTORY_SUFFIXES
+
+    files = output_file(table, TRAJECTORY_SUFFIXES), output_file(animation, ANIMATION_SUFFIXES)
+    return Timing((limits[0], limits[1], limits[2], limits[3]), *files)
+
+
+def read_step(text: Text, output: Path | None) -> float | None:
+    """Return the metres that ``--step`` gives; None for None.
+
+    Raises:
+        UsageError: no number above 0, or no file to which it applies.
+    """
+    if text is None:
+        return None
+    if output is None:
+        raise UsageError(f"--step {text!r} given without a path to write; expected --output too")
+    return read_length(text, "--step")
+
+
+def smoothed(result: PlanResult, world: World, robot: Robot) -> tuple[PlanResult, dict[str, Any]]:
+    """Return a result with its path smoothed, and what the record says of that."""
+    if result.path is None:
+        return result, {}
+    from trailmark.collision import StateChecker
+
+    checker = StateChecker(world, robot)
+    path = result.path.smooth(StateChecker(world, robot, clearance=result.clearance or None))
+    clearance = float(checker.clearance(path.resample(SPACING).states).min())
+    found = {"stops": path.stops.tolist(), "max_curvature": path.max_curvature}
+    return replace(result, path=path, min_clearance=clearance), {"smooth": found}
+
+
+def trajectory_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return what the summary says of a smooth path and of a trajectory."""
+    rows = []
+    if "smooth" in record:
+        stops, curvature = len(record["smooth"]["stops"]), record["smooth"]["max_curvature"]
+        rows.append(("smooth", f"curvature {curvature:.3g} /m at its most, {stops} stops on the way"))
+    if "trajectory" in record:
+        rows.append(("trajectory", f"{record['trajectory']['duration']:.2f} s"))
+    return rows
+
+
+def with_step(path: TrailPath | None, step: float | None) -> TrailPath | None:
+    """Return a path with rows at most a step (metres) apart, for writing."""
+    return path if path is None or step is None else path.resample(step)

@@ -1,0 +1,94 @@
+"""trailmark plan --smooth, --step, --trajectory and --animate, with a planner that answers at once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from trailmark import se2
+
+Shell = Callable[..., Any]
+
+
+def test_a_trajectory_is_written_and_told(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
+    file = tmp_path / "drive.csv"
+    limits = ["--max-speed", "0.5", "--max-acceleration", "0.3", "--max-turn-rate", "0.4"]
+    run = shell("plan", yard, "--trajectory", file, *limits, "--max-turn-acceleration", "1", "--json")
+    assert run.status == 0
+    record = json.loads(run.out)
+    rows = np.loadtxt(file, delimiter=",", skiprows=1)
+    assert rows[-1, 0] == pytest.approx(record["trajectory"]["duration"])
+    np.testing.assert_allclose(rows[[0, -1], 1:4], [record["states"][0], record["states"][-1]])
+    assert np.hypot(rows[:, 4], rows[:, 5]).max() <= 0.5 * (1.0 + 1e-9)
+    assert np.abs(rows[:, 6]).max() <= 0.4 * (1.0 + 1e-9)
+    assert np.diff(rows[:, 0]).max() <= 0.1 + 1e-9
+    assert "trajectory" in shell("plan", yard, "--trajectory", file).out
+
+
+def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    run = shell("plan", yard, "--smooth", "--json", "--output", tmp_path / "path.json")
+    assert run.status == 0
+    record = json.loads(run.out)
+    assert record["smooth"]["max_curvature"] >= 0.0
+    assert record["smooth"]["stops"] == []
+    assert json.loads((tmp_path / "path.json").read_text())["states"] == record["states"]
+    assert "stops on the way" in shell("plan", yard, "--smooth").out
+
+
+def test_rows_are_no_farther_apart_than_the_step(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
+    file = tmp_path / "path.csv"
+    assert shell("plan", yard, "--output", file, "--step", "0.05").status == 0
+    rows = np.loadtxt(file, delimiter=",", skiprows=1)
+    assert se2.distance(rows[:-1], rows[1:]).max() <= 0.05 + 1e-9
+
+
+@pytest.mark.parametrize("suffix", [".gif", ".html"])
+def test_the_robot_is_shown_along_its_path(shell: Shell, yard: Path, planner: Any, tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"drive{suffix}"
+    assert shell("plan", yard, "--animate", file, "--max-speed", "9", "--max-acceleration", "99").status == 0
+    assert file.stat().st_size > 1000
+
+
+def test_without_a_path_nothing_is_written(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
+    planner.status = "timeout"
+    file, picture = tmp_path / "drive.csv", tmp_path / "drive.gif"
+    run = shell("plan", yard, "--smooth", "--trajectory", file, "--animate", picture)
+    assert run.status == 3
+    assert list(tmp_path.glob("drive.*")) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--max-speed", "1"], "--max-speed '1' given without a trajectory; expected --trajectory or --animate too"),
+        (["--trajectory", "a.csv", "--max-speed", "0"], "expected a finite number above 0 (m/s), got --max-speed '0'"),
+        (["--trajectory", "a.csv", "--max-acceleration", "x"], "above 0 (m/s²), got --max-acceleration 'x'"),
+        (["--trajectory", "a.csv", "--max-turn-rate", "nan"], "above 0 (rad/s), got --max-turn-rate 'nan'"),
+        (["--trajectory", "a.csv", "--max-turn-acceleration", "inf"], "above 0 (rad/s²), got --max-turn-acc"),
+        (["--trajectory", "a.png"], "suffix"),
+        (["--animate", "a.mp4"], "suffix"),
+        (["--step", "0.1"], "--step '0.1' given without a path to write; expected --output too"),
+        (["--output", "a.csv", "--step", "0"], "expected a finite number of metres above 0, got --step '0'"),
+        (["--trajectory", "a.csv", "--output", "a.csv"], "two outputs name the file 'a.csv'"),
+        (["--smooth", "--confidence", "0.9"], "expected --smooth or --confidence, got both"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(
+    shell: Shell,
+    yard: Path,
+    planner: Any,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: list[str],
+    problem: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = shell("plan", yard, *words)
+    assert run.status == 2
+    assert problem in run.problem
+    assert not list(tmp_path.glob("a.*"))
