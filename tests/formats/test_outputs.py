@@ -55,6 +55,7 @@ FOREIGN = {
     "server.log": "12:00 started\n",
     "binary.csv": "\0\1\2",
     "nav2_params.yaml": "bt_navigator:\n  ros__parameters:\n    use_sim_time: True\n",
+    "flow.yaml": "# in one line\n{services: {web: {image: x}}}\n",
     "recorded.yaml": "header:\n  frame_id: map\nposes:\n- pose: 1\n",
     "recorded.nav2.json": '{"header": {"stamp": {"sec": 7, "nanosec": 0}, "frame_id": "map"}, "poses": []}',
     "graph.geojson": '{"type": "FeatureCollection", "features": []}',

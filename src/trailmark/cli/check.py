@@ -28,6 +28,7 @@ from trailmark.cli.options import (
     read_duration,
     read_robot,
     read_turning_radius,
+    robot_file,
     robot_of,
     steered,
 )
@@ -92,7 +93,7 @@ def check(
     picture, output = output_file(plot, PICTURE_SUFFIXES), output_file(repair, path_files.SUFFIXES)
     with console.progress("loading") as progress:
         loaded, file = with_masks(load_world(world), keepout, speed_mask), Path(path)
-        protect_inputs((*loaded.sources, file), picture, output)
+        protect_inputs((*loaded.sources, *robot_file(robot), file), picture, output)
         body = steered(robot_of(loaded, given), radius, forward_only)
         loaded = grown_for(loaded, body)
         found = read_any_path(file)

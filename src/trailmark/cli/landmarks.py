@@ -27,6 +27,7 @@ from trailmark.cli.options import (
     read_count,
     read_length,
     read_robot,
+    robot_file,
     robot_of,
 )
 
@@ -107,7 +108,7 @@ def landmarks(
     with console.progress("loading") as progress:
         begun = perf_counter()
         loaded = load_world(world)
-        protect_inputs(loaded.sources, picture)
+        protect_inputs((*loaded.sources, *robot_file(robot)), picture)
         body = robot_of(loaded, given)
         loaded = grown_for(loaded, body)
 

@@ -18,6 +18,7 @@ from trailmark.cli.options import (
     protect_inputs,
     read_count,
     read_robot,
+    robot_file,
 )
 
 __all__ = ["map_log"]
@@ -233,7 +234,9 @@ def map_log(
         from trailmark.formats.nav2_output import save_nav2_map
         from trailmark.formats.tum import write_tum
 
-        protect_inputs(log_files(log), world_file, picture, tum_file, g2o_file, nav2_file, image_file)
+        protect_inputs(
+            (*log_files(log), *robot_file(robot)), world_file, picture, tum_file, g2o_file, nav2_file, image_file
+        )
         if nav2_file is not None and nav2_file == world_file:
             raise UsageError(f"expected another file than --output for --nav2, got {nav2!r} twice")
         settings = settings_of(

@@ -40,6 +40,7 @@ __all__ = [
     "read_number",
     "read_robot",
     "read_turning_radius",
+    "robot_file",
     "robot_of",
     "steered",
 ]
@@ -202,7 +203,12 @@ def read_robot(text: str | None) -> Robot | None:
         return None
     from trailmark.robot import Robot
 
-    return Robot.load(text) if text.lower().endswith((".yaml", ".yml")) else Robot.parse(text)
+    return Robot.load(text) if robot_file(text) else Robot.parse(text)
+
+
+def robot_file(text: str | None) -> tuple[Path, ...]:
+    """Return the file that ``--robot`` names, if it names one."""
+    return (Path(text),) if text is not None and text.lower().endswith((".yaml", ".yml")) else ()
 
 
 def read_turning_radius(text: str | None) -> float | None:

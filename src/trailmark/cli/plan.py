@@ -41,6 +41,7 @@ from trailmark.cli.options import (
     read_number,
     read_robot,
     read_turning_radius,
+    robot_file,
     robot_of,
     steered,
 )
@@ -63,7 +64,7 @@ from trailmark.cli.plan_trajectory import (
 if TYPE_CHECKING:
     from trailmark.path import Path as TrailPath
     from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-    from trailmark.world import World
+    from trailmark.world import Robot, World
 
 __all__ = ["plan"]
 
@@ -116,7 +117,7 @@ def plan(
             "--output",
             "FILE",
             "Write the path: .json (the whole record), .csv, rows 'x y theta' (.path, .txt), nav_msgs/Path (.yaml, "
-            ".nav2.json), .geojson.",
+            ".nav2.json), .geojson, or a drawing to scale (.svg).",
         ),
     ] = None,
     frame_id: FrameOption = "map",
@@ -150,7 +151,7 @@ def plan(
     given = read_robot(robot)
     radius = read_turning_radius(turning_radius)
     ends = _given_ends(query, start, goal)
-    path_file, frame = output_file(output, path_files.SUFFIXES), read_frame(frame_id)
+    path_file, frame = output_file(output, (*path_files.SUFFIXES, ".svg")), read_frame(frame_id)
     picture = output_file(plot, PICTURE_SUFFIXES)
     spacing = read_step(step, path_file)
     timing = read_timing(trajectory, animate, max_speed, max_acceleration, max_turn_rate, max_turn_acceleration)
@@ -161,7 +162,7 @@ def plan(
     with console.progress("loading") as progress:
         begun = time.perf_counter()
         loaded = with_masks(load_world(world), keepout, speed_mask)
-        protect_inputs(loaded.sources, *outputs)
+        protect_inputs((*loaded.sources, *robot_file(robot)), *outputs)
         body = steered(robot_of(loaded, given), radius, forward_only)
         if probability is None:
             loaded = grown_for(loaded, body)
@@ -208,7 +209,8 @@ def plan(
         progress.stage("writing")
         written, found = timing.write(result, loaded, body, frame)
         record |= found
-        if path_file is not None and _write_path(path_file, with_step(result.path, spacing), record, frame):
+        shaped = with_step(result.path, spacing)
+        if path_file is not None and _write_path(path_file, shaped, record, frame, loaded, body):
             written.append(path_file)
         if picture is not None:
             from trailmark.plotting import save_plan_figure
@@ -242,12 +244,18 @@ def _ends_of(world: World, name: str | None) -> tuple[str, Configuration, Config
     return query.name, query.start, query.pose()
 
 
-def _write_path(file: Path, path: TrailPath | None, record: dict[str, Any], frame: str) -> bool:
+def _write_path(
+    file: Path, path: TrailPath | None, record: dict[str, Any], frame: str, world: World, robot: Robot
+) -> bool:
     """Write the path, or without one the JSON record that says so; return whether a file was written."""
     from trailmark.formats.files import write_atomically
     from trailmark.formats.path_files import write_path
 
-    if path is not None:
+    if path is not None and file.suffix.lower() == ".svg":
+        from trailmark.formats.svg import drawing_text
+
+        write_atomically(file, drawing_text(world, robot, path))
+    elif path is not None:
         write_path(file, path, record, frame)
     elif file.suffix.lower() == ".json" and not file.name.lower().endswith(".nav2.json"):
         write_atomically(file, console.json_text(record) + "\n")

@@ -27,6 +27,7 @@ from trailmark.cli.options import (
     read_frame,
     read_robot,
     read_turning_radius,
+    robot_file,
     robot_of,
     steered,
 )
@@ -69,7 +70,7 @@ def roadmap(
     with console.progress("loading") as progress:
         begun = perf_counter()
         loaded = with_masks(load_world(world), keepout, speed_mask)
-        protect_inputs(loaded.sources, file)
+        protect_inputs((*loaded.sources, *robot_file(robot)), file)
         body = steered(robot_of(loaded, given), radius, forward_only)
         loaded = grown_for(loaded, body)
 

@@ -20,6 +20,7 @@ from trailmark.cli.options import (
     output_file,
     protect_inputs,
     read_robot,
+    robot_file,
 )
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ def show(
     picture = output_file(plot, PICTURE_SUFFIXES)
     with console.progress("loading") as progress:
         loaded = with_masks(_load(world, robot), keepout, speed_mask)
-        protect_inputs(loaded.sources, picture)
+        protect_inputs((*loaded.sources, *robot_file(robot)), picture)
         if picture is not None:
             from trailmark.plotting import save_world_figure
 
@@ -108,7 +109,7 @@ def convert(
     assert file is not None  # noqa: S101  # only an option that is not given has none
     with console.progress("converting"):
         loaded = with_masks(_load(world, robot), keepout, speed_mask)
-        protect_inputs(loaded.sources, file)
+        protect_inputs((*loaded.sources, *robot_file(robot)), file)
         loaded.save(file)
     console.note(f"{file}: {len(loaded.obstacles):,} obstacles, {len(loaded.queries):,} queries")
 

@@ -29,7 +29,7 @@ MARKS = {
 _HEAD, _TAIL = 2**16, 2**12
 """Bytes at a file's beginning and end that are read."""
 
-_MAPPING = re.compile(r"^[\"']?[A-Za-z_][\w. -]*[\"']?[ \t]*:(?:[ \t]|\r?$)", re.MULTILINE)
+_MAPPING = re.compile(r"^(?:[\"']?[A-Za-z_][\w. -]*[\"']?[ \t]*:(?:[ \t]|\r?$)|[{[])", re.MULTILINE)
 _OWN_WORLD = re.compile(r"^trailmark[ \t]*:", re.MULTILINE)
 _NUMBERS = re.compile(r"(?:\s*|\s*#.*|\s*\S*\d\S*(?:\s+\S*\d\S*){2}\s*)")
 
