@@ -77,6 +77,11 @@ class Objective:
         metre = self.length + self.time / self.max_speed
         return self.direction_change * metre, (self.reverse - 1.0) * metre
 
+    @property
+    def charges_places(self) -> bool:
+        """Whether a metre is charged by more than its length, or by another weight than 1."""
+        return self.length != 1.0 or self.time > 0.0 or self.clearance > 0.0
+
     @classmethod
     def of(cls, given: Objective | str | None, **limits: float) -> Objective:
         """Return an objective by its name, or by weights such as ``length=1,clearance=3``; None is ``length``.

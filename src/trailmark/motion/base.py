@@ -41,6 +41,7 @@ __all__ = [
     "least_cost",
     "motions_free",
     "new_scratch",
+    "obeys_triangle",
 ]
 
 
@@ -144,6 +145,12 @@ def extra_along(kind: Any, scratch: Scratch, path: FloatArray, first: int, last:
     return total
 
 
+@by_type
+def obeys_triangle(kind: Any) -> bool:
+    """Return whether no motion costs more than two that lead to the same place."""
+    raise NotImplementedError
+
+
 @njit(cache=True, nogil=True)
 def costs(kind: Any, a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the costs (metres, shape (n,)) of the motions from a to b, each of shape (n, 3)."""
@@ -198,6 +205,7 @@ class Motion(ABC):
         candidates: nodes near in the embedding that are considered for each neighbour that is wanted.
         moves_anywhere: whether the robot may move in every direction, as a lattice's steps do.
         turns: whether the heading makes a difference to which configurations and motions are valid.
+        direct_is_best: whether nothing is cheaper than a motion that leads from start to goal.
     """
 
     kind: Any
@@ -205,6 +213,7 @@ class Motion(ABC):
     candidates: ClassVar[int] = 1
     moves_anywhere: ClassVar[bool] = True
     turns: ClassVar[bool] = True
+    direct_is_best: ClassVar[bool] = True
 
     def __init__(self, checker: StateChecker) -> None:
         self.checker = checker
@@ -231,9 +240,17 @@ class Motion(ABC):
         """Return the cost (metres) of a path's states, shape (n, 3)."""
         return float(self.costs(states[:-1], states[1:]).sum()) + self.extra_of(states)
 
+    def longest(self, costs: Any) -> Any:
+        """Return the length (metres) up to which motions of some costs may lead the reference point."""
+        return costs
+
     def extra_of(self, states: FloatArray) -> float:
         """Return what a path's states, shape (n, 3), cost beyond its motions one by one: :func:`extra`."""
         return 0.0
+
+    def cost_within(self, states: FloatArray) -> tuple[float, float]:
+        """Return the cost of a path's states, shape (n, 3), as it is reported, and a proven bound on its error."""
+        return self.cost_of(states), 0.0
 
     def motions_valid(self, a: ArrayLike, b: ArrayLike) -> NDArray[np.bool_]:
         """Return which motions are certified free of collision, ends included.

@@ -201,3 +201,9 @@ def word_extra(
 @njit(cache=True, nogil=True)
 def _extra_of(kind: Curve, states: FloatArray) -> float:
     return extra_along(kind, new_scratch(kind), states, 0, len(states) - 1)
+
+
+@variant_of(base.obeys_triangle, Curve)
+@njit(cache=True)
+def _obeys_triangle(kind: Curve) -> bool:
+    return True

@@ -29,6 +29,7 @@ __all__ = [
     "StraightMotion",
     "never_charged",
     "no_extra",
+    "shortest_anyway",
     "straight_certified",
     "straight_scratch",
     "sweep_radius",
@@ -144,3 +145,10 @@ def no_extra(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, gear: fl
 def never_charged(kind: Any) -> bool:
     """Return that motions in every direction cost nothing beyond their own cost."""
     return False
+
+
+@variant_of(base.obeys_triangle, Straight)
+@njit(cache=True)
+def shortest_anyway(kind: Any) -> bool:
+    """Return True: a straight motion is the shortest."""
+    return True

@@ -22,6 +22,7 @@ from trailmark.motion.straight import (
     StraightMotion,
     never_charged,
     no_extra,
+    shortest_anyway,
     straight_certified,
     straight_least_clearance,
     straight_scratch,
@@ -104,6 +105,7 @@ variant_of(base.least_clearance, Translation)(straight_least_clearance)
 variant_of(base.embedding_radius, Translation)(sweep_radius)
 variant_of(base.extra, Translation)(no_extra)
 variant_of(base.charged, Translation)(never_charged)
+variant_of(base.obeys_triangle, Translation)(shortest_anyway)
 
 
 @variant_of(base.cost, Translation)

@@ -11,7 +11,7 @@ import numpy as np
 from trailmark import se2
 from trailmark.collision.certify import BUDGET
 from trailmark.planning.incumbent import Incumbent
-from trailmark.planning.proofs import LowerBound
+from trailmark.planning.proofs import AnyBound
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shortening import shorten, without_needless
 from trailmark.roadmap.snapshot import RoadmapSnapshot
@@ -35,9 +35,7 @@ class BatchSolver:
         seed: of the shortening.
     """
 
-    def __init__(
-        self, snapshot: RoadmapSnapshot, bound: LowerBound | None, settings: PlannerSettings, seed: int
-    ) -> None:
+    def __init__(self, snapshot: RoadmapSnapshot, bound: AnyBound | None, settings: PlannerSettings, seed: int) -> None:
         self.snapshot, self.checker, self.motion = snapshot, snapshot.checker, snapshot.motion
         self.bound, self.settings, self.seed = bound, settings, seed
 
@@ -58,9 +56,10 @@ class BatchSolver:
         if first is None:
             return answer
         answer.offer(first)
-        if len(first) == 2:
-            # Nothing costs less than the direct motion.
+        if len(first) == 2 and motion.direct_is_best:
             return answer
+        if not motion.direct_is_best and motion.motions_between_valid(ends[:1], ends[1:])[0]:
+            answer.offer(ends)
         shortest = self.snapshot.find_path(ends[0], ends[1])
         rng = np.random.default_rng([self.seed, index])
 

@@ -69,7 +69,7 @@ class FollowedPath:
         """
         count = len(self.touched)
         pairs = np.column_stack([np.arange(count), np.arange(1, count + 1)]).astype(np.int32)
-        lengths = motion.costs(self.vertices[:-1], self.vertices[1:])
+        lengths = motion.longest(motion.costs(self.vertices[:-1], self.vertices[1:]))
         reach = float(motion.checker.robot.circumradius)
         touched = self.touched | edges_near(self.vertices, pairs, lengths, reach, added, ~self.touched)
         # What was removed may have been what was nearest.

@@ -85,7 +85,7 @@ def hybrid_astar(
     """
     deadline = Deadline.after(seconds)
     checker, radius = motions.checker, motions.radius
-    directions = np.array([-1.0 if reverse else 1.0] if motions.directed else [1.0, -1.0])
+    directions = np.array([-1.0 if reverse else 1.0] if not motions.checker.robot.reverse else [1.0, -1.0])
     m = len(sources)
     while True:
         q, parents, controls, to_go = _grow(

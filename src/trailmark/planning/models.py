@@ -84,7 +84,9 @@ class WorldModels:
             if model is None:
                 full = self._full
                 checker = StateChecker(self._stands, full.checker.robot, exact=full.checker.exact)
-                model = WorldModel(checker, np.random.default_rng(full.seed), full.seed, full.settings, 0)
+                model = WorldModel(
+                    checker, np.random.default_rng(full.seed), full.seed, full.settings, 0, full.objective
+                )
             elif model.checker.world is not self._stands:
                 model = model.edited(self._stands)[0]
             self._standing = model

@@ -71,7 +71,8 @@ class Placement:
 
     def widening(self) -> float:
         """Return how much longer than the relaxed shortest path the paths may be that better the best one."""
-        return max(0.02, self.query.incumbent.cost / max(self.band.shortest, 1e-9) - 1.0)
+        longest = float(self.query.motion.longest(self.query.incumbent.cost))
+        return max(0.02, longest / max(self.band.shortest, 1e-9) - 1.0)
 
     def search(self, roadmap: Roadmap, nodes: NDArray[np.int64], banned: NDArray[np.bool_] | None = None) -> None:
         """Offer a roadmap's shortest path between two nodes, shortened.

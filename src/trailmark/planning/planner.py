@@ -18,10 +18,11 @@ from trailmark.goals import Ends
 from trailmark.landmarks import Relaxation
 from trailmark.lock import Lock
 from trailmark.motion import Motion, kind_of
+from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.planning.many_queries import answer_queries
 from trailmark.planning.models import WorldModels
-from trailmark.planning.proofs import LowerBound
+from trailmark.planning.proofs import AnyBound
 from trailmark.planning.query import OnProgress
 from trailmark.planning.relaxed_clearance import answer_in_turn
 from trailmark.planning.replan_query import ReplanOptions, answer_replan
@@ -29,7 +30,7 @@ from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.single_query import GAP
 from trailmark.planning.updating import Update
-from trailmark.planning.warmup import warm_up, warm_up_moving, warm_up_queries
+from trailmark.planning.warmup import warm_up_for, warm_up_moving, warm_up_queries
 from trailmark.planning.world_model import WorldModel
 from trailmark.roadmap import Roadmap
 from trailmark.world import Robot, World
@@ -54,14 +55,13 @@ class LandmarkPlanner:
     paths are likely; valid configurations drawn there are clustered by K-means; the centres, repaired to valid
     configurations, join the roadmap as landmarks; a lazy search finds the shortest path of certified motions.
     While there is none, each round draws from a wider band and places more landmarks, in the end over all that
-    the robot might reach: a path that exists with some room is found with probability one as time goes on. Once
-    there is a path it is shortened; each round looks for another way around over a lattice and places more
-    landmarks where a better path might run, until the path settles or the time is up. A disc robot's shortest path
-    is computed instead (:func:`trailmark.planning.disc_path.disc_path`), where there is time for it.
+    the robot might reach: a path that exists with some room is found with probability one as time goes on. Then it is
+    shortened, and each round looks for another way around and places more landmarks, until the path settles or the time
+    is up. A disc's shortest path is computed instead (:mod:`trailmark.planning.disc_path`), if time allows.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
-    reverse (:mod:`trailmark.curves`); costs are the curves' lengths, a path is a :class:`trailmark.curves.CurvePath`.
-    It goes without lattices: in tight places short drives lead on (:mod:`trailmark.planning.hybrid_astar`).
+    reverse, a path is a :class:`trailmark.curves.CurvePath`. It goes without lattices: in tight places short drives
+    lead on (:mod:`trailmark.planning.hybrid_astar`).
 
     A planner can be pickled and copied: the copy knows what the planner knows, and goes on in the same way.
 
@@ -69,18 +69,17 @@ class LandmarkPlanner:
         world: obstacles and bounds.
         robot: footprint; the world's own robot if None.
         seed: the same seed gives the same paths, as long as no time limit cuts in; None draws one.
-        landmarks: landmarks spread over all free space before the first query; by default none, since every
-            query places its own.
+        landmarks: spread over all free space before the first query; by default none, every query places its own.
         clearance: metres that no configuration along a path comes nearer to anything than; the robot's own if None.
         relax: :meth:`plan` keeps as much of that as there is (:mod:`trailmark.planning.relaxed_clearance`).
         checker: one that is there already for this world and robot; without ``robot``, its robot counts.
         settings: numbers that a person may change; by default those that the benchmarks were run with.
-        warm: load the compiled kernels now (:func:`trailmark.planning.warmup.warm_up`), so that no query pays for it.
+        objective: what paths cost (:meth:`trailmark.Objective.of`); their length by default.
+        warm: load the compiled kernels now (:mod:`trailmark.planning.warmup`), so that no query pays for it.
 
     Raises:
         WorldError: neither ``robot`` nor ``world.robot`` is given.
-        ConfigurationError: ``landmarks`` below 1 or above MAX_LANDMARKS, a negative seed, a checker for another world
-            or robot; for arguments of another kind too.
+        ConfigurationError: an argument out of range or of another kind, a checker for another world or robot.
     """
 
     def __init__(
@@ -94,6 +93,7 @@ class LandmarkPlanner:
         relax: bool = False,
         checker: StateChecker | None = None,
         settings: PlannerSettings | None = None,
+        objective: Objective | str | None = None,
         warm: bool = True,
     ) -> None:
         landmarks = None if landmarks is None else whole(landmarks, "landmarks:", 1, MAX_LANDMARKS)
@@ -105,20 +105,22 @@ class LandmarkPlanner:
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
         self.settings = one_of(PlannerSettings() if settings is None else settings, PlannerSettings, "settings:")
         self._relax, self._warm = truth(relax, "relax:"), truth(warm, "warm:")
+        charges = Objective.of(objective)
         moving = robot if robot is not None else checker.robot if checker is not None else world.robot
         if self._warm and moving is not None:
-            warm_up(kind_of(one_of(moving, Robot, "robot:", error=WorldError)))
+            warm_up_for(one_of(moving, Robot, "robot:", error=WorldError), world, charges)
         begin = perf_counter()
         checker = StateChecker(world, robot, clearance=clearance) if checker is None else checker
         self._landmarks, rng = landmarks, np.random.default_rng(self.seed)
-        self._models = WorldModels(checker.world, WorldModel(checker, rng, self.seed, self.settings, landmarks or 0))
+        model = WorldModel(checker, rng, self.seed, self.settings, landmarks or 0, charges)
+        self._models = WorldModels(checker.world, model)
         self._updating = Lock()
         self._model.shared.build_seconds = perf_counter() - begin
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         if self._warm:
-            warm_up(kind_of(self.robot))
+            warm_up_for(self.robot, self.world, self._model.objective)
 
     @property
     def _model(self) -> WorldModel:
@@ -150,7 +152,7 @@ class LandmarkPlanner:
         return self._model.shared.roadmap
 
     @property
-    def bound(self) -> LowerBound:
+    def bound(self) -> AnyBound:
         """Proves lower bounds; what it computes is kept from query to query."""
         return self._model.bound
 

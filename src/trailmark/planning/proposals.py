@@ -16,6 +16,7 @@ from trailmark.motion.base import Scratch, cost, interpolate
 from trailmark.motion.curve import Curve
 from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
+from trailmark.motion.weighted import Weighted
 from trailmark.se2 import FloatArray
 
 __all__ = ["propose", "uniform"]
@@ -118,6 +119,22 @@ def _propose_curve(
     if attempt > 1:
         q[2] = wrapped(q[2] + (2.0 * uniform(seed) - 1.0) * min(1.0, scale / kind.radius))
     return True
+
+
+@variant_of(propose, Weighted)
+@njit(cache=True)
+def _propose_weighted(
+    kind: Weighted,
+    scratch: Scratch,
+    path: FloatArray,
+    i: int,
+    share: float,
+    attempt: int,
+    seed: NDArray[np.uint64],
+    scale: float,
+    q: FloatArray,
+) -> bool:
+    return propose(kind.motion, scratch, path, i, share, attempt, seed, scale, q)
 
 
 @by_type

@@ -166,13 +166,14 @@ class Replanner:
 
         Args:
             freed: boxes xmin, ymin, xmax, ymax (metres), shape (f, 4).
-            limit: metres.
+            limit: metres, or what an objective charges.
         """
         model = self.model
+        limit = float(self.motion.longest(limit))
         gaps = [np.hypot(*np.maximum(np.maximum(freed[:, :2] - q[:2], q[:2] - freed[:, 2:]), 0.0).T) for q in self.ends]
         if (gaps[0] + gaps[1] - 2.0 * model.checker.robot.circumradius >= limit).all():
             return False
-        if not self.motion.moves_anywhere:
+        if not (self.motion.moves_anywhere and self.motion.direct_is_best):
             return True
         here, goal = (model.checker.disc_center(q) for q in self.ends)
         if model.guide is None or model.guide[0] != goal:
@@ -238,7 +239,8 @@ class Replanner:
             near: whether to look only around the two.
         """
         model, motion = self.model, self.motion
-        if motion.motions_between_valid(ends[:1], ends[1:])[0]:
+        direct = motion.motions_between_valid(ends[:1], ends[1:])[0]
+        if direct and motion.direct_is_best:
             return ends
         found = np.empty((0, 3))
         if not near:
@@ -249,6 +251,8 @@ class Replanner:
                 motion, ends, model.relaxation.size, self.seconds_left, model.settings.without, window
             )
             found = lattices.first_path(NEAR_LEVELS if near else LEVELS)
+        if direct and (len(found) == 0 or motion.cost_of(ends) < motion.cost_of(found)):
+            return ends
         return found
 
     def _window(self, ends: FloatArray) -> tuple[float, float, float, float]:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from trailmark.curves import CurvePath
 from trailmark.goals import ReachedGoal
+from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.shown import Shown
 from trailmark.world import Robot, World
@@ -60,6 +61,9 @@ class PlanResult(Shown):
             be relaxed.
         clearance_bound: if it may be: no path keeps more, metres, which is proven; else None.
         goal: which of its goals the path ends at, where there were goals (:class:`~trailmark.Goal`); else None.
+        charged: the path's cost under the objective; None if there is no path, or if that is its length (:attr:`cost`).
+        cost_error: bound on the error of ``charged``; 0 where it is exact but for rounding.
+        objective: that was planned for; None for a plain length.
         world: what was planned in; results compare without it, and without what follows.
         robot: what was planned for.
         start: configuration (x, y, theta).
@@ -80,6 +84,9 @@ class PlanResult(Shown):
     clearance: float = 0.0
     clearance_bound: float | None = None
     goal: ReachedGoal | None = None
+    charged: float | None = None
+    cost_error: float = 0.0
+    objective: Objective | None = None
     world: World | None = field(default=None, repr=False, compare=False)
     robot: Robot | None = field(default=None, repr=False, compare=False)
     start: tuple[float, float, float] | None = field(default=None, repr=False, compare=False)
@@ -96,8 +103,10 @@ class PlanResult(Shown):
 
     @property
     def cost(self) -> float | None:
-        """The path's cost in metres, with that of the goal it ends at; None if there is no path."""
-        return None if self.path is None else self.path.cost + (0.0 if self.goal is None else self.goal.cost)
+        """The path's cost under the objective, with that of the goal it ends at; None if there is no path."""
+        if self.path is None:
+            return None
+        return (self.path.cost if self.charged is None else self.charged) + (0.0 if self.goal is None else self.goal.cost)
 
     def to_dict(self, world: str, query: str | None = None) -> dict[str, Any]:
         """Return the record that ``plan --json`` prints, made of plain numbers, strings and lists."""
@@ -115,6 +124,9 @@ class PlanResult(Shown):
             "seed": self.seed,
             "states": [] if path is None else path.states.tolist(),
             "cost": self.cost,
+            **(
+                {} if self.objective is None else {"objective": self.objective.to_dict(), "cost_error": self.cost_error}
+            ),
             "length": None if path is None else path.length,
             "rotation": None if path is None else path.rotation,
             **curve,

@@ -19,6 +19,7 @@ from trailmark.planning.proofs.prover import Prover
 from trailmark.planning.query import Query
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
+from trailmark.zones import OneWayZone
 
 __all__ = ["Rounds"]
 
@@ -92,7 +93,9 @@ class Rounds:
         self.placement.search(self.roadmap, nodes)
         if query.motion.moves_anywhere and settings.uses("bridges"):
             self._bridge(nodes)
-        if not query.motion.moves_anywhere and settings.uses("hybrid-astar"):
+        # What drives along the tree's edges was not asked about one-way zones.
+        one_way = any(isinstance(zone, OneWayZone) for zone in query.checker.world.zones)
+        if not query.motion.moves_anywhere and settings.uses("hybrid-astar") and not one_way:
             self._drive(nodes)
 
     def _refine(self) -> None:

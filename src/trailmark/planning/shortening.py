@@ -18,10 +18,11 @@ from trailmark.collision.kernels import FREE, state
 from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import turn, wrapped
 from trailmark.motion import Motion
-from trailmark.motion.base import Scratch, certified, cost, interpolate, new_scratch
+from trailmark.motion.base import Scratch, certified, cost, interpolate, least_cost, new_scratch, obeys_triangle
 from trailmark.motion.curve import Curve
 from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
+from trailmark.motion.weighted import Weighted
 from trailmark.planning.proposals import propose, uniform
 from trailmark.se2 import FloatArray
 
@@ -94,6 +95,7 @@ def _sweep(
         if now(deadline.kind) >= deadline.seconds:
             return path, scale, costs.sum()
         path, costs = _shortcut(kind, scratch, path, costs, seed)
+    # It takes what it knows of the costs by the turns alone, so that they are computed anew below.
     turn_evenly(kind, scratch, path, costs, seed)
     path = without_needless(kind, path, EFFORT)
     costs = _costs(kind, scratch, path)
@@ -156,7 +158,7 @@ def _shortcut(
     a, b = np.empty(3), np.empty(3)
     i, before = _locate(kind, scratch, path, costs, low, a)
     j, behind = _locate(kind, scratch, path, costs, high, b)
-    if i >= j or high - low - hypot(b[0] - a[0], b[1] - a[1]) < GAIN:
+    if i >= j or high - low - least_cost(kind, a, b) < GAIN:
         return path, costs
     if high - low - cost(kind, scratch, a, b) < GAIN or not certified(kind, scratch, a, b, EFFORT):
         return path, costs
@@ -176,7 +178,11 @@ def _shortcut(
         fresh[k] = b
         k += 1
     fresh[k:] = tail
-    return fresh, _costs(kind, scratch, fresh)
+    after = _costs(kind, scratch, fresh)
+    # Where the cost is not spread evenly along a motion, what is left over of it may cost more than was thought.
+    if not obeys_triangle(kind) and after.sum() > costs.sum() - GAIN:
+        return path, costs
+    return fresh, after
 
 
 @by_type
@@ -190,6 +196,14 @@ def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray
 @njit(cache=True)
 def _as_it_is(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
     """Leave the headings: a disc has none, a car's follow from its curves."""
+
+
+@variant_of(turn_evenly, Weighted)
+@njit(cache=True)
+def _turn_weighted(
+    kind: Weighted, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
+) -> None:
+    turn_evenly(kind.motion, scratch, path, costs, seed)
 
 
 @variant_of(turn_evenly, Straight)
@@ -231,8 +245,8 @@ def _turn_evenly(
 def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
     """Return a path of certified motions without vertices whose neighbours a certified motion joins; shape (m, 3).
 
-    None of what is left is needless: what lies beside a vertex left out is looked at again. By the triangle inequality
-    the cost rises by no more than rounding.
+    None of what is left is needless: what lies beside a vertex left out is looked at again. The cost rises by no more
+    than rounding, mostly by the triangle inequality.
 
     Args:
         kind: of motion.
@@ -252,6 +266,10 @@ def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
         if i == 0 or i == n - 1 or not kept[i]:
             continue
         a, b = before[i], after[i]
+        if not obeys_triangle(kind):
+            around = cost(kind, scratch, path[a], path[i]) + cost(kind, scratch, path[i], path[b])
+            if cost(kind, scratch, path[a], path[b]) > around + GAIN:
+                continue
         if certified(kind, scratch, path[a], path[b], effort):
             kept[i] = False
             after[a], before[b] = b, a

@@ -15,7 +15,7 @@ from trailmark.planning.improvement import improve
 from trailmark.planning.lattice.schedule import AT_FIRST, AT_MOST, AT_SECOND, LatticeSchedule
 from trailmark.planning.pace import Pace
 from trailmark.planning.placement import Placement
-from trailmark.planning.proofs import LowerBound
+from trailmark.planning.proofs import AnyBound
 from trailmark.planning.proofs.prover import Prover
 from trailmark.planning.query import Query
 from trailmark.planning.result import Status
@@ -36,7 +36,7 @@ ABOUT_AS_GOOD = 1.03
 """Times the best path's cost up to which a path that the planner's own roadmap knows is about as good."""
 
 
-def solve(query: Query, bound: LowerBound | None, known_path: FloatArray | None = None) -> Status:
+def solve(query: Query, bound: AnyBound | None, known_path: FloatArray | None = None) -> Status:
     """Answer a query; its incumbent holds the path and what is proven.
 
     Args:
@@ -54,10 +54,10 @@ def solve(query: Query, bound: LowerBound | None, known_path: FloatArray | None 
     query.expanded = lambda: lookup.expanded + (0 if lattices is None else lattices.expanded)
     with Prover(query, bound) as proofs:
         if query.motion.motions_between_valid(query.ends[:1], query.ends[1:])[0]:
-            # Nothing is cheaper.
             query.offer(query.ends)
-            query.known_cost = query.incumbent.cost
-            return _answer(query, lookup)
+            if query.motion.direct_is_best:
+                query.known_cost = query.incumbent.cost
+                return _answer(query, lookup)
         if known_path is not None:
             query.take(known_path)
         query.take_known(lookup.search_free_edges())

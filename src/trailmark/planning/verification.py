@@ -11,7 +11,7 @@ import numpy as np
 
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
-from trailmark.motion import Motion
+from trailmark.motion import Motion, WeightedMotion
 from trailmark.motion.base import least_clearance_of
 from trailmark.path import Path
 from trailmark.planning.error_report import report_error
@@ -98,13 +98,17 @@ class Verification:
             build: seconds that were spent on what other queries use as well.
             min_clearance: the least clearance along the path, if it is known.
         """
+        cost, error = self.cost(path, incumbent)
         if path is not None and min_clearance is None:
             min_clearance = self.least_clearance(vertices_of(self.motion, path))[0]
         return PlanResult(
             status=status,
             path=path,
             seed=self.seed,
-            lower_bound=None if status == "infeasible" else self._lower_bound(incumbent, path),
+            lower_bound=None if status == "infeasible" else self._lower_bound(incumbent, path, cost, error),
+            charged=cost,
+            cost_error=error,
+            objective=self.motion.objective if isinstance(self.motion, WeightedMotion) else None,
             first_cost=incumbent.first_cost,
             min_clearance=min_clearance,
             landmarks=len(roadmap),
@@ -142,12 +146,22 @@ class Verification:
         path = self.motion.path(incumbent.nearest)
         return path if self.certified(path, np.array([incumbent.start, path.states[-1]])) else None
 
-    def _lower_bound(self, incumbent: Incumbent, path: Path | None) -> float:
+    def cost(self, path: Path | None, incumbent: Incumbent) -> tuple[float | None, float]:
+        """Return a path's cost under the objective, as it is reported, and a bound on its error."""
+        if path is None:
+            return None, 0.0
+        if not isinstance(self.motion, WeightedMotion):
+            return path.cost, 0.0
+        cost, error = self.motion.cost_within(vertices_of(self.motion, path))
+        return self.motion.whole_cost(cost, incumbent.start, incumbent.goal), error
+
+    def _lower_bound(self, incumbent: Incumbent, path: Path | None, cost: float | None, error: float) -> float:
         """Return the bound that was proven; one above the path's cost is reported as an error instead."""
-        if path is None or not contradicted(incumbent.lower_bound, path.cost):
-            return incumbent.lower_bound
+        if path is None or cost is None or not contradicted(incumbent.lower_bound, cost + error):
+            # Where the two meet, the cost may be a little below the bound by its error.
+            return incumbent.lower_bound if cost is None else min(incumbent.lower_bound, cost)
         ends = np.array([incumbent.start, incumbent.goal])
-        problem = f"a lower bound of {incumbent.lower_bound:g} m is above the cost of a path, {path.cost:g} m"
+        problem = f"a lower bound of {incumbent.lower_bound:g} m is above the cost of a path, {cost:g} m"
         self._report(problem, path, ends)
         return self.motion.least_cost(*ends)
 

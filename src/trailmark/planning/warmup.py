@@ -8,14 +8,15 @@ from functools import lru_cache, partial
 import numpy as np
 
 from trailmark.compiled.side_by_side import compiled_side_by_side
-from trailmark.motion import Kind
+from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
+from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.planning.pace import Pace
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
-__all__ = ["SMALL", "warm_up", "warm_up_moving", "warm_up_queries"]
+__all__ = ["SMALL", "warm_up", "warm_up_for", "warm_up_moving", "warm_up_queries", "warm_up_weighted"]
 
 SMALL = World("warm-up", (0.0, 0.0, 6.0, 4.0), (Rectangle((3.0, 1.0), 0.5, 2.0),)), np.array([[1.0, 1, 0], [5, 1, 1]])
 """A small world, and a start and a goal that no single motion joins."""
@@ -40,6 +41,19 @@ def warm_up_queries(kind: Kind = "straight") -> None:
 
 
 @lru_cache(maxsize=3)
+def warm_up_weighted(kind: Kind = "straight") -> None:
+    """Run every kernel once that only zones and other objectives than length need, as :func:`warm_up` does."""
+    _run([partial(_plan, kind, "clearance"), partial(_shorten, kind, "clearance")])
+
+
+def warm_up_for(robot: Robot, world: World, objective: Objective) -> None:
+    """Run every kernel once that queries of a robot in a world, under an objective, need."""
+    warm_up(kind_of(robot))
+    if is_weighted(world, objective):
+        warm_up_weighted(kind_of(robot))
+
+
+@lru_cache(maxsize=3)
 def warm_up_moving(kind: Kind = "straight") -> None:
     """Run every kernel once that only :meth:`LandmarkPlanner.replan` with a speed needs, as :func:`warm_up` does."""
     if kind != "curve":
@@ -53,12 +67,12 @@ def _run(jobs: Sequence[Callable[[], None]]) -> None:
     Pace.forget_all()
 
 
-def _plan(kind: Kind) -> None:
+def _plan(kind: Kind, objective: str = "length") -> None:
     """Plan between a start and a goal."""
     from trailmark.planning.planner import LandmarkPlanner
 
     world, (start, goal) = SMALL
-    planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
+    planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, objective=objective, warm=False)
     found = planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.checker.clearance(start)
     if found.path is None:
@@ -127,14 +141,14 @@ def _drive(kind: Kind) -> None:
     )
 
 
-def _shorten(kind: Kind) -> None:
+def _shorten(kind: Kind, objective: str = "length") -> None:
     """Shorten a path."""
     from trailmark.collision import StateChecker
     from trailmark.motion import motion_of
     from trailmark.planning.shortening import EFFORT, shorten, without_needless
 
     world, (start, goal) = SMALL
-    motion = motion_of(StateChecker(world, ROBOTS[kind]))
+    motion = motion_of(StateChecker(world, ROBOTS[kind]), objective=Objective.of(objective))
     path = np.array([start, [3.0, 3.2, 0.0], goal])
     for splitting in (False, True):
         shorten(motion, path, np.random.default_rng(0), sweeps=1, splitting=splitting)

@@ -15,9 +15,10 @@ from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import Relaxation
 from trailmark.motion import motion_of
+from trailmark.objective import Objective
 from trailmark.planning.followed import FollowedPath
 from trailmark.planning.lattice.cost_to_go import CostToGo
-from trailmark.planning.proofs import LowerBound
+from trailmark.planning.proofs import AnyBound, lower_bound_of
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shared_roadmap import SharedRoadmap
 from trailmark.planning.updating import Boxes, Update
@@ -40,6 +41,7 @@ class WorldModel:
         seed: that it began with, for reports of errors.
         settings: numbers that a person may change.
         landmarks: to be spread over all free space before the first query.
+        objective: what paths cost.
         before: the model of the world before, if its obstacles changed to those of the checker's world.
 
     Attributes:
@@ -61,17 +63,18 @@ class WorldModel:
         seed: int,
         settings: PlannerSettings,
         landmarks: int,
+        objective: Objective,
         before: WorldModel | None = None,
     ) -> None:
         self.checker, self.rng, self.seed, self.settings = checker, rng, seed, settings
-        self.motion = motion_of(checker)
+        self.objective, self.motion = objective, motion_of(checker, objective=objective)
         self.followed: FollowedPath | None = None
         self._without: tuple[tuple[str, ...], WorldModel] | None = None
         self.guide: tuple[tuple[float, float], CostToGo] | None = None if before is None else before.guide
         if before is None:
             self.verification = Verification(checker, self.motion, seed)
             self.shared = SharedRoadmap(self.motion, rng, settings, landmarks)
-            self.bound = LowerBound(checker.world, checker.robot, checker.grid)
+            self.bound = lower_bound_of(self.motion)
             self.relaxation = Relaxation(checker)
 
     def edited(self, world: World) -> tuple[WorldModel, Update]:
@@ -81,15 +84,16 @@ class WorldModel:
         """
         begin, old = perf_counter(), self.checker.world
         if not world.differs_in_obstacles_only(old):
-            model = WorldModel(self.checker.edited(world), self.rng, self.seed, self.settings, self.shared.to_place)
+            checker, to_place = self.checker.edited(world), self.shared.to_place
+            model = WorldModel(checker, self.rng, self.seed, self.settings, to_place, self.objective)
             return model, Update(seconds=perf_counter() - begin)
         changes = old.difference(world)
         checker = self.checker.edited(world)
-        model = WorldModel(checker, self.rng, self.seed, self.settings, 0, before=self)
+        model = WorldModel(checker, self.rng, self.seed, self.settings, 0, self.objective, before=self)
         boxes = Boxes.of(changes)
         model.verification = self.verification.edited(checker, model.motion)
         model.shared, counts = self.shared.edited(model.motion, boxes)
-        model.bound = self.bound.edited(checker.world, checker.grid, boxes.removed)
+        model.bound = lower_bound_of(model.motion, self.bound, boxes.removed)
         model.relaxation = self.relaxation.edited(checker, boxes.all)
         if self.followed is not None:
             model.followed = self.followed.after(model.motion, boxes.removed, boxes.added)
@@ -110,7 +114,7 @@ class WorldModel:
         if clearance == checker.robot.clearance:
             return self
         checker = StateChecker(checker.world, checker.robot, exact=checker.exact, clearance=clearance)
-        return WorldModel(checker, np.random.default_rng(self.seed), self.seed, self.settings, 0)
+        return WorldModel(checker, np.random.default_rng(self.seed), self.seed, self.settings, 0, self.objective)
 
     def valid_pair(self, start: ArrayLike, goal: ArrayLike) -> se2.FloatArray:
         """Return start and goal, shape (2, 3), both valid, or raise a ConfigurationError."""
@@ -134,7 +138,7 @@ class WorldModel:
                     self.checker.require_valid(states[i], f"{name} {i}")
         return np.stack(rows, axis=1)
 
-    def bound_of_all(self, ends: se2.FloatArray, seconds: float) -> LowerBound | None:
+    def bound_of_all(self, ends: se2.FloatArray, seconds: float) -> AnyBound | None:
         """Return what proves lower bounds, with all computed that queries share; None if that may take too long."""
         with self.shared.lock:
             if self.bound.seconds(*ends) > PROOF_SHARE * seconds:

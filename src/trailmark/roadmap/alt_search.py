@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from trailmark.collision.certify import BUDGET
 from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.motion.base import certified, cost, least_cost, new_scratch
+from trailmark.motion.base import certified, cost, least_cost, new_scratch, obeys_triangle
 from trailmark.nearest import Forest
 from trailmark.roadmap.search import JOINED, joinable_nodes
 from trailmark.roadmap.spanner import Adjacency
@@ -79,7 +79,7 @@ def alt_path(
         weight: of the lower bound, >= 1.
         directed: whether links lead one way only.
     """
-    if len(closed) == 0 and certified(kind, new_scratch(kind), start, goal, BUDGET):
+    if len(closed) == 0 and obeys_triangle(kind) and certified(kind, new_scratch(kind), start, goal, BUDGET):
         direct = np.empty((2, 3))
         direct[0], direct[1] = start, goal
         return direct

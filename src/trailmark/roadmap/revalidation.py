@@ -58,7 +58,8 @@ def revalidated(roadmap: Roadmap, motion: Motion, removed: FloatArray, added: Fl
     invalid[near] = ~motion.checker.states_free(q[near])
     free = status == EdgeStatus.FREE
     blocked = status == EdgeStatus.BLOCKED
-    again = edges_near(q, edges, lengths, reach, added, free) | edges_near(q, edges, lengths, reach, removed, blocked)
+    longest = motion.longest(lengths)
+    again = edges_near(q, edges, longest, reach, added, free) | edges_near(q, edges, longest, reach, removed, blocked)
     ends_valid = ~(invalid[edges[:, 0]] | invalid[edges[:, 1]])
     check = np.flatnonzero(again & ends_valid)
     found = motion.motions_between_valid(q[edges[check, 0]], q[edges[check, 1]])

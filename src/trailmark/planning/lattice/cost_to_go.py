@@ -7,7 +7,7 @@ dearer here. Nothing is proven by these costs: a cell counts as open if the disc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import ceil, floor, inf, sqrt
 
 import numpy as np
@@ -17,6 +17,7 @@ from trailmark.collision import StateChecker
 from trailmark.collision.field import ClearanceField
 from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.motion.density import Density, densities
 from trailmark.se2 import FloatArray
 
 __all__ = ["TIGHTNESS", "CostToGo"]
@@ -33,6 +34,11 @@ SETTLED = 1e-3
 UNIT, CLOSED, FAR = 64, 0, 2**31 - 1
 """Parts of a cell's edge that costs are counted in; the cost of a cell that is closed, and of what is not reached."""
 
+NO_CELLS = np.empty((0, 0), np.float32)
+
+MAX_RATIO = 1000.0
+"""Between the costs of a metre in two cells: more is not told apart, since a queue of buckets needs one for each."""
+
 _STEP_X = np.array([1, 1, 0, -1, -1, -1, 0, 1])
 _STEP_Y = np.array([0, 1, 1, 1, 0, -1, -1, -1])
 
@@ -46,17 +52,21 @@ class CostToGo:
         x0: left edge of the first column, metres.
         y0: lower edge of the first row, metres.
         size: edge of a cell, metres.
+        density: what a metre costs in each cell, (rows, columns); empty where that is its length.
+        least: what it costs at least.
     """
 
     cost: NDArray[np.float32]
     x0: float = 0.0
     y0: float = 0.0
     size: float = 1.0
+    density: NDArray[np.float32] = field(default_factory=lambda: NO_CELLS)
+    least: float = 1.0
 
     @classmethod
     def straight(cls) -> CostToGo:
         """Return the straight distance."""
-        return cls(np.empty((0, 0), np.float32))
+        return cls(NO_CELLS)
 
     @classmethod
     def of(
@@ -66,6 +76,7 @@ class CostToGo:
         cells: int,
         tightness: float = TIGHTNESS,
         window: tuple[float, float, float, float] | None = None,
+        density: Density | None = None,
     ) -> CostToGo:
         """Return the costs to a configuration.
 
@@ -75,13 +86,17 @@ class CostToGo:
             cells: about how many.
             tightness: how many times dearer a cell is in which the disc hardly fits.
             window: xmin, ymin, xmax, ymax (metres) that the cells cover; by default the bounds.
+            density: what a metre costs; its length by default.
         """
         xmin, ymin, xmax, ymax = checker.world.bounds if window is None else window
         size = sqrt((xmax - xmin) * (ymax - ymin) / cells)
         columns, rows = max(1, ceil((xmax - xmin) / size)), max(1, ceil((ymax - ymin) / size))
         x, y = checker.disc_center(goal)
-        cost = _costs(checker.field, xmin, ymin, size, rows, columns, *_room(checker), tightness, x, y)
-        return cls(cost, xmin, ymin, size)
+        weights, least = NO_CELLS, 1.0
+        if density is not None:
+            weights, least = densities(density, checker.field, xmin, ymin, size, rows, columns), density.least
+        cost = _costs(checker.field, xmin, ymin, size, rows, columns, *_room(checker), tightness, x, y, weights, least)
+        return cls(cost, xmin, ymin, size, weights, least)
 
     def at(self, x: float, y: float) -> float:
         """Return the cost (metres) of the cell of a place; infinite beyond the grid."""
@@ -128,14 +143,19 @@ def _costs(
     tightness: float,
     x: float,
     y: float,
+    weights: NDArray[np.float32],
+    least: float,
 ) -> NDArray[np.float32]:
     """Return the costs of all cells to the one of (x, y), shape (rows, columns)."""
     dear = _dear(field, x0, y0, size, rows, columns, radius, roomy, tightness)
+    for row in range(len(weights)):
+        for column in range(columns):
+            dear[row + 1, column + 1] = round(dear[row + 1, column + 1] * min(weights[row, column] / least, MAX_RATIO))
     column, row = min(columns - 1, max(0, floor((x - x0) / size))), min(rows - 1, max(0, floor((y - y0) / size)))
     if dear[row + 1, column + 1] == CLOSED:
         # The goal's own cell is open in any case.
         dear[row + 1, column + 1] = round(UNIT * (1.0 + tightness))
-    return _flood(dear, (row + 1) * (columns + 2) + column + 1, size)
+    return _flood(dear, (row + 1) * (columns + 2) + column + 1, size * least)
 
 
 @njit(cache=True)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from trailmark.compiled import njit
 from trailmark.heading import turn
-from trailmark.planning.lattice.nodes import STEP_X, STEP_Y, Nodes, move_cost, place, position
+from trailmark.planning.lattice.nodes import STEP_X, STEP_Y, TURNS, Nodes, move_cost, place, position
 from trailmark.se2 import FloatArray
 
-__all__ = ["Guide", "best_multi_step", "cost_to_go", "near_goal"]
+__all__ = ["Guide", "best_multi_step", "cost_of_move", "cost_to_go", "near_goal"]
 
 
 class Guide(NamedTuple):
@@ -23,6 +23,7 @@ class Guide(NamedTuple):
 
     Attributes:
         cost: (rows, columns), metres; empty: the straight distance counts.
+        density: what a metre costs in each cell, (rows, columns); empty: its length.
         column: in ``cost``, of the lattice's first column, with what it lies beyond that cell's edge.
         row: in ``cost``, of the lattice's first row, likewise.
         step: cells of ``cost`` from one of the lattice's positions to the next.
@@ -30,9 +31,12 @@ class Guide(NamedTuple):
         y: of the goal's position, metres.
         weight: of the cost to go.
         limit: metres; no path over a node is of interest whose cost and straight distance to the goal exceed it.
+        least: what a metre costs at least.
+        rotation: what a radian costs.
     """
 
     cost: NDArray[np.float32]
+    density: NDArray[np.float32]
     column: float
     row: float
     step: float
@@ -40,6 +44,8 @@ class Guide(NamedTuple):
     y: float
     weight: float
     limit: float
+    least: float
+    rotation: float
 
 
 @njit(cache=True, inline="always")
@@ -50,11 +56,30 @@ def cost_to_go(nodes: Nodes, node: int, guide: Guide, cost: float) -> float:
         straight = hypot(
             guide.x - nodes.x - (column - nodes.left) * nodes.size, guide.y - nodes.y - (row - nodes.below) * nodes.size
         )
-        if cost + straight > guide.limit:
+        if cost + guide.least * straight > guide.limit:
             return np.inf
         if len(guide.cost) == 0:
-            return straight
+            return guide.least * straight
     return _guided(guide, row, column)
+
+
+@njit(cache=True, inline="always")
+def cost_of_move(nodes: Nodes, node: int, other: int, move: int, guide: Guide) -> float:
+    """Return what a move from a node to another costs: a metre what it costs on the mean at its ends."""
+    if move >= TURNS:
+        return guide.rotation * 2.0 * pi / nodes.headings
+    if len(guide.density) == 0:
+        return move_cost(nodes, move)
+    return 0.5 * (_density(nodes, node, guide) + _density(nodes, other, guide)) * move_cost(nodes, move)
+
+
+@njit(cache=True, inline="always")
+def _density(nodes: Nodes, node: int, guide: Guide) -> float:
+    _, row, column = place(node)
+    i, j = int(guide.row + row * guide.step), int(guide.column + column * guide.step)
+    if i < guide.density.shape[0] and j < guide.density.shape[1]:
+        return float(guide.density[i, j])
+    return guide.least
 
 
 @njit(cache=True, inline="always")

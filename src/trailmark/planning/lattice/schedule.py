@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from trailmark.motion import Motion
+from trailmark.motion import Motion, WeightedMotion
 from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice.search import Lattice
 from trailmark.planning.pace import Pace
@@ -168,7 +168,7 @@ class LatticeSchedule:
         if not self._has_time(LEVELS[-1].cells, forward, view.tightness):
             return np.empty((0, 3))
         size = self.cell * (1.0 if self.views <= 2 * len(VIEWS) else rng.uniform(*STRETCH))
-        lattice = Lattice(self.checker, size, view.headings if self.motion.turns else 1)
+        lattice = Lattice(self.checker, size, view.headings if self.motion.turns else 1, self.motion)
         begin, end = self.ends if forward else self.ends[::-1]
         to_go = self.to_go(LEVELS[-1].cells, forward, view.tightness)
         path, expanded = lattice.find_path(
@@ -188,7 +188,7 @@ class LatticeSchedule:
         kind = (level.fineness, level.headings if self.motion.turns else 1, level.cells > 0, forward)
         if kind in self._exhausted or not self._has_time(level.cells, forward, TIGHTNESS):
             return np.empty((0, 3))
-        lattice = Lattice(self.checker, self.cell / level.fineness, kind[1])
+        lattice = Lattice(self.checker, self.cell / level.fineness, kind[1], self.motion)
         begin, end = self.ends if forward else self.ends[::-1]
         to_go = self.to_go(level.cells, forward)
         seconds = self.seconds_left()
@@ -234,7 +234,8 @@ class LatticeSchedule:
         if key in self.guides:
             return self.guides[key]
         begin, count = perf_counter(), min(cells, self.cells)
-        to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness, self.window)
+        density = self.motion.density if isinstance(self.motion, WeightedMotion) else None
+        to_go = CostToGo.of(self.checker, self.ends[int(forward)], count, tightness, self.window, density)
         GUIDING.note(count, perf_counter() - begin)
         self.guides[key] = to_go
         return to_go

@@ -13,21 +13,23 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 import numpy as np
 
 from trailmark.clock import CLOCK_EVERY, Deadline, now
 from trailmark.collision import StateChecker
-from trailmark.collision.certify import motion
-from trailmark.collision.field import ClearanceField
-from trailmark.collision.footprint import Footprint
-from trailmark.collision.kernels import FREE, state, workspace
-from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.collision.certify import BUDGET
+from trailmark.collision.kernels import FREE, state
 from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.landmarks.retraction import retract
+from trailmark.motion import Motion, WeightedMotion
+from trailmark.motion.base import Scratch, certified, new_scratch
+from trailmark.motion.base import cost as cost_between
+from trailmark.motion.straight import Straight
 from trailmark.planning.lattice.cost_to_go import CostToGo
-from trailmark.planning.lattice.guide import Guide, best_multi_step, cost_to_go, near_goal
+from trailmark.planning.lattice.guide import Guide, best_multi_step, cost_of_move, cost_to_go, near_goal
 from trailmark.planning.lattice.nodes import (
     MULTI_STEPS,
     ORIGIN,
@@ -35,7 +37,6 @@ from trailmark.planning.lattice.nodes import (
     Nodes,
     child_of,
     configuration,
-    move_cost,
     parent_of,
 )
 from trailmark.planning.lattice.table import (
@@ -49,12 +50,15 @@ from trailmark.planning.lattice.table import (
     entry_of,
     new_table,
 )
-from trailmark.se2 import FloatArray
+from trailmark.se2 import ROTATION_WEIGHT, FloatArray
 
 __all__ = ["Lattice"]
 
 GOAL_EVERY = 16
 """Nodes expanded between two tries of the straight motion to the goal."""
+
+ABOUT = 1.02
+"""Times the cost to go that the motion to the goal may cost to be tried, where places differ in cost."""
 
 MAX_CHILDREN = 18
 """Nodes that are added when one is expanded, at most."""
@@ -71,11 +75,13 @@ class Lattice:
         checker: decides what is valid.
         size: metres between neighbouring positions.
         headings: how many; 1 for a robot to which they make no difference.
+        motion: of the robot; straight motions by default.
     """
 
     checker: StateChecker
     size: float
     headings: int
+    motion: Motion | None = None
 
     def find_path(
         self,
@@ -110,19 +116,25 @@ class Lattice:
         """
         deadline = Deadline.after(seconds)
         nodes = Nodes.around(self.checker, start, self.size, self.headings)
+        # Whether headings make a difference is known to the nodes: one kind less to compile.
+        kind: Any = Straight(self.checker.grid, self.checker.field, self.checker.footprint)
+        rotation = ROTATION_WEIGHT
+        if isinstance(self.motion, WeightedMotion):
+            kind, rotation = self.motion.kind._replace(motion=kind), self.motion.density.rotation
         guide = Guide(
             to_go.cost,
+            to_go.density,
             (nodes.x - nodes.left * nodes.size - to_go.x0) / to_go.size,
             (nodes.y - nodes.below * nodes.size - to_go.y0) / to_go.size,
             nodes.size / to_go.size,
             *self.checker.disc_center(goal),
             float(weight),
             float(limit),
+            to_go.least,
+            rotation,
         )
         found, expanded = _search(
-            self.checker.grid,
-            self.checker.field,
-            self.checker.footprint,
+            kind,
             nodes,
             nodes.origin,
             guide,
@@ -139,9 +151,7 @@ class Lattice:
 
 @njit(cache=True, nogil=True)
 def _search(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
+    kind: Any,
     nodes: Nodes,
     origin: int,
     guide: Guide,
@@ -154,7 +164,7 @@ def _search(
     deadline: Deadline,
 ) -> tuple[FloatArray, int]:
     """Return the path from start to goal, and how many nodes were expanded."""
-    placed, queue = workspace(robot), np.empty((128, 2))
+    scratch = new_scratch(kind)
     q, before = np.empty(3), np.empty(3)
     keys, values = np.empty(256), np.empty(256, np.int64)
     waiting = heap_push(keys, values, 0, 0.0, origin)
@@ -177,11 +187,18 @@ def _search(
         _configuration_of(nodes, table, node, q)
         if not table.known[entry] & CHECKED:
             table.known[entry] |= CHECKED
-            if state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE:
+            if _free(kind, scratch, q):
                 table.known[entry] |= VALID
             elif retracts:
-                retract(field, robot, q, REACH * nodes.size, REACH * 2.0 * pi / nodes.headings, MARGIN * nodes.size)
-                if state(grid, field, robot, placed, q[0], q[1], q[2]) == FREE:
+                retract(
+                    kind.field,
+                    kind.robot,
+                    q,
+                    REACH * nodes.size,
+                    REACH * 2.0 * pi / nodes.headings,
+                    MARGIN * nodes.size,
+                )
+                if _free(kind, scratch, q):
                     table.known[entry] |= VALID | RETRACTED
                     table.retracted[entry] = q
         if not table.known[entry] & VALID:
@@ -189,15 +206,18 @@ def _search(
         parent_move = table.move[entry] - 1
         if parent_move != ORIGIN:
             _configuration_of(nodes, table, parent_of(nodes, node, parent_move), before)
-            if motion(grid, field, robot, placed, queue, before, q, True) != FREE and not _find_other_parent(
-                grid, field, robot, placed, queue, nodes, table, node, q, before, multi_steps
+            if not certified(kind, scratch, before, q, BUDGET) and not _find_other_parent(
+                kind, scratch, nodes, table, node, q, before, multi_steps, guide
             ):
                 continue
         left = cost_to_go(nodes, node, guide, 0.0)
         if left < nearest:
             nearest, nearest_at = left, expanded
-        if (expanded % GOAL_EVERY == 0 or near_goal(nodes, node, guide, q, goal)) and (
-            motion(grid, field, robot, placed, queue, q, goal, True) == FREE
+        if (
+            (near_goal(nodes, node, guide, q, goal) or expanded % GOAL_EVERY == 0)
+            # Where places differ in cost, a straight way through what is dear is no use.
+            and (len(guide.density) == 0 or cost_between(kind, scratch, q, goal) <= ABOUT * left + guide.rotation * pi)
+            and certified(kind, scratch, q, goal, BUDGET)
         ):
             last = node
             break
@@ -213,7 +233,7 @@ def _search(
                 other = child_of(nodes, node, move) if move >= 0 else -1
                 if other < 0:
                     continue
-                reached = cost + move_cost(nodes, move)
+                reached = cost + cost_of_move(nodes, node, other, move, guide)
                 left = cost_to_go(nodes, other, guide, reached)
                 if left < np.inf:
                     new = _relax(table, other, reached, move)
@@ -223,6 +243,12 @@ def _search(
     if last < 0:
         return np.empty((0, 3)), expanded
     return _path_over(nodes, table, last, start, goal), expanded
+
+
+@njit(cache=True, inline="always")
+def _free(kind: Any, scratch: Scratch, q: FloatArray) -> bool:
+    """Return whether a configuration is valid."""
+    return bool(state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE)
 
 
 @njit(cache=True, inline="always")
@@ -251,17 +277,15 @@ def _relax(table: SearchTable, node: int, cost: float, move: int) -> int:
 
 @njit(cache=True)
 def _find_other_parent(
-    grid: ObstacleGrid,
-    field: ClearanceField,
-    robot: Footprint,
-    placed: FloatArray,
-    queue: FloatArray,
+    kind: Any,
+    scratch: Scratch,
     nodes: Nodes,
     table: SearchTable,
     node: int,
     q: FloatArray,
     before: FloatArray,
     multi_steps: int,
+    guide: Guide,
 ) -> bool:
     """Join a node, whose motion failed, to another expanded one; without success it waits for a parent found later."""
     entry = entry_of(table, node)
@@ -274,10 +298,10 @@ def _find_other_parent(
         there = entry_of(table, other)
         if table.known[there] & (DONE | VALID) != DONE | VALID:
             continue
-        cost = table.cost[there] + move_cost(nodes, move)
+        cost = table.cost[there] + cost_of_move(nodes, other, node, move, guide)
         if cost < cheapest:
             _configuration_of(nodes, table, other, before)
-            if motion(grid, field, robot, placed, queue, before, q, True) == FREE:
+            if certified(kind, scratch, before, q, BUDGET):
                 cheapest, table.move[entry] = cost, move + 1
     table.known[entry] |= VALID
     if cheapest < np.inf:

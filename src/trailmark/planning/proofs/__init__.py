@@ -2,5 +2,9 @@
 
 from trailmark.planning.proofs.bound import LowerBound
 from trailmark.planning.proofs.enclosure import enclosed
+from trailmark.planning.proofs.weighted_bound import WeightedBound, lower_bound_of
 
-__all__ = ["LowerBound", "enclosed"]
+__all__ = ["AnyBound", "LowerBound", "WeightedBound", "enclosed", "lower_bound_of"]
+
+AnyBound = LowerBound | WeightedBound
+"""What proves lower bounds on costs, on lengths and turns or under another objective."""

@@ -9,8 +9,7 @@ from typing import Self
 import numpy as np
 
 from trailmark.landmarks.band import Band
-from trailmark.motion import TranslationMotion
-from trailmark.planning.proofs import LowerBound
+from trailmark.planning.proofs import AnyBound
 from trailmark.planning.proofs.background import BackgroundProof
 from trailmark.planning.proofs.claims import grid_separates
 from trailmark.planning.query import Query
@@ -26,7 +25,7 @@ class Prover:
         bound: proves lower bounds in this world; None proves none.
     """
 
-    def __init__(self, query: Query, bound: LowerBound | None) -> None:
+    def __init__(self, query: Query, bound: AnyBound | None) -> None:
         self.query, self.bound = query, bound
         query.incumbent.bounded = bound is None
         self._background: BackgroundProof | None = None
@@ -65,7 +64,7 @@ class Prover:
     def begin_in_background(self) -> None:
         """Begin to look for a proof, with headings, that no path exists; a disc has none."""
         query = self.query
-        if query.solved or self._background is not None or isinstance(query.motion, TranslationMotion):
+        if query.solved or self._background is not None or not query.motion.turns:
             return
         if not query.settings.uses("background-proof"):
             return

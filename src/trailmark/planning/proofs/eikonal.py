@@ -1,0 +1,273 @@
+"""Eikonal: lower bounds on ∫ density ds over all paths of the reference point, by a function of bounded slope.
+
+A function w with w(start) = 0 whose slope is nowhere more than the density rises along a path by no more than what the
+path costs; so a path to the goal costs at least w(goal). Here w is linear on triangles: each square of a grid is cut
+into two, and the slope on a triangle is at most the least density that its square may have. Squares that the robot's
+inscribed disc cannot be centred in bound nothing: no path leads there.
+
+The fast marching method gives a function u whose slope is nearly that, but larger where fronts are curved: about the
+start, behind corners. Let R(t) >= 1 be the largest ratio of slope and density among the triangles on which u takes the
+value t. Then w = ∫ dt / R(t) from 0 to u keeps within the densities: on each triangle it differs between corners by
+1/R times as much as u or less, along both of the legs.
+
+Sources: viscosity subsolutions: Crandall & Lions, "Viscosity solutions of Hamilton-Jacobi equations", Trans. AMS 277,
+1983; the method: Kimmel & Sethian, "Computing geodesic paths on manifolds", PNAS 95, 1998.
+"""
+
+from __future__ import annotations
+
+from math import exp, hypot, sqrt
+from time import perf_counter
+
+import numpy as np
+
+from trailmark.collision.distances import point_clearance
+from trailmark.collision.field import ClearanceField
+from trailmark.collision.kernels import field_value
+from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.compiled import njit
+from trailmark.heading import turn
+from trailmark.heap import heap_grow, heap_pop, heap_push
+from trailmark.motion import WeightedMotion
+from trailmark.motion.density import FAR, Density
+from trailmark.planning.pace import Pace
+from trailmark.se2 import FloatArray
+
+__all__ = ["Eikonal"]
+
+SQUARES = 1 << 15
+"""About how many the bounds are divided into."""
+
+MARCHING = Pace(2e-6)
+"""For each square."""
+
+LEVELS = 1 << 12
+"""Values of u that ratios are told apart for."""
+
+
+class Eikonal:
+    """Lower bounds for one weighted motion; densities of the squares are computed once.
+
+    Args:
+        motion: weighted.
+    """
+
+    def __init__(self, motion: WeightedMotion) -> None:
+        self.motion = motion
+        disc = motion.checker.robot.inscribed_disc
+        # The reference point lies so much nearer to obstacles than the disc's centre, at most.
+        self.radius = disc.radius - float(np.hypot(*disc.center))
+        # Outside of the disc, it may lie outside of the bounds, too.
+        beyond = motion.checker.robot.circumradius if self.radius < 0.0 else 0.0
+        xmin, ymin, xmax, ymax = np.array(motion.checker.world.bounds) + beyond * np.array([-1.0, -1.0, 1.0, 1.0])
+        self.x0, self.y0 = float(xmin), float(ymin)
+        self.size = sqrt((xmax - xmin) * (ymax - ymin) / SQUARES)
+        self.columns = max(2, int(np.ceil((xmax - xmin) / self.size)))
+        self.rows = max(2, int(np.ceil((ymax - ymin) / self.size)))
+        self._least: FloatArray | None = None
+
+    def seconds(self) -> float:
+        """Return how long :meth:`of` is expected to take."""
+        return MARCHING.seconds(self.rows * self.columns)
+
+    def of(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return a proven lower bound on the cost of every path between configurations, each of shape (3,)."""
+        begin = perf_counter()
+        motion, shape = self.motion, (self.rows, self.columns)
+        place = self.x0, self.y0, self.size
+        if self._least is None:
+            self._least = least_densities(
+                motion.density, motion.checker.grid, motion.checker.field, *place, *shape, self.radius
+            )
+        found = float(_bound(self._least, *place, start[0], start[1], goal[0], goal[1]))
+        MARCHING.note(self.rows * self.columns, perf_counter() - begin)
+        rotation = motion.density.rotation * abs(turn(start[2], goal[2])) if motion.moves_anywhere else 0.0
+        return found + rotation
+
+
+@njit(cache=True, nogil=True)
+def least_densities(
+    density: Density,
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    x0: float,
+    y0: float,
+    size: float,
+    rows: int,
+    columns: int,
+    radius: float,
+) -> FloatArray:
+    """Return the least density in each square, shape (rows, columns), infinite where the robot cannot be.
+
+    A zone counts wherever its border or its inside may meet the square.
+    """
+    found, reach = np.empty((rows, columns)), size * sqrt(0.5) * (1.0 + 1e-9)
+    for row in range(rows):
+        for column in range(columns):
+            x, y = x0 + (column + 0.5) * size, y0 + (row + 0.5) * size
+            farthest = field_value(field, x, y) + field.slack
+            if density.clearance > 0.0 and farthest < FAR * density.decay:
+                farthest = point_clearance(grid, x, y, farthest)
+            farthest += reach
+            if farthest < radius - 1e-6:
+                found[row, column] = np.inf
+                continue
+            least = _least_of_zones(density, x, y, 0.5 * size * (1.0 + 1e-9))
+            if density.clearance > 0.0:
+                least += density.clearance * exp(-farthest / density.decay)
+            found[row, column] = least * (1.0 - 1e-12)
+    return found
+
+
+@njit(cache=True)
+def _least_of_zones(density: Density, x: float, y: float, half: float) -> float:
+    """Return the least that a metre costs in a square about (x, y), nearness to obstacles left out."""
+    factor, speed = 1.0, density.speed
+    for z in range(len(density.zones)):
+        zone = density.zones[z]
+        if zone[2] > x + half or zone[4] < x - half or zone[3] > y + half or zone[5] < y - half:
+            continue
+        inside, border = False, False
+        for e in range(int(zone[0]), int(zone[1])):
+            ax, ay, bx, by = density.edges[e]
+            if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
+                inside = not inside
+            if _meets(ax - x, ay - y, bx - x, by - y, half):
+                border = True
+        # A square on the border has places in the zone and out of it: the cheaper of the two.
+        if border or inside:
+            if zone[6] < 1.0 or not border:
+                factor *= zone[6]
+            if not border:
+                speed = min(speed, zone[7])
+    return float(density.length * factor + density.time / speed)
+
+
+@njit(cache=True)
+def _meets(ax: float, ay: float, bx: float, by: float, half: float) -> bool:
+    """Return whether the segment from a to b may meet the square about the origin; never False if it does."""
+    if min(ax, bx) > half or max(ax, bx) < -half or min(ay, by) > half or max(ay, by) < -half:
+        return False
+    # The line's distance from the origin against the square's extent across it.
+    dx, dy = bx - ax, by - ay
+    return abs(ax * dy - ay * dx) <= half * (abs(dx) + abs(dy)) * (1.0 + 1e-9)
+
+
+@njit(cache=True)
+def _bound(least: FloatArray, x0: float, y0: float, size: float, ax: float, ay: float, bx: float, by: float) -> float:
+    """Return the bound from a to b by the least densities of squares; 0 where nothing can be told."""
+    rows, columns = least.shape
+    row, column = _square(ay, y0, size, rows), _square(ax, x0, size, columns)
+    value = _march(least, size, row, column)
+    row, column = _square(by, y0, size, rows), _square(bx, x0, size, columns)
+    lowest = value[row : row + 2, column : column + 2].min()
+    if lowest == 0.0 or lowest == np.inf:
+        return 0.0
+    ratio = _ratios(value, least, size, lowest)
+    return float((1.0 / ratio).sum() * lowest / len(ratio) * (1.0 - 1e-9))
+
+
+@njit(cache=True)
+def _square(place: float, begin: float, size: float, count: int) -> int:
+    return min(count - 1, max(0, int(np.floor((place - begin) / size))))
+
+
+@njit(cache=True)
+def _march(least: FloatArray, size: float, row: int, column: int) -> FloatArray:
+    """Return values at the vertices, shape (rows + 1, columns + 1): 0 at a square's corners, higher from there on."""
+    rows, columns = least.shape
+    width = columns + 1
+    value, trial = np.full((rows + 1, width), np.inf), np.full((rows + 1, width), np.inf)
+    keys, vertices, waiting = np.empty(1024), np.empty(1024, np.int64), 0
+    for i in range(row, row + 2):
+        for j in range(column, column + 2):
+            trial[i, j] = 0.0
+            waiting = heap_push(keys, vertices, waiting, 0.0, i * width + j)
+    while waiting > 0:
+        waiting = heap_pop(keys, vertices, waiting)
+        i, j = vertices[waiting] // width, vertices[waiting] % width
+        if value[i, j] < np.inf or keys[waiting] > trial[i, j]:
+            continue
+        value[i, j] = trial[i, j]
+        if waiting + 8 > len(keys):
+            keys, vertices = heap_grow(keys, vertices)
+        for u in range(max(0, i - 1), min(rows, i + 1) + 1):
+            for v in range(max(0, j - 1), min(columns, j + 1) + 1):
+                if value[u, v] < np.inf:
+                    continue
+                found = _value_at(value, least, size, u, v)
+                if found < trial[u, v]:
+                    trial[u, v] = found
+                    waiting = heap_push(keys, vertices, waiting, found, u * width + v)
+    return value
+
+
+@njit(cache=True)
+def _value_at(value: FloatArray, least: FloatArray, size: float, i: int, j: int) -> float:
+    """Return the value at a vertex by what is known of the other vertices of its triangles."""
+    found = np.inf
+    for a in range(2):
+        for b in range(2):
+            row, column = i - a, j - b
+            if not (0 <= row < least.shape[0] and 0 <= column < least.shape[1]) or least[row, column] == np.inf:
+                continue
+            step = least[row, column] * size
+            across, along = value[row + 1 - a, j], value[i, column + 1 - b]
+            if _on_diagonal(row, column, a, b):
+                opposite = value[row + 1 - a, column + 1 - b]
+                found = min(found, _acute(across, opposite, step), _acute(along, opposite, step))
+            else:
+                found = min(found, _right(across, along, step))
+    return found
+
+
+@njit(cache=True, inline="always")
+def _on_diagonal(row: int, column: int, a: int, b: int) -> bool:
+    """Return whether a square's corner lies on the diagonal that cuts it in two; neighbours have mirrored ones."""
+    return ((row + column) & 1 == 0) == (a == b)
+
+
+@njit(cache=True)
+def _right(a: float, b: float, step: float) -> float:
+    """Return the value at the right angle's vertex by those at the legs' ends: (u − a)² + (u − b)² = step²."""
+    gap = abs(a - b)
+    if gap >= step:
+        # No front comes from between the two; if one is not known yet, none can.
+        return min(a, b) + step
+    return 0.5 * (a + b + sqrt(2.0 * step * step - gap * gap))
+
+
+@njit(cache=True)
+def _acute(right: float, other: float, step: float) -> float:
+    """Return the value at a leg's end by the right angle's and the other leg's end: (u − r)² + (o − r)² = step²."""
+    gap = right - other
+    if 0.0 <= gap <= step * sqrt(0.5):
+        return right + sqrt(step * step - gap * gap)
+    return min(right + step, other + sqrt(2.0) * step)
+
+
+@njit(cache=True)
+def _ratios(value: FloatArray, least: FloatArray, size: float, highest: float) -> FloatArray:
+    """Return the largest ratio of slope and density, >= 1, at equally wide levels of the value up to ``highest``."""
+    ratio = np.ones(LEVELS)
+    for row in range(least.shape[0]):
+        for column in range(least.shape[1]):
+            step = least[row, column] * size
+            if step == np.inf:
+                continue
+            for a in range(2):
+                for b in range(2):
+                    if _on_diagonal(row, column, a, b):
+                        continue
+                    corner = value[row + a, column + b]
+                    across, along = value[row + 1 - a, column + b], value[row + a, column + 1 - b]
+                    low, high = min(corner, across, along), max(corner, across, along)
+                    if not low < highest:
+                        continue
+                    slope = hypot(across - corner, along - corner) / step
+                    if slope > 1.0:
+                        first = max(0, int(low / highest * LEVELS) - 1)
+                        last = min(LEVELS - 1, int(min(high / highest, 1.0) * LEVELS) + 1)
+                        for level in range(first, last + 1):
+                            ratio[level] = max(ratio[level], slope)
+    return ratio

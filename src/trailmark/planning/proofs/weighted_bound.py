@@ -1,0 +1,75 @@
+"""WeightedBound: what every path costs at least under an objective (:class:`trailmark.motion.WeightedMotion`)."""
+
+# Tested by tests/planning/proofs/test_eikonal.py and tests/planning/test_objectives.py.
+
+from __future__ import annotations
+
+import numpy as np
+
+from trailmark.motion import Motion, WeightedMotion
+from trailmark.planning.proofs.bound import Bound, LowerBound
+from trailmark.planning.proofs.eikonal import Eikonal
+from trailmark.se2 import ROTATION_WEIGHT, FloatArray
+
+__all__ = ["WeightedBound", "lower_bound_of"]
+
+
+class WeightedBound:
+    """Lower bounds where a metre's cost differs from place to place; its methods are those of :class:`LowerBound`.
+
+    A path of length L and rotation T costs at least ρ·L + r·T, ρ the least density anywhere and r the cost of a radian:
+    at least min(ρ, r/w) times what it costs as length, L + w·T. The other bound is that of the densities on a
+    grid (:mod:`.eikonal`). The larger of the two holds.
+
+    Args:
+        plain: lower bound on L + w·T.
+        motion: weighted.
+    """
+
+    def __init__(self, plain: LowerBound, motion: WeightedMotion) -> None:
+        self.plain, self.motion = plain, motion
+        density = motion.density
+        # A car's turning costs nothing by itself, and its plain bound is one on its length.
+        self._factor = (
+            min(density.least, density.rotation / ROTATION_WEIGHT) if motion.moves_anywhere else density.least
+        )
+        self._eikonal = Eikonal(motion)
+
+    @property
+    def ready(self) -> bool:
+        """Whether a bound takes little time."""
+        return self.plain.ready
+
+    def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> Bound:
+        """Return the bound for a query, given the cost of a known path."""
+        found = self.plain.of(start, goal, limit / self._factor)
+        if not np.isfinite(found.cost):
+            return found
+        return Bound(max(self._factor * found.cost, self._eikonal.of(start, goal)), found.path)
+
+    def known(self, start: FloatArray, goal: FloatArray) -> float:
+        """Return a lower bound on any path's cost that takes little time, from what is computed already."""
+        return self._factor * self.plain.known(start, goal)
+
+    def seconds(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> float:
+        """Return how long :meth:`of` is expected to take."""
+        return self.plain.seconds(start, goal, limit / self._factor) + self._eikonal.seconds()
+
+
+def lower_bound_of(
+    motion: Motion, before: LowerBound | WeightedBound | None = None, freed: FloatArray | None = None
+) -> LowerBound | WeightedBound:
+    """Return what proves lower bounds on the cost of paths.
+
+    Args:
+        motion: of the robot.
+        before: what did so in a world that differs from the motion's in its obstacles.
+        freed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed since, shape (f, 4).
+    """
+    checker = motion.checker
+    if before is None or freed is None:
+        plain = LowerBound(checker.world, checker.robot, checker.grid)
+    else:
+        known = before.plain if isinstance(before, WeightedBound) else before
+        plain = known.edited(checker.world, checker.grid, freed)
+    return WeightedBound(plain, motion) if isinstance(motion, WeightedMotion) else plain

@@ -1,0 +1,84 @@
+"""Weighted motions: as certified as those they are made of, dearer or cheaper, and one way where a zone says so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from tests.support.density_oracle import sampled_cost
+
+from trailmark import CostZone, Disc, Objective, OneWayZone, Polygon, StateChecker, World
+from trailmark.collision.kernels import FREE
+from trailmark.motion import WeightedMotion, motion_of
+from trailmark.motion.base import costs, motions_free
+from trailmark.robot import Robot
+
+ROBOTS = {
+    "disc": Robot.disc(0.3),
+    "rectangle": Robot.rectangle(0.8, 0.4),
+    "car": Robot.rectangle(0.8, 0.4).steered(0.8),
+}
+ZONE = CostZone(Polygon(np.array([(3, 0), (7, 0), (7, 6), (3, 6)], dtype=float)), 2.0)
+WORLD = World("w", (0.0, 0.0, 10.0, 10.0), (Disc((5.0, 4.0), 1.0), Disc((2.0, 7.0), 0.7)), zones=(ZONE,))
+
+
+def pairs(seed: int, count: int, checker: StateChecker) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    q = np.column_stack([rng.uniform(0.5, 9.5, (4 * count, 2)), rng.uniform(-np.pi, np.pi, 4 * count)])
+    q = q[checker.valid(q)][: 2 * count]
+    half = len(q) // 2
+    return q[:half], q[half : 2 * half]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_certification_is_that_of_the_plain_motion(name: str) -> None:
+    checker = StateChecker(WORLD, ROBOTS[name])
+    weighted = motion_of(checker)
+    assert isinstance(weighted, WeightedMotion)
+    a, b = pairs(0, 150, checker)
+    plain, own = (np.asarray(motions_free(kind, a, b)) for kind in (weighted.motion.kind, weighted.kind))
+    np.testing.assert_array_equal(plain, own)
+    assert 0 < own.sum() < len(own)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_cost_is_between_the_length_and_the_factor_times_it(name: str) -> None:
+    checker = StateChecker(WORLD, ROBOTS[name])
+    weighted = motion_of(checker)
+    a, b = pairs(1, 100, checker)
+    length, cost = (np.asarray(costs(kind, a, b)) for kind in (weighted.motion.kind, weighted.kind))  # type: ignore[attr-defined]
+    assert (cost >= length * (1.0 - 1e-9)).all()
+    assert (cost <= 2.0 * length * (1.0 + 1e-9)).all()
+    assert (cost > length * 1.01).any()
+    lower = [weighted.least_cost(*ends) for ends in zip(a, b, strict=True)]
+    assert (
+        np.array(lower) <= [weighted.whole_cost(c, *ends) + 1e-9 for c, *ends in zip(cost, a, b, strict=True)]
+    ).all()
+
+
+def test_a_curve_is_charged_along_its_arcs() -> None:
+    checker = StateChecker(WORLD, ROBOTS["car"])
+    weighted = motion_of(checker)
+    a, b = pairs(2, 40, checker)
+    for start, end in zip(a, b, strict=True):
+        states = np.array(weighted.path(np.array([start, end])).resample(0.005).states)
+        states[:, 2] = 0.0
+        expected = sampled_cost(WORLD, Objective(), states)
+        cost, error = weighted.cost_within(np.array([start, end]))
+        assert cost == pytest.approx(expected, abs=error + 0.01)
+        assert error < 0.02 * cost
+        assert weighted.cost_of(np.array([start, end])) == pytest.approx(expected, rel=0.05, abs=0.1)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_one_way_zones_forbid_a_direction(name: str) -> None:
+    zone = OneWayZone(Polygon(np.array([(3, 0), (7, 0), (7, 10), (3, 10)], dtype=float)), 0.0, 0.8)
+    checker = StateChecker(World("w", (0.0, 0.0, 10.0, 10.0), zones=(zone,)), ROBOTS[name])
+    motion = motion_of(checker)
+    assert motion.directed
+    east, west = np.array([[1.0, 5.0, 0.0], [9.0, 5.0, 0.0]]), np.array([[9.0, 5.0, np.pi], [1.0, 5.0, np.pi]])
+    assert motion.motions_valid(east[:1], east[1:]).all()
+    assert not motion.motions_valid(west[:1], west[1:]).any()
+    assert not (motion.motions_by_field(west[:1], west[1:]) == FREE).any()
+    assert not motion.reversible(east[:1], east[1:]).any()
+    # Beside the zone every direction is allowed.
+    assert motion.motions_valid(west[:1], west[:1] - [1.0, 0.0, 0.0]).all()
