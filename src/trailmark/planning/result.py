@@ -106,7 +106,9 @@ class PlanResult(Shown):
         """The path's cost under the objective, with that of the goal it ends at; None if there is no path."""
         if self.path is None:
             return None
-        return (self.path.cost if self.charged is None else self.charged) + (0.0 if self.goal is None else self.goal.cost)
+        return (self.path.cost if self.charged is None else self.charged) + (
+            0.0 if self.goal is None else self.goal.cost
+        )
 
     def to_dict(self, world: str, query: str | None = None) -> dict[str, Any]:
         """Return the record that ``plan --json`` prints, made of plain numbers, strings and lists."""
