@@ -11,6 +11,7 @@ import shapely
 from trailmark import (
     ConfigurationError,
     Disc,
+    Goal,
     KeepOutZone,
     LandmarkPlanner,
     Path,
@@ -104,6 +105,24 @@ def test_a_start_in_two_zones_leaves_both() -> None:
     result = plan(world, ROBOTS["rectangle"], (7.0, 6.0, 0.0), (1.0, 1.0, 0.0))
     assert result.path is not None
     assert_leaves(world, ROBOTS["rectangle"], result.path)
+
+
+def test_the_cheapest_of_several_goals_is_outside() -> None:
+    world = World("w", BOUNDS, zones=(zone(MIDDLE),))
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+    # The cheapest one is in the zone still, in which a path may not end.
+    goals = [Goal((6.0, 7.0, 0.0)), Goal((15.0, 6.0, 0.0), cost=9.0), Goal((1.0, 10.0), cost=0.5)]
+    result = planner.plan((6.0, 6.0, 0.0), goals)
+    assert result.path is not None
+    assert result.goal is not None
+    assert result.goal.index == 2
+    assert result.cost is not None
+    assert result.cost == pytest.approx(result.path.cost + 0.5)
+    assert result.lower_bound is not None
+    assert result.lower_bound <= result.cost + 1e-9
+    assert_leaves(world, ROBOTS["rectangle"], result.path)
+    with pytest.raises(ConfigurationError, match=r"^goal 0 .* overlaps keep-out zone 0"):
+        planner.plan((6.0, 6.0, 0.0), [Goal((6.0, 7.0, 0.0)), Goal((7.0, 7.0, 0.0))])
 
 
 def test_where_nothing_leads_out_that_is_proven() -> None:

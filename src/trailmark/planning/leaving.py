@@ -9,6 +9,7 @@ there is none hold. Where that path comes back, the rest is planned anew in the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -25,12 +26,11 @@ from trailmark.planning.followed import vertices_of
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.query import OnProgress
 from trailmark.planning.result import PlanProgress, PlanResult, Status
-from trailmark.planning.single_query import answer_query
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
 from trailmark.world import World
 
-__all__ = ["MIN_SECONDS", "answer_from_anywhere", "zones_at"]
+__all__ = ["leave", "zones_at"]
 
 FIRST_SHARE = 0.5
 """Of the time, for the path in the world without the zones; the rest of it, if it is used, needs the other half."""
@@ -42,35 +42,47 @@ STEPS = 4.0
 """For each inscribed radius: places along a path at which it is looked whether it has left the zones."""
 
 
-def answer_from_anywhere(
-    model: WorldModel, start: ArrayLike, goal: ArrayLike, time_limit: float, **options: Any
+def leave(
+    model: WorldModel,
+    zones: tuple[str, ...],
+    start: ArrayLike,
+    goal: Any,
+    time_limit: float,
+    plan: Callable[..., PlanResult],
+    on_progress: OnProgress | None = None,
+    **options: Any,
 ) -> PlanResult:
-    """Return what :func:`answer_query` does, and an answer also where the start lies in keep-out zones.
+    """Return the answer to a query that starts in keep-out zones; whoever calls holds the lock of the model's roadmap.
+
+    Args:
+        model: of the world.
+        zones: the names of those that the start lies in (:func:`zones_at`).
+        start: configuration, shape (3,).
+        goal: what ``plan`` takes for one; in no keep-out zone, if it is one configuration.
+        time_limit: seconds, above 0.
+        plan: answers a query that starts in no zone: a model, start, goal, time limit and options.
+        on_progress: called after every step.
+        options: of ``plan``.
 
     Raises:
-        ConfigurationError: the start is not valid, keep-out zones left aside, or the goal is not valid.
+        ConfigurationError: the start is not valid, these zones left aside.
     """
-    zones = zones_at(model.checker, start)
-    if not zones:
-        return answer_query(model, start, goal, time_limit, **options)
-    begin, outside = perf_counter(), model.checker
-    without = model.without(zones)
-    ends = np.array([without.checker.require_valid(start, "start"), outside.require_valid(goal, "goal")])
-    on_progress = options.pop("on_progress", None)
+    begin, without = perf_counter(), model.without(zones)
+    state = without.checker.require_valid(start, "start")
     watched = None if on_progress is None else _without_paths(on_progress)
-    found = answer_query(without, ends[0], ends[1], FIRST_SHARE * time_limit, on_progress=watched, **options)
+    found = last = plan(without, state, goal, FIRST_SHARE * time_limit, on_progress=watched, **options)
     if found.path is None:
         return found
-    leaving, rest = _split(without.motion, outside, vertices_of(without.motion, found.path))
-    if not model.motion.motions_valid(rest[:-1], rest[1:]).all():
+    leaving, rest = _split(without.motion, model.checker, vertices_of(without.motion, found.path))
+    if len(rest) and not model.motion.motions_valid(rest[:-1], rest[1:]).all():
         left = max(time_limit - (perf_counter() - begin), MIN_SECONDS)
-        after = answer_query(model, rest[0], ends[1], left, on_progress=watched, **options)
-        if after.path is None:
-            return replace(found, status="timeout", path=None, first_cost=None, min_clearance=None, history=())
-        rest = vertices_of(model.motion, after.path)
+        last = plan(model, rest[0], goal, left, on_progress=watched, **options)
+        rest = rest[:0] if last.path is None else vertices_of(model.motion, last.path)
+    if last.path is None or len(rest) == 0:
+        return replace(found, status="timeout", path=None, first_cost=None, min_clearance=None, history=(), goal=None)
+    ends = np.array([state, last.path.states[-1]])
     incumbent = Incumbent(without.motion, ends[0], ends[1], begin)
     incumbent.offer(np.vstack([leaving[:-1], rest]))
-    incumbent.claim(found.lower_bound or 0.0)
     path = incumbent.path()
     if path is not None:
         # Clear of all but these zones, and after the first part of these too.
@@ -78,7 +90,8 @@ def answer_from_anywhere(
         if not certified or not model.verification.certified(model.motion.path(rest), rest[[0, -1]]):
             path = None
     status: Status = "timeout" if path is None else "solved"
-    return without.verification.result(incumbent, status, path, model.shared.roadmap, found.time["build"] or 0.0)
+    answer = without.verification.result(incumbent, status, path, model.shared.roadmap, found.time["build"] or 0.0)
+    return replace(answer, goal=None if path is None else last.goal, lower_bound=found.lower_bound)
 
 
 def zones_at(checker: StateChecker, q: ArrayLike) -> tuple[str, ...]:
@@ -102,7 +115,10 @@ def _split(motion: Motion, outside: StateChecker, vertices: FloatArray) -> tuple
     Args:
         motion: that leads from each of the vertices to the next one.
         outside: tells whether a configuration is out of the zones.
-        vertices: shape (n, 3); the last one is outside.
+        vertices: shape (n, 3).
+
+    Returns:
+        Shapes (k, 3) and (m, 3); the rest is empty if the robot is never seen outside.
     """
     scratch, step = new_scratch(motion.kind), outside.robot.inscribed_disc.radius / STEPS
     for i in range(len(vertices) - 1):
@@ -117,7 +133,7 @@ def _split(motion: Motion, outside: StateChecker, vertices: FloatArray) -> tuple
             here = states[int(np.argmax(free))]
             behind = vertices[i + 1 :] if not np.array_equal(here, b) else vertices[i + 2 :]
             return np.vstack([vertices[: i + 1], here]), np.vstack([here, behind])
-    return vertices, vertices[-1:]
+    return vertices, vertices[:0]
 
 
 def _without_paths(on_progress: OnProgress) -> OnProgress:

@@ -23,7 +23,7 @@ from trailmark.planning.world_model import WorldModel
 from trailmark.roadmap.search import without_repetitions
 from trailmark.se2 import FloatArray
 
-__all__ = ["ReplanOptions", "Replanner", "as_replan"]
+__all__ = ["MIN_SECONDS", "ReplanOptions", "Replanner", "as_replan"]
 
 LEVELS, NEAR_LEVELS = 5, 2
 """Lattices that a path is sought on before the whole query is planned anew, and for a way around close by."""
