@@ -135,6 +135,14 @@ def test_summary_without_a_path(shell: Shell, yard: Path, planner: Any, status: 
     assert "3 landmarks" in run.out
 
 
+def test_the_picture_shows_the_layers_that_are_named(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
+    for name, words in (("all", []), ("few", ["--layers", "obstacles,path"])):
+        assert shell("plan", yard, "--plot", tmp_path / f"{name}.svg", *words).status == 0
+    drawn = {name: (tmp_path / f"{name}.svg").read_text(encoding="utf-8") for name in ("all", "few")}
+    assert {name: "hatch" in text or "url(#h" in text for name, text in drawn.items()} == {"all": True, "few": False}
+    assert len(drawn["few"]) < len(drawn["all"])
+
+
 @pytest.mark.parametrize(
     ("words", "named", "allowed"),
     [
@@ -169,6 +177,9 @@ def test_summary_without_a_path(shell: Shell, yard: Path, planner: Any, status: 
         (["--clearance", "-0.1"], "--clearance '-0.1'", "from 0"),
         (["--clearance", "wide"], "--clearance 'wide'", "metres"),
         (["--relax"], "--relax", "--clearance"),
+        (["--layers", "path,walls"], "'walls'", "obstacles, outside, path"),
+        (["--layers", ""], "''", "obstacles, outside, path"),
+        (["--layers", "path", "--output", "path.csv"], "--layers 'path'", "--plot"),
         (["--frobnicate"], "--frobnicate", "--help"),
         (["--seed"], "--seed", "--help"),
         (["more"], "more", "--help"),

@@ -15,7 +15,8 @@ from trailmark import LandmarkPlanner, Query, Robot, World
 from trailmark.errors import ConfigurationError
 from trailmark.planning import PlanResult
 from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.sketch.colours import GOAL, LANDMARK, OBSTACLE, PATH, START
+from trailmark.sketch.colours import AVOID, COLLISION, GOAL, LANDMARK, OBSTACLE, ONE_WAY, PATH, PREFER, SPEED, START
+from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone
 
 CAR = Robot.rectangle(0.8, 0.4)
 ROOM = World("room", (0.0, 0.0, 10.0, 6.0), (Rectangle((5.0, 3.0), 2.0, 1.0), Disc((2.0, 4.5), 0.5)), CAR)
@@ -88,7 +89,15 @@ def test_pictures_of_large_worlds_stay_small() -> None:
     shapes += [Polygon(p + rng.uniform(1, 8, (40, 1)) * ring) for p in at[5000:]]  # type: ignore[misc]  # lists
     text = World("large", (0, 0, 1000, 1000), tuple(shapes))._repr_html_()
     assert 10_000 < len(text) < MOST
+    assert "outlines are simplified" in text
     parsed(text)
+
+
+def test_zones_are_drawn() -> None:
+    square = np.array([[1, 1], [3, 1], [3, 3], [1, 3]])
+    zones = (CostZone(square, 0.5), CostZone(square + 2.0, 5.0), KeepOutZone(square), SpeedZone(square, 0.3))  # type: ignore[arg-type]  # vertices
+    text = World("zones", ROOM.bounds, zones=(*zones, OneWayZone(square, 0.0, 0.1)))._repr_svg_()  # type: ignore[arg-type]
+    assert {PREFER, AVOID, COLLISION, SPEED, ONE_WAY} <= set(re.findall(r'fill="(#\w+)"', text))
 
 
 def test_a_crowded_roadmap_stays_small() -> None:

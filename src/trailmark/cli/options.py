@@ -12,6 +12,7 @@ import typer
 from trailmark.cli import console
 
 if TYPE_CHECKING:
+    from trailmark.layers import Layers
     from trailmark.world import Robot, World
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "ForwardOnlyOption",
     "FrameOption",
     "JsonOption",
+    "LayersOption",
     "PlotOption",
     "RobotOption",
     "SeedOption",
@@ -36,6 +38,7 @@ __all__ = [
     "read_count",
     "read_duration",
     "read_frame",
+    "read_layers",
     "read_length",
     "read_number",
     "read_robot",
@@ -98,6 +101,10 @@ RelaxOption = Annotated[
     bool, typer.Option("--relax", help="Where no path keeps the --clearance: as much of it as there is.")
 ]
 PlotOption = Annotated[str | None, option("--plot", "FILE", "Write a picture: .png, .svg or .pdf.")]
+LayersOption = Annotated[
+    str | None,
+    option("--layers", "NAMES", "What the picture shows, such as obstacles,path,ends; default: all but clearance."),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object, and nothing else, on stdout.")]
 
 
@@ -141,6 +148,19 @@ def read_number(
     if not (math.isfinite(number) and number > above and low <= number <= high):
         raise UsageError(f"expected {expected}, got {option} {text!r}")
     return number
+
+
+def read_layers(text: str | None, plot: str | None) -> Layers:
+    """Return what a picture is to show.
+
+    Raises:
+        TrailmarkError: an unknown layer, or layers without a picture.
+    """
+    from trailmark.layers import ALL, Layers
+
+    if text is not None and plot is None:
+        raise UsageError(f"--layers {text!r} given without --plot; expected both or neither")
+    return ALL if text is None else Layers.parse(text)
 
 
 def read_duration(text: str, option: str) -> float:

@@ -20,6 +20,7 @@ from trailmark.cli.options import (
     ForwardOnlyOption,
     FrameOption,
     JsonOption,
+    LayersOption,
     PlotOption,
     RelaxOption,
     RobotOption,
@@ -38,6 +39,7 @@ from trailmark.cli.options import (
     read_count,
     read_duration,
     read_frame,
+    read_layers,
     read_number,
     read_robot,
     read_turning_radius,
@@ -122,6 +124,7 @@ def plan(
     ] = None,
     frame_id: FrameOption = "map",
     plot: PlotOption = None,
+    layers: LayersOption = None,
     smooth: SmoothOption = False,
     step: StepOption = None,
     trajectory: TrajectoryOption = None,
@@ -158,6 +161,7 @@ def plan(
     outputs = (path_file, picture, timing.table, timing.animation)
     if smooth and probability is not None:
         raise UsageError(f"expected --smooth or --confidence, got both (--confidence {confidence!r})")
+    shown = read_layers(layers, plot)
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
@@ -215,7 +219,7 @@ def plan(
         if picture is not None:
             from trailmark.plotting import save_plan_figure
 
-            save_plan_figure(picture, loaded, body, result, planner.roadmap, start=a, goal=b, query=name)
+            save_plan_figure(picture, loaded, body, result, planner.roadmap, start=a, goal=b, query=name, layers=shown)
             written.append(picture)
 
     if as_json:

@@ -99,7 +99,7 @@ def annotate(figure: Figure, axes: Axes, title: str, facts: str) -> None:
         (facts, 6, {"fontsize": 9, "color": TEXT}),
     ]
     for text, up, style in lines:
-        room = max(48, int(axes.bbox.width * 72.0 / figure.dpi / (0.6 * style["fontsize"])))
+        room = max(72, int(axes.bbox.width * 72.0 / figure.dpi / (0.6 * style["fontsize"])))
         short = text if len(text) <= room else text[: room - 1] + "…"
         note = axes.annotate(short, (0.0, 1.0), xytext=(0, up), xycoords="axes fraction", textcoords="offset points")
         note.set(va="bottom", ha="left", parse_math=False, **style)

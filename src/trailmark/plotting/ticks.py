@@ -40,7 +40,7 @@ def label_metres(axis: Axis, name: str, low: float, high: float) -> None:
 
 def label_room(labels: Iterable[str], size: float) -> float:
     """Return the width (points) that the longest of some labels needs, with a gap to the next."""
-    return size * (LETTER * max(map(len, labels), default=0) + 1.0)
+    return size * (LETTER * max(map(len, labels), default=0) + 0.5)
 
 
 class _From(Formatter):

@@ -11,15 +11,13 @@ import shapely
 from matplotlib.colors import to_hex, to_rgb
 
 from trailmark.plotting.canvas import fill, points_per_metre
-from trailmark.sketch.colours import COLLISION, TEXT
+from trailmark.sketch.colours import AVOID, COLLISION, ONE_WAY, PREFER, SPEED, TEXT
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = ["draw_zones"]
-
-AVOID, PREFER, ONE_WAY, SPEED = "#e69f00", "#009e73", "#56b4e9", "#f0e442"  # Okabe & Ito
 
 FAINT, STRONG = 0.12, 0.6
 """Shares of its colour that a cost zone has for a factor of 1, and for one of 10 or 0.1 and beyond."""

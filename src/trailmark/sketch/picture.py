@@ -16,11 +16,28 @@ import shapely
 
 from trailmark import se2
 from trailmark.goals import goals_of
-from trailmark.sketch.colours import BODY, EDGE, GOAL, LANDMARK, OBSTACLE, OUTSIDE, PATH, START, TEXT
-from trailmark.sketch.frame import FloatArray, Frame, inside_of
+from trailmark.shapes import Polygon
+from trailmark.sketch.colours import (
+    AVOID,
+    BODY,
+    COLLISION,
+    EDGE,
+    GOAL,
+    LANDMARK,
+    OBSTACLE,
+    ONE_WAY,
+    OUTSIDE,
+    PATH,
+    PREFER,
+    SPEED,
+    START,
+    TEXT,
+)
+from trailmark.sketch.frame import VERTEX, FloatArray, Frame, inside_of
 from trailmark.sketch.scene import Scene
 from trailmark.sketch.svg import coordinate, element
 from trailmark.world import Robot, World
+from trailmark.zones import CostZone
 
 if TYPE_CHECKING:
     from trailmark.path import Path
@@ -37,7 +54,8 @@ LIMIT = 150_000
 MAX_EDGES, MAX_LANDMARKS = 3000, 2000
 """Of a roadmap that are drawn: evenly chosen ones, where there are more."""
 
-MAX_BODIES, MAX_QUERIES = 24, 12
+MAX_BODIES, MAX_QUERIES, MAX_ZONES = 24, 12, 200
+ZONES = {"cost": AVOID, "keep-out": COLLISION, "one-way": ONE_WAY, "speed": SPEED}
 SMALL = 5.0
 """Pixels: a smaller robot gets a mark of that radius at its start and goal."""
 
@@ -86,7 +104,7 @@ def svg_of(scene: Scene) -> str:
 
 def html_of(scene: Scene) -> str:
     """Return a scene as HTML: its picture, and its title and facts in the page's own colours below it."""
-    words = element("b", escape(scene.title)) + " · " + escape(scene.facts)
+    words = element("b", escape(scene.title)) + escape(f" · {scene.facts}{_omissions(scene)}")
     caption = element("figcaption", words, style="font-size:90%;margin-top:2px")
     return element("figure", svg_of(scene) + caption, style="margin:4px 0")
 
@@ -97,7 +115,27 @@ def _world(frame: Frame, world: World) -> list[str]:
     parts = [element("rect", width=width, height=height, fill=OUTSIDE)]
     parts.append(element("path", d=frame.region([inside_of(world)]), fill="#ffffff", stroke=OBSTACLE))
     parts.append(frame.obstacles(world.obstacles, 0.25, {"fill": OBSTACLE}, LIMIT))
+    for zone in sorted(world.zones, key=lambda zone: -zone.region.area)[:MAX_ZONES]:
+        colour = PREFER if isinstance(zone, CostZone) and zone.factor < 1.0 else ZONES[zone.kind]
+        data = frame.region([zone.region.shapely()])
+        parts.append(element("path", d=data, fill=colour, fill_opacity="0.3", stroke=colour))
     return parts
+
+
+def _omissions(scene: Scene) -> str:
+    """Return what a picture leaves out, for its caption."""
+    left_out = []
+    world, roadmap = scene.world, scene.roadmap
+    if world is not None:
+        vertices = sum(len(shape.vertices) if isinstance(shape, Polygon) else 4 for shape in world.obstacles)
+        left_out += ["outlines are simplified"] if VERTEX * vertices > LIMIT else []
+        if scene.queries and len(world.queries) > MAX_QUERIES:
+            left_out.append(f"{MAX_QUERIES} of {len(world.queries):,} queries are drawn")
+        if len(world.zones) > MAX_ZONES:
+            left_out.append(f"{MAX_ZONES} of {len(world.zones):,} zones are drawn")
+    if roadmap is not None and (len(roadmap) > MAX_LANDMARKS or np.count_nonzero(roadmap.certified) > MAX_EDGES):
+        left_out.append("some of its landmarks and edges are drawn")
+    return "".join(f" · {words}" for words in left_out)
 
 
 def _roadmap(frame: Frame, roadmap: Roadmap) -> list[str]:
