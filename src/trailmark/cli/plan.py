@@ -47,6 +47,7 @@ from trailmark.cli.options import (
     robot_of,
     steered,
 )
+from trailmark.cli.plan_objective import ObjectiveOption, objective_rows, read_objective
 from trailmark.cli.plan_trajectory import (
     AnimateOption,
     MaxAccelerationOption,
@@ -85,6 +86,7 @@ def plan(
     start: Annotated[str | None, option("--start", "X,Y,T", "Metres, metres, radians.")] = None,
     goal: Annotated[str | None, option("--goal", "X,Y,T", "Metres, metres, radians.")] = None,
     time_limit: TimeLimitOption = "1.0",
+    objective: ObjectiveOption = "length",
     clearance: ClearanceOption = None,
     relax: RelaxOption = False,
     seed: SeedOption = "0",
@@ -157,7 +159,16 @@ def plan(
     path_file, frame = output_file(output, (*path_files.SUFFIXES, ".svg")), read_frame(frame_id)
     picture = output_file(plot, PICTURE_SUFFIXES)
     spacing = read_step(step, path_file)
-    timing = read_timing(trajectory, animate, max_speed, max_acceleration, max_turn_rate, max_turn_acceleration)
+    timing = read_timing(
+        trajectory,
+        animate,
+        max_speed,
+        max_acceleration,
+        max_turn_rate,
+        max_turn_acceleration,
+        needed=objective != "length",
+    )
+    charges = read_objective(objective, timing)
     outputs = (path_file, picture, timing.table, timing.animation)
     if smooth and probability is not None:
         raise UsageError(f"expected --smooth or --confidence, got both (--confidence {confidence!r})")
@@ -188,7 +199,14 @@ def plan(
         def solve(world: World, seconds: float) -> tuple[LandmarkPlanner, PlanResult]:
             progress.stage("preparing (compiles on first use)")
             planner = LandmarkPlanner(
-                world, body, seed=number, landmarks=count, clearance=margin, relax=relax, settings=chosen
+                world,
+                body,
+                seed=number,
+                landmarks=count,
+                clearance=margin,
+                relax=relax,
+                settings=chosen,
+                objective=charges,
             )
             progress.stage("planning", seconds)
             return planner, planner.plan(a, b, time_limit=seconds, on_progress=follow, max_iterations=rounds, gap=share)
@@ -284,6 +302,7 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
             ("cost", f"{record['cost']:.4f}{_gap(record['cost'], record['lower_bound'])}"),
             ("length", f"{record['length']:.4f} m"),
             ("rotation", f"{record['rotation']:.4f} rad ({math.degrees(record['rotation']):.0f}°)"),
+            *objective_rows(record),
             *_curve_rows(result),
             *trajectory_rows(record),
             ("clearance", f"{record['min_clearance']:.4f} m at its least{_kept(result)}"),

@@ -121,8 +121,10 @@ def read_timing(
     acceleration: Text,
     turn_rate: Text,
     turn_acceleration: Text,
+    *,
+    needed: bool = False,
 ) -> Timing:
-    """Return what the options say.
+    """Return what the options say; ``needed`` says whether limits are of use without a trajectory.
 
     Raises:
         UsageError: limits that are not numbers above 0, or that nothing needs.
@@ -136,7 +138,7 @@ def read_timing(
     )
     limits: list[Any] = []
     for name, text, default, unit in given:
-        if text is not None and table is None and animation is None:
+        if text is not None and table is None and animation is None and not needed:
             raise UsageError(f"{name} {text!r} given without a trajectory; expected --trajectory or --animate too")
         expected = f"a finite number above 0 ({unit})"
         limits.append(default if text is None else read_number(text, name, expected, above=0.0))

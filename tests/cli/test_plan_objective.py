@@ -1,0 +1,47 @@
+"""``trailmark plan --objective``: what is charged, and what is refused in one line."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Shell = Callable[..., Any]
+
+
+def test_an_objective_is_planned_for_and_told(shell: Shell, yard: Path) -> None:
+    run = shell("plan", yard, "--objective", "clearance", "--json", "--time-limit", "2")
+    assert run.status == 0
+    record = json.loads(run.out)
+    assert record["objective"]["clearance"] == 5.0
+    assert record["lower_bound"] <= record["cost"]
+    assert record["cost"] > record["length"]
+    assert "clearance 5" in shell("plan", yard, "--objective", "clearance").out
+
+
+def test_time_takes_the_speeds_of_the_time_law(shell: Shell, yard: Path) -> None:
+    run = shell("plan", yard, "--objective", "time", "--max-speed", "0.5", "--max-turn-rate", "2", "--json")
+    assert run.status == 0
+    record = json.loads(run.out)
+    assert record["objective"]["max_speed"] == 0.5
+    assert record["cost"] == pytest.approx(record["length"] / 0.5 + record["rotation"] / 2.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [("shortest", "got 'shortest'"), ("length=x", "expected a number"), ("clearance=1", "above 0"), ("", "got ''")],
+)
+def test_no_objective_is_one_line(shell: Shell, yard: Path, given: str, message: str) -> None:
+    run = shell("plan", yard, "--objective", given)
+    assert run.status == 2
+    assert message in run.err
+    assert run.err.strip().count("\n") == 0
+
+
+def test_speeds_without_use_are_refused(shell: Shell, yard: Path) -> None:
+    run = shell("plan", yard, "--max-speed", "1")
+    assert run.status == 2
+    assert "--trajectory" in run.err
