@@ -131,7 +131,8 @@ class FakePlanner:
         type(self).action()
         path = None
         if self.status == "solved":
-            path = trailmark.Path(np.array([start, [5.0, 1.0, 0.5], goal]))
+            end = goal if trailmark.goals.goals_of(goal) is None else goal[0].nearest(start)[0]
+            path = trailmark.Path(np.array([start, [5.0, 1.0, 0.5], end]))
         times = {"load": 0.0, "build": 0.125, "first_solution": None if path is None else 0.25, "total": 0.5}
         seed = self.asked["seed"]
 
@@ -155,7 +156,7 @@ class FakePlanner:
             }
 
         history = () if path is None else ((0.25, path.cost),)
-        kept = {"clearance": 0.0, "clearance_bound": None}
+        kept = {"clearance": 0.0, "clearance_bound": None, "goal": None}
         found = kept | {"status": self.status, "path": path, "seed": seed, "time": times, "history": history}
         return SimpleNamespace(**found, lower_bound=None, to_dict=to_dict)
 

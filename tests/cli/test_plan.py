@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from trailmark.errors import TrailmarkError
+from trailmark.goals import Goal
 from trailmark.planning import PlannerSettings
 from trailmark.world import Robot
 
@@ -63,6 +65,37 @@ def test_ends_may_begin_with_a_minus(shell: Shell, yard: Path, planner: Any, joi
     assert shell("plan", *words, yard).status == 0
     assert planner.calls[0]["start"] == (1.0, 2.0, -0.5)
     assert planner.calls[0]["goal"] == (-1.0, -2.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("words", "goals"),
+    [
+        (["--goal", "-1,-2"], (Goal((-1.0, -2.0)),)),
+        (["--goal", "4,1,90deg", "--goal", "-1,2"], (Goal((4.0, 1.0, pi / 2)), Goal((-1.0, 2.0)))),
+        (["--goal", "4,1", "--goal-tolerance", "0.2"], (Goal((4.0, 1.0), position_tolerance=0.2),)),
+        (["--goal", "4,1,1", "--goal-tolerance", "0.2,0.1"], (Goal((4.0, 1.0, 1.0), 0.2, 0.1),)),
+        (["--goal", "4,1,1", "--goal-tolerance", "0,180deg"], (Goal((4.0, 1.0, 1.0), 0.0, pi),)),
+    ],
+)
+def test_goals_without_a_heading_near_a_pose_or_several(
+    shell: Shell, yard: Path, planner: Any, words: list[str], goals: tuple[Goal, ...]
+) -> None:
+    assert shell("plan", yard, "--start", "1,1,0", *words).status == 0
+    assert planner.calls[0]["goal"] == goals
+
+
+def test_a_querys_goals_are_the_worlds_and_may_get_a_tolerance(shell: Shell, yard: Path, planner: Any) -> None:
+    goals = "[{pose: [9.0, 5.0]}, {region: [[8, 1], [9, 1], [9, 2]], cost: 1}]"
+    with yard.open("a") as file:
+        file.write(f"  - {{name: anywhere, start: [1.0, 1.0, 0.0], goal: {goals}}}\n")
+    run = shell("plan", yard, "--query", "anywhere", "--goal-tolerance", "1")
+    assert run.status == 2
+    assert "expected --goal, for query 'anywhere'" in run.problem
+    assert shell("plan", yard, "--query", "anywhere").status == 0
+    assert shell("plan", yard, "--goal-tolerance", "0.1").status == 0
+    first, second = planner.calls
+    assert first["goal"] == (Goal((9.0, 5.0)), Goal(region=[(8, 1), (9, 1), (9, 2)], cost=1.0))
+    assert second["goal"] == (Goal((9.0, 5.0, 1.5), position_tolerance=0.1),)
 
 
 @pytest.mark.parametrize(("status", "code"), [("solved", 0), ("timeout", 3), ("infeasible", 4)])
@@ -166,6 +199,15 @@ def test_the_picture_shows_the_layers_that_are_named(shell: Shell, yard: Path, p
             "--query 'back'",
             "expected --query or --start and --goal,",
         ),
+        (["--start", "1,2,3", "--goal", "1"], "--goal '1'", "X,Y,T"),
+        (["--start", "1,2,3", "--goal", "1,inf"], "--goal 'inf'", "finite"),
+        (["--start", "1,2,3", "--goal", "1,2,3", "--goal", "1,2,x"], "--goal '1,2,x'", "X,Y,T"),
+        (["--start", "1,1,0", "--goal", "2,2", "--goal-tolerance", "0.1,0.2"], "heading_tolerance", "a heading"),
+        (["--goal-tolerance", "-0.1"], "--goal-tolerance '-0.1'", "0 or more"),
+        (["--goal-tolerance", "0.1,x"], "--goal-tolerance '0.1,x'", "M,RAD"),
+        (["--goal-tolerance", "0.1,-1"], "--goal-tolerance '0.1,-1'", "M,RAD"),
+        (["--goal-tolerance", "near"], "--goal-tolerance 'near'", "M,RAD"),
+        (["--goal-tolerance", "nan,0"], "--goal-tolerance", "0 or more"),
         (["--query", "bakc"], "'bakc'", "back"),
         (["--robot", "square:1"], "'square:1'", "disc:RADIUS"),
         (["--robot", "disc:-1"], "-1", "above 0"),

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trailmark.cli import console
+from trailmark.cli.ends import EndOptions, GoalOption, GoalToleranceOption, StartOption
 from trailmark.cli.map_settings import read_probability
 from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     ClearanceOption,
-    Configuration,
     ForwardOnlyOption,
     FrameOption,
     JsonOption,
@@ -35,7 +35,6 @@ from trailmark.cli.options import (
     output_file,
     protect_inputs,
     read_clearance,
-    read_configuration,
     read_count,
     read_duration,
     read_frame,
@@ -83,8 +82,9 @@ def plan(
     turning_radius: TurningRadiusOption = None,
     forward_only: ForwardOnlyOption = False,
     query: Annotated[str | None, option("--query", "NAME", "A query of the world; default: its first.")] = None,
-    start: Annotated[str | None, option("--start", "X,Y,T", "Metres, metres, radians.")] = None,
-    goal: Annotated[str | None, option("--goal", "X,Y,T", "Metres, metres, radians.")] = None,
+    start: StartOption = None,
+    goal: GoalOption = None,
+    goal_tolerance: GoalToleranceOption = None,
     time_limit: TimeLimitOption = "1.0",
     objective: ObjectiveOption = "length",
     clearance: ClearanceOption = None,
@@ -155,7 +155,7 @@ def plan(
     margin = read_clearance(clearance, relax)
     given = read_robot(robot)
     radius = read_turning_radius(turning_radius)
-    ends = _given_ends(query, start, goal)
+    given_ends = EndOptions.read(query, start, goal, goal_tolerance)
     path_file, frame = output_file(output, (*path_files.SUFFIXES, ".svg")), read_frame(frame_id)
     picture = output_file(plot, PICTURE_SUFFIXES)
     spacing = read_step(step, path_file)
@@ -181,7 +181,7 @@ def plan(
         body = steered(robot_of(loaded, given), radius, forward_only)
         if probability is None:
             loaded = grown_for(loaded, body)
-        name, a, b = ends or _ends_of(loaded, query)
+        name, a, b = given_ends.ends(loaded)
         loading = time.perf_counter() - begun
 
         from trailmark import LandmarkPlanner
@@ -247,25 +247,6 @@ def plan(
     raise typer.Exit(EXIT_STATUS[result.status])
 
 
-def _given_ends(
-    query: str | None, start: str | None, goal: str | None
-) -> tuple[None, Configuration, Configuration] | None:
-    """Return the ends that --start and --goal give, or None if the world's query counts."""
-    if start is None and goal is None:
-        return None
-    if query is not None:
-        raise UsageError(f"expected --query or --start and --goal, got both (--query {query!r})")
-    if start is None or goal is None:
-        given, missing = (f"--start {start!r}", "--goal") if goal is None else (f"--goal {goal!r}", "--start")
-        raise UsageError(f"{given} given without {missing}; expected both or neither")
-    return None, read_configuration(start, "--start"), read_configuration(goal, "--goal")
-
-
-def _ends_of(world: World, name: str | None) -> tuple[str, Configuration, Configuration]:
-    query = world.query(name)
-    return query.name, query.start, query.pose()
-
-
 def _write_path(
     file: Path, path: TrailPath | None, record: dict[str, Any], frame: str, world: World, robot: Robot
 ) -> bool:
@@ -298,6 +279,8 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
     seconds = record["time"]
     rows = []
     if result.path is not None:
+        if result.goal is not None:
+            rows.append(("goal", f"number {result.goal.index + 1}, reached at ({_numbers(result.goal.pose)})"))
         rows += [
             ("cost", f"{record['cost']:.4f}{_gap(record['cost'], record['lower_bound'])}"),
             ("length", f"{record['length']:.4f} m"),
@@ -319,6 +302,10 @@ def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, wri
         *(("written", str(file)) for file in written),
     ]
     console.print_table(rows, indent="  ")
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return ", ".join(f"{value:.4g}" for value in values)
 
 
 def _keeping(clearance: float) -> str:
