@@ -64,6 +64,15 @@ def test_a_path_is_audited_and_repaired(checkout: Path) -> None:
     assert "deep" not in run("check_path.py", checkout, "worlds/office.yaml", "path.csv")
 
 
+@pytest.mark.slow
+def test_a_path_becomes_a_trajectory(checkout: Path) -> None:
+    found = run("smooth_trajectory.py", checkout, "worlds/office.yaml", "drive.html")
+    before, after = (float(line.split(" m in ")[1].split(" s")[0]) for line in found.splitlines()[:2])
+    assert after < before
+    assert "drive.html: written" in found
+    assert "</html>" in (checkout / "drive.html").read_text()
+
+
 def test_all_examples_are_run() -> None:
     text = Path(__file__).read_text()
     assert EXAMPLES
