@@ -7,19 +7,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from trailmark import se2
 from trailmark.arguments import brief, number, one_of, real
-from trailmark.errors import ShapeError
+from trailmark.errors import ShapeError, expected_name
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape, shape_of
 from trailmark.shown import Shown
 
-__all__ = ["TURNING_LIMIT", "Robot"]
+__all__ = ["DRIVES", "TURNING_LIMIT", "Drive", "Robot"]
 
 TURNING_LIMIT = 1e4
 """Metres: curves of a larger turning radius would miss their ends by more than rounding."""
+
+Drive = Literal["omnidirectional", "differential", "car"]
+DRIVES = get_args(Drive)
 
 MAX_CLEARANCE = 1e7
 """Metres: no world is larger."""
@@ -32,20 +36,25 @@ class Robot(Shown):
     Attributes:
         footprint: a disc or a rectangle centred on the reference point, or any simple polygon without holes.
         turning_radius: of a car-like robot: metres, radius of the smallest circle that its reference point, which moves
-            along the heading, can drive on. None: the robot moves in every direction and turns in place.
-        reverse: whether a car-like robot drives backwards too.
+            along the heading, can drive on. None: the robot turns in place.
+        reverse: whether a robot that drives along its heading drives backwards too: by default a car does, a
+            differential drive does not.
         clearance: metres that it keeps from obstacles, bounds and boundary: it collides with what is nearer. World
             files hold none; planners and checkers take it as an argument.
+        drive: ``omnidirectional`` (it moves in every direction), ``differential`` (it turns in place and drives along
+            its heading) or ``car``; by default a car if there is a turning radius, else omnidirectional.
 
     Raises:
         ShapeError: a footprint with holes, a disc or rectangle that is not centred on the reference point, a turning
-            radius or a clearance out of range, or ``reverse`` False without a turning radius.
+            radius or a clearance out of range, another drive or one that does not go with the turning radius, or
+            ``reverse`` False for a robot that moves in every direction.
     """
 
     footprint: Shape
     turning_radius: float | None = None
-    reverse: bool = True
+    reverse: bool = None  # type: ignore[assignment]  # known once it is made
     clearance: float = 0.0
+    drive: Drive = None  # type: ignore[assignment]  # known once it is made
 
     def __post_init__(self) -> None:
         self._check_steering()
@@ -161,8 +170,17 @@ class Robot(Shown):
         return float(shapely.distance(origin, region.exterior)) if region.contains(origin) else 0.0
 
     def steered(self, turning_radius: float | None, reverse: bool = True) -> Robot:
-        """Return a robot of the same shape with another turning radius (metres), or None, and direction of driving."""
-        return replace(self, turning_radius=turning_radius, reverse=reverse)
+        """Return a car of the same shape with a turning radius (metres), or one that moves in every direction."""
+        return replace(self, turning_radius=turning_radius, reverse=reverse, drive=None)  # type: ignore[arg-type]  # as the radius says
+
+    def differential(self, reverse: bool = False) -> Robot:
+        """Return a robot of the same shape that turns in place and drives along its heading, backwards too if asked."""
+        return replace(self, turning_radius=None, reverse=reverse, drive="differential")
+
+    @property
+    def heading_matters(self) -> bool:
+        """Whether the heading makes a difference to how it may move: not for a disc that moves in every direction."""
+        return self.drive != "omnidirectional" or not isinstance(self.footprint, Disc)
 
     def keeping(self, clearance: float) -> Robot:
         """Return a robot of the same shape that keeps a clearance, metres."""
@@ -177,6 +195,8 @@ class Robot(Shown):
             text = f"rectangle {shape.length:g} x {shape.width:g} m"
         else:
             text = f"polygon of {len(shape.vertices)} vertices"
+        if self.drive == "differential":
+            text += ", differential drive" + (", in reverse too" if self.reverse else "")
         if self.turning_radius is not None:
             text += f", turning radius {self.turning_radius:g} m" + ("" if self.reverse else ", forward only")
         if self.clearance > 0.0:
@@ -185,15 +205,23 @@ class Robot(Shown):
 
     def _check_steering(self) -> None:
         radius = self.turning_radius
-        if not isinstance(self.reverse, bool | np.bool_):
-            raise ShapeError(f"robot: reverse: expected True or False, got {brief(self.reverse)}")
-        object.__setattr__(self, "reverse", bool(self.reverse))
-        if radius is None:
-            if not self.reverse:
-                raise ShapeError("robot: expected a turning radius with reverse False, got none")
-            return
-        if not 0.0 < real(radius) <= TURNING_LIMIT:
+        if radius is not None and not 0.0 < real(radius) <= TURNING_LIMIT:
             raise ShapeError(
                 f"robot: expected a number above 0 and at most {TURNING_LIMIT:g} m, got turning_radius {brief(radius)}"
             )
-        object.__setattr__(self, "turning_radius", float(radius))
+        drive: Any = self.drive if self.drive is not None else "omnidirectional" if radius is None else "car"
+        if not isinstance(drive, str) or drive not in DRIVES:
+            raise ShapeError(f"robot: drive: {expected_name(str(drive), DRIVES)}")
+        if (drive == "car") != (radius is not None):
+            given = "none" if radius is None else f"turning_radius {brief(radius)}"
+            raise ShapeError(
+                f"robot: expected a turning radius with drive 'car' and no other, got {given} with {drive!r}"
+            )
+        reverse: Any = drive != "differential" if self.reverse is None else self.reverse
+        if not isinstance(reverse, bool | np.bool_):
+            raise ShapeError(f"robot: reverse: expected True or False, got {brief(reverse)}")
+        if drive == "omnidirectional" and not reverse:
+            raise ShapeError("robot: expected a turning radius with reverse False, got none")
+        object.__setattr__(self, "turning_radius", None if radius is None else float(radius))
+        object.__setattr__(self, "reverse", bool(reverse))
+        object.__setattr__(self, "drive", drive)

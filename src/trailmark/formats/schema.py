@@ -62,7 +62,10 @@ class _Strict(BaseModel):
 
 class _Robot(_Strict):
     turning_radius: Positive | None = Field(default=None, description=_LENGTH)
-    reverse: Flag = Field(default=True, description="true or false (whether a robot with a turning radius reverses)")
+    reverse: Flag | None = Field(default=None, description="true or false (whether it drives backwards too)")
+    drive: Literal["omnidirectional", "differential", "car"] | None = Field(
+        default=None, description="omnidirectional, differential or car"
+    )
 
 
 class DiscRobot(_Robot):

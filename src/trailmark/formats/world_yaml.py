@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -116,7 +117,9 @@ def robot_from_entry(entry: schema.DiscRobot | schema.RectangleRobot | schema.Po
         robot = Robot.rectangle(entry.length, entry.width)
     else:
         robot = Robot.polygon(entry.vertices)
-    return robot.steered(entry.turning_radius, entry.reverse)
+    # What is not given is as the rest says.
+    given: Any = {"turning_radius": entry.turning_radius, "reverse": entry.reverse, "drive": entry.drive}
+    return replace(robot, **given)
 
 
 def _obstacle(entry: schema.DiscShape | schema.RectangleShape | schema.PolygonShape) -> Shape:
@@ -178,6 +181,8 @@ def _shape(shape: Shape, placed: bool) -> str:
 
 def _robot_text(robot: Robot) -> str:
     text = _shape(robot.footprint, placed=False)
+    if robot.drive == "differential":
+        return f"{text[:-1]}, drive: differential{', reverse: true' if robot.reverse else ''}}}"
     if robot.turning_radius is None:
         return text
     reverse = "" if robot.reverse else ", reverse: false"

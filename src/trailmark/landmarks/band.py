@@ -226,7 +226,7 @@ class Band:
         relaxation, n = self.relaxation, len(cells)
         centers = relaxation.cell_centers(cells)
         centers += (rng.random(centers.shape) - 0.5) * relaxation.size
-        if self.checker.footprint.is_disc and self.checker.robot.turning_radius is None:
+        if not self.checker.robot.heading_matters:
             return relaxation.references(centers, np.zeros(n))
         headings = rng.uniform(-np.pi, np.pi, n)
         # Deviations at all scales up to SPREAD: tight passages allow only small ones.

@@ -13,7 +13,6 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError, expected_name
 from trailmark.landmarks.relaxation import Relaxation
-from trailmark.shapes import Disc
 
 __all__ = ["RandomState", "draw", "free_samples", "generator"]
 
@@ -98,7 +97,7 @@ def free_samples(
     while have < n and drawn < limit:
         q = draw(checker.world.bounds, min(max(256, 2 * (n - have)), limit - drawn), method=method, random_state=rng)
         drawn += len(q)
-        if isinstance(checker.robot.footprint, Disc) and checker.robot.turning_radius is None:
+        if not checker.robot.heading_matters:
             q[:, 2] = 0.0
         if region is not None:
             q = q[region[relaxation.cells(relaxation.disc_centers(q))]]

@@ -1,4 +1,4 @@
-"""Motions between configurations: translations, straight motions, a car's curves."""
+"""Motions between configurations: translations, straight motions, a car's curves, a differential drive's."""
 
 from typing import Literal
 
@@ -6,16 +6,17 @@ from trailmark.collision import StateChecker
 from trailmark.curves import Steering
 from trailmark.motion.base import Motion
 from trailmark.motion.curve import CurveMotion
+from trailmark.motion.differential import DifferentialMotion
 from trailmark.motion.straight import StraightMotion
 from trailmark.motion.translation import TranslationMotion
 from trailmark.motion.weighted import WeightedMotion
 from trailmark.objective import Objective
-from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 from trailmark.zones import CostZone, OneWayZone
 
 __all__ = [
     "CurveMotion",
+    "DifferentialMotion",
     "Kind",
     "Motion",
     "StraightMotion",
@@ -26,18 +27,20 @@ __all__ = [
     "motion_of",
 ]
 
-Kind = Literal["translation", "straight", "curve"]
+Kind = Literal["translation", "straight", "curve", "differential"]
 
 
 def kind_of(robot: Robot) -> Kind:
-    """Return a robot's kind of motion: a car's curves if it has a turning radius, translations if it is a disc."""
-    if robot.turning_radius is not None:
+    """Return a robot's kind of motion: by its drive, and translations if its heading makes no difference."""
+    if robot.drive == "differential":
+        return "differential"
+    if robot.drive == "car":
         return "curve"
-    return "translation" if isinstance(robot.footprint, Disc) else "straight"
+    return "straight" if robot.heading_matters else "translation"
 
 
 def motion_of(checker: StateChecker, steering: Steering | None = None, objective: Objective | None = None) -> Motion:
-    """Return the motion of a checker's robot: a car's curves if it has a turning radius, else straight motions.
+    """Return the motion of a checker's robot, by its drive.
 
     Args:
         checker: decides which configurations are valid.
@@ -47,6 +50,8 @@ def motion_of(checker: StateChecker, steering: Steering | None = None, objective
     motion: Motion
     if steering is not None or checker.robot.turning_radius is not None:
         motion = CurveMotion(checker, steering, objective)
+    elif checker.robot.drive == "differential":
+        motion = DifferentialMotion(checker)
     else:
         motion = TranslationMotion(checker) if checker.footprint.is_disc else StraightMotion(checker)
     objective = Objective() if objective is None else objective

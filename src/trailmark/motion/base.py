@@ -1,9 +1,10 @@
 """Motion: how a robot moves from one configuration to another, for roadmaps, searches and shortening.
 
-There are three kinds: a disc's translation (:mod:`trailmark.motion.translation`), a straight motion in SE(2)
-(:mod:`trailmark.motion.straight`), and the shortest curve of a car (:mod:`trailmark.motion.curve`). Compiled code
-takes a kind as a named tuple and calls the functions below, which are chosen by its type while it is compiled
-(:func:`trailmark.compiled.by_type`). Python uses a :class:`Motion`, which holds that tuple.
+There are four kinds: a disc's translation (:mod:`trailmark.motion.translation`), a straight motion in SE(2)
+(:mod:`trailmark.motion.straight`), the shortest curve of a car (:mod:`trailmark.motion.curve`), and what a differential
+drive does: turn, drive ahead, turn (:mod:`trailmark.motion.differential`). Compiled code takes a kind as a named tuple
+and calls the functions below, which are chosen by its type while it is compiled (:func:`trailmark.compiled.by_type`).
+Python uses a :class:`Motion`, which holds that tuple.
 """
 
 # Tested by tests/motion/test_motion.py and test_curve.py.
@@ -203,7 +204,8 @@ class Motion(ABC):
         kind: the named tuple that compiled code takes.
         directed: whether a motion may be possible in one direction only.
         candidates: nodes near in the embedding that are considered for each neighbour that is wanted.
-        moves_anywhere: whether the robot may move in every direction, as a lattice's steps do.
+        moves_anywhere: whether the robot may move in every direction.
+        has_lattice: whether its motions lead from one configuration of a lattice to the next.
         turns: whether the heading makes a difference to which configurations and motions are valid.
         direct_is_best: whether nothing is cheaper than a motion that leads from start to goal.
     """
@@ -212,6 +214,7 @@ class Motion(ABC):
     directed = False
     candidates: ClassVar[int] = 1
     moves_anywhere: ClassVar[bool] = True
+    has_lattice: ClassVar[bool] = True
     turns: ClassVar[bool] = True
     direct_is_best: ClassVar[bool] = True
 

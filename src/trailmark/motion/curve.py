@@ -70,6 +70,7 @@ class CurveMotion(Motion):
 
     candidates: ClassVar[int] = 3
     moves_anywhere: ClassVar[bool] = False
+    has_lattice: ClassVar[bool] = False
 
     def __init__(
         self, checker: StateChecker, steering: Steering | None = None, objective: Objective | None = None

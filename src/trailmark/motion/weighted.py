@@ -19,6 +19,7 @@ from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch, extra
 from trailmark.motion.curve import Curve
 from trailmark.motion.density import Density, build_density, line_cost, near_border
+from trailmark.motion.differential import Differential, facing
 from trailmark.motion.one_way import OneWays, curve_allowed, one_ways, straight_allowed
 from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
@@ -77,6 +78,7 @@ class WeightedMotion(Motion):
         self.directed = motion.directed or len(one_way.headings) > 0
         # Instances of their own, where the class says what most kinds have.
         self.candidates, self.moves_anywhere, self.turns = motion.candidates, motion.moves_anywhere, motion.turns  # type: ignore[misc]
+        self.has_lattice = motion.has_lattice  # type: ignore[misc]
 
     def cost_within(self, states: FloatArray) -> tuple[float, float]:
         """Return the cost of a path's states, shape (n, 3), as it is reported, and a proven bound on its error."""
@@ -151,6 +153,16 @@ def _translation_cost(
     return line_cost(kind.density, kind.grid, kind.field, a[0], a[1], b[0], b[1], tolerance)
 
 
+@variant_of(weighted_cost, Differential)
+@njit(cache=True)
+def _differential_cost(
+    motion: Any, kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, tolerance: float
+) -> tuple[float, float]:
+    cost, error = line_cost(kind.density, kind.grid, kind.field, a[0], a[1], b[0], b[1], tolerance)
+    heading = facing(motion, a, b)
+    return cost + kind.density.rotation * (fabs(turn(a[2], heading)) + fabs(turn(heading, b[2]))), error
+
+
 @variant_of(weighted_cost, Curve)
 @njit(cache=True)
 def _curve_cost(
@@ -213,6 +225,7 @@ def allowed(motion: Any, zones: OneWays, scratch: Scratch, a: FloatArray, b: Flo
 
 @variant_of(allowed, Straight)
 @variant_of(allowed, Translation)
+@variant_of(allowed, Differential)
 @njit(cache=True)
 def _straight_allowed(motion: Any, zones: OneWays, scratch: Scratch, a: FloatArray, b: FloatArray) -> bool:
     return straight_allowed(zones, a, b)

@@ -40,6 +40,10 @@ MISSED = 1e-5
 """Metres, and radians, that a curve may end off its knot, for radii and coordinates up to 1e5 m."""
 
 
+OFF_HEADING = 1e-8
+"""Metres, and metres for each metre, by which a drive ahead may lead aside, for rounding."""
+
+
 class FinalCheck:
     """Certifies finished paths of one robot in one world.
 
@@ -88,6 +92,8 @@ class FinalCheck:
             starts, moves = path.states[:-1].copy(), se2.difference(path.states[:-1], path.states[1:])
             curvature = np.zeros(len(starts))
         if (problem := self._fault_at(path.states[0])) is not None:
+            return problem
+        if self.robot.drive == "differential" and (problem := _undriven(starts, moves, self.robot.reverse)) is not None:
             return problem
         failed, where = self._certified(starts, moves, curvature)
         if failed >= 0:
@@ -169,6 +175,17 @@ def _coordinates(part: shapely.Polygon) -> list[FloatArray]:
 def _placed(part: shapely.Polygon, q: FloatArray) -> shapely.Polygon:
     rings = [se2.transform(q, ring) for ring in _coordinates(part)]
     return shapely.Polygon(rings[0], rings[1:])
+
+
+def _undriven(starts: FloatArray, moves: FloatArray, reverse: bool) -> str | None:
+    """Return what motions (starts and changes, each (n, 3)) a differential drive cannot make; None if it can all."""
+    length = np.hypot(moves[:, 0], moves[:, 1])
+    ahead = np.cos(starts[:, 2]) * moves[:, 0] + np.sin(starts[:, 2]) * moves[:, 1]
+    aside = np.abs(np.cos(starts[:, 2]) * moves[:, 1] - np.sin(starts[:, 2]) * moves[:, 0])
+    turns_only = length == 0.0
+    drives_only = (moves[:, 2] == 0.0) & (aside <= OFF_HEADING * (1.0 + length)) & (reverse | (ahead >= 0.0))
+    wrong = np.flatnonzero(~(turns_only | drives_only))
+    return f"motion {wrong[0]} is neither a turn in place nor a drive ahead" if len(wrong) else None
 
 
 def _driven(path: CurvePath) -> tuple[FloatArray, FloatArray, FloatArray, float]:

@@ -131,7 +131,7 @@ class GoalSearch:
 
     @property
     def _has_lattices(self) -> bool:
-        return self.motion.moves_anywhere and self.model.settings.uses("lattice")
+        return self.motion.has_lattice and self.model.settings.uses("lattice")
 
     def _schedule(self, end: FloatArray) -> LatticeSchedule:
         """Return the lattices that a path to a configuration may be sought on."""

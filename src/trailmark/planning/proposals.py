@@ -14,6 +14,7 @@ from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import wrapped
 from trailmark.motion.base import Scratch, cost, interpolate
 from trailmark.motion.curve import Curve
+from trailmark.motion.differential import Differential, facing
 from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
 from trailmark.motion.weighted import Weighted
@@ -135,6 +136,33 @@ def _propose_weighted(
     q: FloatArray,
 ) -> bool:
     return propose(kind.motion, scratch, path, i, share, attempt, seed, scale, q)
+
+
+@variant_of(propose, Differential)
+@njit(cache=True)
+def _propose_differential(
+    kind: Differential,
+    scratch: Scratch,
+    path: FloatArray,
+    i: int,
+    share: float,
+    attempt: int,
+    seed: NDArray[np.uint64],
+    scale: float,
+    q: FloatArray,
+) -> bool:
+    a, here, b = path[i - 1], path[i], path[i + 1]
+    if attempt < 2:
+        t = 0.5 if attempt == 0 else 0.1
+        q[0] = here[0] + t * (a[0] + share * (b[0] - a[0]) - here[0])
+        q[1] = here[1] + t * (a[1] + share * (b[1] - a[1]) - here[1])
+    else:
+        angle, step = 2.0 * pi * uniform(seed), scale * sqrt(uniform(seed))
+        q[0], q[1] = here[0] + step * cos(angle), here[1] + step * sin(angle)
+    # It arrives without a turn.
+    q[2] = here[2]
+    q[2] = facing(kind, a, q)
+    return attempt < 3
 
 
 @by_type

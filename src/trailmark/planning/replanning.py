@@ -245,7 +245,7 @@ class Replanner:
         found = np.empty((0, 3))
         if not near:
             found = RoadmapLookup(model.shared.roadmap, *ends).search_free_edges()
-        if len(found) == 0 and motion.moves_anywhere:
+        if len(found) == 0 and motion.has_lattice:
             window = self._window(ends) if near else None
             lattices = LatticeSchedule(
                 motion, ends, model.relaxation.size, self.seconds_left, model.settings.without, window

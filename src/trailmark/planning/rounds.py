@@ -95,7 +95,7 @@ class Rounds:
             self._bridge(nodes)
         # What drives along the tree's edges was not asked about one-way zones.
         one_way = any(isinstance(zone, OneWayZone) for zone in query.checker.world.zones)
-        if not query.motion.moves_anywhere and settings.uses("hybrid-astar") and not one_way:
+        if not query.motion.has_lattice and settings.uses("hybrid-astar") and not one_way:
             self._drive(nodes)
 
     def _refine(self) -> None:

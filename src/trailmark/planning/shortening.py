@@ -20,6 +20,7 @@ from trailmark.heading import turn, wrapped
 from trailmark.motion import Motion
 from trailmark.motion.base import Scratch, certified, cost, interpolate, least_cost, new_scratch, obeys_triangle
 from trailmark.motion.curve import Curve
+from trailmark.motion.differential import Differential
 from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
 from trailmark.motion.weighted import Weighted
@@ -193,9 +194,10 @@ def turn_evenly(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray
 
 @variant_of(turn_evenly, Translation)
 @variant_of(turn_evenly, Curve)
+@variant_of(turn_evenly, Differential)
 @njit(cache=True)
 def _as_it_is(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]) -> None:
-    """Leave the headings: a disc has none, a car's follow from its curves."""
+    """Leave the headings: a disc has none, a car's follow from its curves, and others from where they drive."""
 
 
 @variant_of(turn_evenly, Weighted)

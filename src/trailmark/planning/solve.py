@@ -46,7 +46,7 @@ def solve(query: Query, bound: AnyBound | None, known_path: FloatArray | None = 
     """
     lookup = RoadmapLookup(query.roadmap, *query.ends)
     lattices = None
-    if query.motion.moves_anywhere and query.settings.uses("lattice"):
+    if query.motion.has_lattice and query.settings.uses("lattice"):
         # A lattice's steps are not a car's.
         lattices = LatticeSchedule(
             query.motion, query.ends, query.relaxation.size, query.seconds_left, query.settings.without

@@ -25,22 +25,23 @@ ROBOTS: dict[Kind, Robot] = {
     "translation": Robot.disc(0.25),
     "straight": Robot.rectangle(0.6, 0.4),
     "curve": Robot.rectangle(0.6, 0.4).steered(0.4),
+    "differential": Robot.rectangle(0.6, 0.4).differential(),
 }
 
 
-@lru_cache(maxsize=3)
+@lru_cache(maxsize=4)
 def warm_up(kind: Kind = "straight") -> None:
     """Run every kernel that plans a kind of motion once: half a minute on a machine's first use, else a second."""
     _run([partial(job, kind) for job in (_plan, _drive, _certify, _enclose, _shorten, _bound)])
 
 
-@lru_cache(maxsize=3)
+@lru_cache(maxsize=4)
 def warm_up_queries(kind: Kind = "straight") -> None:
     """Run every kernel that only :meth:`LandmarkPlanner.plan_many` needs once, as :func:`warm_up` does the others."""
     _run([partial(job, kind) for job in (_plan_many, _certify)])
 
 
-@lru_cache(maxsize=3)
+@lru_cache(maxsize=4)
 def warm_up_weighted(kind: Kind = "straight") -> None:
     """Run every kernel once that only zones and other objectives than length need, as :func:`warm_up` does."""
     _run([partial(_plan, kind, "clearance"), partial(_shorten, kind, "clearance")])
@@ -53,10 +54,10 @@ def warm_up_for(robot: Robot, world: World, objective: Objective) -> None:
         warm_up_weighted(kind_of(robot))
 
 
-@lru_cache(maxsize=3)
+@lru_cache(maxsize=4)
 def warm_up_moving(kind: Kind = "straight") -> None:
     """Run every kernel once that only :meth:`LandmarkPlanner.replan` with a speed needs, as :func:`warm_up` does."""
-    if kind != "curve":
+    if kind in ("straight", "translation"):
         _run([partial(_pass_moving, kind)])
 
 

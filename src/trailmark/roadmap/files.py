@@ -105,7 +105,7 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
         raise FormatError(path, f"expected suffix {' or '.join(LOADED)}, got {path.suffix!r}{hint}")
     data = read_bytes(path)
     content = _read_npz(data, path) if suffix == ".npz" else _read_graphml(data, path)
-    directed = not checker.robot.reverse
+    directed = motion_of(checker).directed
     q, edges, status = _checked(content, path, directed)
     known = content.fingerprint == fingerprint(checker)
     if not known or content.checksum != _checksum(content.fingerprint, q, edges, status, directed):
@@ -137,6 +137,8 @@ def fingerprint(checker: StateChecker) -> str:
     dilation = robot.dilation or -1.0
     for array in (world.bounds, segments, discs, robot.outline, dilation):
         _digest(digest, np.asarray(array), "<f8")
+    if checker.robot.drive == "differential":
+        _digest(digest, np.array([0.0, checker.robot.reverse]), "<f8")
     if checker.robot.turning_radius is not None:
         _digest(digest, np.array([checker.robot.turning_radius, checker.robot.reverse]), "<f8")
     return digest.hexdigest()
@@ -164,7 +166,7 @@ def _digest(digest: Any, array: NDArray[Any], kind: str) -> None:
 def _npz_bytes(roadmap: Roadmap) -> bytes:
     world = fingerprint(roadmap.checker)
     q, edges, _, status = roadmap.rows()
-    checksum = _checksum(world, q, edges, status, not roadmap.checker.robot.reverse)
+    checksum = _checksum(world, q, edges, status, roadmap.directed)
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer,
@@ -184,7 +186,7 @@ def _graphml_bytes(roadmap: Roadmap) -> bytes:
     for _, attributes in graph.nodes(data=True):
         attributes["x"], attributes["y"], attributes["theta"] = attributes.pop("configuration")
     world, written = fingerprint(roadmap.checker), roadmap.status != EdgeStatus.BLOCKED
-    directed = not roadmap.checker.robot.reverse
+    directed = roadmap.directed
     checksum = _checksum(world, roadmap.configurations, roadmap.edges[written], roadmap.status[written], directed)
     graph.graph.update(trailmark_roadmap=VERSION, fingerprint=world, checksum=checksum)
     buffer = io.BytesIO()
