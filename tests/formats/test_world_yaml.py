@@ -334,7 +334,10 @@ def polygon(points: str) -> str:
         (HEAD + "robot: 7", "robot: expected a mapping with the key shape: disc, rectangle or polygon, got 7"),
         (HEAD + "robot: {shape: disc, radius: -1}", f"robot.radius: {LENGTH}, got -1"),
         (HEAD + "robot: {shape: rectangle, length: 1}", f"robot.width: {LENGTH}, got nothing"),
-        (HEAD + "robot: {shape: disc, radius: 1, center: [0, 0]}", "robot.center: unknown key; expected radius,"),
+        (
+            HEAD + "robot: {shape: disc, radius: 1, center: [0, 0]}",
+            "robot.center: unknown key; expected drive, radius,",
+        ),
         (HEAD + "robot: {shape: polygon, vertices: [[0, 0], [1, 1], [1, 0], [0, 1]]}", "robot: polygon: not simple"),
         (HEAD + "boundary: [[0, 0], [1, 1], [1, 0], [0, 1]]", "boundary: polygon: not simple"),
         (HEAD + "boundary: [[0, 0], [1, 1], [1, .inf]]", "boundary[2][1]: expected a finite number, got inf"),

@@ -68,9 +68,12 @@ def test_a_robot_without_turning_radius_is_written_as_before() -> None:
         ("turning_radius: .nan", "robot.turning_radius: expected a finite number above 0 (metres), got nan"),
         ("turning_radius: '5'", "robot.turning_radius: expected a finite number above 0 (metres), got '5'"),
         ("turning_radius: 1.0e+9", "robot: robot: expected a number above 0 and at most 10000 m, got"),
-        ("reverse: 1", "robot.reverse: expected true or false (whether a robot with a turning radius reverses),"),
+        ("reverse: 1", "robot.reverse: expected true or false (whether it drives backwards too),"),
         ("reverse: false", "robot: robot: expected a turning radius with reverse False, got none"),
-        ("turning_radus: 5", "robot.turning_radus: unknown key; expected radius, reverse, shape, turning_radius,"),
+        (
+            "turning_radus: 5",
+            "robot.turning_radus: unknown key; expected drive, radius, reverse, shape, turning_radius,",
+        ),
     ],
 )
 def test_messages_name_field_value_and_what_is_allowed(tmp_path: Path, fields: str, problem: str) -> None:
@@ -80,7 +83,23 @@ def test_messages_name_field_value_and_what_is_allowed(tmp_path: Path, fields: s
     assert "\n" not in str(raised.value)
 
 
+def test_differential_drives_are_read_and_written(tmp_path: Path) -> None:
+    for text, robot in (
+        ("drive: differential", Robot.disc(0.3).differential()),
+        ("drive: differential, reverse: true", Robot.disc(0.3).differential(reverse=True)),
+        ("drive: car, turning_radius: 2", Robot.disc(0.3).steered(2.0)),
+        ("drive: omnidirectional", Robot.disc(0.3)),
+    ):
+        file = tmp_path / "world.yaml"
+        file.write_text(f"trailmark: 1\nname: a\nbounds: [0, 0, 9, 9]\nrobot: {{shape: disc, radius: 0.3, {text}}}\n")
+        world = load_world(file)
+        assert world.robot == robot
+        world.save(file)
+        assert load_world(file).robot == robot
+
+
 def test_the_json_schema_describes_cars() -> None:
     robot = world_json_schema()["$defs"]["RectangleRobot"]["properties"]
     assert "turning_radius" in robot
-    assert robot["reverse"]["type"] == "boolean"
+    assert {"type": "boolean"} in robot["reverse"]["anyOf"]
+    assert robot["drive"]["anyOf"][0]["enum"] == ["omnidirectional", "differential", "car"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ def motion_in(world: World, robot: Robot) -> DifferentialMotion:
 
 def assert_driven(states: FloatArray, reverse: bool = False) -> None:
     """Assert that each piece of a path is a turn in place or a drive along the heading."""
-    for a, b in zip(states[:-1], states[1:], strict=True):
+    for a, b in pairwise(states):
         dx, dy, turned = difference(a, b)
         length = math.hypot(dx, dy)
         if length == 0.0:
@@ -94,9 +95,7 @@ def test_certified_motions_meet_nothing(name: str) -> None:
     oracle, missed = Oracle(world, robot), 0
     for start, end, certified in zip(a, b, free, strict=True):
         states = motion.driven(np.array([start, end]))
-        dense = np.concatenate(
-            [motion_states(p[None], q[None], 200)[0] for p, q in zip(states[:-1], states[1:], strict=True)]
-        )
+        dense = np.concatenate([motion_states(p[None], q[None], 200)[0] for p, q in pairwise(states)])
         hit = bool(oracle.collides(dense).any())
         assert not (certified and hit)
         missed += not certified and not hit
@@ -176,4 +175,4 @@ def test_drives_of_robots() -> None:
         {"drive": 3},
     ):
         with pytest.raises(ShapeError, match="expected"):
-            Robot(shape, **wrong)  # type: ignore[arg-type]
+            Robot(shape, **wrong)

@@ -12,6 +12,7 @@ from trailmark.cli import console
 from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
+    DriveOption,
     ForwardOnlyOption,
     JsonOption,
     PlotOption,
@@ -65,6 +66,7 @@ def check(
     speed_mask: SpeedMaskOption = None,
     turning_radius: TurningRadiusOption = None,
     forward_only: ForwardOnlyOption = False,
+    drive: DriveOption = None,
     repair: Annotated[
         str | None,
         option(
@@ -94,7 +96,7 @@ def check(
     with console.progress("loading") as progress:
         loaded, file = with_masks(load_world(world), keepout, speed_mask), Path(path)
         protect_inputs((*loaded.sources, *robot_file(robot), file), picture, output)
-        body = steered(robot_of(loaded, given), radius, forward_only)
+        body = steered(robot_of(loaded, given), radius, forward_only, drive)
         loaded = grown_for(loaded, body)
         found = read_any_path(file)
         if found.headings > 2.0 * math.pi:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,12 +18,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "PICTURE_SUFFIXES",
+    "ClearanceOption",
     "Configuration",
+    "DriveOption",
     "ForwardOnlyOption",
     "FrameOption",
     "JsonOption",
     "LayersOption",
     "PlotOption",
+    "RelaxOption",
     "RobotOption",
     "SeedOption",
     "TimeLimitOption",
@@ -34,6 +38,7 @@ __all__ = [
     "option",
     "output_file",
     "protect_inputs",
+    "read_clearance",
     "read_configuration",
     "read_count",
     "read_duration",
@@ -89,6 +94,10 @@ TurningRadiusOption = Annotated[
         "METRES",
         "The robot is a car that turns on circles of this radius, instead of moving in every direction.",
     ),
+]
+DriveOption = Annotated[
+    str | None,
+    option("--drive", "NAME", "omnidirectional, differential (turns in place, drives ahead) or car."),
 ]
 ForwardOnlyOption = Annotated[bool, typer.Option("--forward-only", help="The car does not drive backwards.")]
 FrameOption = Annotated[
@@ -239,16 +248,24 @@ def read_turning_radius(text: str | None) -> float | None:
     return read_number(text, "--turning-radius", expected, above=0.0, high=MAX_TURNING_RADIUS)
 
 
-def steered(robot: Robot, turning_radius: float | None, forward_only: bool) -> Robot:
-    """Return the robot with what ``--turning-radius`` and ``--forward-only`` say.
+def steered(robot: Robot, turning_radius: float | None, forward_only: bool, drive: str | None = None) -> Robot:
+    """Return the robot with what ``--turning-radius``, ``--forward-only`` and ``--drive`` say.
 
     Raises:
         UsageError: ``--forward-only`` for a robot without turning radius.
+        ShapeError: no such drive, or one that does not go with the turning radius.
     """
     radius = robot.turning_radius if turning_radius is None else turning_radius
+    if drive is not None:
+        # A car's radius is nothing to another drive, unless it is given.
+        kept = radius if drive == "car" else turning_radius
+        given: Any = {"turning_radius": kept, "reverse": None, "drive": drive}
+        robot, radius = replace(robot, **given), kept
     if forward_only and radius is None:
         raise UsageError("--forward-only given for a robot without turning radius; expected --turning-radius too")
-    return robot if radius is None else robot.steered(radius, robot.reverse and not forward_only)
+    if radius is None:
+        return robot
+    return robot.steered(radius, (robot.reverse or robot.drive != "car") and not forward_only)
 
 
 def output_file(text: str | None, suffixes: tuple[str, ...]) -> Path | None:

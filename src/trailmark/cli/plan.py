@@ -17,6 +17,7 @@ from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
 from trailmark.cli.options import (
     PICTURE_SUFFIXES,
     ClearanceOption,
+    DriveOption,
     ForwardOnlyOption,
     FrameOption,
     JsonOption,
@@ -81,6 +82,7 @@ def plan(
     speed_mask: SpeedMaskOption = None,
     turning_radius: TurningRadiusOption = None,
     forward_only: ForwardOnlyOption = False,
+    drive: DriveOption = None,
     query: Annotated[str | None, option("--query", "NAME", "A query of the world; default: its first.")] = None,
     start: StartOption = None,
     goal: GoalOption = None,
@@ -178,7 +180,7 @@ def plan(
         begun = time.perf_counter()
         loaded = with_masks(load_world(world), keepout, speed_mask)
         protect_inputs((*loaded.sources, *robot_file(robot)), *outputs)
-        body = steered(robot_of(loaded, given), radius, forward_only)
+        body = steered(robot_of(loaded, given), radius, forward_only, drive)
         if probability is None:
             loaded = grown_for(loaded, body)
         name, a, b = given_ends.ends(loaded)

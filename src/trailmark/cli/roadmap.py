@@ -11,6 +11,7 @@ import typer
 from trailmark.cli import console
 from trailmark.cli.masks import KeepoutOption, SpeedMaskOption, with_masks
 from trailmark.cli.options import (
+    DriveOption,
     ForwardOnlyOption,
     FrameOption,
     JsonOption,
@@ -54,6 +55,7 @@ def roadmap(
     speed_mask: SpeedMaskOption = None,
     turning_radius: TurningRadiusOption = None,
     forward_only: ForwardOnlyOption = False,
+    drive: DriveOption = None,
     count: Annotated[str, option("-k", "K", "Number of landmarks.", default=True)] = "200",
     seed: SeedOption = "0",
     frame_id: FrameOption = "map",
@@ -71,7 +73,7 @@ def roadmap(
         begun = perf_counter()
         loaded = with_masks(load_world(world), keepout, speed_mask)
         protect_inputs((*loaded.sources, *robot_file(robot)), file)
-        body = steered(robot_of(loaded, given), radius, forward_only)
+        body = steered(robot_of(loaded, given), radius, forward_only, drive)
         loaded = grown_for(loaded, body)
 
         from trailmark import LandmarkPlanner

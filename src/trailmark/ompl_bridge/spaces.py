@@ -10,6 +10,7 @@ from ompl import base as ob
 
 from trailmark.arguments import one_of
 from trailmark.curves import Steering
+from trailmark.errors import ConfigurationError
 from trailmark.ompl_bridge.errors import BoundsError, SpaceError
 from trailmark.ompl_bridge.states import opened, state
 from trailmark.world import Robot, World
@@ -29,7 +30,12 @@ def space_for(world: World, robot: Robot) -> Any:
 
     That is a ``ReedsSheppStateSpace`` for a robot with a turning radius, a ``DubinsStateSpace`` if it does not reverse,
     and an ``SE2StateSpace`` for all others.
+
+    Raises:
+        ConfigurationError: a differential drive: in OMPL's spaces it would move sideways.
     """
+    if robot.drive == "differential":
+        raise ConfigurationError(f"robot: expected an omnidirectional one or a car in OMPL, got {robot.describe()}")
     steering = Steering.of(robot)
     if steering is None:
         return se2_space(world)
