@@ -271,11 +271,12 @@ def _write_path(
 
 
 def _print_summary(record: dict[str, Any], result: PlanResult, limit: float, written: list[Path]) -> None:
+    kept = result.clearance
     title = record["world"] if record["query"] is None else f"{record['world']} · {record['query']}"
     verdict, colour = {
         "solved": ("path found", "green"),
         "timeout": (f"no path found within {limit:g} s", "yellow"),
-        "infeasible": (f"infeasible: no path {_keeping(result.clearance) or 'exists'}", "red"),
+        "infeasible": (f"infeasible: no path {f'keeps {kept:g} m' if kept else 'exists'}", "red"),
     }[record["status"]]
     console.say(f"{title}: {verdict}", fg=colour, bold=True)
     seconds = record["time"]
@@ -310,15 +311,11 @@ def _numbers(values: tuple[float, ...]) -> str:
     return ", ".join(f"{value:.4g}" for value in values)
 
 
-def _keeping(clearance: float) -> str:
-    return f"keeps {clearance:g} m" if clearance > 0.0 else ""
-
-
 def _kept(result: PlanResult) -> str:
     """Return what clearance a path keeps for certain, and what none keeps, as far as it was asked for."""
     if result.clearance_bound is not None:
         return f"; keeps {result.clearance:.4f} m, and no path more than {result.clearance_bound:.4f} m"
-    return f"; {_keeping(result.clearance)}" if result.clearance > 0.0 else ""
+    return f"; keeps {result.clearance:g} m" if result.clearance > 0.0 else ""
 
 
 def _curve_rows(result: PlanResult) -> list[tuple[str, str]]:
