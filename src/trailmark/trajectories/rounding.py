@@ -43,6 +43,9 @@ REVERSAL = -0.98
 def rounded(checker: StateChecker, path: Path, max_curvature: float) -> Pieces:
     """Return the pieces of a path of straight motions with its corners rounded where there is room.
 
+    Shortest paths go around one place by several corners close together, which leave no room for each other. They are
+    tried as one, and taken apart where that cannot be rounded.
+
     Args:
         checker: certifies the pieces.
         path: whose motions are certified.
@@ -51,29 +54,62 @@ def rounded(checker: StateChecker, path: Path, max_curvature: float) -> Pieces:
     corners = _corners(checker, path)
     if len(corners) < 3:
         return straight(corners[:-1], np.diff(corners, axis=0))
+    groups = _groups(corners, checker.robot.circumradius)
+    known: dict[bytes, bool] = {}
+    while True:
+        merged = np.array([corners[0], *(corners[group].mean(axis=0) for group in groups), corners[-1]])
+        pieces, stops = _rounded(checker, merged, max_curvature, known)
+        if not any(stop and len(group) > 1 for group, stop in zip(groups, stops, strict=True)):
+            return pieces
+        groups = [
+            part
+            for group, stop in zip(groups, stops, strict=True)
+            for part in (np.array_split(group, 2) if stop and len(group) > 1 else [group])
+        ]
+
+
+def _groups(corners: FloatArray, reach: float) -> list[NDArray[np.intp]]:
+    """Return the corners, ends left out, in groups no longer than ``reach`` metres from first to last."""
+    moves = np.diff(corners, axis=0)
+    length = np.hypot(*moves[:, :2].T)
+    groups, along = [[1]], 0.0
+    for i in range(2, len(corners) - 1):
+        along += length[i - 1]
+        # Turns in place stay.
+        if along <= reach and length[i - 1] > reach * abs(moves[i - 1, 2]):
+            groups[-1].append(i)
+        else:
+            groups.append([i])
+            along = 0.0
+    return [np.array(group) for group in groups]
+
+
+def _rounded(
+    checker: StateChecker, corners: FloatArray, max_curvature: float, known: dict[bytes, bool]
+) -> tuple[Pieces, NDArray[np.bool_]]:
+    """Return the pieces with corners, shape (n + 2, 3), rounded, and at which of the n the robot stops.
+
+    Where it does not stop, and between two stops that are the path's own corners, the pieces are certified.
+    """
     _, first, _, length, _ = straight(corners[:-1], np.diff(corners, axis=0), keep=True)
     moving = np.hypot(*first[:, :2].T) > 0.5
     may = moving[:-1] & moving[1:] & ((first[:-1, :2] * first[1:, :2]).sum(axis=1) > REVERSAL)
     room = 0.5 * np.minimum(length[:-1], length[1:])
     levels = len(SIZES) * len(SWINGS)
     level = np.where(may, 0, levels)
-    known: dict[bytes, bool] = {}
     while True:
         size = np.where(level < levels, SIZES[np.minimum(level // len(SWINGS), len(SIZES) - 1)] * room, 0.0)
         swing = np.where(level < levels, np.array(SWINGS)[level % len(SWINGS)], -1.0)
         moved = _moved(corners, size, swing)
         pieces = _cut(moved, size)
         free = _free(checker, pieces, known) & (pieces.curvature() <= max_curvature)
-        if free.all():
-            return pieces.take(pieces.length > 0.0)
         # Straight motions are the even pieces; parabolas, of length 0 where there is a stop, stand between them.
         failed = ~free[1::2]
         beside = ~free[0::2]
         failed |= beside[:-1] | beside[1:]
         failed &= level < levels
         if not failed.any():
-            # All corners that have to do with it are the path's own, and so are the motions: they are certified.
-            return pieces.take(pieces.length > 0.0)
+            return pieces.take(pieces.length > 0.0), level == levels
         level = np.where(failed, level + 1, level)
 
 
