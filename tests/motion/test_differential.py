@@ -112,6 +112,7 @@ def narrow(width: float) -> World:
 
 @pytest.mark.parametrize("robot", [CART, CART.differential(True), Robot.disc(0.25).differential()])
 def test_paths_turn_in_place_and_drive_ahead(robot: Robot) -> None:
+    # In the corridor a cart cannot turn round: it has to be headed there before.
     world = narrow(0.55)
     planner = LandmarkPlanner(world, robot, seed=1)
     result = planner.plan((1.0, 1.0, 2.0), (9.0, 5.0, -1.0), 2.0)

@@ -39,6 +39,8 @@ def warmup(as_json: JsonOption = False) -> None:
         "maps from logs": _warm_up_logs,
         "many queries of cars": partial(warm_up_queries, "curve"),
         "cars": partial(warm_up, "curve"),
+        "differential drives": partial(warm_up, "differential"),
+        "many queries of differential drives": partial(warm_up_queries, "differential"),
     }
     with (
         console.progress("preparing (compiles on first use)") as progress,

@@ -91,6 +91,17 @@ class DifferentialMotion(Motion):
         """Return a path's states, shape (m, 3), with those between the turns and the drives of each motion."""
         return np.asarray(_driven(self.kind, np.array(states)))
 
+    def turned(self, q: FloatArray, headings: int) -> FloatArray:
+        """Return a configuration, shape (3,), turned in place by the least to one of so many even headings, from 0 on.
+
+        It is q itself if none of these turns is certified.
+        """
+        turned = np.repeat(q[None], headings, axis=0)
+        turned[:, 2] = se2.wrap(2.0 * np.pi / headings * np.arange(headings))
+        by = np.abs(se2.wrap(turned[:, 2] - q[2]))
+        by[~self.motions_valid(np.repeat(q[None], headings, axis=0), turned)] = np.inf
+        return turned[np.argmin(by)] if np.isfinite(by).any() else q
+
     def path(self, states: FloatArray) -> Path:
         """Return the path over these states, shape (n, 3), each of its pieces a turn in place or a drive ahead."""
         return Path(self.driven(states))

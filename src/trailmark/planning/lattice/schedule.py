@@ -131,6 +131,8 @@ class LatticeSchedule:
         # Without headings to tell apart, closer positions cost little.
         self.cell = cell if motion.turns else 0.5 * cell
         self.seconds_left = seconds_left
+        # Who drives ahead alone does not come the way back.
+        self._both_ways = motion.moves_anywhere or not motion.directed
         self.window = self.checker.world.bounds if window is None else window
         xmin, ymin, xmax, ymax = self.window
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
@@ -150,7 +152,7 @@ class LatticeSchedule:
             if level.group in self.without:
                 continue
             # Who is shut in is found out soonest from inside.
-            for forward in (True, False) if level.cells else (True,):
+            for forward in (True, False) if level.cells and self._both_ways else (True,):
                 path = self._search(level, forward)
                 if len(path):
                     return path
@@ -163,7 +165,7 @@ class LatticeSchedule:
             rng: source of randomness.
             limit: metres, cost of a path that it should better.
         """
-        view, forward = VIEWS[self.views % len(VIEWS)], self.views // len(VIEWS) % 2 == 0
+        view, forward = VIEWS[self.views % len(VIEWS)], self.views // len(VIEWS) % 2 == 0 or not self._both_ways
         self.views += 1
         if not self._has_time(LEVELS[-1].cells, forward, view.tightness):
             return np.empty((0, 3))

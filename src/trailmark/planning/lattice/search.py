@@ -24,7 +24,7 @@ from trailmark.collision.kernels import FREE, state
 from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.landmarks.retraction import retract
-from trailmark.motion import Motion, WeightedMotion
+from trailmark.motion import DifferentialMotion, Motion, WeightedMotion
 from trailmark.motion.base import Scratch, certified, new_scratch
 from trailmark.motion.base import cost as cost_between
 from trailmark.motion.straight import Straight
@@ -115,12 +115,18 @@ class Lattice:
             seconds: that the search may take.
         """
         deadline = Deadline.after(seconds)
-        nodes = Nodes.around(self.checker, start, self.size, self.headings)
+        weighted = self.motion if isinstance(self.motion, WeightedMotion) else None
+        plain = self.motion if weighted is None else weighted.motion
         # Whether headings make a difference is known to the nodes: one kind less to compile.
         kind: Any = Straight(self.checker.grid, self.checker.field, self.checker.footprint)
+        anchor = start
+        if isinstance(plain, DifferentialMotion):
+            # Its steps lead along its headings, which are those of the grid: it begins with a turn.
+            kind, anchor = plain.kind, plain.turned(start, self.headings)
+        nodes = Nodes.around(self.checker, anchor, self.size, self.headings)
         rotation = ROTATION_WEIGHT
-        if isinstance(self.motion, WeightedMotion):
-            kind, rotation = self.motion.kind._replace(motion=kind), self.motion.density.rotation
+        if weighted is not None:
+            kind, rotation = weighted.kind._replace(motion=kind), weighted.density.rotation
         guide = Guide(
             to_go.cost,
             to_go.density,
