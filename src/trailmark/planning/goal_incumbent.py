@@ -147,7 +147,8 @@ class GoalIncumbent:
             self.model.followed = FollowedPath.of(self.motion, path)
         found = self.model.verification.result(incumbent, status, path, self.model.shared.roadmap, self.build)
         goal = None if path is None else ReachedGoal(self._index, _three(path.states[-1]), self.goals[self._index].cost)
-        lower_bound = bound if np.isfinite(bound) else None
+        # Where the two meet, the cost may be below the bound by its error.
+        lower_bound = min(bound, self.cost) if np.isfinite(bound) else None
         nearest = self.nearest if path is None else None
         return replace(found, lower_bound=lower_bound, goal=goal, nearest=nearest, target=tuple(self.goals))
 
