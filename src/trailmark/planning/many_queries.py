@@ -4,27 +4,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from time import perf_counter
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from trailmark import se2
+from trailmark.errors import ConfigurationError
+from trailmark.goals import Ends, Goal, goals_of
 from trailmark.planning.batch import BatchSolver, for_each
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.result import PlanResult
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
 
-__all__ = ["answer_queries"]
+__all__ = ["answer_queries", "ends_of"]
+
+
+def ends_of(
+    model: WorldModel, starts: ArrayLike, goals: ArrayLike | Sequence[Ends]
+) -> tuple[FloatArray, dict[int, tuple[Goal, ...]]]:
+    """Return the starts and goals of queries, shape (n, 2, 3), and the goals of those that have no configuration.
+
+    In the place of their goal these have their start.
+
+    Raises:
+        ConfigurationError: a start or goal is not valid, or their numbers differ.
+    """
+    several = () if isinstance(goals, np.ndarray | Goal) or not isinstance(goals, Sequence) else goals
+    sets = {i: found for i, goal in enumerate(several) if (found := goals_of(goal)) is not None}
+    if not sets:
+        return model.valid_ends(starts, goals), sets  # type: ignore[arg-type]  # an array then
+    rows = np.atleast_2d(se2.configurations(starts, name="starts"))
+    if len(rows) != len(several):
+        raise ConfigurationError(f"goals: expected {len(rows)}, as many as starts, got {len(several)}")
+    poses = [rows[i] if i in sets else se2.configurations(several[i], name=f"goal {i}") for i in range(len(rows))]  # type: ignore[arg-type]  # an array then
+    return model.valid_ends(rows, np.array(poses)), sets
 
 
 def answer_queries(
     model: WorldModel,
     ends: FloatArray,
-    deadline: float,
+    sets: Mapping[int, tuple[Goal, ...]],
+    begin: float,
     time_limit: float,
     *,
-    plan: Callable[[FloatArray, FloatArray, float], PlanResult],
+    plan: Callable[[FloatArray, Any, float], PlanResult],
     workers: int,
     bounds: bool,
     seed: int,
@@ -36,7 +63,8 @@ def answer_queries(
     Args:
         model: of the world.
         ends: starts and goals, shape (n, 2, 3), n >= 1, valid.
-        deadline: reading of ``time.perf_counter`` at which all ends.
+        sets: goals of the queries that have more than a configuration; these are planned one by one.
+        begin: reading of ``time.perf_counter`` that the time is counted from.
         time_limit: seconds for each query.
         plan: answers one query that the roadmap does not answer, in so many seconds.
         workers: threads.
@@ -46,6 +74,7 @@ def answer_queries(
         stop: asked between steps whether to end early.
     """
     count = len(ends)
+    deadline = begin + time_limit * count
     results: list[PlanResult | None] = [None] * count
 
     def seconds_left() -> float:
@@ -62,7 +91,7 @@ def answer_queries(
     verification, roadmap = model.verification, model.shared.roadmap
 
     def answer(i: int) -> None:
-        if (left := seconds_left()) <= 0.0:
+        if i in sets or (left := seconds_left()) <= 0.0:
             return
         found = solver.answer(i, ends[i, 0], ends[i, 1], min(time_limit, left))
         path = found.path()
@@ -78,6 +107,6 @@ def answer_queries(
             nothing = Incumbent(model.motion, start, goal, perf_counter())
             results[i] = verification.result(nothing, "timeout", None, model.shared.roadmap, 0.0)
             continue
-        results[i] = plan(start, goal, min(time_limit, left))
+        results[i] = plan(start, sets.get(i, goal), min(time_limit, left))
         model.shared.learnt |= len(model.shared.roadmap) > nodes
     return [result for result in results if result is not None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sized
+from collections.abc import Callable, Sequence, Sized
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -20,12 +20,13 @@ from trailmark.lock import Lock
 from trailmark.motion import Motion, kind_of
 from trailmark.objective import Objective
 from trailmark.path import Path
-from trailmark.planning.many_queries import answer_queries
+from trailmark.planning.many_queries import answer_queries, ends_of
 from trailmark.planning.models import WorldModels
 from trailmark.planning.proofs import AnyBound
 from trailmark.planning.query import OnProgress
 from trailmark.planning.relaxed_clearance import answer_in_turn
-from trailmark.planning.replan_query import ReplanOptions, answer_replan
+from trailmark.planning.replan_goals import replan_to
+from trailmark.planning.replan_query import ReplanOptions
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.single_query import GAP
@@ -235,7 +236,7 @@ class LandmarkPlanner:
     def replan(
         self,
         start: ArrayLike,
-        goal: ArrayLike,
+        goal: Ends,
         path: Path,
         time_limit: float = 1.0,
         *,
@@ -251,7 +252,7 @@ class LandmarkPlanner:
 
         Args:
             start: where the robot is, shape (3,).
-            goal: configuration, shape (3,).
+            goal: configuration, shape (3,), or goals: the path's own end is kept as long as a path leads there.
             path: being followed, or the whole of it.
             time_limit: seconds to find a path.
             min_gain: share of its cost by which another path must be better to take the place of one that is free.
@@ -278,13 +279,13 @@ class LandmarkPlanner:
             escape=truth(escape, "escape:"),
             speed=None if speed is None else number(speed, "speed:", above=0.0, unit="m/s"),
         )
-        return answer_replan(self._models, start, goal, path, options)
+        return replan_to(self._models, start, goal, path, options)
 
     @as_raised
     def plan_many(
         self,
         starts: ArrayLike,
-        goals: ArrayLike,
+        goals: ArrayLike | Sequence[Ends],
         time_limit: float = 1.0,
         *,
         workers: int = 1,
@@ -306,7 +307,7 @@ class LandmarkPlanner:
 
         Args:
             starts: configurations (x, y, theta), shape (n, 3).
-            goals: as many.
+            goals: as many; each may be a goal, or several of which the cheapest is reached, and is planned to then.
             time_limit: seconds for each query, and, times n, for all of them with what is built for them.
             workers: threads that answer queries; the compiled parts run side by side.
             max_iterations: rounds of landmarks at most, for the queries that the roadmap does not answer.
@@ -328,13 +329,11 @@ class LandmarkPlanner:
         if self._warm:
             # Else what they compile, on a machine's first use, would take up the limit.
             warm_up_queries(kind_of(self.robot))
-        begin = perf_counter()
-        model = self._model
-        ends = model.valid_ends(starts, goals)
+        begin, model = perf_counter(), self._model
         return answer_queries(
             model,
-            ends,
-            begin + time_limit * len(ends),
+            *ends_of(model, starts, goals),
+            begin,
             time_limit,
             plan=partial(answer_in_turn, model, max_rounds=max_iterations, stop=stop),
             workers=workers,
