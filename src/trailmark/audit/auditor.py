@@ -10,6 +10,7 @@ from trailmark.arguments import one_of
 from trailmark.audit.attribution import Attribution, merged
 from trailmark.audit.body import core_of, whole
 from trailmark.audit.nearest import least_clearance
+from trailmark.audit.one_way import wrong_ways
 from trailmark.audit.result import PathAudit
 from trailmark.audit.scale import Scale
 from trailmark.audit.verdict import colliding_parts
@@ -39,7 +40,8 @@ class PathAuditor:
 
     A path is free if nowhere along it the robot overlaps an obstacle or a keep-out zone, or reaches over bounds or
     boundary, by more than 1e-7 m: touching is allowed (:class:`trailmark.collision.StateChecker`). A path that starts
-    in a keep-out zone may leave it, and then stays out. It is certified, not sampled: intervals are
+    in a keep-out zone may leave it, and then stays out. What travels through a one-way zone in a wrong direction counts
+    as a collision with it. It is certified, not sampled: intervals are
     cleared by distances, and where the robot comes near to something, all events are found at which it may begin or
     cease to overlap it.
 
@@ -91,6 +93,8 @@ class PathAuditor:
             collisions = ()
             clearance, motion, share = least_clearance(grid, field, footprint, self._body, states)
             place = float(scale.place(motion, share))
+        if wrong := wrong_ways(self.checker.world.zones, scale):
+            collisions = tuple(sorted([*collisions, *wrong], key=lambda c: (c.motions, str(c.obstacle))))
         x, y, theta = scale.poses(place)[0].tolist()
         return PathAudit(
             path=audited,

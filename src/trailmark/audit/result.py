@@ -18,9 +18,10 @@ class Collision:
     Attributes:
         begin: where it begins: metres along the path, by the length of its xy curve.
         end: where it ends.
-        obstacle: the obstacle's id, its index if it has none, ``keep-out zone i``, ``bounds`` or ``boundary``.
+        obstacle: the obstacle's id, its index if it has none, ``keep-out zone i``, ``one-way zone i``, ``bounds``
+            or ``boundary``.
         depth: metres of the shortest translation that would take the robot out of it (for bounds and boundary: back
-            inside), where that is largest, to a thousandth.
+            inside; for a one-way zone its reference point), where that is largest, to a thousandth.
         motions: the same interval as indices of the path's motions and shares of them: 2.25 is a quarter into the
             third motion. While a robot turns in place, the length stays the same, and this does not.
     """

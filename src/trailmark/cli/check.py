@@ -44,6 +44,9 @@ __all__ = ["check"]
 COLLIDES = 5
 """Exit status if the path collides."""
 
+ZONES = ("keep-out zone ", "one-way zone ")
+"""What the names of zones begin with."""
+
 SHOWN = 12
 """Collisions that the summary lists at most."""
 
@@ -178,7 +181,9 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
     console.say(f"{record['world']}: {verdict}", fg=colour, bold=True)
     rows = []
     for hit in audit.collisions[:SHOWN]:
-        name = f"obstacle {hit.obstacle}" if hit.obstacle not in ("bounds", "boundary") else str(hit.obstacle)
+        name = str(hit.obstacle)
+        if name not in ("bounds", "boundary") and not name.startswith(ZONES):
+            name = f"obstacle {name}"
         rows.append(("collision", f"{hit.begin:.4f} to {hit.end:.4f} m along: {name}, {hit.depth:.4g} m deep"))
     if len(audit.collisions) > SHOWN:
         rows.append(("", f"and {len(audit.collisions) - SHOWN:,} more"))

@@ -1,0 +1,68 @@
+"""Audits of paths through one-way zones: by hand, in intervals, and against points sampled along random paths."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from trailmark import CurvePath, OneWayZone, Polygon, Robot, Steering, World, check_path, se2
+
+ROBOT = Robot.rectangle(0.4, 0.2)
+SQUARE = Polygon(np.array([[2.0, 2.0], [6.0, 2.0], [6.0, 6.0], [2.0, 6.0]]))
+
+
+def world_of(*zones: OneWayZone) -> World:
+    return World("w", (-20.0, -20.0, 20.0, 20.0), zones=zones)
+
+
+@pytest.mark.parametrize(
+    ("states", "expected"),
+    [
+        ([[0, 4, 0], [8, 4, 0]], []),
+        ([[8, 4, 0], [0, 4, 0]], [(2.0, 6.0, "one-way zone 0", 2.0)]),
+        ([[8, 4, 0], [5, 4, 0], [0, 4, 0]], [(2.0, 6.0, "one-way zone 0", 2.0)]),
+        ([[8, 2, 0], [0, 2, 0]], []),  # along the outline
+        ([[3, 3, 0], [3, 3, 2]], []),  # in place
+        (
+            [[4, 0, 0], [4, 3, 0], [5, 3, 0], [5, 1, 0]],
+            [(2.0, 3.0, "one-way zone 0", 1.0), (4.0, 5.0, "one-way zone 0", 1.0)],
+        ),
+    ],
+)
+def test_paths_by_hand(states: list[list[float]], expected: list[tuple[float, float, str, float]]) -> None:
+    audit = check_path(world_of(OneWayZone(SQUARE, 0.0, 0.5)), ROBOT, states)
+    assert audit.free == (not expected)
+    assert [c.obstacle for c in audit.collisions] == [row[2] for row in expected]
+    for c, (begin, end, _, depth) in zip(audit.collisions, expected, strict=True):
+        assert (c.begin, c.end, c.depth) == pytest.approx((begin, end, depth), abs=2e-3)
+
+
+def test_a_car_in_reverse_travels_backwards() -> None:
+    line = np.array([[8.0, 4.0, 0.0], [0.0, 4.0, 0.0]])
+    path = CurvePath(line, Steering(1.0))
+    assert not check_path(world_of(OneWayZone(SQUARE, 0.0, 0.5)), ROBOT, path).free
+    assert check_path(world_of(OneWayZone(SQUARE, math.pi, 0.0)), ROBOT, path).free
+
+
+def test_random_paths_against_samples() -> None:
+    rng = np.random.default_rng(3)
+    collided = 0
+    for _ in range(60):
+        zones = [OneWayZone(SQUARE, rng.uniform(-3, 3), rng.uniform(0, 3)) for _ in range(2)]
+        states = rng.uniform([0, 0, -3], [8, 8, 3], (6, 3))
+        audit = check_path(world_of(*zones), ROBOT, states)
+        steps = np.diff(states[:, :2], axis=0)
+        ends = np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
+        for at in rng.uniform(0.0, ends[-1], 300):
+            k = int(np.searchsorted(ends, at)) - 1
+            xy = states[k, :2] + (at - ends[k]) / (ends[k + 1] - ends[k]) * steps[k]
+            inside = shapely.contains_xy(SQUARE.shapely(), *xy)
+            for i, zone in enumerate(zones):
+                off = abs(float(se2.wrap(math.atan2(steps[k, 1], steps[k, 0]) - zone.heading)))
+                said = any(c.obstacle == f"one-way zone {i}" and c.begin <= at <= c.end for c in audit.collisions)
+                assert said == (inside and off > zone.tolerance)
+        collided += not audit.free
+    assert 10 < collided < 60
