@@ -35,12 +35,13 @@ def wrong_ways(zones: Iterable[Zone], scale: Scale) -> list[Collision]:
     Returns:
         Collisions with ``one-way zone i``; the depth is the reference point's distance from the outline.
     """
+    one_way = [(i, zone) for i, zone in enumerate(zones) if isinstance(zone, OneWayZone)]
+    if not one_way:
+        return []
     states, found = scale.states, []
     steps = np.diff(states[:, :2], axis=0)
     lengths, ahead = np.hypot(*steps.T), np.arctan2(steps[:, 1], steps[:, 0])
-    for i, zone in enumerate(zones):
-        if not isinstance(zone, OneWayZone):
-            continue
+    for i, zone in one_way:
         outline = zone.region.shapely().boundary
 
         def depths(q: FloatArray, outline: shapely.Geometry = outline) -> FloatArray:
