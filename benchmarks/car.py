@@ -71,14 +71,16 @@ PROBLEMS = (
 )
 
 
-def by_landmarks(problem: Problem, seeds: Sequence[int], limit: float) -> list[dict[str, Any]]:
-    """Return the runs of the landmark planner, each with a planner of its own."""
+def by_landmarks(
+    problem: Problem, seeds: Sequence[int], limit: float, objective: str | None = "length"
+) -> list[dict[str, Any]]:
+    """Return the runs of the landmark planner, each with a planner of its own; by length, as OMPL's plan."""
     world = problem.load()
     query = world.query(problem.query)
     checker = StateChecker(world)
     runs = []
     for seed in seeds:
-        planner = LandmarkPlanner(world, checker=checker, seed=seed)
+        planner = LandmarkPlanner(world, checker=checker, seed=seed, objective=objective)
         result = planner.plan(query.start, query.goal, time_limit=limit)
         knots = result.path.knots.tolist() if isinstance(result.path, CurvePath) else []
         runs.append(

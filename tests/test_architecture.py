@@ -56,6 +56,8 @@ PEERS = {
     ("path", "collision"),
     ("path", "robot"),
     ("path", "world"),
+    # What is charged by default depends on how a robot moves.
+    ("objective", "robot"),
     ("exploration", "ompl_bridge"),
     # What shows itself hands over to those who draw it when it is shown.
     ("shown", "sketch"),

@@ -7,11 +7,15 @@ from typing import Any
 
 from trailmark.arguments import brief, number
 from trailmark.errors import ConfigurationError, expected_name
+from trailmark.robot import Robot
 from trailmark.se2 import ROTATION_WEIGHT
 
 __all__ = ["Objective"]
 
 NAMES = ("length", "time", "clearance")
+
+DRIVERS = {"reverse": 1.5, "direction_change": 3.0}
+"""What a driver avoids, by default: a change of direction takes about as long as 3 m of manoeuvring."""
 
 LEAST = {"decay": 1e-6, "max_speed": 1e-6, "max_turn_rate": 1e-6, "reverse": 1.0}
 """Least values of attributes; of the others 0."""
@@ -83,12 +87,16 @@ class Objective:
         return self.length != 1.0 or self.time > 0.0 or self.clearance > 0.0
 
     @classmethod
-    def of(cls, given: Objective | str | None, **limits: float) -> Objective:
-        """Return an objective by its name, or by weights such as ``length=1,clearance=3``; None is ``length``.
+    def of(cls, given: Objective | str | None, robot: Robot | None = None, **limits: float) -> Objective:
+        """Return an objective by its name, or by weights such as ``length=1,clearance=3``; None is the length.
+
+        A car that reverses is also charged what a driver avoids, but by the plain name ``length``: changes of direction
+        at 3 m each and metres in reverse 1.5 times, unless other attributes are given.
 
         Args:
             given: ``length``, ``time``, ``clearance`` (length and nearness to obstacles), ``name=weight`` pairs
                 separated by commas (what is not named has its default, ``length`` 0 unless named), or an objective.
+            robot: that it is for; None for one that moves in every direction.
             limits: other attributes, such as ``max_speed``.
 
         Raises:
@@ -98,6 +106,8 @@ class Objective:
             return given
         if given is not None and not isinstance(given, str):
             raise ConfigurationError(f"objective: expected an Objective or a name, got {brief(given)}")
+        if isinstance(robot, Robot) and robot.turning_radius is not None and robot.reverse and given != "length":
+            limits = DRIVERS | limits
         if given is None or given == "length":
             return cls(**limits)
         if given == "time":

@@ -85,3 +85,39 @@ def test_the_summary_tells_of_the_curves(shell: Shell, cars: Path) -> None:
     run = shell("plan", cars, "--forward-only", "--time-limit", "20")
     assert run.status == 0
     assert "Dubins, turning radius 0.9 m, 0 changes of direction" in run.out
+
+
+def test_costs_of_maneuvers(shell: Shell, worlds: Path) -> None:
+    given = ("plan", worlds / "parking.yaml", "--query", "bay", "--turning-radius", "4.5", "--time-limit", "1")
+    run = shell(*given, "--direction-change-cost", "2", "--reverse-cost", "1.2", "--json")
+    assert run.status == 0
+    record = json.loads(run.out)
+    assert record["objective"]["direction_change"] == 2.0
+    maneuvers = 2.0 * record["direction_changes"] + 0.2 * record["reverse_length"]
+    assert record["cost"] == pytest.approx(record["length"] + maneuvers)
+    assert "objective" not in json.loads(shell(*given, "--objective", "length", "--json").out)
+    assert "a change of direction 3 m" in shell(*given).out
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("--reverse-cost", "0.5", "1 to 1e6"),
+        ("--reverse-cost", "x", "1 to 1e6"),
+        ("--direction-change-cost", "-1", "0 to 1e6"),
+        ("--direction-change-cost", "nan", "0 to 1e6"),
+    ],
+)
+def test_no_cost_of_maneuvers_is_one_line(shell: Shell, worlds: Path, option: str, value: str, message: str) -> None:
+    run = shell("plan", worlds / "parking.yaml", "--turning-radius", "4.5", option, value)
+    assert run.status == 2
+    assert message in run.err
+    assert run.err.strip().count("\n") == 0
+
+
+@pytest.mark.parametrize("car", [(), ("--turning-radius", "4.5", "--forward-only")], ids=["no car", "forward only"])
+def test_costs_of_maneuvers_are_a_reversing_cars(shell: Shell, worlds: Path, car: tuple[str, ...]) -> None:
+    run = shell("plan", worlds / "parking.yaml", *car, "--reverse-cost", "2")
+    assert run.status == 2
+    assert "expected a car that reverses" in run.err
+    assert run.err.strip().count("\n") == 0

@@ -27,7 +27,8 @@ def shipped(worlds: Path, name: str, radius: float, reverse: bool = True) -> Wor
 
 
 def planned(world: World, query: Query, seed: int = 0, **options: Any) -> tuple[LandmarkPlanner, PlanResult]:
-    planner = LandmarkPlanner(world, seed=seed)
+    # By length alone: what a driver avoids besides is tested in test_car_objective.py.
+    planner = LandmarkPlanner(world, seed=seed, objective="length")
     return planner, planner.plan(query.start, query.goal, **{"time_limit": 20.0, "max_iterations": 3, **options})
 
 
@@ -220,7 +221,7 @@ def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
         assert np.array_equal(path.knots[[0, -1]], ends[i])
         assert (path.curves.signed_lengths >= 0.0).all() or reverse
         assert not judge.collides(path.resample(0.02).states).any()
-        assert (answered[i].lower_bound or 0.0) <= path.cost + 1e-9
+        assert (answered[i].lower_bound or 0.0) <= (answered[i].cost or 0.0) + 1e-9
     # Once more, by threads: what the roadmap answers changes nothing in it, and is answered alike.
     nodes = len(planner.roadmap)
     snapshot = planner._model.shared.snapshot(lambda: planner.relaxation)

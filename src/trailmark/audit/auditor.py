@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -107,7 +109,19 @@ class PathAuditor:
             rotation=given.rotation,
             cost=given.cost if self.checker.robot.turning_radius is None else given.length,
             max_curvature=_max_curvature(states),
+            **(_maneuvers(given) if self.checker.robot.turning_radius is not None else {}),
         )
+
+
+def _maneuvers(path: Path) -> dict[str, Any]:
+    """Return how often a car changes its direction along a path, and metres driven backwards, by name."""
+    if isinstance(path, CurvePath):
+        return {"direction_changes": path.cusps, "reverse_length": path.reverse_length}
+    move = se2.difference(path.states[:-1], path.states[1:])
+    heading = path.states[:-1, 2] + 0.5 * move[:, 2]
+    ahead = np.cos(heading) * move[:, 0] + np.sin(heading) * move[:, 1]
+    changes = np.count_nonzero(np.diff(np.sign(ahead[ahead != 0.0])))
+    return {"direction_changes": int(changes), "reverse_length": float(np.maximum(-ahead, 0.0).sum())}
 
 
 def check_path(world: World, robot: Robot | None, path: Path | ArrayLike) -> PathAudit:

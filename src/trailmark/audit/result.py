@@ -51,6 +51,8 @@ class PathAudit:
         lower_bound: proven lower bound on the cost of any path between the same ends; None if none was computed.
         max_curvature: largest curvature (1/metres) of a motion in which the robot moves: 2·sin(|Δθ|/2)/‖Δxy‖, that of
             the circle which both states lie on; infinite where it turns in place.
+        direction_changes: how often a robot with a turning radius changes between forwards and backwards; else None.
+        reverse_length: metres that it drives backwards.
     """
 
     path: Path = field(repr=False)
@@ -64,12 +66,15 @@ class PathAudit:
     cost: float
     max_curvature: float
     lower_bound: float | None = None
+    direction_changes: int | None = None
+    reverse_length: float | None = None
 
     def to_dict(self, world: str) -> dict[str, Any]:
         """Return the record that ``check --json`` prints, made of plain numbers, strings and lists.
 
         An infinite curvature, which JSON cannot hold, is null.
         """
+        car = {"direction_changes": self.direction_changes, "reverse_length": self.reverse_length}
         return {
             "world": world,
             "free": self.free,
@@ -83,4 +88,5 @@ class PathAudit:
             "cost": self.cost,
             "lower_bound": self.lower_bound,
             "max_curvature": self.max_curvature if self.max_curvature < float("inf") else None,
+            **(car if self.direction_changes is not None else {}),
         }

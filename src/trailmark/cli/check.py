@@ -198,6 +198,10 @@ def _print_summary(record: dict[str, Any], audit: PathAudit, robot: Robot, writt
         ("curvature", _curvature(audit.max_curvature, robot.turning_radius)),
         *(("written", str(file)) for file in written),
     ]
+    if audit.direction_changes is not None:
+        rows.append(
+            ("driving", f"{audit.direction_changes} changes of direction, {audit.reverse_length:.4f} m in reverse")
+        )
     console.print_table(rows, indent="  ")
 
 

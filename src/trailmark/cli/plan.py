@@ -47,7 +47,13 @@ from trailmark.cli.options import (
     robot_of,
     steered,
 )
-from trailmark.cli.plan_objective import ObjectiveOption, objective_rows, read_objective
+from trailmark.cli.plan_objective import (
+    DirectionChangeCostOption,
+    ObjectiveOption,
+    ReverseCostOption,
+    objective_rows,
+    read_objective,
+)
 from trailmark.cli.plan_trajectory import (
     AnimateOption,
     MaxAccelerationOption,
@@ -88,7 +94,9 @@ def plan(
     goal: GoalOption = None,
     goal_tolerance: GoalToleranceOption = None,
     time_limit: TimeLimitOption = "1.0",
-    objective: ObjectiveOption = "length",
+    objective: ObjectiveOption = None,
+    reverse_cost: ReverseCostOption = None,
+    direction_change_cost: DirectionChangeCostOption = None,
     clearance: ClearanceOption = None,
     relax: RelaxOption = False,
     seed: SeedOption = "0",
@@ -168,9 +176,9 @@ def plan(
         max_acceleration,
         max_turn_rate,
         max_turn_acceleration,
-        needed=objective != "length",
+        needed=objective not in (None, "length"),
     )
-    charges = read_objective(objective, timing)
+    charges = read_objective(objective, timing, reverse_cost, direction_change_cost)
     outputs = (path_file, picture, timing.table, timing.animation)
     if smooth and probability is not None:
         raise UsageError(f"expected --smooth or --confidence, got both (--confidence {confidence!r})")
@@ -208,7 +216,7 @@ def plan(
                 clearance=margin,
                 relax=relax,
                 settings=chosen,
-                objective=charges,
+                objective=charges(body),
             )
             progress.stage("planning", seconds)
             return planner, planner.plan(a, b, time_limit=seconds, on_progress=follow, max_iterations=rounds, gap=share)
@@ -325,8 +333,8 @@ def _curve_rows(result: PlanResult) -> list[tuple[str, str]]:
     if not isinstance(path, CurvePath):
         return []
     kind = "Reeds-Shepp" if path.steering.reverse else "Dubins"
-    turns = f"turning radius {path.steering.radius:g} m, {path.cusps} changes of direction"
-    return [("curves", f"{kind}, {turns}")]
+    turns = f"{path.cusps} changes of direction, {path.reverse_length:.4g} m in reverse"
+    return [("curves", f"{kind}, turning radius {path.steering.radius:g} m, {turns}")]
 
 
 def _gap(cost: float, bound: float | None) -> str:

@@ -90,7 +90,7 @@ class CurvePath(Path):
     @property
     def reverse_length(self) -> float:
         """Distance that the car drives backwards, in metres."""
-        return float(-np.minimum(self.curves.signed_lengths, 0.0).sum())
+        return float(np.maximum(-self.curves.signed_lengths, 0.0).sum())
 
     def at(self, fraction: ArrayLike) -> se2.FloatArray:
         """Return the configurations at fractions of the length along the path.

@@ -23,6 +23,7 @@ from trailmark.collision.certify import BUDGET
 from trailmark.collision.kernels import UNDECIDED
 from trailmark.compiled import by_type, njit
 from trailmark.errors import ConfigurationError
+from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
 
@@ -207,16 +208,18 @@ class Motion(ABC):
         moves_anywhere: whether the robot may move in every direction.
         has_lattice: whether its motions lead from one configuration of a lattice to the next.
         turns: whether the heading makes a difference to which configurations and motions are valid.
+        objective: what a path costs; None if that is its length.
         direct_is_best: whether nothing is cheaper than a motion that leads from start to goal.
     """
 
     kind: Any
+    objective: Objective | None = None
     directed = False
     candidates: ClassVar[int] = 1
     moves_anywhere: ClassVar[bool] = True
     has_lattice: ClassVar[bool] = True
     turns: ClassVar[bool] = True
-    direct_is_best: ClassVar[bool] = True
+    direct_is_best = True
 
     def __init__(self, checker: StateChecker) -> None:
         self.checker = checker
@@ -246,6 +249,11 @@ class Motion(ABC):
     def longest(self, costs: Any) -> Any:
         """Return the length (metres) up to which motions of some costs may lead the reference point."""
         return costs
+
+    @property
+    def charged(self) -> bool:
+        """Whether motions may cost more than one by one: see :func:`extra`."""
+        return bool(charged(self.kind))
 
     def extra_of(self, states: FloatArray) -> float:
         """Return what a path's states, shape (n, 3), cost beyond its motions one by one: :func:`extra`."""

@@ -85,6 +85,9 @@ class CurveMotion(Motion):
         self.directed = not chosen.reverse
         change, more = (0.0, 0.0) if objective is None or not chosen.reverse else objective.maneuver_costs
         self.kind = Curve(checker.grid, checker.field, checker.footprint, chosen.radius, chosen.reverse, change, more)
+        if self.charged:
+            # A curve with fewer changes of direction may be longer and cost less.
+            self.objective, self.direct_is_best = objective, False
 
     def least_cost(self, start: FloatArray, goal: FloatArray) -> float:
         """Return a lower bound (metres) on the cost of a path from start to goal, each of shape (3,), in open space.

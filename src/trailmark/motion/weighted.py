@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import fabs, hypot, inf
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +65,7 @@ class WeightedMotion(Motion):
         objective: weights.
     """
 
-    direct_is_best: ClassVar[bool] = False
+    direct_is_best = False
 
     def __init__(self, motion: Motion, objective: Objective) -> None:
         super().__init__(motion.checker)

@@ -11,9 +11,10 @@ import numpy as np
 from trailmark import se2
 from trailmark.collision.certify import BUDGET
 from trailmark.planning.incumbent import Incumbent
+from trailmark.planning.needless import without_needless
 from trailmark.planning.proofs import AnyBound
 from trailmark.planning.settings import PlannerSettings
-from trailmark.planning.shortening import shorten, without_needless
+from trailmark.planning.shortening import shorten
 from trailmark.roadmap.snapshot import RoadmapSnapshot
 
 __all__ = ["BatchSolver", "for_each"]
@@ -56,7 +57,7 @@ class BatchSolver:
         if first is None:
             return answer
         answer.offer(first)
-        if len(first) == 2 and motion.direct_is_best:
+        if len(first) == 2 and (motion.direct_is_best or answer.optimal):
             return answer
         if not motion.direct_is_best and motion.motions_between_valid(ends[:1], ends[1:])[0]:
             answer.offer(ends)

@@ -9,6 +9,7 @@ import numpy as np
 from trailmark.planning.lattice.schedule import LatticeSchedule
 from trailmark.planning.placement import Placement
 from trailmark.planning.query import Query
+from trailmark.planning.redriving import Redriving
 from trailmark.roadmap import Roadmap
 
 __all__ = ["improve"]
@@ -28,9 +29,12 @@ def improve(query: Query, placement: Placement, lattices: LatticeSchedule | None
     settings, incumbent = query.settings, query.incumbent
     roadmap = Roadmap(query.checker, query.motion)
     nodes = roadmap.add(query.ends)
+    redriving = Redriving(query, placement.band) if query.motion.charged else None
     on_best, without_gain = np.zeros(0, dtype=np.int64), 0
     while without_gain < settings.patience and not query.close_enough and query.begin_round("improving"):
         before = incumbent.cost
+        if redriving is not None:
+            redriving.run()
         if lattices is not None and settings.uses("other-ways"):
             _another_way_around(query, roadmap, lattices)
         placement.place(roadmap, placement.widening(), landmarks)

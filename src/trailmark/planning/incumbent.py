@@ -57,6 +57,11 @@ class Incumbent:
         """Whether it is proven that there is no path."""
         return not np.isfinite(self.lower_bound)
 
+    @property
+    def optimal(self) -> bool:
+        """Whether the best path costs no more than the lower bound."""
+        return self.whole_cost <= self.lower_bound + 1e-9
+
     def path(self) -> Path | None:
         """Return the best path from start to goal; None before there is one."""
         if self.states is None:

@@ -75,7 +75,7 @@ class LandmarkPlanner:
         relax: :meth:`plan` keeps as much of that as there is (:mod:`trailmark.planning.relaxed_clearance`).
         checker: one that is there already for this world and robot; without ``robot``, its robot counts.
         settings: numbers that a person may change; by default those that the benchmarks were run with.
-        objective: what paths cost (:meth:`trailmark.Objective.of`); their length by default.
+        objective: what paths cost (:meth:`trailmark.Objective.of`); by default their length and a car's maneuvers.
         warm: load the compiled kernels now (:mod:`trailmark.planning.warmup`), so that no query pays for it.
 
     Raises:
@@ -106,8 +106,8 @@ class LandmarkPlanner:
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
         self.settings = one_of(PlannerSettings() if settings is None else settings, PlannerSettings, "settings:")
         self._relax, self._warm = truth(relax, "relax:"), truth(warm, "warm:")
-        charges = Objective.of(objective)
         moving = robot if robot is not None else checker.robot if checker is not None else world.robot
+        charges = Objective.of(objective, moving)
         if self._warm and moving is not None:
             warm_up_for(one_of(moving, Robot, "robot:", error=WorldError), world, charges)
         begin = perf_counter()

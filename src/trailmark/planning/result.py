@@ -116,7 +116,13 @@ class PlanResult(Shown):
         kept = {"clearance": self.clearance} if self.clearance > 0.0 or self.clearance_bound is not None else {}
         if self.clearance_bound is not None:
             kept["clearance_bound"] = self.clearance_bound
-        curve = {"curve": path.record()} if isinstance(path, CurvePath) else {}
+        curve: dict[str, Any] = {}
+        if isinstance(path, CurvePath):
+            curve = {
+                "curve": path.record(),
+                "direction_changes": path.cusps,
+                "reverse_length": path.reverse_length,
+            }
         return {
             "world": world,
             "query": query,

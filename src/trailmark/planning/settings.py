@@ -59,6 +59,9 @@ class PlannerSettings:
             each time.
         drives: configurations that drives from one part of a car's roadmap reach at first.
         drive_landmarks: landmarks kept of them.
+        redrive_step: turning radii: a car's drives that look for fewer changes of direction, at first; half as long
+            from the second time on.
+        redrive_nodes: configurations that the shortest of them reach at most.
         replan_shortening: seconds: what a repaired path is shortened for while a robot waits for it.
         space_time_directions: in which the robot may give way to moving obstacles.
         space_time_step: what it moves in one of them at a time, as a share of the reach of the robot and of half the
@@ -98,6 +101,8 @@ class PlannerSettings:
     longest_drive: float = _factor(0.1, "turning radii")
     drives: int = _counted(6_000, "configurations")
     drive_landmarks: int = _counted(80, "landmarks")
+    redrive_step: float = _factor(0.07, "turning radii", 1e-3)
+    redrive_nodes: int = _counted(200_000, "configurations")
     replan_shortening: float = _factor(0.002, "s")
     space_time_directions: int = _counted(16, "directions")
     space_time_step: float = _factor(1.0, "share", 1e-3)

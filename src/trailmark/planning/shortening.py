@@ -18,19 +18,28 @@ from trailmark.collision.kernels import FREE, state
 from trailmark.compiled import by_type, njit, variant_of
 from trailmark.heading import turn, wrapped
 from trailmark.motion import Motion
-from trailmark.motion.base import Scratch, certified, cost, interpolate, least_cost, new_scratch, obeys_triangle
+from trailmark.motion.base import (
+    Scratch,
+    certified,
+    charged,
+    cost,
+    extra_along,
+    interpolate,
+    least_cost,
+    new_scratch,
+    obeys_triangle,
+)
 from trailmark.motion.curve import Curve
 from trailmark.motion.differential import Differential
 from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
 from trailmark.motion.weighted import Weighted
+from trailmark.planning.needless import GAIN, without_needless
 from trailmark.planning.proposals import propose, uniform
+from trailmark.planning.words import another_word
 from trailmark.se2 import FloatArray
 
-__all__ = ["EFFORT", "shorten", "without_needless"]
-
-GAIN = 1e-7
-"""Metres that a change must save at least."""
+__all__ = ["EFFORT", "shorten"]
 
 EFFORT = 500
 """Configurations evaluated for one motion at most: one that needs more grazes something; another is sooner tried."""
@@ -64,7 +73,8 @@ def shorten(
     scale = 0.1 * history[0] / max(1, len(path))
     for _ in range(sweeps):
         seconds = np.inf if seconds_left is None else seconds_left()
-        if len(path) < 3 or seconds <= 0.0:
+        # A car may have a cheaper curve than the shortest one.
+        if (len(path) < 3 and not motion.charged) or seconds <= 0.0:
             break
         path, scale, after = _sweep(motion.kind, path, seed, scale, splitting, Deadline.after(seconds))
         history.append(after)
@@ -82,6 +92,12 @@ def _costs(kind: Any, scratch: Scratch, path: FloatArray) -> FloatArray:
     return result
 
 
+@njit(cache=True)
+def _whole(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> float:
+    """Return a path's cost, in metres: that of its motions, and what a car is charged beyond it."""
+    return float(costs.sum() + extra_along(kind, scratch, path, 0, len(costs)))
+
+
 @njit(cache=True, nogil=True)
 def _sweep(
     kind: Any, path: FloatArray, seed: NDArray[np.uint64], scale: float, splitting: bool, deadline: Deadline
@@ -94,14 +110,14 @@ def _sweep(
     costs = _costs(kind, scratch, path)
     for _ in range(10 + 2 * len(path)):
         if now(deadline.kind) >= deadline.seconds:
-            return path, scale, costs.sum()
+            return path, scale, _whole(kind, scratch, path, costs)
         path, costs = _shortcut(kind, scratch, path, costs, seed)
     # It takes what it knows of the costs by the turns alone, so that they are computed anew below.
     turn_evenly(kind, scratch, path, costs, seed)
     path = without_needless(kind, path, EFFORT)
     costs = _costs(kind, scratch, path)
     if now(deadline.kind) >= deadline.seconds:
-        return path, scale, costs.sum()
+        return path, scale, _whole(kind, scratch, path, costs)
     if splitting and len(path) > 2:
         path = _split(kind, scratch, path, costs, seed, scale)
         costs = _costs(kind, scratch, path)
@@ -110,9 +126,9 @@ def _sweep(
         moved += _move(kind, scratch, path, costs, seed, scale, deadline)
     scale *= 1.2 if 4 * moved > len(path) else 0.6
     if now(deadline.kind) >= deadline.seconds:
-        return path, scale, costs.sum()
+        return path, scale, _whole(kind, scratch, path, costs)
     path = without_needless(kind, path, EFFORT)
-    return path, scale, _costs(kind, scratch, path).sum()
+    return path, scale, _whole(kind, scratch, path, _costs(kind, scratch, path))
 
 
 @njit(cache=True)
@@ -149,7 +165,7 @@ def _random_span(total: float, pieces: int, seed: NDArray[np.uint64]) -> tuple[f
 def _shortcut(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64]
 ) -> tuple[FloatArray, FloatArray]:
-    """Join two random places of the path by a motion if that saves cost and is certified.
+    """Join two random places of the path by a motion, or a car's by several, if that saves cost and is certified.
 
     What is left over of the motions that the places lie on is certified again: a part of a car's shortest curve is one
     itself, but perhaps not the only one between its ends.
@@ -159,9 +175,12 @@ def _shortcut(
     a, b = np.empty(3), np.empty(3)
     i, before = _locate(kind, scratch, path, costs, low, a)
     j, behind = _locate(kind, scratch, path, costs, high, b)
-    if i >= j or high - low - least_cost(kind, a, b) < GAIN:
+    extra = extra_along(kind, scratch, path, 0, n)
+    # A motion is the cheapest between two places on it, but for what a car is charged beyond its length.
+    if i > j or (i == j and not charged(kind)) or high - low + extra - least_cost(kind, a, b) < GAIN:
         return path, costs
-    if high - low - cost(kind, scratch, a, b) < GAIN or not certified(kind, scratch, a, b, EFFORT):
+    middle = _joined(kind, scratch, a, b, high - low + extra - GAIN, seed)
+    if len(middle) == 0:
         return path, costs
     keep_a, keep_b = before > 0.0, behind < costs[j]
     if keep_a and not certified(kind, scratch, path[i], a, EFFORT):
@@ -169,21 +188,36 @@ def _shortcut(
     if keep_b and not certified(kind, scratch, b, path[j + 1], EFFORT):
         return path, costs
     head, tail = path[: i + 1], path[j + 1 :]
-    fresh = np.empty((len(head) + int(keep_a) + int(keep_b) + len(tail), 3))
-    fresh[: len(head)] = head
-    k = len(head)
-    if keep_a:
-        fresh[k] = a
-        k += 1
-    if keep_b:
-        fresh[k] = b
-        k += 1
-    fresh[k:] = tail
+    inner = middle[int(not keep_a) : len(middle) - int(not keep_b)]
+    k, m = len(head), len(inner)
+    fresh = np.empty((k + m + len(tail), 3))
+    fresh[:k], fresh[k : k + m], fresh[k + m :] = head, inner, tail
     after = _costs(kind, scratch, fresh)
-    # Where the cost is not spread evenly along a motion, what is left over of it may cost more than was thought.
-    if not obeys_triangle(kind) and after.sum() > costs.sum() - GAIN:
+    # Where the cost is not spread evenly along a motion, or depends on the one before, less may be saved than thought.
+    may_rise = charged(kind) or not obeys_triangle(kind)
+    if may_rise and _whole(kind, scratch, fresh, after) > costs.sum() + extra - GAIN:
         return path, costs
     return fresh, after
+
+
+@njit(cache=True)
+def _joined(
+    kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, limit: float, seed: NDArray[np.uint64]
+) -> FloatArray:
+    """Return states that certified motions lead over from a to b at less than ``limit``, shape (n, 3), or none."""
+    states = np.empty((2, 3))
+    states[0], states[1] = a, b
+    if charged(kind) and uniform(seed) < 0.5:
+        states = another_word(kind, scratch, a, b, seed)
+    total = extra_along(kind, scratch, states, 0, len(states))
+    for k in range(len(states) - 1):
+        total += cost(kind, scratch, states[k], states[k + 1])
+    if total > limit:
+        return states[:0]
+    for k in range(len(states) - 1):
+        if not certified(kind, scratch, states[k], states[k + 1], EFFORT):
+            return states[:0]
+    return states
 
 
 @by_type
@@ -243,46 +277,6 @@ def _turn_evenly(
                 costs[k] = cost(kind, scratch, path[k], path[k + 1])
 
 
-@njit(cache=True, nogil=True)
-def without_needless(kind: Any, path: FloatArray, effort: int) -> FloatArray:
-    """Return a path of certified motions without vertices whose neighbours a certified motion joins; shape (m, 3).
-
-    None of what is left is needless: what lies beside a vertex left out is looked at again. The cost rises by no more
-    than rounding, mostly by the triangle inequality.
-
-    Args:
-        kind: of motion.
-        path: shape (n, 3).
-        effort: configurations evaluated for one motion at most.
-    """
-    scratch = new_scratch(kind)
-    n = len(path)
-    before, after = np.arange(n) - 1, np.arange(n) + 1
-    kept, waits = np.ones(n, np.bool_), np.ones(n, np.bool_)
-    waiting = np.arange(n)[::-1].copy()
-    size = n
-    while size > 0:
-        size -= 1
-        i = waiting[size]
-        waits[i] = False
-        if i == 0 or i == n - 1 or not kept[i]:
-            continue
-        a, b = before[i], after[i]
-        if not obeys_triangle(kind):
-            around = cost(kind, scratch, path[a], path[i]) + cost(kind, scratch, path[i], path[b])
-            if cost(kind, scratch, path[a], path[b]) > around + GAIN:
-                continue
-        if certified(kind, scratch, path[a], path[b], effort):
-            kept[i] = False
-            after[a], before[b] = b, a
-            for j in (b, a):
-                if not waits[j]:
-                    waits[j] = True
-                    waiting[size] = j
-                    size += 1
-    return path[kept]
-
-
 @njit(cache=True)
 def _split(
     kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
@@ -316,15 +310,21 @@ def _move(
         if now(deadline.kind) >= deadline.seconds:
             break
         a, b = path[i - 1], path[i + 1]
-        before = costs[i - 1] + costs[i]
+        before, extra = costs[i - 1] + costs[i], extra_along(kind, scratch, path, i - 2, i + 2)
         for attempt in range(5):
             if not propose(kind, scratch, path, i, costs[i - 1] / max(before, 1e-12), attempt, seed, scale, q):
                 break
             first = cost(kind, scratch, a, q)
-            if before - first < GAIN:
+            if before + extra - first < GAIN:
                 continue
             second = cost(kind, scratch, q, b)
-            if before - first - second < GAIN:
+            saved = before - first - second
+            if charged(kind):
+                here = path[i].copy()
+                path[i] = q
+                saved += extra - extra_along(kind, scratch, path, i - 2, i + 2)
+                path[i] = here
+            if saved < GAIN:
                 continue
             if (
                 # One look at the new place is cheaper than two motions, and most fail there.

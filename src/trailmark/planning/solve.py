@@ -13,6 +13,7 @@ from trailmark.landmarks.band import Band
 from trailmark.planning.disc_path import shortest_disc_path
 from trailmark.planning.improvement import improve
 from trailmark.planning.lattice.schedule import AT_FIRST, AT_MOST, AT_SECOND, LatticeSchedule
+from trailmark.planning.needless import without_needless
 from trailmark.planning.pace import Pace
 from trailmark.planning.placement import Placement
 from trailmark.planning.proofs import AnyBound
@@ -21,7 +22,6 @@ from trailmark.planning.query import Query
 from trailmark.planning.result import Status
 from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.rounds import Rounds
-from trailmark.planning.shortening import without_needless
 from trailmark.se2 import FloatArray
 
 __all__ = ["solve"]
@@ -54,8 +54,8 @@ def solve(query: Query, bound: AnyBound | None, known_path: FloatArray | None = 
     query.expanded = lambda: lookup.expanded + (0 if lattices is None else lattices.expanded)
     with Prover(query, bound) as proofs:
         if query.motion.motions_between_valid(query.ends[:1], query.ends[1:])[0]:
-            query.offer(query.ends)
-            if query.motion.direct_is_best:
+            query.take(query.ends)
+            if query.motion.direct_is_best or query.incumbent.optimal:
                 query.known_cost = query.incumbent.cost
                 return _answer(query, lookup)
         if known_path is not None:

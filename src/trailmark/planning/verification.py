@@ -11,7 +11,7 @@ import numpy as np
 
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
-from trailmark.motion import Motion, WeightedMotion
+from trailmark.motion import Motion
 from trailmark.motion.base import least_clearance_of
 from trailmark.path import Path
 from trailmark.planning.error_report import report_error
@@ -108,7 +108,7 @@ class Verification:
             lower_bound=None if status == "infeasible" else self._lower_bound(incumbent, path, cost, error),
             charged=cost,
             cost_error=error,
-            objective=self.motion.objective if isinstance(self.motion, WeightedMotion) else None,
+            objective=self.motion.objective,
             first_cost=incumbent.first_cost,
             min_clearance=min_clearance,
             landmarks=len(roadmap),
@@ -150,7 +150,7 @@ class Verification:
         """Return a path's cost under the objective, as it is reported, and a bound on its error."""
         if path is None:
             return None, 0.0
-        if not isinstance(self.motion, WeightedMotion):
+        if self.motion.objective is None:
             return path.cost, 0.0
         cost, error = self.motion.cost_within(vertices_of(self.motion, path))
         return self.motion.whole_cost(cost, incumbent.start, incumbent.goal), error

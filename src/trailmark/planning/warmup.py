@@ -146,7 +146,8 @@ def _shorten(kind: Kind, objective: str = "length") -> None:
     """Shorten a path."""
     from trailmark.collision import StateChecker
     from trailmark.motion import motion_of
-    from trailmark.planning.shortening import EFFORT, shorten, without_needless
+    from trailmark.planning.needless import without_needless
+    from trailmark.planning.shortening import EFFORT, shorten
 
     world, (start, goal) = SMALL
     motion = motion_of(StateChecker(world, ROBOTS[kind]), objective=Objective.of(objective))

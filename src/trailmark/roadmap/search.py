@@ -21,7 +21,7 @@ from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.compiled import njit
 from trailmark.errors import ConfigurationError
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.motion.base import certified, embedding_radius, new_scratch
+from trailmark.motion.base import certified, charged, embedding_radius, extra, new_scratch
 from trailmark.nearest import Forest, nearest_in
 from trailmark.roadmap.adjacency import root_of
 from trailmark.roadmap.store import Store
@@ -45,6 +45,10 @@ UNBOUNDED = 1 << 62
 
 JOINED = 3
 """Nodes that an end of a query is joined to."""
+
+
+LATER = 1e-9
+"""Metres by which a path must cost more than was thought to wait in the queue again."""
 
 
 class Search(NamedTuple):
@@ -217,7 +221,9 @@ def lazy_shortest_path(
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_], int]:
     """Return the nodes of the shortest certified path, the nodes that were reached, and how many were expanded.
 
-    The path is empty if there is none below ``limit``, or the budget or the time is used up.
+    The path is empty if there is none below ``limit``, or the budget or the time is used up. What a car is charged for
+    changes of direction counts as it comes to each node on the path that reached the node first: another may be as
+    cheap there and go on in the other direction at a lower cost.
 
     Args:
         kind: of motion that edges are (:mod:`trailmark.motion.base`).
@@ -243,7 +249,8 @@ def lazy_shortest_path(
     scratch = new_scratch(kind)
     done = np.zeros(n, np.bool_)
     best, parent = np.full(n, np.inf), np.full(n, -1, np.int64)
-    left = np.full(n, np.inf)
+    left, charging = np.full(n, np.inf), charged(kind)
+    gears = np.zeros(n if charging else 0)
     for i in range(len(goals)):
         left[goals[i]] = min(left[goals[i]], goal_costs[i])
     keys, values = np.empty(1024), np.empty(1024, np.int64)
@@ -279,6 +286,13 @@ def lazy_shortest_path(
             if status[edge] != FREE:
                 continue
             reached = best[back] + cost[edge]
+            if charging:
+                more, gear = extra(kind, scratch, configurations[back], configurations[node], gears[back])
+                # What an edge is charged beyond its own cost is computed only once it leaves the queue.
+                if reached + more + to_go[node] > keys[size] + LATER:
+                    size = heap_push(keys, values, size, reached + more + to_go[node], entry)
+                    continue
+                reached, gears[node] = reached + more, gear
         expanded += 1
         parent[node], done[node], best[node] = back, True, reached
         if reached + left[node] < total:

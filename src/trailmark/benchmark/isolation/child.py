@@ -150,7 +150,10 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
     begin = perf_counter()
     settings = METHODS[str(job["planner"])]
     seed = int(job["seed"])
-    planner = LandmarkPlanner(prepared.problem.world, seed=seed, checker=checker, settings=settings, warm=False)
+    # By length, as OMPL's planners are measured, cars too.
+    planner = LandmarkPlanner(
+        prepared.problem.world, seed=seed, checker=checker, settings=settings, objective="length", warm=False
+    )
     before = perf_counter() - begin
     result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress, stop=stop)
     time = perf_counter() - begin

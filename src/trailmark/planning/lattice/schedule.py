@@ -11,8 +11,9 @@ import numpy as np
 from trailmark.motion import Motion, WeightedMotion
 from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice.search import Lattice
+from trailmark.planning.needless import without_needless
 from trailmark.planning.pace import Pace
-from trailmark.planning.shortening import EFFORT, without_needless
+from trailmark.planning.shortening import EFFORT
 from trailmark.se2 import FloatArray
 
 __all__ = ["AT_FIRST", "AT_MOST", "AT_SECOND", "LatticeSchedule"]

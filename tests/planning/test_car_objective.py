@@ -1,0 +1,112 @@
+"""What a car pays for: changes of direction and metres in reverse, in plans, in what they report, and in searches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from benchmarks.oracle import Oracle
+
+from trailmark import Objective
+from trailmark.collision import StateChecker
+from trailmark.curves import CurvePath
+from trailmark.landmarks import Relaxation
+from trailmark.motion import CurveMotion
+from trailmark.planning import LandmarkPlanner, PlanResult
+from trailmark.planning.drive_tree import Targets
+from trailmark.planning.hybrid_astar import drive_to
+from trailmark.shapes import Rectangle
+from trailmark.world import Robot, World
+
+# A slot for parking, 1.6 m longer than the car.
+WALLS = (Rectangle((4.0, 2.0), 8.0, 2.0), Rectangle((17.6, 2.0), 8.0, 2.0), Rectangle((10.0, 0.4), 20.0, 0.8))
+WORLD = World("slot", (0.0, 0.0, 20.0, 8.0), WALLS, Robot.rectangle(4.0, 1.8).steered(4.0))
+SLOT, ROAD = np.array([10.8, 1.9, 0.0]), np.array([4.0, 5.0, 0.0])
+
+
+def planned(objective: Objective | str | None = None, start: Any = ROAD, goal: Any = SLOT) -> PlanResult:
+    planner = LandmarkPlanner(WORLD, seed=0, objective=objective)
+    result = planner.plan(start, goal, time_limit=60.0, max_iterations=6)
+    assert isinstance(result.path, CurvePath)
+    assert np.array_equal(result.path.knots[[0, -1]], [start, goal])
+    assert not Oracle(WORLD, planner.robot).collides(result.path.resample(0.01).states).any()
+    return result
+
+
+def test_changes_of_direction_are_what_a_driver_avoids_by_default() -> None:
+    paid, plain = planned(), planned("length")
+    assert isinstance(paid.path, CurvePath)
+    assert isinstance(plain.path, CurvePath)
+    assert 2 * paid.path.cusps <= plain.path.cusps
+    assert plain.cost == plain.path.length
+    assert plain.objective is None
+    assert paid.cost == pytest.approx(paid.path.length + 3.0 * paid.path.cusps + 0.5 * paid.path.reverse_length)
+    assert paid.lower_bound is not None
+    assert paid.cost is not None
+    assert paid.lower_bound <= paid.cost
+    record = paid.to_dict("slot")
+    assert record["direction_changes"] == paid.path.cusps
+    assert record["reverse_length"] == paid.path.reverse_length
+    assert record["objective"]["direction_change"] == 3.0
+
+
+def test_the_factor_decides_whether_a_car_turns_round() -> None:
+    # Straight back, or round by a three-point turn.
+    start, goal = np.array([16.0, 5.5, 0.0]), np.array([4.0, 5.5, 0.0])
+    back = planned(Objective(reverse=1.2), start, goal).path
+    assert isinstance(back, CurvePath)
+    assert back.reverse_length == pytest.approx(12.0)
+    assert planned(Objective(reverse=1.2), start, goal).cost == pytest.approx(14.4)
+
+
+def test_a_longer_curve_may_have_fewer_changes_of_direction() -> None:
+    world = World("open", (-30.0, -30.0, 30.0, 30.0), robot=Robot.rectangle(2.0, 1.0).steered(3.0))
+    start, goal = (0.0, 0.0, 0.0), (0.0, 2.0, 0.5)
+    dear = LandmarkPlanner(world, seed=0, objective=Objective(direction_change=50.0))
+    path = dear.plan(start, goal, 20.0, max_iterations=2).path
+    short = LandmarkPlanner(world, seed=0, objective="length").plan(start, goal, 20.0).path
+    assert isinstance(path, CurvePath)
+    assert isinstance(short, CurvePath)
+    assert path.cusps == 0 < short.cusps
+    assert path.length > short.length
+
+
+def test_many_queries_and_new_plans_pay_too() -> None:
+    planner, before = LandmarkPlanner(WORLD, seed=0, landmarks=200), planned().path
+    assert before is not None
+    for result in (
+        planner.plan_many([ROAD], [SLOT], 20.0, max_iterations=3)[0],
+        planner.replan(ROAD, SLOT, before, 20.0),
+    ):
+        path = result.path
+        assert isinstance(path, CurvePath)
+        assert result.cost == pytest.approx(path.length + 3.0 * path.cusps + 0.5 * path.reverse_length)
+
+
+@pytest.mark.parametrize("reverse", [False, True], ids=["from the slot", "to the slot"])
+def test_drives_lead_to_the_cheapest_target(reverse: bool) -> None:
+    checker = StateChecker(WORLD)
+    motion, relaxation = CurveMotion(checker, objective=Objective(direction_change=3.0)), Relaxation(checker)
+    near, far = np.array([12.0, 5.5, 0.0]), np.array([16.0, 5.5, 0.0])
+    found = {}
+    for price in (0.0, 100.0):
+        targets = Targets(np.array([near, far]), np.array([price, 0.0]), np.zeros(2))
+        knots, target = drive_to(
+            motion,
+            relaxation,
+            relaxation.costs_from(far),
+            SLOT,
+            targets,
+            reverse=reverse,
+            step=0.3,
+            cell=0.08,
+            most=100_000,
+            limit=200.0,
+            seconds=60.0,
+        )
+        ends = knots[[-1, 0]] if reverse else knots[[0, -1]]
+        assert np.array_equal(ends, [SLOT, targets.configurations[target]])
+        assert motion.motions_valid(knots[:-1], knots[1:]).all()
+        found[price] = target
+    assert found[100.0] == 1
