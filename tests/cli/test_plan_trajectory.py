@@ -40,6 +40,16 @@ def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: P
     assert "stops on the way" in shell("plan", yard, "--smooth").out
 
 
+def test_out_of_a_keep_out_zone_the_path_stays_as_it_is(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    zone = "zones:\n  - {kind: keep-out, vertices: [[0.2, 0.2], [1.6, 0.2], [1.6, 1.8], [0.2, 1.8]]}\n"
+    world = tmp_path / "zone.yaml"
+    world.write_text(yard.read_text() + zone)
+    run = shell("plan", world, "--smooth", "--json")
+    assert run.status == 0
+    assert "smooth" not in json.loads(run.out)
+    assert "--smooth: the path stays as it was planned" in run.err
+
+
 def test_rows_are_no_farther_apart_than_the_step(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
     file = tmp_path / "path.csv"
     assert shell("plan", yard, "--output", file, "--step", "0.05").status == 0

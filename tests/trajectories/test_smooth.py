@@ -10,6 +10,7 @@ from tests.support.trajectories import assert_within_limits
 
 from trailmark import ConfigurationError, CurvePath, Path, Polygon, Rectangle, Robot, StateChecker, Steering, World, se2
 from trailmark.benchmark.referee import Referee
+from trailmark.motion import motion_of
 from trailmark.trajectories import SmoothPath
 from trailmark.zones import OneWayZone
 
@@ -132,6 +133,18 @@ def test_curvature_is_bounded() -> None:
     assert smooth.max_curvature <= 2.0
     assert len(smooth.stops) == 0
     assert len(AROUND.smooth(WORLD, ROBOT, max_curvature=1e-3).stops) == 1
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_a_differential_drive_goes_on_turning_in_place(reverse: bool) -> None:
+    robot = ROBOT.differential(reverse=reverse)
+    checker = StateChecker(OPEN, robot)
+    path = motion_of(checker).path(np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 0.5], [5.1, 0.1, 0.0], [5.0, 9.0, 0.0]]))
+    smooth = path.smooth(checker)
+    np.testing.assert_allclose(smooth.states, path.states, atol=1e-12)
+    # Two turns to the same side, one after the other, are one.
+    assert len(smooth.stops) >= 6
+    assert_within_limits(smooth.timed(1.0, 1.0, 1.0, 1.0))
 
 
 def test_directions_of_one_way_zones_are_kept() -> None:

@@ -166,9 +166,15 @@ def smoothed(result: PlanResult, world: World, robot: Robot) -> tuple[PlanResult
     if result.path is None:
         return result, {}
     from trailmark.collision import StateChecker
+    from trailmark.errors import ConfigurationError
 
     checker = StateChecker(world, robot)
-    path = result.path.smooth(StateChecker(world, robot, clearance=result.clearance or None))
+    try:
+        path = result.path.smooth(StateChecker(world, robot, clearance=result.clearance or None))
+    except ConfigurationError as error:
+        # It leads out of a keep-out zone, say, that the robot starts in.
+        console.warn(f"--smooth: the path stays as it was planned: {error}")
+        return result, {}
     clearance = float(checker.clearance(path.resample(SPACING).states).min())
     found = {"stops": path.stops.tolist(), "max_curvature": path.max_curvature}
     return replace(result, path=path, min_clearance=clearance), {"smooth": found}

@@ -13,11 +13,11 @@ from trailmark.arguments import number
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
-from trailmark.motion import CurveMotion, motion_of
+from trailmark.motion import motion_of
 from trailmark.path import Path, fractions
 from trailmark.se2 import FloatArray
 from trailmark.trajectories.certificate import certified, dense_places, row_counts
-from trailmark.trajectories.pieces import Pieces, joined
+from trailmark.trajectories.pieces import Pieces, joined, pieces_of
 from trailmark.trajectories.rounding import rounded
 from trailmark.trajectories.transitions import with_transitions
 
@@ -154,13 +154,19 @@ def smoothed(path: Path, checker: StateChecker, max_curvature: float) -> SmoothP
         raise ConfigurationError("smooth: expected a path with corners, got one that is smooth already")
     motion = motion_of(checker, path.steering if isinstance(path, CurvePath) else None)
     knots = path.knots if isinstance(path, CurvePath) else path.states
-    if isinstance(motion, CurveMotion) and not isinstance(path, CurvePath):
+    if checker.robot.drive == "car" and not isinstance(path, CurvePath):
         raise ConfigurationError("smooth: expected a car's path, got one of straight motions")
     free = checker.valid(knots).all() and motion.motions_valid(knots[:-1], knots[1:])
     if not np.all(free):
         where = "its only state" if len(knots) == 1 else f"motion {int(np.argmin(free))}"
         raise ConfigurationError(f"smooth: expected a path that is certified free of collision; {where} is not")
-    pieces = with_transitions(checker, path) if isinstance(path, CurvePath) else rounded(checker, path, max_curvature)
+    if isinstance(path, CurvePath):
+        pieces = with_transitions(checker, path)
+    elif checker.robot.drive == "differential":
+        # A parabola would move it sideways: it goes on turning in place, at rest.
+        pieces = pieces_of(path)
+    else:
+        pieces = rounded(checker, path, max_curvature)
     rows = row_counts(pieces, checker.footprint.sweep_radius)
     near = (rows > 1) & ~certified(checker, pieces)
     return SmoothPath(path.states[0], path.states[-1], pieces, np.where(near, FINER * rows, rows))
