@@ -53,6 +53,8 @@ PEERS = {
     ("robot", "formats"),
     # Path.smooth and Path.timed hand over when they are called.
     ("path", "trajectories"),
+    # Path.save and Path.load likewise.
+    ("path", "formats"),
     ("path", "collision"),
     ("path", "robot"),
     ("path", "world"),

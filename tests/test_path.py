@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from trailmark.errors import ConfigurationError
+from trailmark.errors import ConfigurationError, OutputError
 from trailmark.path import Path
 
 coordinate = st.floats(-100.0, 100.0)
@@ -118,3 +119,16 @@ def test_paths_are_values() -> None:
 def test_a_path_is_described_by_its_ends_and_cost() -> None:
     path = Path(np.array([[0.0, 0.0, 0.0], [3.0, 4.0, 1.0]]))
     assert repr(path) == "Path(2 states from (0, 0, 0) to (3, 4, 1), cost 5.5 m)"
+
+
+@pytest.mark.parametrize("name", ["a.json", "a.csv", "a.yaml", "a.nav2.json", "a.geojson"])
+def test_a_path_is_saved_and_loaded(tmp_path: FilePath, name: str) -> None:
+    path = Path(np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [2.0, 0.0, -3.0]]))
+    for _ in range(2):
+        path.save(tmp_path / name, "odom")
+        np.testing.assert_allclose(Path.load(str(tmp_path / name)).states, path.states, atol=1e-15)
+    (tmp_path / "own.json").write_text('{"key": 1}')
+    with pytest.raises(OutputError, match="a file that trailmark did not write is there"):
+        path.save(tmp_path / "own.json")
+    with pytest.raises(OutputError, match="suffix: expected"):
+        path.save(str(tmp_path / "a.gpx"))

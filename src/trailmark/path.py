@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -108,6 +109,33 @@ class Path:
         states = se2.interpolate(a[motion], b[motion], (np.arange(len(motion)) - before[motion]) / count[motion])
         states[before] = a
         return Path(np.concatenate([states, self.states[-1:]]))
+
+    @classmethod
+    def load(cls, file: str | FilePath) -> Path:
+        """Return the states of a path file, whoever wrote it (:func:`trailmark.formats.any_path.read_any_path`).
+
+        Raises:
+            FormatError: the file cannot be read, or holds no path.
+        """
+        from trailmark.formats.any_path import read_any_path
+
+        return read_any_path(FilePath(file)).path
+
+    def save(self, file: str | FilePath, frame: str = "map") -> None:
+        """Write the path in the format that the suffix tells (:func:`trailmark.formats.path_files.write_path`).
+
+        Args:
+            file: ``.json``, ``.csv``, ``.path``, ``.txt``, ``.yaml``, ``.nav2.json`` or ``.geojson``.
+            frame: name of the coordinate frame, for messages and GeoJSON.
+
+        Raises:
+            OutputError: another suffix, a path that cannot be written, or a file that trailmark did not write.
+        """
+        from trailmark.formats.outputs import require_replaceable
+        from trailmark.formats.path_files import write_path
+
+        require_replaceable(FilePath(file))
+        write_path(FilePath(file), self, frame=frame)
 
     def reversed(self) -> Path:
         """Return the path from its end to its start; it has the same cost."""

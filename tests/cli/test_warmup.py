@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 EVERYTHING = """
+from dataclasses import replace
 import numpy as np
 from numba.core import event
 late = []
@@ -19,6 +20,7 @@ class Listener(event.Listener):
     def on_end(self, what): pass
 event.register("numba:compile", Listener())
 
+from trailmark import CostZone, Goal, OneWayZone, SpeedZone
 from trailmark import Disc, LandmarkPlanner, Polygon, Robot, StateChecker, World, check_path
 from trailmark.ompl_bridge import SE2Problem
 from trailmark.planning.warmup import warm_up
@@ -35,6 +37,17 @@ for robot in (office.robot, Robot.disc(0.25), arrow):
     planner.roadmap.certify_all()
     for path in ([start, goal], [start, start]):
         check_path(office, robot, path)
+square = Polygon([[9, 5], [11, 5], [11, 7], [9, 7]])
+zoned = replace(office, zones=(CostZone(square, 3.0), OneWayZone(square, 0.0, 1.0), SpeedZone(square, 0.5)))
+goals = [Goal(pose=(18.0, 10.0)), Goal(pose=(1.5, 10.0, 0.0), position_tolerance=0.3)]
+for robot in (office.robot, Robot.disc(0.25)):
+    LandmarkPlanner(zoned, robot, seed=0).plan(start, goal, time_limit=1.0)
+    LandmarkPlanner(office, robot, seed=0, objective="time").plan(start, goal, time_limit=1.0)
+    LandmarkPlanner(office, robot, seed=0).plan(start, goals, time_limit=1.0)
+    found = LandmarkPlanner(office, robot, seed=0, clearance=0.02).plan(start, goal, time_limit=1.0)
+    found.path.timed(1.0, 0.5, 1.0)
+    found.path.smooth(office, robot)
+LandmarkPlanner(office, office.robot.steered(0.4), seed=0, objective="clearance").plan(start, goal, time_limit=2.0)
 wall = World("wall", (0, 0, 6, 4), (Polygon([[2.9, 0], [3.1, 0], [3.1, 4], [2.9, 4]]),))
 assert LandmarkPlanner(wall, Robot.rectangle(0.6, 0.4), seed=0).plan((1, 1, 0), (5, 1, 0)).status == "infeasible"
 gap = World("gap", (0, 0, 6, 4), (Polygon([[2.9, 0], [3.1, 0], [3.1, 1.8], [2.9, 1.8]]), Disc((3.0, 3.3), 0.9)))
@@ -62,7 +75,7 @@ def test_afterwards_nothing_compiles(tmp_path: Path, worlds: Path) -> None:
     record = json.loads(warm.stdout)
     assert record["cache"]["files"] > 0
     assert Path(record["cache"]["folder"]).is_dir()
-    assert {"planning", "many queries", "discs", "many queries of discs", "cars"} <= set(record["kernels"])
+    assert {"planning (any shape)", "many queries (discs)", "objectives and zones (cars)"} <= set(record["kernels"])
     program = EVERYTHING.replace('"office.yaml"', repr(os.fspath(tmp_path / "office.yaml")))
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import typer
 
@@ -12,6 +13,9 @@ from trailmark.cli import console
 from trailmark.cli.options import JsonOption
 
 __all__ = ["app"]
+
+KINDS = {"straight": "any shape", "translation": "discs", "curve": "cars", "differential": "differential drives"}
+"""What the kinds of motion are called in the names of the stages."""
 
 app = typer.Typer(help="Compile all kernels now, so that no later command has to.", invoke_without_command=True)
 
@@ -24,24 +28,9 @@ def warmup(as_json: JsonOption = False) -> None:
     """
     from trailmark.compiled.cache import cache_contents
     from trailmark.compiled.side_by_side import compiled_side_by_side
-    from trailmark.planning.warmup import warm_up, warm_up_moving, warm_up_queries
 
     begun, since = time.perf_counter(), time.time()
-    stages: dict[str, Callable[[], None]] = {
-        "planning": partial(warm_up, "straight"),
-        "many queries": partial(warm_up_queries, "straight"),
-        "discs": partial(warm_up, "translation"),
-        "many queries of discs": partial(warm_up_queries, "translation"),
-        "moving obstacles": partial(warm_up_moving, "straight"),
-        "moving obstacles and discs": partial(warm_up_moving, "translation"),
-        "OMPL's planners": _warm_up_pointwise,
-        "audits": _warm_up_audits,
-        "maps from logs": _warm_up_logs,
-        "many queries of cars": partial(warm_up_queries, "curve"),
-        "cars": partial(warm_up, "curve"),
-        "differential drives": partial(warm_up, "differential"),
-        "many queries of differential drives": partial(warm_up_queries, "differential"),
-    }
+    stages = _stages()
     with (
         console.progress("preparing (compiles on first use)") as progress,
         compiled_side_by_side(list(stages.values())),
@@ -59,7 +48,7 @@ def warmup(as_json: JsonOption = False) -> None:
         facts = {**cache._asdict(), "folder": cache.folder and str(cache.folder)}
         console.say(console.json_text({"kernels": list(stages), "cache": facts, "time": {"total": seconds}}))
         return
-    console.say(f"the kernels for {', '.join(stages)} are ready ({seconds:.1f} s)")
+    console.say(f"all kernels are ready, in {len(stages)} stages ({seconds:.1f} s)")
     if cache.folder is None:
         console.say("  cache  none: no folder can be written to (NUMBA_CACHE_DIR names one)")
         return
@@ -72,6 +61,25 @@ def warmup(as_json: JsonOption = False) -> None:
         ],
         indent="  ",
     )
+
+
+def _stages() -> dict[str, Callable[[], None]]:
+    """Return what is compiled, by name: each part for each kind of motion, and what asks for no kind."""
+    from trailmark.planning.warmup import ROBOTS, warm_up, warm_up_moving, warm_up_queries, warm_up_weighted
+
+    parts: dict[str, Callable[[Any], None]] = {
+        "planning": warm_up,
+        "many queries": warm_up_queries,
+        "objectives and zones": warm_up_weighted,
+        "moving obstacles": warm_up_moving,
+    }
+    others = {"OMPL's planners": _warm_up_pointwise, "audits": _warm_up_audits, "maps from logs": _warm_up_logs}
+    # Cars last: a second process begins at the end, and they take about as long as all else.
+    kinds = sorted(ROBOTS, key="curve".__eq__)
+    stages = {
+        f"{part} ({KINDS.get(kind, kind)})": partial(warm, kind) for kind in kinds for part, warm in parts.items()
+    }
+    return {**others, **stages}
 
 
 def _warm_up_pointwise() -> None:

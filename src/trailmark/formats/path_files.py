@@ -65,6 +65,8 @@ def write_path(
 def _json_text(path: FilePath, checked: Path, rows: list[list[str]], record: Mapping[str, Any] | None) -> str:
     if record is None:
         record = {"states": None, "cost": checked.cost, "length": checked.length, "rotation": checked.rotation}
+        curve = getattr(checked, "record", None)  # of a car's path
+        record |= {} if curve is None else {"curve": curve()}
     states = "[\n" + ",\n".join(f"    [{', '.join(row)}]" for row in rows) + "\n  ]"
     try:
         members = {
