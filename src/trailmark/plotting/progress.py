@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import MaxNLocator, NullLocator
 
+from trailmark.plotting.ticks import label_room
 from trailmark.sketch.colours import PATH, TEXT
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ __all__ = ["add_progress", "draw_progress"]
 
 BOUND = "#e69f00"  # Okabe & Ito's orange
 WIDTH, HEIGHT, BESIDE, BELOW = 2.3, 1.3, 0.75, 0.3  # inches: of the panel, and between it and plan or legend
+LABEL_SIZE = 8  # points, at most
 ROOM = 0.03
 """Share of the costs' range that stays free above and below."""
 
@@ -41,13 +43,19 @@ def draw_progress(axes: Axes, history: Sequence[tuple[float, float]], total: flo
     left, right = 1e3 * times[0] / 1.3, 1e3 * end * 1.1
     axes.set_xlim(left, right)
     powers = 10.0 ** np.arange(np.floor(np.log10(left)), np.log10(right))
-    ticks = np.outer(powers, (1.0, 2.0, 5.0) if len(powers) <= 4 else (1.0,)).ravel()
-    ticks = ticks[(ticks >= left) & (ticks <= right)]
-    axes.set_xticks(ticks, [f"{ms:g}" for ms in ticks])
+    decade = axes.bbox.width * 72.0 / axes.figure.dpi / np.log10(right / left)
+    for every, steps in ((1, (1.0, 2.0, 5.0)), (1, (1.0, 3.0)), (1, (1.0,)), (2, (1.0,)), (3, (1.0,))):
+        ticks = np.outer(powers[::every], steps).ravel()
+        ticks = ticks[(ticks >= left) & (ticks <= right)]
+        labels = [f"{ms:g}" for ms in ticks]
+        if len(ticks) and decade * np.diff(np.log10(ticks)).min(initial=np.inf) >= label_room(labels, LABEL_SIZE):
+            break
+    axes.set_xticks(ticks, labels)
     axes.xaxis.set_minor_locator(NullLocator())
     low, high = min([costs[-1], *([] if bound is None else [bound])]), costs[0]
     room = max(ROOM * (high - low), 1e-3 * high, 1e-9)
     axes.set_ylim(low - 2.0 * room, high + 2.0 * room)
+    axes.ticklabel_format(axis="y", useOffset=False)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
     axes.set_xlabel("planning time [ms]")
     axes.set_ylabel("cost [m]")
