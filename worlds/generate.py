@@ -14,7 +14,7 @@ from pathlib import Path
 
 from environments import environment1, environment2
 from grounds import bugtrap, lake, maze, parking, warehouse
-from rooms import corridor, enclosed, gate, lshape, narrow, office
+from rooms import corridor, enclosed, factory, gate, lshape, narrow, office
 from scattered import clutter, discs, field2000, long
 from trailmark import World
 
@@ -22,7 +22,7 @@ FOLDER = Path(__file__).resolve().parent
 
 MAKERS: tuple[Callable[[], World], ...] = (
     *(bugtrap, clutter, corridor, discs, enclosed, environment1, environment2),
-    *(field2000, gate, lake, long, lshape, maze, narrow, office, parking, warehouse),
+    *(factory, field2000, gate, lake, long, lshape, maze, narrow, office, parking, warehouse),
 )
 
 

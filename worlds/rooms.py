@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from blocks import PI, QUARTER, Shape, box, disc, frame, mm, ngon, placed, poly, rect, ribbon, wall
-from trailmark import Query, Robot, World
+from trailmark import CostZone, KeepOutZone, OneWayZone, Polygon, Query, Robot, SpeedZone, World
 
 
 def office() -> World:
@@ -251,3 +251,29 @@ def _inside(building: tuple[float, float, float], x: float, y: float, heading: f
     """Return a configuration given in a building's frame in the world frame."""
     (place,) = placed([(x, y)], *building)
     return mm(place[0]), mm(place[1]), mm(building[2] + heading)
+
+
+def factory() -> World:
+    """A factory floor with zones: two one-way aisles, a cell to keep out of, a footway to avoid, a slow crossing."""
+    racks = (box(5, 2.5, 19, 4), box(5, 6, 19, 8), box(5, 10, 19, 11.5))
+
+    def zone(x0: float, y0: float, x1: float, y1: float) -> Polygon:
+        return poly([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+
+    return World(
+        name="factory",
+        bounds=(0, 0, 26, 14),
+        robot=Robot.rectangle(0.9, 0.6),
+        obstacles=(*racks, disc(23.2, 12.0, 0.8), rect(23.2, 9.8, 1.2, 0.8)),
+        queries=(
+            Query("deliver", (2.0, 5.0, 0.0), (23.0, 5.0, 0.0)),
+            Query("return", (23.0, 5.0, PI), (2.0, 5.0, PI)),
+        ),
+        zones=(
+            OneWayZone(zone(5, 4, 19, 6), 0.0, 1.0),
+            OneWayZone(zone(5, 8, 19, 10), PI, 1.0),
+            KeepOutZone(poly([(21.5, 8.5), (25.5, 8.5), (25.5, 13.5), (21.5, 13.5)])),
+            CostZone(zone(5, 0.5, 19, 2.5), 4.0),
+            SpeedZone(zone(19.5, 3.5, 21, 10.5), 0.3),
+        ),
+    )
