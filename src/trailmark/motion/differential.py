@@ -65,7 +65,7 @@ class DifferentialMotion(Motion):
         super().__init__(checker)
         self.directed = not checker.robot.reverse
         # Who may reverse gets aside by driving to and fro, with less turning than straight there.
-        self.direct_is_best = not checker.robot.reverse  # type: ignore[misc]
+        self.direct_is_best = not checker.robot.reverse
         self.kind = Differential(checker.grid, checker.field, checker.footprint, checker.robot.reverse)
 
     def least_cost(self, start: FloatArray, goal: FloatArray) -> float:

@@ -1,10 +1,10 @@
-"""Proposals: where a vertex of a path might better be, for each kind of motion."""
+"""Proposals: where a vertex of a path might better be, for each kind of motion, and where to add some."""
 
 # Tested by tests/planning/test_shortening.py and test_curve_shortening.py.
 
 from __future__ import annotations
 
-from math import cos, pi, sin, sqrt
+from math import cos, hypot, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,10 @@ from trailmark.motion.translation import Translation
 from trailmark.motion.weighted import Weighted
 from trailmark.se2 import FloatArray
 
-__all__ = ["propose", "uniform"]
+__all__ = ["halved", "propose", "split", "uniform"]
+
+SHORT = 0.02
+"""Share of a path's cost up to which a motion is not halved."""
 
 
 @njit(cache=True)
@@ -135,7 +138,15 @@ def _propose_weighted(
     scale: float,
     q: FloatArray,
 ) -> bool:
-    return propose(kind.motion, scratch, path, i, share, attempt, seed, scale, q)
+    here = path[i]
+    near = min(
+        hypot(path[i - 1, 0] - here[0], path[i - 1, 1] - here[1]),
+        hypot(path[i + 1, 0] - here[0], path[i + 1, 1] - here[1]),
+    )
+    # At all scales: what is cheapest is curved, here more and there less.
+    step = 0.5 * near * 2.0 ** (-6.0 * uniform(seed))
+    propose(kind.motion, scratch, path, i, share, (0, 2, 3, 3, 3)[attempt], seed, max(step, 1e-6), q)
+    return attempt < 4
 
 
 @variant_of(propose, Differential)
@@ -181,3 +192,35 @@ def _heading(kind: Straight) -> bool:
 @njit(cache=True)
 def _no_heading(kind: Translation) -> bool:
     return False
+
+
+@njit(cache=True)
+def split(
+    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
+) -> FloatArray:
+    """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
+    n = len(path)
+    i = 1 + int(uniform(seed) * (n - 2))
+    result = np.empty((n + 2, 3))
+    result[:i] = path[:i]
+    result[i + 1] = path[i]
+    result[i + 3 :] = path[i + 1 :]
+    before = min(0.45 * costs[i - 1], scale * uniform(seed))
+    interpolate(kind, scratch, path[i - 1], path[i], costs[i - 1] - before, result[i])
+    interpolate(kind, scratch, path[i], path[i + 1], min(0.45 * costs[i], scale * uniform(seed)), result[i + 2])
+    return result
+
+
+@njit(cache=True)
+def halved(kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray) -> FloatArray:
+    """Return the path with a vertex in the middle of every longer motion: what is cheapest need not be straight."""
+    longer = costs > SHORT * costs.sum()
+    result, k = np.empty((len(path) + longer.sum(), 3)), 0
+    for i in range(len(costs)):
+        result[k] = path[i]
+        k += 1
+        if longer[i]:
+            interpolate(kind, scratch, path[i], path[i + 1], 0.5 * costs[i], result[k])
+            k += 1
+    result[k] = path[-1]
+    return result

@@ -124,6 +124,9 @@ class Query:
         if not self.solved:
             self.offer(states)
         states = self.shortened(states, self.settings.first_sweeps)
+        if not self.motion.direct_is_best:
+            # The rest takes longer.
+            self.offer(states)
         if self.motion.cost_of(states) < self.settings.promising * self.incumbent.cost:
             states = self.shortened(states)
             self.offer(states)
@@ -138,7 +141,7 @@ class Query:
         if not self.settings.uses("shortening"):
             return states
         # A vertex more costs a curve more than it gains.
-        splitting = splitting and self.motion.moves_anywhere
+        splitting = (splitting or (sweeps is None and not self.motion.direct_is_best)) and self.motion.moves_anywhere
         sweeps = self.settings.sweeps if sweeps is None else sweeps
         return shorten(
             self.motion, states, self.rng, sweeps=sweeps, splitting=splitting, seconds_left=self.seconds_left

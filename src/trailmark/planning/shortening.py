@@ -35,7 +35,7 @@ from trailmark.motion.straight import Straight
 from trailmark.motion.translation import Translation
 from trailmark.motion.weighted import Weighted
 from trailmark.planning.needless import GAIN, without_needless
-from trailmark.planning.proposals import propose, uniform
+from trailmark.planning.proposals import halved, propose, split, uniform
 from trailmark.planning.words import another_word
 from trailmark.se2 import FloatArray
 
@@ -73,8 +73,9 @@ def shorten(
     scale = 0.1 * history[0] / max(1, len(path))
     for _ in range(sweeps):
         seconds = np.inf if seconds_left is None else seconds_left()
-        # A car may have a cheaper curve than the shortest one.
-        if (len(path) < 3 and not motion.charged) or seconds <= 0.0:
+        # A car may have a cheaper curve than the shortest one, and what is cheapest need not be straight.
+        alone = motion.charged or (splitting and not motion.direct_is_best)
+        if (len(path) < 3 and not alone) or seconds <= 0.0:
             break
         path, scale, after = _sweep(motion.kind, path, seed, scale, splitting, Deadline.after(seconds))
         history.append(after)
@@ -118,8 +119,11 @@ def _sweep(
     costs = _costs(kind, scratch, path)
     if now(deadline.kind) >= deadline.seconds:
         return path, scale, _whole(kind, scratch, path, costs)
-    if splitting and len(path) > 2:
-        path = _split(kind, scratch, path, costs, seed, scale)
+    if splitting and not obeys_triangle(kind):
+        path = halved(kind, scratch, path, costs)
+        costs = _costs(kind, scratch, path)
+    elif splitting and len(path) > 2:
+        path = split(kind, scratch, path, costs, seed, scale)
         costs = _costs(kind, scratch, path)
     moved = 0
     for _ in range(3):
@@ -275,23 +279,6 @@ def _turn_evenly(
             path[i : j + 1] = changed
             for k in range(i, j):
                 costs[k] = cost(kind, scratch, path[k], path[k + 1])
-
-
-@njit(cache=True)
-def _split(
-    kind: Any, scratch: Scratch, path: FloatArray, costs: FloatArray, seed: NDArray[np.uint64], scale: float
-) -> FloatArray:
-    """Return the path with two more vertices, on either side of a random one: a corner may take more than one."""
-    n = len(path)
-    i = 1 + int(uniform(seed) * (n - 2))
-    result = np.empty((n + 2, 3))
-    result[:i] = path[:i]
-    result[i + 1] = path[i]
-    result[i + 3 :] = path[i + 1 :]
-    before = min(0.45 * costs[i - 1], scale * uniform(seed))
-    interpolate(kind, scratch, path[i - 1], path[i], costs[i - 1] - before, result[i])
-    interpolate(kind, scratch, path[i], path[i + 1], min(0.45 * costs[i], scale * uniform(seed)), result[i + 2])
-    return result
 
 
 @njit(cache=True)

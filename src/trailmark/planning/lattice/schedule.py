@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trailmark.motion import Motion, WeightedMotion
+from trailmark.planning.lattice.corridor import corridor
 from trailmark.planning.lattice.cost_to_go import TIGHTNESS, CostToGo
 from trailmark.planning.lattice.search import Lattice
 from trailmark.planning.needless import without_needless
@@ -95,6 +96,9 @@ VIEWS = (
 STRETCH = (0.75, 1.25)
 """Factor on the lattice's size from the second turn on: which gaps a lattice hits is a matter of luck."""
 
+CORRIDOR, MARCHING = 0.03, 10.0
+"""How much dearer than the cheapest a way in its corridor may be, and times as long fast marching takes as a flood."""
+
 DETOUR = 1.15
 """Times the limit: over a lattice of eight directions a path is so much longer than its shortened self at most."""
 
@@ -166,6 +170,9 @@ class LatticeSchedule:
             rng: source of randomness.
             limit: metres, cost of a path that it should better.
         """
+        if self.views == 0 and isinstance(self.motion, WeightedMotion):
+            self.views += 1
+            return self._cheapest(self.motion)
         view, forward = VIEWS[self.views % len(VIEWS)], self.views // len(VIEWS) % 2 == 0 or not self._both_ways
         self.views += 1
         if not self._has_time(LEVELS[-1].cells, forward, view.tightness):
@@ -186,6 +193,24 @@ class LatticeSchedule:
         )
         self.expanded += expanded
         return self._shortened(path, forward)
+
+    def _cheapest(self, motion: WeightedMotion) -> FloatArray:
+        """Return a path in the homotopy class that is cheapest by far finer directions than a lattice's."""
+        if self.seconds_left() < 2.0 * MARCHING * GUIDING.seconds(min(LEVELS[-1].cells, self.cells)):
+            return np.empty((0, 3))
+        to_go = corridor(self.checker, motion.density, self.ends, min(LEVELS[-1].cells, self.cells), CORRIDOR)
+        lattice = Lattice(self.checker, self.cell, VIEWS[0].headings if motion.turns else 1, motion)
+        path, expanded = lattice.find_path(
+            self.ends[0],
+            self.ends[1],
+            to_go,
+            weight=VIEWS[0].weight,
+            budget=VIEWS[0].nodes,
+            retracts=True,
+            seconds=self.seconds_left(),
+        )
+        self.expanded += expanded
+        return self._shortened(path, forward=True)
 
     def _search(self, level: Level, forward: bool) -> FloatArray:
         kind = (level.fineness, level.headings if self.motion.turns else 1, level.cells > 0, forward)

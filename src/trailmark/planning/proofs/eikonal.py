@@ -27,9 +27,9 @@ from trailmark.collision.kernels import field_value
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.heading import turn
-from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.motion import WeightedMotion
 from trailmark.motion.density import FAR, Density
+from trailmark.planning.fast_marching import march, on_diagonal
 from trailmark.planning.pace import Pace
 from trailmark.se2 import FloatArray
 
@@ -158,7 +158,7 @@ def _bound(least: FloatArray, x0: float, y0: float, size: float, ax: float, ay: 
     """Return the bound from a to b by the least densities of squares; 0 where nothing can be told."""
     rows, columns = least.shape
     row, column = _square(ay, y0, size, rows), _square(ax, x0, size, columns)
-    value = _march(least, size, row, column)
+    value = march(least, size, row, column)
     row, column = _square(by, y0, size, rows), _square(bx, x0, size, columns)
     lowest = value[row : row + 2, column : column + 2].min()
     if lowest == 0.0 or lowest == np.inf:
@@ -173,80 +173,6 @@ def _square(place: float, begin: float, size: float, count: int) -> int:
 
 
 @njit(cache=True)
-def _march(least: FloatArray, size: float, row: int, column: int) -> FloatArray:
-    """Return values at the vertices, shape (rows + 1, columns + 1): 0 at a square's corners, higher from there on."""
-    rows, columns = least.shape
-    width = columns + 1
-    value, trial = np.full((rows + 1, width), np.inf), np.full((rows + 1, width), np.inf)
-    keys, vertices, waiting = np.empty(1024), np.empty(1024, np.int64), 0
-    for i in range(row, row + 2):
-        for j in range(column, column + 2):
-            trial[i, j] = 0.0
-            waiting = heap_push(keys, vertices, waiting, 0.0, i * width + j)
-    while waiting > 0:
-        waiting = heap_pop(keys, vertices, waiting)
-        i, j = vertices[waiting] // width, vertices[waiting] % width
-        if value[i, j] < np.inf or keys[waiting] > trial[i, j]:
-            continue
-        value[i, j] = trial[i, j]
-        if waiting + 8 > len(keys):
-            keys, vertices = heap_grow(keys, vertices)
-        for u in range(max(0, i - 1), min(rows, i + 1) + 1):
-            for v in range(max(0, j - 1), min(columns, j + 1) + 1):
-                if value[u, v] < np.inf:
-                    continue
-                found = _value_at(value, least, size, u, v)
-                if found < trial[u, v]:
-                    trial[u, v] = found
-                    waiting = heap_push(keys, vertices, waiting, found, u * width + v)
-    return value
-
-
-@njit(cache=True)
-def _value_at(value: FloatArray, least: FloatArray, size: float, i: int, j: int) -> float:
-    """Return the value at a vertex by what is known of the other vertices of its triangles."""
-    found = np.inf
-    for a in range(2):
-        for b in range(2):
-            row, column = i - a, j - b
-            if not (0 <= row < least.shape[0] and 0 <= column < least.shape[1]) or least[row, column] == np.inf:
-                continue
-            step = least[row, column] * size
-            across, along = value[row + 1 - a, j], value[i, column + 1 - b]
-            if _on_diagonal(row, column, a, b):
-                opposite = value[row + 1 - a, column + 1 - b]
-                found = min(found, _acute(across, opposite, step), _acute(along, opposite, step))
-            else:
-                found = min(found, _right(across, along, step))
-    return found
-
-
-@njit(cache=True, inline="always")
-def _on_diagonal(row: int, column: int, a: int, b: int) -> bool:
-    """Return whether a square's corner lies on the diagonal that cuts it in two; neighbours have mirrored ones."""
-    return ((row + column) & 1 == 0) == (a == b)
-
-
-@njit(cache=True)
-def _right(a: float, b: float, step: float) -> float:
-    """Return the value at the right angle's vertex by those at the legs' ends: (u − a)² + (u − b)² = step²."""
-    gap = abs(a - b)
-    if gap >= step:
-        # No front comes from between the two; if one is not known yet, none can.
-        return min(a, b) + step
-    return 0.5 * (a + b + sqrt(2.0 * step * step - gap * gap))
-
-
-@njit(cache=True)
-def _acute(right: float, other: float, step: float) -> float:
-    """Return the value at a leg's end by the right angle's and the other leg's end: (u − r)² + (o − r)² = step²."""
-    gap = right - other
-    if 0.0 <= gap <= step * sqrt(0.5):
-        return right + sqrt(step * step - gap * gap)
-    return min(right + step, other + sqrt(2.0) * step)
-
-
-@njit(cache=True)
 def _ratios(value: FloatArray, least: FloatArray, size: float, highest: float) -> FloatArray:
     """Return the largest ratio of slope and density, >= 1, at equally wide levels of the value up to ``highest``."""
     ratio = np.ones(LEVELS)
@@ -257,7 +183,7 @@ def _ratios(value: FloatArray, least: FloatArray, size: float, highest: float) -
                 continue
             for a in range(2):
                 for b in range(2):
-                    if _on_diagonal(row, column, a, b):
+                    if on_diagonal(row, column, a, b):
                         continue
                     corner = value[row + a, column + b]
                     across, along = value[row + 1 - a, column + b], value[row + a, column + 1 - b]
