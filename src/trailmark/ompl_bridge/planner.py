@@ -16,11 +16,13 @@ from trailmark import se2
 from trailmark.arguments import one_of, truth, whole
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
-from trailmark.errors import ConfigurationError, WorldError
+from trailmark.errors import WorldError
+from trailmark.goals import Ends
 from trailmark.motion import kind_of
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.errors import ObjectiveError
+from trailmark.ompl_bridge.goals import goals_in
 from trailmark.ompl_bridge.guard import caught, returns_on_error
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
@@ -145,8 +147,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         problem = self.getProblemDefinition()
         _require_path_length(problem)
         self._wait()
-        if problem.getGoal() is not None and not isinstance(problem.getGoal(), ob.GoalState):
-            raise ConfigurationError(f"goal: expected a GoalState, got {type(problem.getGoal()).__name__}")
+        goals = goals_in(problem.getGoal(), straight=self._curves is None)
         if self._follows:
             world = checker_in(self.getSpaceInformation()).world
             if world is not self.checker.world:
@@ -154,11 +155,12 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         start, goal = start_and_goal(problem)
         if start is None or not self.checker.valid(start):
             return ob.PlannerStatus(status.INVALID_START)
-        if goal is None or not self.checker.valid(goal):
+        ends = [goal] if goals is None else [each.pose for each in goals if self.checker.valid(np.array(each.pose))]
+        if goal is None or not ends or (goals is None and not self.checker.valid(goal)):
             return ob.PlannerStatus(status.INVALID_GOAL)
         if self._planner is None:
             self._planner = Planner(self.checker.world, checker=self.checker, seed=self._seed, settings=self._settings)
-        self._work = work = _Work(self._planner, start, goal)
+        self._work = work = _Work(self._planner, start, goal if goals is None else goals)
         try:
             while not work.done.wait(POLL):
                 if condition():
@@ -204,7 +206,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
 class _Work(threading.Thread):
     """One query in a thread of its own, so that the termination condition can be called meanwhile."""
 
-    def __init__(self, planner: Planner, start: se2.FloatArray, goal: se2.FloatArray) -> None:
+    def __init__(self, planner: Planner, start: se2.FloatArray, goal: Ends) -> None:
         # Not a daemon: Python waits for it before the process ends, which a thread in compiled code would abort.
         super().__init__(name="trailmark-landmark", daemon=False)
         self.planner, self.ends = planner, (start, goal)

@@ -103,7 +103,11 @@ class GoalIncumbent:
             del self.found[i]
             return False
         self.cost, self.path, self._index = total, path, i
-        self.note(perf_counter() - self.clock.begin, total)
+        seconds = perf_counter() - self.clock.begin
+        self.note(seconds, total)
+        if self._on_progress is not None:
+            nodes = len(self.model.shared.roadmap)
+            self._on_progress(PlanProgress(seconds, "looking for better goals", nodes, total, path))
         return True
 
     def note(self, seconds: float, total: float) -> None:
