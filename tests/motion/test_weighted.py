@@ -25,6 +25,8 @@ def pairs(seed: int, count: int, checker: StateChecker) -> tuple[np.ndarray, np.
     rng = np.random.default_rng(seed)
     q = np.column_stack([rng.uniform(0.5, 9.5, (4 * count, 2)), rng.uniform(-np.pi, np.pi, 4 * count)])
     q = q[checker.valid(q)][: 2 * count]
+    if checker.footprint.is_disc:
+        q[:, 2] = 0.0
     half = len(q) // 2
     return q[:half], q[half : 2 * half]
 

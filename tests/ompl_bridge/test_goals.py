@@ -36,6 +36,17 @@ def near(information):
     goal.setThreshold(1.0)
     return goal
 
+class Strip(ob.GoalRegion):
+    # right of x = 7
+
+    def __init__(self, information):
+        super().__init__(information)
+        self.setThreshold(1e-9)
+
+    def distanceGoal(self, found):
+        return max(0.0, 7.0 - found.getX())
+
+assert solved(Strip)[0] >= 7.0
 assert np.allclose(solved(states), (4, 2, 0.5))
 assert np.hypot(*(solved(near)[:2] - 9)) > 0.4
 print("passed")

@@ -22,7 +22,6 @@ from trailmark.motion.density import Density, build_density, line_cost, near_bor
 from trailmark.motion.differential import Differential, facing
 from trailmark.motion.one_way import OneWays, curve_allowed, one_ways, straight_allowed
 from trailmark.motion.straight import Straight
-from trailmark.motion.translation import Translation
 from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
@@ -74,7 +73,9 @@ class WeightedMotion(Motion):
         farthest = float(field.distance.max(initial=0.0)) + field.slack
         self.density = build_density(objective, self.checker.world, farthest)
         one_way = one_ways(self.checker.world.zones)
-        self.kind = Weighted(self.checker.grid, field, self.checker.footprint, motion.kind, self.density, one_way)
+        # A disc's heading is 0 all along, where a straight motion costs what a translation does: one kind less to compile.
+        kind = motion.kind if motion.turns else Straight(*motion.kind)
+        self.kind = Weighted(self.checker.grid, field, self.checker.footprint, kind, self.density, one_way)
         self.directed = motion.directed or len(one_way.headings) > 0
         # Instances of their own, where the class says what most kinds have.
         self.candidates, self.moves_anywhere, self.turns = motion.candidates, motion.moves_anywhere, motion.turns  # type: ignore[misc]
@@ -143,14 +144,6 @@ def _straight_cost(
 ) -> tuple[float, float]:
     cost, error = line_cost(kind.density, kind.grid, kind.field, a[0], a[1], b[0], b[1], tolerance)
     return cost + kind.density.rotation * fabs(turn(a[2], b[2])), error
-
-
-@variant_of(weighted_cost, Translation)
-@njit(cache=True)
-def _translation_cost(
-    motion: Any, kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, tolerance: float
-) -> tuple[float, float]:
-    return line_cost(kind.density, kind.grid, kind.field, a[0], a[1], b[0], b[1], tolerance)
 
 
 @variant_of(weighted_cost, Differential)
@@ -224,7 +217,6 @@ def allowed(motion: Any, zones: OneWays, scratch: Scratch, a: FloatArray, b: Flo
 
 
 @variant_of(allowed, Straight)
-@variant_of(allowed, Translation)
 @variant_of(allowed, Differential)
 @njit(cache=True)
 def _straight_allowed(motion: Any, zones: OneWays, scratch: Scratch, a: FloatArray, b: FloatArray) -> bool:

@@ -15,6 +15,7 @@ from trailmark.ompl_bridge.errors import (
 from trailmark.ompl_bridge.guard import planning, solve
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.mixture import Mixture
+from trailmark.ompl_bridge.objective import PathObjective
 from trailmark.ompl_bridge.planner import LandmarkPlanner
 from trailmark.ompl_bridge.planners import planner_named, planner_names
 from trailmark.ompl_bridge.plug import PluggedSampler, plug_landmark_sampler
@@ -33,6 +34,7 @@ __all__ = [
     "Mixture",
     "MotionValidator",
     "ObjectiveError",
+    "PathObjective",
     "PlannerNameError",
     "PluggedSampler",
     "SE2Problem",

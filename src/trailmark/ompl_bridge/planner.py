@@ -20,10 +20,12 @@ from trailmark.errors import WorldError
 from trailmark.goals import Ends
 from trailmark.motion import kind_of
 from trailmark.motion.pointwise import PointwiseChecker
+from trailmark.objective import Objective
 from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.errors import ObjectiveError
 from trailmark.ompl_bridge.goals import goals_in
 from trailmark.ompl_bridge.guard import caught, returns_on_error
+from trailmark.ompl_bridge.objective import PathObjective
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.sparse_path import sparse_path
@@ -51,7 +53,8 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
     moves, whatever the turning radius of the checker's robot: straight in an ``SE2StateSpace``, on shortest curves in a
     ``DubinsStateSpace`` or ``ReedsSheppStateSpace``. What OMPL interpolates along the returned path is certified.
     A straight path has fewer vertices than ``result.path`` and is up to 0.01 % longer, so that OMPL's path simplifier
-    returns; a car's path has further states on a curve that OMPL would replace by another one.
+    returns; a car's path has further states on a curve that OMPL would replace by another one. With a
+    :class:`~trailmark.ompl_bridge.PathObjective` it plans for that.
 
     ``solve`` returns once the termination condition holds (within 20 ms) or the path has settled. Repeated ``solve``,
     and ``clear`` with ``keep_roadmap``, continue with the roadmap of the queries before.
@@ -99,6 +102,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         self._keep = truth(keep_roadmap, "keep_roadmap:")
         self._settings = PlannerSettings() if settings is None else one_of(settings, PlannerSettings, "settings:")
         self._planner: Planner | None = None
+        self._charges = Objective()
         self._work: _Work | None = None
         self.result: PlanResult | None = None
 
@@ -145,9 +149,9 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
     def _solve(self, condition: Any) -> Any:
         status = ob.PlannerStatus
         problem = self.getProblemDefinition()
-        _require_path_length(problem)
+        charges = _objective_of(problem)
         self._wait()
-        goals = goals_in(problem.getGoal(), straight=self._curves is None)
+        goals = goals_in(problem.getGoal(), self.checker, straight=self._curves is None)
         if self._follows:
             world = checker_in(self.getSpaceInformation()).world
             if world is not self.checker.world:
@@ -156,10 +160,19 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         if start is None or not self.checker.valid(start):
             return ob.PlannerStatus(status.INVALID_START)
         ends = [goal] if goals is None else [each.pose for each in goals if self.checker.valid(np.array(each.pose))]
+        if goals and goal is None:
+            goal = np.array(goals[0].pose)  # that of a region
         if goal is None or not ends or (goals is None and not self.checker.valid(goal)):
             return ob.PlannerStatus(status.INVALID_GOAL)
-        if self._planner is None:
-            self._planner = Planner(self.checker.world, checker=self.checker, seed=self._seed, settings=self._settings)
+        if self._planner is None or self._charges != charges:
+            self._planner = Planner(
+                self.checker.world,
+                checker=self.checker,
+                seed=self._seed,
+                settings=self._settings,
+                objective=charges,
+            )
+            self._charges = charges
         self._work = work = _Work(self._planner, start, goal if goals is None else goals)
         try:
             while not work.done.wait(POLL):
@@ -247,14 +260,18 @@ def _steered(checker: StateChecker, steering: Steering | None) -> StateChecker:
     return steered
 
 
-def _require_path_length(problem: Any) -> None:
-    """Raise unless the problem is to find a short path.
+def _objective_of(problem: Any) -> Objective:
+    """Return what paths cost in a problem: their length, unless it has one of trailmark's objectives.
 
     Raises:
         ObjectiveError: another objective.
     """
     objective = problem.getOptimizationObjective()
+    if isinstance(objective, PathObjective):
+        return objective.objective
     if objective is not None and not isinstance(objective, ob.PathLengthOptimizationObjective):
         raise ObjectiveError(
-            f"objective: expected PathLengthOptimizationObjective or none, got {objective.getDescription()!r}"
+            "objective: expected PathLengthOptimizationObjective, trailmark's PathObjective or none, got "
+            f"{objective.getDescription()!r}"
         )
+    return Objective()

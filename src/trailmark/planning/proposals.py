@@ -146,6 +146,8 @@ def _propose_weighted(
     # At all scales: what is cheapest is curved, here more and there less.
     step = 0.5 * near * 2.0 ** (-6.0 * uniform(seed))
     propose(kind.motion, scratch, path, i, share, (0, 2, 3, 3, 3)[attempt], seed, max(step, 1e-6), q)
+    if kind.robot.sweep_radius == 0.0:
+        q[2] = here[2]
     return attempt < 4
 
 
