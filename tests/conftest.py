@@ -27,7 +27,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     config = session.config
     if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
         warmup = [sys.executable, "-m", "trailmark", "warmup"]
-        subprocess.run(warmup, stdout=subprocess.DEVNULL, check=True, timeout=600)
+        subprocess.run(warmup, stdout=subprocess.DEVNULL, check=True, timeout=1500)
 
 
 def data_folder() -> Path:

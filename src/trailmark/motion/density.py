@@ -27,7 +27,7 @@ from trailmark.se2 import FloatArray
 from trailmark.world import World
 from trailmark.zones import CostZone, SpeedZone
 
-__all__ = ["Density", "build_density", "densities", "line_cost", "near_border"]
+__all__ = ["Density", "build_density", "densities", "least_factor", "line_cost", "near_border"]
 
 FAR = 4.0
 """Times the decay: from that distance on the clearance field is near enough, while nothing has to be proven."""
@@ -84,7 +84,7 @@ def build_density(objective: Objective, world: World, farthest: float) -> Densit
         edges.append(own)
         rows.append([first, first + len(own), *own[:, :2].min(axis=0), *own[:, :2].max(axis=0), factor, limit])
     zones = np.array(rows, dtype=np.float64).reshape(-1, 8)
-    least = objective.length * _least_factor(zones) + objective.time / objective.max_speed
+    least = objective.length * least_factor(zones) + objective.time / objective.max_speed
     least += objective.clearance * exp(-farthest / objective.decay)
     return Density(
         np.ascontiguousarray(np.concatenate(edges)),
@@ -101,7 +101,7 @@ def build_density(objective: Objective, world: World, farthest: float) -> Densit
     )
 
 
-def _least_factor(zones: FloatArray) -> float:
+def least_factor(zones: FloatArray) -> float:
     """Return a lower bound on the product of factors at any place: of those below 1 whose boxes one of them meets."""
     cheap = zones[zones[:, 6] < 1.0]
     least = 1.0

@@ -18,7 +18,7 @@ from trailmark.heading import turn
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch, extra
 from trailmark.motion.curve import Curve
-from trailmark.motion.density import Density, build_density, line_cost, near_border
+from trailmark.motion.density import Density, build_density, least_factor, line_cost, near_border
 from trailmark.motion.differential import Differential, facing
 from trailmark.motion.one_way import OneWays, curve_allowed, one_ways, straight_allowed
 from trailmark.motion.straight import Straight
@@ -73,7 +73,7 @@ class WeightedMotion(Motion):
         farthest = float(field.distance.max(initial=0.0)) + field.slack
         self.density = build_density(objective, self.checker.world, farthest)
         one_way = one_ways(self.checker.world.zones)
-        # A disc's heading is 0 all along, where a straight motion costs what a translation does: one kind less to compile.
+        # A disc's heading is 0 all along: a straight motion costs what a translation does, one kind less to compile.
         kind = motion.kind if motion.turns else Straight(*motion.kind)
         self.kind = Weighted(self.checker.grid, field, self.checker.footprint, kind, self.density, one_way)
         self.directed = motion.directed or len(one_way.headings) > 0
@@ -88,7 +88,9 @@ class WeightedMotion(Motion):
 
     def longest(self, costs: Any) -> Any:
         """Return the length (metres) up to which motions of some costs may lead the reference point."""
-        return costs / self.density.least
+        # Costs may be of a world before, in which obstacles were nearer or farther: their part is left out.
+        density = self.density
+        return costs / (density.length * least_factor(density.zones) + density.time / density.speed)
 
     def extra_of(self, states: FloatArray) -> float:
         """Return what a path's states, shape (n, 3), cost beyond its motions one by one."""
