@@ -96,6 +96,7 @@ def test_a_query_keeps_its_goals() -> None:
         ({"pose": (0, 0), "region": L_SHAPE}, "expected a pose or a region, got both"),
         ({"pose": (0, 0, 0, 0)}, r"expected \[x, y, theta\] or \[x, y\], got shape \(4,\)"),
         ({"pose": (0, "a")}, "is not an array of numbers"),
+        ({"pose": np.zeros(3), "region": L_SHAPE}, "expected a pose or a region, got both"),
         ({"pose": (0, np.nan)}, "not a finite number"),
         ({"pose": (0, 0, 0), "position_tolerance": -0.1}, "position_tolerance: expected a finite number of 0 or more"),
         ({"pose": (0, 0, 0), "heading_tolerance": np.inf}, "heading_tolerance: expected a finite number"),

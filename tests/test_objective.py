@@ -31,6 +31,7 @@ def test_a_weighted_sum_is_read() -> None:
         ("length=far", "length: expected a number, got 'far'"),
         ("clearance=2", "a weight of length or of time above 0"),
         ("length=-1", "expected a finite number of 0 or more"),
+        ("length=1, length=2", "expected each weight once, got 'length=1, length=2'"),
         ("length=1,reverse=0.5", "reverse: expected a finite number of 1 or more"),
         (3, "expected an Objective or a name, got 3"),
     ],

@@ -95,6 +95,11 @@ def test_resampling_needs_a_step(step: float) -> None:
         Path(np.array([(0, 0, 0), (1, 1, 1)])).resample(step)
 
 
+def test_a_step_that_makes_too_many_states_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match=r"^resample: step: expected 2e-06 m or more"):
+        Path(np.array([(0, 0, 0), (2, 0, 0)])).resample(1e-12)
+
+
 @pytest.mark.parametrize("states", [[], [1, 2, 3], [[1, 2]], [[1, 2, math.nan]], np.empty((0, 3)), "here"])
 def test_what_is_no_path_is_refused(states: object) -> None:
     with pytest.raises(ConfigurationError, match="path: ") as caught:

@@ -54,7 +54,9 @@ class Goal:
 
     def __post_init__(self) -> None:
         if (self.pose is None) == (self.region is None):
-            raise ConfigurationError(f"goal: expected a pose or a region, got {'both' if self.pose else 'neither'}")
+            raise ConfigurationError(
+                f"goal: expected a pose or a region, got {'neither' if self.pose is None else 'both'}"
+            )
         for name, unit in (("position_tolerance", "m"), ("heading_tolerance", "rad")):
             object.__setattr__(self, name, number(getattr(self, name), f"goal: {name}:", minimum=0.0, unit=unit))
         cost = number(self.cost, "goal: cost:")

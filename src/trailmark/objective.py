@@ -115,18 +115,20 @@ class Objective:
         if given == "clearance":
             return cls(clearance=5.0, **limits)
         names = [setting.name for setting in fields(cls)]
-        values: dict[str, float] = {"length": 0.0, **limits}
+        values: dict[str, float] = {}
         for pair in given.split(","):
             name, equals, text = pair.partition("=")
             if not equals:
                 raise ConfigurationError(f"objective: {expected_name(pair, NAMES)} (or name=weight,name=weight)")
             if name.strip() not in names:
                 raise ConfigurationError(f"objective: {expected_name(name.strip(), names)}")
+            if name.strip() in values:
+                raise ConfigurationError(f"objective: expected each weight once, got {given!r}")
             try:
                 values[name.strip()] = float(text)
             except ValueError:
                 raise ConfigurationError(f"objective: {name.strip()}: expected a number, got {text!r}") from None
-        return cls(**values)
+        return cls(**{"length": 0.0, **limits, **values})
 
     def to_dict(self) -> dict[str, Any]:
         """Return the weights by name, as JSON has them."""

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Path", "fractions"]
 
+MAX_STATES = 1_000_000
+"""Of a path with rows at most a step apart: more are a mistake, and do not fit into memory in the end."""
+
 
 @dataclass(frozen=True, eq=False)
 class Path:
@@ -99,9 +102,9 @@ class Path:
         """Return the same way with states at most ``step`` metres of cost apart; the old states are kept.
 
         Raises:
-            ConfigurationError: a step that is not a finite number above 0.
+            ConfigurationError: a step that is no finite number above 0, or that makes more than a million states.
         """
-        step = number(step, "resample: step", above=0.0)
+        step = self._checked_step(step)
         a, b = self.states[:-1], self.states[1:]
         count = np.maximum(1, np.ceil(se2.distance(a, b) / step)).astype(np.intp)
         motion = np.repeat(np.arange(len(count)), count)
@@ -109,6 +112,14 @@ class Path:
         states = se2.interpolate(a[motion], b[motion], (np.arange(len(motion)) - before[motion]) / count[motion])
         states[before] = a
         return Path(np.concatenate([states, self.states[-1:]]))
+
+    def _checked_step(self, step: float) -> float:
+        """Return the step of :meth:`resample`, checked."""
+        step = number(step, "resample: step", above=0.0)
+        if not self.cost <= MAX_STATES * step:
+            least = f"{self.cost / MAX_STATES:.3g} m or more ({MAX_STATES:,} states at most)"
+            raise ConfigurationError(f"resample: step: expected {least}, got {step:g}")
+        return step
 
     @classmethod
     def load(cls, file: str | FilePath) -> Path:

@@ -75,6 +75,10 @@ def test_ends_may_begin_with_a_minus(shell: Shell, yard: Path, planner: Any, joi
         (["--goal", "4,1", "--goal-tolerance", "0.2"], (Goal((4.0, 1.0), position_tolerance=0.2),)),
         (["--goal", "4,1,1", "--goal-tolerance", "0.2,0.1"], (Goal((4.0, 1.0, 1.0), 0.2, 0.1),)),
         (["--goal", "4,1,1", "--goal-tolerance", "0,180deg"], (Goal((4.0, 1.0, 1.0), 0.0, pi),)),
+        (
+            ["--goal", "4,1,1", "--goal", "5,1", "--goal-tolerance", "0.2,0.1"],
+            (Goal((4.0, 1.0, 1.0), 0.2, 0.1), Goal((5.0, 1.0), 0.2)),
+        ),
     ],
 )
 def test_goals_without_a_heading_near_a_pose_or_several(
@@ -202,7 +206,7 @@ def test_the_picture_shows_the_layers_that_are_named(shell: Shell, yard: Path, p
         (["--start", "1,2,3", "--goal", "1"], "--goal '1'", "X,Y,T"),
         (["--start", "1,2,3", "--goal", "1,inf"], "--goal 'inf'", "finite"),
         (["--start", "1,2,3", "--goal", "1,2,3", "--goal", "1,2,x"], "--goal '1,2,x'", "X,Y,T"),
-        (["--start", "1,1,0", "--goal", "2,2", "--goal-tolerance", "0.1,0.2"], "heading_tolerance", "a heading"),
+        (["--start", "1,1,0", "--goal", "2,2", "--goal-tolerance", "0.1,0.2"], "'0.1,0.2'", "X,Y,T, got --goal '2,2'"),
         (["--goal-tolerance", "-0.1"], "--goal-tolerance '-0.1'", "0 or more"),
         (["--goal-tolerance", "0.1,x"], "--goal-tolerance '0.1,x'", "M,RAD"),
         (["--goal-tolerance", "0.1,-1"], "--goal-tolerance '0.1,-1'", "M,RAD"),

@@ -49,6 +49,20 @@ def test_options_override_the_files_car(shell: Shell, cars: Path, planner: Any) 
         assert planner.calls[-1]["robot"] == robot
 
 
+def test_a_differential_drive_reverses_as_its_file_and_the_options_say(shell: Shell, yard: Path, planner: Any) -> None:
+    text = yard.read_text()
+    yard.write_text(text.replace("width: 0.4}", "width: 0.4, drive: differential, reverse: true}"))
+    box = Robot.rectangle(0.8, 0.4)
+    for words, reverse in (
+        ([], True),
+        (["--drive", "differential"], True),
+        (["--forward-only"], False),
+        (["--drive", "differential", "--forward-only"], False),
+    ):
+        assert shell("plan", yard, *words).status == 0
+        assert planner.calls[-1]["robot"] == box.differential(reverse)
+
+
 @pytest.mark.parametrize("radius", ["0", "-1", "nan", "inf", "1e9", "wide"])
 def test_a_radius_that_is_none(shell: Shell, yard: Path, planner: Any, radius: str) -> None:
     run = shell("plan", yard, f"--turning-radius={radius}")

@@ -27,6 +27,7 @@ def test_a_trajectory_is_written_and_told(shell: Shell, yard: Path, planner: Any
     assert np.hypot(rows[:, 4], rows[:, 5]).max() <= 0.5 * (1.0 + 1e-9)
     assert np.abs(rows[:, 6]).max() <= 0.4 * (1.0 + 1e-9)
     assert np.diff(rows[:, 0]).max() <= 0.1 + 1e-9
+    assert np.diff(rows[:, 0]).min() > 1e-6
     assert "trajectory" in shell("plan", yard, "--trajectory", file).out
 
 
@@ -76,14 +77,15 @@ def test_without_a_path_nothing_is_written(shell: Shell, yard: Path, planner: An
     ("words", "problem"),
     [
         (["--max-speed", "1"], "--max-speed '1' given without a trajectory; expected --trajectory or --animate too"),
-        (["--trajectory", "a.csv", "--max-speed", "0"], "expected a finite number above 0 (m/s), got --max-speed '0'"),
-        (["--trajectory", "a.csv", "--max-acceleration", "x"], "above 0 (m/s²), got --max-acceleration 'x'"),
-        (["--trajectory", "a.csv", "--max-turn-rate", "nan"], "above 0 (rad/s), got --max-turn-rate 'nan'"),
-        (["--trajectory", "a.csv", "--max-turn-acceleration", "inf"], "above 0 (rad/s²), got --max-turn-acc"),
+        (["--trajectory", "a.csv", "--max-speed", "0"], "from 1e-06 to 1e+06 (m/s), got --max-speed '0'"),
+        (["--trajectory", "a.csv", "--max-acceleration", "x"], "1e+06 (m/s²), got --max-acceleration 'x'"),
+        (["--trajectory", "a.csv", "--max-turn-rate", "nan"], "1e+06 (rad/s), got --max-turn-rate 'nan'"),
+        (["--trajectory", "a.csv", "--max-turn-acceleration", "inf"], "1e+06 (rad/s²), got --max-turn-acc"),
         (["--trajectory", "a.png"], "suffix"),
         (["--animate", "a.mp4"], "suffix"),
         (["--step", "0.1"], "--step '0.1' given without a path to write; expected --output too"),
         (["--output", "a.csv", "--step", "0"], "expected a finite number of metres above 0, got --step '0'"),
+        (["--output", "a.csv", "--step", "1e-12"], "(1,000,000 states at most), got 1e-12"),
         (["--trajectory", "a.csv", "--output", "a.csv"], "two outputs name the file 'a.csv'"),
         (["--smooth", "--confidence", "0.9"], "expected --smooth or --confidence, got both"),
     ],

@@ -179,6 +179,23 @@ def test_it_is_infeasible_only_if_each_goal_is() -> None:
     assert plan(world, *blocked, Goal((9.0, 9.0, 0.0))).status == "solved"
 
 
+@pytest.mark.parametrize("robot", ["rectangle", "disc", "car"])
+def test_goals_that_are_blocked_as_a_whole_are_infeasible(robot: str) -> None:
+    world = room(robot)
+    wall, outside = Goal((5.0, 4.0), 0.1), Goal((99.0, 2.0))
+    assert plan(world, wall).status == plan(world, outside, wall).status == "infeasible"
+    assert plan(world, outside, Goal((8.5, 2.0))).status == "solved"
+
+
+def test_a_goal_beside_which_there_is_room_is_not_proven_blocked() -> None:
+    # The reference point lies outside of the footprint: in a wall, it blocks nothing.
+    ahead = Robot.polygon(np.array([[0.5, -0.1], [0.8, -0.1], [0.8, 0.1], [0.5, 0.1]]))
+    world = replace(room(), robot=ahead)
+    assert plan(world, Goal((5.0, 6.95))).status == "solved"
+    result = LandmarkPlanner(world, clearance=0.05, seed=0).plan(START, Goal((5.0, 6.95)))
+    assert result.status == "solved"
+
+
 def test_goals_that_are_not_valid_are_left_out_or_refused() -> None:
     world, wall, free = room(), (5.0, 4.0, 0.0), (8.5, 2.0, 1.0)
     result = plan(world, Goal(wall), Goal((20.0, 2.0, 0.0)), Goal(free), seconds=0.5)

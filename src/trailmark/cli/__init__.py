@@ -176,6 +176,7 @@ def _usage(error: Any) -> str:
     context = error.ctx  # None for some of typer's own errors
     if context is None:
         return f"{problem} (see 'trailmark --help')"
-    if "command" in problem and hasattr(context.command, "list_commands"):
-        return f"{problem}; expected {', '.join(context.command.list_commands(context))}"
+    known = context.command.list_commands(context) if hasattr(context.command, "list_commands") else []
+    if "command" in problem and known:
+        return f"{problem}; expected {', '.join(known)}"
     return f"{problem} (see '{context.command_path} --help')"

@@ -57,7 +57,10 @@ class EndOptions(NamedTuple):
         if start is None or not goals:
             given, missing = (f"--start {start!r}", "--goal") if not goals else (f"--goal {goals[0]!r}", "--start")
             raise UsageError(f"{given} given without {missing}; expected both or neither")
-        return cls(None, read_configuration(start, "--start"), [_read_goal(goal) for goal in goals], within)
+        poses = [_read_goal(goal) for goal in goals]
+        if within is not None and within[1] > 0.0 and all(len(pose) == 2 for pose in poses):
+            raise UsageError(f"--goal-tolerance {tolerance!r}: expected a goal X,Y,T, got --goal {goals[0]!r}")
+        return cls(None, read_configuration(start, "--start"), poses, within)
 
     def ends(self, world: World) -> Ends:
         """Return the ends in a world, whose query counts where none are given.
@@ -81,7 +84,10 @@ class EndOptions(NamedTuple):
             x, y, theta = poses[0]
             return Ends(name, start, (x, y, theta))
         position, heading = self.tolerance or (0.0, 0.0)
-        goals = (Goal(pose, position_tolerance=position, heading_tolerance=heading) for pose in poses)
+        headings = (heading if len(pose) == 3 else 0.0 for pose in poses)
+        goals = (
+            Goal(q, position_tolerance=position, heading_tolerance=h) for q, h in zip(poses, headings, strict=True)
+        )
         return Ends(name, start, tuple(goals))
 
 

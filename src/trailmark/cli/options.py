@@ -99,7 +99,9 @@ DriveOption = Annotated[
     str | None,
     option("--drive", "NAME", "omnidirectional, differential (turns in place, drives ahead) or car."),
 ]
-ForwardOnlyOption = Annotated[bool, typer.Option("--forward-only", help="The car does not drive backwards.")]
+ForwardOnlyOption = Annotated[
+    bool, typer.Option("--forward-only", help="The car, or differential drive, does not drive backwards.")
+]
 FrameOption = Annotated[
     str, option("--frame-id", "NAME", "The coordinate frame that messages and GeoJSON name.", default=True)
 ]
@@ -259,8 +261,11 @@ def steered(robot: Robot, turning_radius: float | None, forward_only: bool, driv
     if drive is not None:
         # A car's radius is nothing to another drive, unless it is given.
         kept = radius if drive == "car" else turning_radius
-        given: Any = {"turning_radius": kept, "reverse": None, "drive": drive}
+        reverse = robot.reverse if drive == robot.drive else None
+        given: Any = {"turning_radius": kept, "reverse": reverse, "drive": drive}
         robot, radius = replace(robot, **given), kept
+    if forward_only and robot.drive == "differential" and radius is None:
+        return robot.differential()
     if forward_only and radius is None:
         raise UsageError("--forward-only given for a robot without turning radius; expected --turning-radius too")
     if radius is None:

@@ -38,11 +38,17 @@ ANIMATION_SUFFIXES = (".gif", ".html")
 DEFAULT_SPEED, DEFAULT_ACCELERATION, DEFAULT_TURN_RATE = 1.0, 0.5, 1.0
 """m/s, m/s² and rad/s: of a small mobile robot indoors."""
 
+LEAST_LIMIT, MAX_LIMIT = 1e-6, 1e6
+"""Of speeds and accelerations, in their units, as those of an objective are."""
+
 PERIOD, MAX_ROWS = 0.1, 100_000
 """Seconds between a trajectory's rows at most, unless there would be more than so many."""
 
+CLOSEST = 1e-6
+"""Seconds: rows that are no farther apart become one, for messages count whole nanoseconds."""
+
 SPACING = 0.002
-"""Metres of cost between the states at which a smooth path's clearance is measured."""
+"""Metres of cost between the states at which a smooth path's clearance is measured, unless they were too many."""
 
 Text = str | None
 SmoothOption = Annotated[
@@ -106,6 +112,8 @@ class Timing:
             # Between the rows of the law, evenly spaced ones, for programs that join rows by straight lines.
             count = min(MAX_ROWS, int(np.ceil(trajectory.duration / PERIOD)))
             t = np.union1d(trajectory.t, np.linspace(0.0, trajectory.duration, count + 1))
+            t = t[np.append(True, np.diff(t) > CLOSEST)]
+            t[-1] = trajectory.duration
             write_trajectory(self.table, t, trajectory.at(t), trajectory.velocity(t), frame)
         if self.animation is not None:
             from trailmark.plotting import save_trajectory_animation
@@ -127,7 +135,7 @@ def read_timing(
     """Return what the options say; ``needed`` says whether limits are of use without a trajectory.
 
     Raises:
-        UsageError: limits that are not numbers above 0, or that nothing needs.
+        UsageError: limits that are out of range, or that nothing needs.
         OutputError: files that cannot be written.
     """
     given = (
@@ -140,8 +148,8 @@ def read_timing(
     for name, text, default, unit in given:
         if text is not None and table is None and animation is None and not needed:
             raise UsageError(f"{name} {text!r} given without a trajectory; expected --trajectory or --animate too")
-        expected = f"a finite number above 0 ({unit})"
-        limits.append(default if text is None else read_number(text, name, expected, above=0.0))
+        expected = f"a number from {LEAST_LIMIT:g} to {MAX_LIMIT:g} ({unit})"
+        limits.append(default if text is None else read_number(text, name, expected, low=LEAST_LIMIT, high=MAX_LIMIT))
     from trailmark.formats.trajectory_files import TRAJECTORY_SUFFIXES
 
     files = output_file(table, TRAJECTORY_SUFFIXES), output_file(animation, ANIMATION_SUFFIXES)
@@ -175,7 +183,7 @@ def smoothed(result: PlanResult, world: World, robot: Robot) -> tuple[PlanResult
         # It leads out of a keep-out zone, say, that the robot starts in.
         console.warn(f"--smooth: the path stays as it was planned: {error}")
         return result, {}
-    clearance = float(checker.clearance(path.resample(SPACING).states).min())
+    clearance = float(checker.clearance(path.resample(max(SPACING, path.cost / MAX_ROWS)).states).min())
     found = {"stops": path.stops.tolist(), "max_curvature": path.max_curvature}
     return replace(result, path=path, min_clearance=clearance), {"smooth": found}
 

@@ -108,10 +108,9 @@ class CurvePath(Path):
         """Return states on the curves at most ``step`` metres apart as a plain path, the present states among them.
 
         Raises:
-            ConfigurationError: a step that is not a finite number above 0.
+            ConfigurationError: a step that is no finite number above 0, or that makes more than a million states.
         """
-        step = number(step, "resample: step", above=0.0)
-        return Path(self._rows(self._places(SAGITTA, step)))
+        return Path(self._rows(self._places(SAGITTA, self._checked_step(step))))
 
     def polyline(self, sagitta: float) -> Path:
         """Return a plain path whose straight motions are at most ``sagitta`` metres off the curves.

@@ -9,9 +9,12 @@ from math import atan2
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.collision import kernels
+from trailmark.collision.footprint import build_footprint
 from trailmark.goals import Goal
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.world_model import WorldModel
+from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
 __all__ = ["Candidates"]
@@ -30,6 +33,9 @@ HEADINGS = 8
 
 APART = 0.38
 """Sine of half the angle by which headings differ at least between configurations at the same place: 45 degrees."""
+
+MARGIN = 1e-6
+"""Metres of overlap, more than rounding and than what counts as touching, that prove a place blocked."""
 
 
 class Candidates:
@@ -99,6 +105,17 @@ class Candidates:
             ends[:, 2] = atan2(ends[1, 1] - ends[0, 1], ends[1, 0] - ends[0, 0])
         return motion.least_cost(*ends)
 
+    def _is_blocked(self, goal: Goal) -> bool:
+        """Return whether the robot certainly collides wherever it is in a goal: what it covers everywhere does."""
+        center, reach = goal.disc
+        checker, robot = self.model.checker, self.model.checker.robot
+        radius = robot.reference_radius + robot.clearance - reach - MARGIN
+        if radius <= 0.0 or robot.reference_radius == 0.0:
+            return False
+        disc = build_footprint(Robot.disc(radius))
+        found = kernels.states_free(checker.grid, checker.field, disc, np.array([[*center, 0.0]]))
+        return bool(found[0] == kernels.BLOCKED)
+
     def _take_configurations(self) -> None:
         """Take the goals that are one configuration each, as far as they are valid."""
         which = np.array([i for i, goal in enumerate(self.goals) if goal.configuration is not None], np.int64)
@@ -124,6 +141,8 @@ class Candidates:
         if len(states):
             chosen = _spread(states, self._straight(states), 0.5 * goal.disc[1])
             self._add(states[chosen], np.full(len(chosen), i))
+        elif self._is_blocked(goal):
+            self.bounds[i] = np.inf
 
     def _add(self, states: FloatArray, of: NDArray[np.int64]) -> None:
         """Add valid configurations (n, 3) of goals (n,)."""

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
-from trailmark.arguments import number
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
@@ -118,7 +117,7 @@ class SmoothPath(Path):
 
     def resample(self, step: float) -> Path:
         """Return states on the pieces at most ``step`` metres of cost apart as a plain path, the states among them."""
-        step = number(step, "resample: step", above=0.0)
+        step = self._checked_step(step)
         cost = self.pieces.travelled() + se2.ROTATION_WEIGHT * self.pieces.turned()
         finer = self.rows * np.maximum(1, np.ceil(2.0 * cost / (step * self.rows))).astype(np.intp)
         rows = self.pieces.states(*dense_places(self.pieces, finer))
