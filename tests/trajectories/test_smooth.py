@@ -64,6 +64,17 @@ def test_around_an_obstacle_that_the_corner_touches_the_path_swings_outwards() -
     assert smooth.max_curvature < 5.0
 
 
+@pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.2)], ids=["rectangle", "disc"])
+def test_a_clearance_is_kept_where_corners_are_cut(robot: Robot) -> None:
+    checker = StateChecker(WORLD, robot, clearance=0.25)
+    path = path_of((1.0, 3.5, 0.0), (7.0, 3.5, 0.0), (7.0, 9.0, 0.0))
+    nearer, smooth = path.smooth(WORLD, robot), path.smooth(checker)
+    assert checker.clearance(nearer.resample(0.01).states).min() < 0.25
+    assert len(smooth.stops) == 0
+    assert checker.clearance(smooth.resample(0.01).states).min() >= 0.25
+    assert checker.motions_valid(smooth.states[:-1], smooth.states[1:]).all()
+
+
 def test_where_there_is_no_room_the_corner_is_a_stop() -> None:
     # Two corridors a little wider than the robot, and a quarter of a turn between them.
     walls = Polygon(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [4.0, 5.0], [4.0, 1.0], [0.0, 1.0]]))

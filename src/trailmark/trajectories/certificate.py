@@ -36,12 +36,14 @@ def row_counts(pieces: Pieces, reach: float) -> NDArray[np.intp]:
 def certified(checker: StateChecker, pieces: Pieces) -> NDArray[np.bool_]:
     """Return which pieces, shape (n,), are certified free of collision, and the straight motions of their rows too.
 
+    Free means that they keep the clearance that the checker's robot is to keep.
+
     As :mod:`trailmark.collision.certify` does it: a configuration with clearance d certifies the piece for as far as no
     point of the robot moves by more than d. Here :data:`CHORD` is taken off d, so that the straight motions from row to
     row are as free as the curve.
     """
     n = len(pieces.length)
-    reach = checker.footprint.sweep_radius
+    reach, kept = checker.footprint.sweep_radius, checker.robot.clearance
     piece = np.arange(n)
     # Of a linear or constant derivative, the norm is largest at an end.
     rates = [np.abs(pieces.derivatives(piece, s)[0]) for s in (np.zeros(n), pieces.length)]
@@ -51,7 +53,7 @@ def certified(checker: StateChecker, pieces: Pieces) -> NDArray[np.bool_]:
     while len(piece):
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         need = rate[piece] * half + CHORD + CONTACT
-        d = np.asarray(checker.clearance(pieces.states(piece, middle), cap=float(need.max())))
+        d = np.asarray(checker.clearance(pieces.states(piece, middle), cap=float(need.max()) + kept)) - kept
         used += np.bincount(piece, minlength=n)
         free[piece[d <= CHORD + CONTACT]] = False
         free[used > MAX_STATES] = False
