@@ -64,11 +64,13 @@ def test_around_an_obstacle_that_the_corner_touches_the_path_swings_outwards() -
     assert smooth.max_curvature < 5.0
 
 
-@pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.2)], ids=["rectangle", "disc"])
+@pytest.mark.parametrize("robot", [Robot.rectangle(0.4, 0.4), Robot.disc(0.2)], ids=["square", "disc"])
 def test_a_clearance_is_kept_where_corners_are_cut(robot: Robot) -> None:
-    checker = StateChecker(WORLD, robot, clearance=0.25)
-    path = path_of((1.0, 3.5, 0.0), (7.0, 3.5, 0.0), (7.0, 9.0, 0.0))
-    nearer, smooth = path.smooth(WORLD, robot), path.smooth(checker)
+    walls = Polygon(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [3.8, 5.0], [3.8, 1.2], [0.0, 1.2]]))
+    world = World(name="corridor", bounds=(0.0, 0.0, 5.0, 5.0), boundary=walls)
+    checker = StateChecker(world, robot, clearance=0.25)
+    path = path_of((1.2, 0.6, 0.0), (4.4, 0.6, 0.0), (4.4, 3.8, 0.0))
+    nearer, smooth = path.smooth(world, robot), path.smooth(checker)
     assert checker.clearance(nearer.resample(0.01).states).min() < 0.25
     assert len(smooth.stops) == 0
     assert checker.clearance(smooth.resample(0.01).states).min() >= 0.25
