@@ -141,6 +141,8 @@ def test_queries_are_found_by_name() -> None:
         world.query("dor")
     with pytest.raises(WorldError, match="holds no query"):
         World("empty", (0, 0, 1, 1)).query()
+    with pytest.raises(WorldError, match="holds no query 'door', give a start and a goal"):
+        World("empty", (0, 0, 1, 1)).query("door")
     with pytest.raises(WorldError, match="expected each name once, got 'door' more than once"):
         World("twice", (0, 0, 9, 9), queries=(*queries, queries[0]))
 

@@ -236,11 +236,12 @@ class World(Shown):
         Raises:
             WorldError: there is none.
         """
-        if name is None:
-            if not self.queries:
-                raise WorldError(f"world {self.name!r} holds no query, give a start and a goal")
-            return self.queries[0]
         one_of(name, (str, type(None)), "query:", error=WorldError)
+        if not self.queries:
+            given = "" if name is None else f" {name[:60]!r}"
+            raise WorldError(f"world {self.name!r} holds no query{given}, give a start and a goal")
+        if name is None:
+            return self.queries[0]
         for query in self.queries:
             if query.name == name:
                 return query

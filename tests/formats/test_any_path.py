@@ -13,6 +13,7 @@ import pytest
 from trailmark.errors import FormatError
 from trailmark.formats.any_path import read_any_path
 from trailmark.formats.path_files import write_path
+from trailmark.formats.trajectory_files import write_trajectory
 
 STATES = [[1.0, 2.0, 0.5], [1.5, -2.25, 3.0], [4.0, 0.0, -1.25]]
 
@@ -91,6 +92,11 @@ def test_headings_are_reported_as_they_were_written(tmp_path: FilePath) -> None:
     found = read_any_path(tmp_path / "a.csv")
     assert found.headings == 180.0
     assert (np.abs(found.path.states[:, 2]) <= math.pi).all()
+
+
+def test_a_trajectory_that_trailmark_wrote_is_a_path_too(tmp_path: FilePath) -> None:
+    write_trajectory(tmp_path / "a.csv", np.arange(len(STATES)), STATES, np.zeros((len(STATES), 3)))
+    np.testing.assert_array_equal(read_any_path(tmp_path / "a.csv").path.states, STATES)
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-5, 1e200])

@@ -49,7 +49,8 @@ def read_any_path(path: FilePath) -> PathFile:
       nav_msgs/Path or Trajectory: ``poses`` or ``points`` with positions and quaternions, also inside other objects.
     - GeoJSON: the first line, with its headings as ``properties.theta``, as trailmark writes it.
     - YAML: the same message, as ``ros2 topic echo`` prints it; of several, set off by ``---``, the last complete one.
-    - CSV: columns x, y and theta (or yaw, or heading) by their header, or three columns without one.
+    - CSV: columns x, y and theta (or yaw, or heading) by their header, in which ``[m]`` and ``[rad]`` may follow, as
+      in trajectories that trailmark writes; or three columns without a header.
     - Rows ``x y theta``, as OMPL's ``printAsMatrix`` writes them; empty lines and those that begin with # are skipped.
 
     Raises:
@@ -186,7 +187,8 @@ def _states_of_table(text: str, path: FilePath) -> list[list[float]]:
     if not lines:
         return []
     separator = next((mark for mark in ",;" if mark in lines[0][1]), None)
-    names = [name.strip().strip("\"'").lower() for name in lines[0][1].split(separator)]
+    words = (name.strip().strip("\"'").lower() for name in lines[0][1].split(separator))
+    names = [word.removesuffix(" [m]").removesuffix(" [rad]") for word in words]
     columns, count = [0, 1, 2], 3
     if not any(map(_is_number, names)):
         heading = next((name for name in _HEADINGS if name in names), None)
