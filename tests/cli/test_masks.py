@@ -43,6 +43,16 @@ def test_zones_are_shown_converted_and_kept_out_of(shell: Shell, yard: Path, mas
     assert "keep-out zone 0" in [collision["obstacle"] for collision in found["collisions"]]
 
 
+def test_a_speed_mask_gives_shares_of_the_max_speed(shell: Shell, yard: Path, mask: Path, tmp_path: Path) -> None:
+    query = ["--start", "7.5,2,0", "--goal", "9.5,2,0", "--robot", "disc:0.2", "--objective", "time", "--json"]
+    costs = []
+    for speed in ([], ["--max-speed", "0.5"]):
+        run = shell("plan", yard, *query, "--speed-mask", mask, *speed, "--max-iterations", "1", "--time-limit", "20")
+        costs.append(json.loads(run.out)["cost"])
+    # A metre at full speed and one at 60 % of it.
+    assert costs == pytest.approx([1.0 + 1.0 / 0.6, 2.0 + 2.0 / 0.6])
+
+
 @pytest.mark.parametrize("command", [["plan"], ["worlds", "show"], ["roadmap"], ["check"]])
 @pytest.mark.parametrize("option", ["--keepout", "--speed-mask"])
 def test_a_mask_that_is_none_is_refused(

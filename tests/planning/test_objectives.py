@@ -118,3 +118,15 @@ def test_many_queries_mind_the_objective_too() -> None:
         require_priced(world, result, Objective())
         assert result.cost is not None
         assert result.cost < 12.5
+
+
+def test_the_bound_of_a_drive_that_turns_faster_than_half_a_second_a_radian() -> None:
+    """Turning is charged less than a length has it: the bound on lengths is none on times as it stands."""
+    objective = Objective.of("time", max_turn_rate=5.0)
+    robot = Robot.disc(0.3).differential()
+    planner = LandmarkPlanner(World("open", (0, 0, 10, 10)), robot, objective=objective, seed=0)
+    result = planner.plan((1.0, 5.0, 0.0), (9.0, 5.0, np.pi), time_limit=30.0, max_iterations=1)
+    assert result.cost == pytest.approx(8.0 + np.pi / 5.0)
+    assert result.cost is not None
+    assert result.lower_bound is not None
+    assert result.lower_bound <= result.cost

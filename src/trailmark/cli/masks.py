@@ -18,7 +18,9 @@ KeepoutOption = Annotated[
 ]
 SpeedMaskOption = Annotated[
     str | None,
-    option("--speed-mask", "MASK.yaml", "A nav2 speed mask: its cells become speed zones (100 - v percent of 1 m/s)."),
+    option(
+        "--speed-mask", "MASK.yaml", "A nav2 speed mask: its cells become speed zones, shares of --max-speed or 1 m/s."
+    ),
 ]
 
 

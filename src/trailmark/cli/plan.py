@@ -176,7 +176,7 @@ def plan(
         max_acceleration,
         max_turn_rate,
         max_turn_acceleration,
-        needed=objective not in (None, "length"),
+        needed=speed_mask is not None or objective not in (None, "length"),
     )
     charges = read_objective(objective, timing, reverse_cost, direction_change_cost)
     outputs = (path_file, picture, timing.table, timing.animation)
@@ -186,7 +186,7 @@ def plan(
 
     with console.progress("loading") as progress:
         begun = time.perf_counter()
-        loaded = with_masks(load_world(world), keepout, speed_mask)
+        loaded = with_masks(load_world(world), keepout, speed_mask, timing.limits[0])
         protect_inputs((*loaded.sources, *robot_file(robot)), *outputs)
         body = steered(robot_of(loaded, given), radius, forward_only, drive)
         if probability is None:

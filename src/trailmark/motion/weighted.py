@@ -14,6 +14,7 @@ from trailmark.collision.kernels import FREE, UNDECIDED
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import by_type, njit, variant_of
 from trailmark.curves.shortest import shortest_word
+from trailmark.curves.words import unit_length, walk
 from trailmark.heading import turn
 from trailmark.motion import base
 from trailmark.motion.base import Motion, Scratch, extra
@@ -164,7 +165,11 @@ def _curve_cost(
     motion: Any, kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, tolerance: float
 ) -> tuple[float, float]:
     """Charge a curve as chords, each longer by what all of them fall short of the curve."""
-    length = base.cost(motion, scratch, a, b)
+    word = shortest_word(a, b, motion.radius, motion.reverse, scratch.words)
+    length = motion.radius * unit_length(word)
+    if len(kind.density.zones) == 0 and kind.density.clearance == 0.0:
+        cost = length * (kind.density.length + kind.density.time / kind.density.speed)
+        return cost, 1e-12 * cost
     longest = min(CHORD, 0.1 * motion.radius) if tolerance == inf else min(CHORD, 0.01 * motion.radius)
     pieces = max(1, int(np.ceil(length / longest)))
     # By so much an arc may bulge from its chord.
@@ -172,7 +177,7 @@ def _curve_cost(
     cost, error, along = 0.0, 0.0, 0.0
     q, before = np.empty(3), a.copy()
     for k in range(1, pieces + 1):
-        base.interpolate(motion, scratch, a, b, length * k / pieces, q)
+        walk(a, word, motion.radius, length * k / pieces, q)
         piece, off = line_cost(kind.density, kind.grid, kind.field, before[0], before[1], q[0], q[1], tolerance)
         if tolerance < inf and near_border(kind.density, before[0], before[1], q[0], q[1], bulge):
             off += (kind.density.most - kind.density.least) * length / pieces

@@ -18,6 +18,7 @@ from trailmark.curves.shortest import MAX_WORDS, all_words
 from trailmark.curves.words import PIECES, reversed_word, unit_length, walk
 from trailmark.heap import heap_grow, heap_pop, heap_push
 from trailmark.motion.curve import Curve, word_extra
+from trailmark.motion.one_way import OneWays, curve_allowed
 from trailmark.se2 import FloatArray
 
 __all__ = ["NO_TARGETS", "Guide", "Targets", "Tree", "grow"]
@@ -119,8 +120,28 @@ def _cell_of(q: FloatArray, guide: Guide, cell: float, columns: int, headings: i
 
 
 @njit(cache=True)
+def _free(
+    kind: Curve,
+    zones: OneWays,
+    sign: float,
+    q: FloatArray,
+    word: FloatArray,
+    end: FloatArray,
+    placed: FloatArray,
+    queue: FloatArray,
+) -> bool:
+    """Return whether a word from q to ``end`` is certified; ``sign`` is -1 if it is driven from there to q."""
+    if sign > 0.0:
+        allowed = curve_allowed(zones, q, word, kind.radius)
+    else:
+        allowed = curve_allowed(zones, end, reversed_word(word), kind.radius)
+    return allowed and curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, word, kind.radius) == FREE
+
+
+@njit(cache=True)
 def _word_to(
     kind: Curve,
+    zones: OneWays,
     sign: float,
     q: FloatArray,
     gear: float,
@@ -150,7 +171,7 @@ def _word_to(
         k = int(np.argmin(prices))
         if prices[k] >= limit:
             break
-        if curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q, words[k], kind.radius) == FREE:
+        if _free(kind, zones, sign, q, words[k], target, placed, queue):
             return prices[k], k
         prices[k] = np.inf
     return np.inf, -1
@@ -159,6 +180,7 @@ def _word_to(
 @njit(cache=True, nogil=True)
 def grow(
     kind: Curve,
+    zones: OneWays,
     guide: Guide,
     sources: FloatArray,
     reverse: bool,
@@ -212,7 +234,7 @@ def grow(
                 target, beyond = targets.configurations[t], driven[at] + targets.costs[t]
                 if beyond + hypot(target[0] - q[at, 0], target[1] - q[at, 1]) < best:
                     price, k = _word_to(
-                        kind, sign, q[at], gear, target, targets.gears[t], best - beyond, placed, queue, words
+                        kind, zones, sign, q[at], gear, target, targets.gears[t], best - beyond, placed, queue, words
                     )
                     if k >= 0:
                         best, best_node, best_target = beyond + price, at, t
@@ -237,7 +259,7 @@ def grow(
                     if (
                         cost + ahead < best
                         and state(kind.grid, kind.field, kind.robot, placed, end[0], end[1], end[2]) == FREE
-                        and curve_motion(kind.grid, kind.field, kind.robot, placed, queue, q[at], word, radius) == FREE
+                        and _free(kind, zones, sign, q[at], word, end, placed, queue)
                     ):
                         if n < capacity:
                             table[slot], owner[slot] = key, n

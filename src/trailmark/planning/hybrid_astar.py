@@ -23,6 +23,7 @@ from trailmark.landmarks.kmeans import lloyd
 from trailmark.landmarks.relaxation import CostMap, Relaxation
 from trailmark.motion import Motion, WeightedMotion
 from trailmark.motion.curve import Curve
+from trailmark.motion.one_way import OneWays, one_ways
 from trailmark.planning.drive_tree import NO_TARGETS, Guide, Targets, Tree, grow
 
 __all__ = ["Reached", "drive_to", "hybrid_astar"]
@@ -76,10 +77,10 @@ def hybrid_astar(
         rng: source of randomness.
         seconds: that the drives may take.
     """
-    kind, deadline, m = _curves(motions), Deadline.after(seconds), len(sources)
+    (kind, zones), deadline, m = _curves(motions), Deadline.after(seconds), len(sources)
     guide, starts = _guide(relaxation, costs), np.array(sources, order="C")
     while True:
-        tree = grow(kind, guide, starts, reverse, step, 0.5 * step, NO_TARGETS, np.inf, most, deadline)
+        tree = grow(kind, zones, guide, starts, reverse, step, 0.5 * step, NO_TARGETS, np.inf, most, deadline)
         if len(tree.q) >= m + most or step <= FINEST * kind.radius or now(deadline.kind) >= deadline.seconds:
             break
         # All cells that these drives lead to are entered: smaller ones may lead farther.
@@ -127,8 +128,8 @@ def drive_to(
         Knots of shape (0, 3), and -1, if no target is reached below the limit. The curves between knots are to be
         certified anew: they are the drives but for rounding.
     """
-    kind, guide, sources = _curves(motions), _guide(relaxation, costs), np.array(source[None], order="C")
-    tree = grow(kind, guide, sources, reverse, step, cell, targets, limit, most, Deadline.after(seconds))
+    (kind, zones), guide, sources = _curves(motions), _guide(relaxation, costs), np.array(source[None], order="C")
+    tree = grow(kind, zones, guide, sources, reverse, step, cell, targets, limit, most, Deadline.after(seconds))
     if tree.node < 0:
         return np.empty((0, 3)), -1
     driven = _joined(tree, np.array([tree.node] if tree.node else [], np.int64), 1, kind.radius).configurations
@@ -140,10 +141,11 @@ def drive_to(
     return (knots[::-1].copy() if reverse else knots), int(tree.target)
 
 
-def _curves(motions: Motion) -> Curve:
-    """Return a car's kind of motion, whatever its metres are charged."""
-    kind: Curve = motions.motion.kind if isinstance(motions, WeightedMotion) else motions.kind
-    return kind
+def _curves(motions: Motion) -> tuple[Curve, OneWays]:
+    """Return a car's kind of motion, whatever its metres are charged, and the one-way zones that it minds."""
+    if isinstance(motions, WeightedMotion):
+        return motions.motion.kind, motions.kind.one_way
+    return motions.kind, one_ways(())
 
 
 def _guide(relaxation: Relaxation, costs: CostMap) -> Guide:

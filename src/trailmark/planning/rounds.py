@@ -19,7 +19,6 @@ from trailmark.planning.proofs.prover import Prover
 from trailmark.planning.query import Query
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray
-from trailmark.zones import OneWayZone
 
 __all__ = ["Rounds"]
 
@@ -93,9 +92,7 @@ class Rounds:
         self.placement.search(self.roadmap, nodes)
         if query.motion.moves_anywhere and settings.uses("bridges"):
             self._bridge(nodes)
-        # What drives along the tree's edges was not asked about one-way zones.
-        one_way = any(isinstance(zone, OneWayZone) for zone in query.checker.world.zones)
-        if not query.motion.has_lattice and settings.uses("hybrid-astar") and not one_way:
+        if not query.motion.has_lattice and settings.uses("hybrid-astar"):
             self._drive(nodes)
 
     def _refine(self) -> None:

@@ -81,8 +81,8 @@ class Eikonal:
             )
         found = float(_bound(self._least, *place, start[0], start[1], goal[0], goal[1]))
         MARCHING.note(self.rows * self.columns, perf_counter() - begin)
-        rotation = motion.density.rotation * abs(turn(start[2], goal[2])) if motion.moves_anywhere else 0.0
-        return found + rotation
+        car = motion.checker.robot.turning_radius is not None
+        return found + (0.0 if car else motion.density.rotation * abs(turn(start[2], goal[2])))
 
 
 @njit(cache=True, nogil=True)

@@ -30,9 +30,8 @@ class WeightedBound:
         self.plain, self.motion = plain, motion
         density = motion.density
         # A car's turning costs nothing by itself, and its plain bound is one on its length.
-        self._factor = (
-            min(density.least, density.rotation / ROTATION_WEIGHT) if motion.moves_anywhere else density.least
-        )
+        car = motion.checker.robot.turning_radius is not None
+        self._factor = density.least if car else min(density.least, density.rotation / ROTATION_WEIGHT)
         self._eikonal = Eikonal(motion)
 
     @property

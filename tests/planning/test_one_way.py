@@ -1,0 +1,148 @@
+"""Planning among one-way zones: paths against an oracle that samples their directions, and attacks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+
+from trailmark import (
+    LandmarkPlanner,
+    OneWayZone,
+    Path,
+    PlanResult,
+    Polygon,
+    Rectangle,
+    Robot,
+    World,
+    se2,
+)
+
+ROBOTS = {
+    "disc": Robot.disc(0.3),
+    "rectangle": Robot.rectangle(0.8, 0.4),
+    "car": Robot.rectangle(0.8, 0.4).steered(0.6),
+    "dubins": Robot.rectangle(0.8, 0.4).steered(0.6, reverse=False),
+}
+BOUNDS = (0.0, 0.0, 16.0, 10.0)
+# A wall with two gaps, in the middle and at the top: the direct way leads through the middle.
+WALL = (Rectangle((8.0, 2.0), 1.0, 4.0), Rectangle((8.0, 7.0), 1.0, 2.0))
+START, GOAL = (2.0, 5.0, 0.0), (14.0, 5.0, 0.0)
+
+
+def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
+    return Polygon(np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]))
+
+
+GAP = box(7.0, 4.0, 9.0, 6.0)
+
+
+def plan(world: World, robot: Robot, seconds: float = 1.0) -> PlanResult:
+    return LandmarkPlanner(world, robot, seed=1).plan(START, GOAL, time_limit=seconds)
+
+
+def first_path(world: World, robot: Robot) -> PlanResult:
+    return LandmarkPlanner(world, robot, seed=1).plan(START, GOAL, time_limit=60.0, gap=np.inf)
+
+
+def assert_right_way(world: World, path: Path) -> None:
+    states = path.resample(0.005).states
+    step = np.diff(states[:, :2], axis=0)
+    moves = np.hypot(*step.T) > 1e-7
+    middle, ahead = 0.5 * (states[1:] + states[:-1])[:, :2], np.arctan2(step[:, 1], step[:, 0])
+    for zone in world.zones:
+        assert isinstance(zone, OneWayZone)
+        inside = shapely.contains_xy(shapely.buffer(zone.region.shapely(), -0.003), *middle.T)
+        off = np.abs(se2.wrap(ahead - zone.heading))
+        assert not (inside & moves & (off > zone.tolerance + 0.01)).any()
+
+
+@pytest.mark.parametrize("name", sorted(ROBOTS))
+def test_the_right_way_is_direct_and_the_wrong_way_leads_around(name: str) -> None:
+    right = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, 0.0, 0.5),))
+    wrong = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, math.pi, 0.5),))
+    direct, around = plan(right, ROBOTS[name]), first_path(wrong, ROBOTS[name])
+    assert direct.path is not None
+    assert direct.path.length == pytest.approx(12.0, abs=0.05)
+    assert around.status == "solved"
+    assert around.path is not None
+    assert around.path.length > 13.0
+    for world, result in ((right, direct), (wrong, around)):
+        assert result.path is not None
+        assert_right_way(world, result.path)
+        assert result.lower_bound is not None
+        assert result.lower_bound <= result.path.cost + 1e-9
+
+
+def test_the_way_back_is_another_one() -> None:
+    """What the roadmap knows of a way in one direction is not taken in the other."""
+    world = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, 0.0, 0.5),))
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+    for start, goal, length in ((START, GOAL, 12.0), (GOAL, START, 14.0), (START, GOAL, 12.0)):
+        path = planner.plan(start, goal, time_limit=60.0, gap=np.inf).path
+        assert path is not None
+        assert_right_way(world, path)
+        assert abs(path.length - length) < 2.5
+    there, back = planner.plan_many([START, GOAL], [GOAL, START], time_limit=20.0)
+    assert there.path is not None
+    assert back.path is not None
+    for result in (there, back):
+        assert result.path is not None
+        assert_right_way(world, result.path)
+    assert back.path.length > there.path.length + 0.5
+
+
+def test_a_zone_over_everything_lets_pass_along_its_heading_only() -> None:
+    everywhere = box(-5.0, -5.0, 30.0, 30.0)
+    along = plan(World("w", BOUNDS, zones=(OneWayZone(everywhere, 0.0, 0.1),)), ROBOTS["rectangle"])
+    assert along.path is not None
+    assert along.path.length == pytest.approx(12.0, abs=1e-6)
+    against = World("w", BOUNDS, zones=(OneWayZone(everywhere, math.pi, 0.1),))
+    result = plan(against, ROBOTS["rectangle"], 0.5)
+    assert result.path is None
+    # A world without zones has a path, and nothing is proven by them.
+    assert result.status == "timeout"
+
+
+@pytest.mark.parametrize("heading", [math.pi, -math.pi, math.pi - 1e-12])
+def test_half_a_turn_is_one_heading(heading: float) -> None:
+    world = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, heading, 0.2),))
+    planner = LandmarkPlanner(world, ROBOTS["disc"], seed=0)
+    back = planner.plan(GOAL, START).path
+    assert back is not None
+    assert back.length == pytest.approx(12.0, abs=1e-6)
+
+
+def test_zones_that_touch_leave_a_way_between_them() -> None:
+    """Their common edge may be travelled along, in either direction."""
+    up, down = OneWayZone(box(4.0, 5.0, 12.0, 10.0), math.pi, 0.0), OneWayZone(box(4.0, 0.0, 12.0, 5.0), math.pi, 0.0)
+    world = World("w", BOUNDS, zones=(up, down))
+    result = plan(world, ROBOTS["disc"], 2.0)
+    assert result.path is not None
+    assert_right_way(world, result.path)
+    assert result.path.length == pytest.approx(12.0, abs=1e-6)
+
+
+def test_a_tolerance_of_half_a_turn_forbids_nothing() -> None:
+    world = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, 2.0, math.pi), OneWayZone(box(90, 90, 91, 91), 0.0, 0.0)))
+    result = plan(world, ROBOTS["rectangle"])
+    assert result.path is not None
+    assert result.path.length == pytest.approx(12.0, abs=1e-6)
+
+
+def test_worlds_with_zones_change() -> None:
+    world = World("w", BOUNDS, WALL, ids=("low", "high"), zones=(OneWayZone(GAP, math.pi, 0.5),))
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+    first = planner.plan(START, GOAL, time_limit=2.0)
+    assert first.path is not None
+    opened = world.edited(remove=["low"])
+    planner.update(opened)
+    second = planner.replan(START, GOAL, first.path, improvement=1.0)
+    assert second.path is not None
+    assert_right_way(opened, second.path)
+    planner.update(World("w", BOUNDS, WALL, ids=("low", "high")))
+    third = planner.plan(START, GOAL)
+    assert third.path is not None
+    assert third.path.length == pytest.approx(12.0, abs=1e-6)
