@@ -8,7 +8,6 @@ Weighted A*, here with weight 1): an edge is checked when it leaves the queue, n
 
 from __future__ import annotations
 
-from math import cos, sin
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -21,9 +20,9 @@ from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
 from trailmark.compiled import njit
 from trailmark.errors import ConfigurationError
 from trailmark.heap import heap_grow, heap_pop, heap_push
-from trailmark.motion.base import certified, charged, embedding_radius, extra, new_scratch
-from trailmark.nearest import Forest, nearest_in
+from trailmark.motion.base import certified, charged, extra, new_scratch
 from trailmark.roadmap.adjacency import root_of
+from trailmark.roadmap.joining import JOINED, joinable_nodes
 from trailmark.roadmap.store import Store
 from trailmark.se2 import FloatArray
 
@@ -33,7 +32,6 @@ __all__ = [
     "FoundPath",
     "Search",
     "join_end",
-    "joinable_nodes",
     "only",
     "search",
     "search_between",
@@ -42,10 +40,6 @@ __all__ = [
 
 UNBOUNDED = 1 << 62
 """A budget without bounds."""
-
-JOINED = 3
-"""Nodes that an end of a query is joined to."""
-
 
 LATER = 1e-9
 """Metres by which a path must cost more than was thought to wait in the queue again."""
@@ -323,39 +317,3 @@ def trace_back(parent: NDArray[np.int64], end: int) -> NDArray[np.int64]:
         path[i] = node
         node = parent[node]
     return path
-
-
-@njit(cache=True, nogil=True)
-def joinable_nodes(
-    kind: Any,
-    configurations: FloatArray,
-    forest: Forest,
-    q: FloatArray,
-    k: int,
-    enough: int,
-    reverse: bool,
-) -> NDArray[np.int64]:
-    """Return those of the k nodes nearest to q that certified motions join to it, at most ``enough`` of them.
-
-    Args:
-        kind: of motion.
-        configurations: (n, 3) nodes.
-        forest: index over the nodes in the embedding.
-        q: valid, shape (3,).
-        k: maximum number of nodes that are tried.
-        enough: maximum number of nodes that are joined.
-        reverse: whether the motions lead to q instead of from it.
-    """
-    radius = embedding_radius(kind)
-    point = np.array([q[0], q[1], radius * cos(q[2]), radius * sin(q[2])])
-    distances, ids = np.empty(k), np.empty(k, np.int64)
-    count = nearest_in(forest, point, -1, k, distances, ids)
-    scratch, found = new_scratch(kind), 0
-    for i in range(count):
-        node = configurations[ids[i]]
-        if certified(kind, scratch, node, q, BUDGET) if reverse else certified(kind, scratch, q, node, BUDGET):
-            ids[found] = ids[i]
-            found += 1
-            if found == enough:
-                break
-    return ids[:found]
