@@ -151,7 +151,8 @@ def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path:
         ),
         (
             ["YARD", "-p", "PRM", "--robot", "ball"],
-            "expected disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y (metres), got robot 'ball'",
+            "expected disc:RADIUS, rectangle:LENGTHxWIDTH, polygon:x,y;x,y;x,y or [[x, y], ...] (metres), got "
+            "robot 'ball'",
         ),
         (["YARD", "-p", "PRM", "--suite", "nowhere.yaml"], "nowhere.yaml: cannot be read"),
         (["YARD", "-p", "PRM", "--log", "out.txt"], "out.txt: suffix: expected .log, got '.txt'"),

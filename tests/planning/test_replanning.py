@@ -71,7 +71,9 @@ def test_a_car_is_led_around(judge: Judge) -> None:
     planner.update(planner.world.edited(add=[Disc((float(there[0]), float(there[1])), 1.0)]))
     result = planner.replan(here, GOAL, path, time_limit=20.0)
     assert (result.status, result.kept) == ("solved", False)
-    judge(planner.world, robot, here, GOAL, states_of(result))
+    # Chords of arcs that nearly touch the disc cut into it: by less than the judge minds once they are short.
+    assert result.path is not None
+    judge(planner.world, robot, here, GOAL, np.array(result.path.resample(0.003).states))
 
 
 def test_a_much_better_path_takes_the_place_of_one_that_is_free() -> None:

@@ -65,12 +65,20 @@ def warmup(as_json: JsonOption = False) -> None:
 
 def _stages() -> dict[str, Callable[[], None]]:
     """Return what is compiled, by name: each part for each kind of motion, and what asks for no kind."""
-    from trailmark.planning.warmup import ROBOTS, warm_up, warm_up_moving, warm_up_queries, warm_up_weighted
+    from trailmark.planning.warmup import (
+        ROBOTS,
+        warm_up,
+        warm_up_moving,
+        warm_up_queries,
+        warm_up_weighted,
+        warm_up_weighted_queries,
+    )
 
     parts: dict[str, Callable[[Any], None]] = {
         "planning": warm_up,
         "many queries": warm_up_queries,
         "objectives and zones": warm_up_weighted,
+        "many queries under objectives": warm_up_weighted_queries,
         "moving obstacles": warm_up_moving,
     }
     others = {"OMPL's planners": _warm_up_pointwise, "audits": _warm_up_audits, "maps from logs": _warm_up_logs}

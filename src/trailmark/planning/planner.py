@@ -31,7 +31,7 @@ from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.single_query import GAP
 from trailmark.planning.updating import Update
-from trailmark.planning.warmup import warm_up_for, warm_up_moving, warm_up_queries
+from trailmark.planning.warmup import warm_up_for, warm_up_moving
 from trailmark.planning.world_model import WorldModel
 from trailmark.roadmap import Roadmap
 from trailmark.world import Robot, World
@@ -328,7 +328,7 @@ class LandmarkPlanner:
             return []
         if self._warm:
             # Else what they compile, on a machine's first use, would take up the limit.
-            warm_up_queries(kind_of(self.robot))
+            warm_up_for(self.robot, self.world, self._model.objective, many=True)
         begin, model = perf_counter(), self._model
         return answer_queries(
             model,

@@ -16,7 +16,15 @@ from trailmark.planning.pace import Pace
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
-__all__ = ["SMALL", "warm_up", "warm_up_for", "warm_up_moving", "warm_up_queries", "warm_up_weighted"]
+__all__ = [
+    "SMALL",
+    "warm_up",
+    "warm_up_for",
+    "warm_up_moving",
+    "warm_up_queries",
+    "warm_up_weighted",
+    "warm_up_weighted_queries",
+]
 
 SMALL = World("warm-up", (0.0, 0.0, 6.0, 4.0), (Rectangle((3.0, 1.0), 0.5, 2.0),)), np.array([[1.0, 1, 0], [5, 1, 1]])
 """A small world, and a start and a goal that no single motion joins."""
@@ -42,16 +50,23 @@ def warm_up_queries(kind: Kind = "straight") -> None:
 
 
 @lru_cache(maxsize=4)
+def warm_up_weighted_queries(kind: Kind = "straight") -> None:
+    """Run every kernel once that only :meth:`LandmarkPlanner.plan_many` under other objectives than length needs."""
+    _run([partial(_plan_many, kind, "clearance")])
+
+
+@lru_cache(maxsize=4)
 def warm_up_weighted(kind: Kind = "straight") -> None:
     """Run every kernel once that only zones and other objectives than length need, as :func:`warm_up` does."""
     _run([partial(_plan, kind, "clearance"), partial(_shorten, kind, "clearance")])
 
 
-def warm_up_for(robot: Robot, world: World, objective: Objective) -> None:
-    """Run every kernel once that queries of a robot in a world, under an objective, need."""
-    warm_up(kind_of(robot))
+def warm_up_for(robot: Robot, world: World, objective: Objective, *, many: bool = False) -> None:
+    """Run every kernel once that queries of a robot in a world, under an objective, need: one by one, or many."""
+    kind = kind_of(robot)
+    (warm_up_queries if many else warm_up)(kind)
     if is_weighted(world, objective):
-        warm_up_weighted(kind_of(robot))
+        (warm_up_weighted_queries if many else warm_up_weighted)(kind)
 
 
 @lru_cache(maxsize=4)
@@ -98,12 +113,12 @@ def _pass_moving(kind: Kind) -> None:
         path = planner.replan(start, goal, path, time_limit=600.0, speed=1.0).path or path
 
 
-def _plan_many(kind: Kind) -> None:
+def _plan_many(kind: Kind, objective: str = "length") -> None:
     """Plan between many starts and goals."""
     from trailmark.planning.planner import LandmarkPlanner
 
     world, (start, goal) = SMALL
-    planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False)
+    planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, objective=objective, warm=False)
     planner.build(50)
     planner.plan_many([start, goal], [goal, start], time_limit=600.0)
 
