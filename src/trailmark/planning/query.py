@@ -10,6 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from trailmark.landmarks import Relaxation
+from trailmark.motion import WeightedMotion
 from trailmark.planning.incumbent import Incumbent
 from trailmark.planning.result import PlanProgress
 from trailmark.planning.settings import PlannerSettings
@@ -124,9 +125,10 @@ class Query:
         if not self.solved:
             self.offer(states)
         states = self.shortened(states, self.settings.first_sweeps)
-        if not self.motion.direct_is_best:
-            # The rest takes longer.
+        if isinstance(self.motion, WeightedMotion):
+            # The rest takes longer than to look for other ways around.
             self.offer(states)
+            return self.motion.cost_of(states)
         if self.motion.cost_of(states) < self.settings.promising * self.incumbent.cost:
             states = self.shortened(states)
             self.offer(states)
