@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from trailmark import OneWayZone, Polygon, se2
@@ -131,6 +131,11 @@ def test_straight_motions_against_the_oracle(zone: OneWayZone, a: FloatArray, b:
     assert allowed or maybe
 
 
+TRIANGLE = OneWayZone(Polygon(np.array([[0.5, 0.0], [-0.25, 0.4330127], [-0.25, -0.4330127]])), 3.0, 1.0)
+"""Straight back out of it, which is an allowed direction."""
+
+
+@example(TRIANGLE, np.zeros(3), np.array([-1.0, 0.0, 0.0]), 0.3, True)
 @settings(max_examples=300)
 @given(zones(), poses, poses, st.sampled_from([0.3, 1.0, 5.0]), st.booleans())
 def test_curves_against_the_oracle(
@@ -144,7 +149,8 @@ def test_curves_against_the_oracle(
     along = np.linspace(0.0, length, 8001)
     states = steering.states(a[None], b[None], along[None])[0]
     # Which piece each point lies in, and so whether it is driven backwards there.
-    piece = np.searchsorted(np.cumsum(np.abs(word[0])) * radius, along).clip(0, PIECES - 1)
+    used = np.flatnonzero(word[0])
+    piece = used[np.searchsorted(np.cumsum(np.abs(word[0][used])) * radius, along).clip(0, len(used) - 1)]
     ahead = states[:, 2] + np.where(word[0][piece] < 0.0, math.pi, 0.0)
     wrong, maybe = judged(zone, states[:, :2], ahead)
     allowed = bool(curve_allowed(one_ways([zone]), a, word, radius))

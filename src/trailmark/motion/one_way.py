@@ -196,7 +196,8 @@ def _cut_arc(
         half = sqrt(inside) if inside > 0.0 else 0.0
         for which in range(3):
             place = 0.0 if which == 0 else nearest + (which - 1.5) * 2.0 * half
-            if near if which == 0 else (inside >= 0.0 and -NEAR <= place <= size + NEAR):
+            # Where it touches the edge, or all but does, it is cut too: no part's middle may lie on the outline.
+            if near if which == 0 else (inside >= -2.0 * NEAR * radius and -NEAR <= place <= size + NEAR):
                 angle = atan2(py + place * ey / size, px + place * ex / size)
                 along = (side * (angle - begin)) % (2.0 * pi) * radius
                 if along < length:

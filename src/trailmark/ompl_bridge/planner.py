@@ -201,6 +201,9 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         states: se2.FloatArray | None
         if isinstance(path, CurvePath) and self._curves is not None:
             states, distance = self._curves.certified_states(information, path), path.steering.lengths
+        elif self._planner is not None and not self._planner.motion.direct_is_best:
+            # What has fewer vertices may cost more.
+            states, distance = path.states, se2.distance
         else:
             states, distance = sparse_path(self._single, path.states), se2.distance
         if states is None:
