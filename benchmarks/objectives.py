@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import json
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ import scipy.sparse
 import shapely
 from scipy.sparse.csgraph import dijkstra
 
+from benchmarks.density_oracle import sampled_cost, sampled_density
 from benchmarks.machine import describe_machine, markdown_table
 from benchmarks.random_worlds import star_polygon
 from trailmark import CostZone, LandmarkPlanner, Objective, PlanResult, Polygon, Rectangle, Robot, SpeedZone, World
@@ -64,21 +64,6 @@ def random_case(seed: int) -> tuple[World, FloatArray, float]:
     return world, ends, 0.04 if disc else 0.1
 
 
-def density(world: World, objective: Objective, xy: FloatArray) -> FloatArray:
-    """Return what a metre costs at places (n, 2), shape (n,), by shapely."""
-    factor, speed = np.ones(len(xy)), np.full(len(xy), objective.max_speed)
-    for zone in world.zones:
-        inside = shapely.contains_xy(zone.region.shapely(), xy)
-        if isinstance(zone, CostZone):
-            factor[inside] *= zone.factor
-        elif isinstance(zone, SpeedZone):
-            speed[inside] = np.minimum(speed[inside], zone.limit)
-    found = objective.length * factor + objective.time / speed
-    if objective.clearance:
-        found += objective.clearance * np.exp(-shapely.distance(solids(world), shapely.points(xy)) / objective.decay)
-    return np.asarray(found)
-
-
 def solids(world: World) -> shapely.Geometry:
     """Return obstacles and bounds as one geometry."""
     return shapely.union_all([shapely.box(*world.bounds).exterior, *(s.polygon().shapely() for s in world.obstacles)])
@@ -107,7 +92,7 @@ def optimum(world: World, objective: Objective, ends: FloatArray, cell: float, m
         rows = np.column_stack([xy[close], np.full(len(close), heading)])
         bodies = shapely.polygons(transform(rows, robot.outline.rings()[0]))
         free[k, close] = shapely.distance(blocked, bodies) >= max(margin, 1e-9)
-    metre = density(world, objective, xy)
+    metre = sampled_density(world, objective, xy)
     index = np.arange(count * count).reshape(count, count)
     rows_, columns_, costs = [], [], []
     for i, j in MOVES:
@@ -136,15 +121,9 @@ def optimum(world: World, objective: Objective, ends: FloatArray, cell: float, m
     while path[-1] != start:
         path.append(int(before[path[-1]]))
     # Charged anew, for a move across a zone's border was charged by its ends.
-    bends, total = xy[np.array(path) % (count * count)], 0.0
-    for a, b in pairwise(bends):
-        length = float(np.hypot(*(b - a)))
-        pieces = max(1, round(length / 0.005))
-        total += length * float(
-            density(world, objective, a + (np.arange(pieces)[:, None] + 0.5) / pieces * (b - a)).mean()
-        )
-    turned = np.count_nonzero(np.diff(np.array(path) // (count * count)))
-    return total + turned * objective.rotation * 2.0 * np.pi / layers
+    cells = np.array(path)
+    states = np.column_stack([xy[cells % (count * count)], headings[cells // (count * count)]])
+    return sampled_cost(world, objective, states, 5e-3)
 
 
 def cell_width(world: World, count: int) -> float:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.support.density_oracle import sampled_cost
+from benchmarks.density_oracle import sampled_cost
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
 from trailmark.motion import StraightMotion, WeightedMotion, motion_of

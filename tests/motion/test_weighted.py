@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.support.density_oracle import sampled_cost
+from benchmarks.density_oracle import sampled_cost
 
 from trailmark import CostZone, Disc, Objective, OneWayZone, Polygon, StateChecker, World
 from trailmark.collision.kernels import FREE
@@ -57,17 +57,19 @@ def test_a_cost_is_between_the_length_and_the_factor_times_it(name: str) -> None
     ).all()
 
 
-def test_a_curve_is_charged_along_its_arcs() -> None:
+@pytest.mark.parametrize("objective", [Objective(), Objective(clearance=5.0)], ids=["length", "clearance"])
+def test_a_curve_is_charged_along_its_arcs(objective: Objective) -> None:
     checker = StateChecker(WORLD, ROBOTS["car"])
-    weighted = motion_of(checker)
-    a, b = pairs(2, 40, checker)
+    weighted = motion_of(checker, objective=objective)
+    a, b = pairs(2, 15, checker)
     for start, end in zip(a, b, strict=True):
         states = np.array(weighted.path(np.array([start, end])).resample(0.005).states)
         states[:, 2] = 0.0
-        expected = sampled_cost(WORLD, Objective(), states)
+        expected = sampled_cost(WORLD, objective, states)
         cost, error = weighted.cost_within(np.array([start, end]))
         assert cost == pytest.approx(expected, abs=error + 0.01)
-        assert error < 0.02 * cost
+        # Two changes of direction may each hide up to a chord where a metre is dearest.
+        assert error < 0.04 * cost
         assert weighted.cost_of(np.array([start, end])) == pytest.approx(expected, rel=0.05, abs=0.1)
 
 

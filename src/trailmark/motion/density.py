@@ -86,6 +86,10 @@ def build_density(objective: Objective, world: World, farthest: float) -> Densit
     zones = np.array(rows, dtype=np.float64).reshape(-1, 8)
     least = objective.length * least_factor(zones) + objective.time / objective.max_speed
     least += objective.clearance * exp(-farthest / objective.decay)
+    # Factors above 1 are bounded as their inverses are, which lie below 1.
+    inverse = np.column_stack([zones[:, :6], 1.0 / zones[:, 6:7], zones[:, 7:]])
+    most = objective.length / least_factor(inverse)
+    most += objective.time / min(objective.max_speed, float(zones[:, 7].min(initial=np.inf)))
     return Density(
         np.ascontiguousarray(np.concatenate(edges)),
         zones,
@@ -96,8 +100,7 @@ def build_density(objective: Objective, world: World, farthest: float) -> Densit
         objective.max_speed,
         objective.rotation,
         least * (1.0 - 1e-12),
-        objective.length * float(zones[zones[:, 6] > 1.0, 6].prod())
-        + objective.time / min(objective.max_speed, float(zones[:, 7].min(initial=np.inf))),
+        most,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import fabs, hypot, inf
+from math import expm1, fabs, hypot, inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +31,6 @@ __all__ = ["Weighted", "WeightedMotion"]
 
 CHORD = 0.1
 """Metres: a curve is charged as chords of at most this length, and of a tenth of its turning radius."""
-
 
 TOLERANCE = 5e-4
 """Share of a cost that its error should stay within where it is reported."""
@@ -172,19 +171,28 @@ def _curve_cost(
         return cost, 1e-12 * cost
     longest = min(CHORD, 0.1 * motion.radius) if tolerance == inf else min(CHORD, 0.01 * motion.radius)
     pieces = max(1, int(np.ceil(length / longest)))
+    step = length / pieces
     # By so much an arc may bulge from its chord.
-    bulge = (length / pieces) ** 2 / (8.0 * motion.radius) * 1.001
+    bulge = step * step / (8.0 * motion.radius) * 1.001
     cost, error, along = 0.0, 0.0, 0.0
     q, before = np.empty(3), a.copy()
     for k in range(1, pieces + 1):
         walk(a, word, motion.radius, length * k / pieces, q)
         piece, off = line_cost(kind.density, kind.grid, kind.field, before[0], before[1], q[0], q[1], tolerance)
-        if tolerance < inf and near_border(kind.density, before[0], before[1], q[0], q[1], bulge):
-            off += (kind.density.most - kind.density.least) * length / pieces
-        along += hypot(q[0] - before[0], q[1] - before[1])
+        chord = hypot(q[0] - before[0], q[1] - before[1])
+        # Where the car changes direction it drives beyond the chord's ends.
+        beside = bulge if chord > 0.999 * step else step
+        if tolerance < inf and near_border(kind.density, before[0], before[1], q[0], q[1], beside):
+            off += (kind.density.most - kind.density.least) * step
+        if kind.density.clearance > 0.0:
+            # So much nearer to an obstacle, or farther from it, the car may be than on the chord.
+            off += kind.density.clearance * step * expm1(beside / kind.density.decay)
+        along += chord
         cost, error = cost + piece, error + off
         before[:] = q
     stretch = length / along if along > 0.0 else 1.0
+    # What the chords fall short is charged like the rest, but may lie where a metre costs least or most.
+    error += max(0.0, length - along) * (kind.density.most + kind.density.clearance - kind.density.least)
     return cost * stretch, error * stretch
 
 
