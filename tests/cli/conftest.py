@@ -156,7 +156,7 @@ class FakePlanner:
             }
 
         history = () if path is None else ((0.25, path.cost),)
-        kept = {"clearance": 0.0, "clearance_bound": None, "goal": None}
+        kept = {"clearance": 0.0, "clearance_bound": None, "goal": None, "objective": None}
         found = kept | {"status": self.status, "path": path, "seed": seed, "time": times, "history": history}
         return SimpleNamespace(**found, lower_bound=None, to_dict=to_dict)
 

@@ -22,6 +22,7 @@ from trailmark.collision import StateChecker
 from trailmark.errors import OutputError
 from trailmark.motion import motion_of
 from trailmark.path import Path
+from trailmark.planning.result import PlanResult
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
 
@@ -71,7 +72,7 @@ def is_colour(rgb: Any, colour: str, tolerance: float = 0.03) -> Any:
 def result_of(path: Path | None, status: str = "solved") -> Any:
     history = () if path is None else ((0.004, 1.2 * path.cost), (0.05, path.cost))
     bound = None if path is None else 0.95 * path.cost
-    return SimpleNamespace(status=status, path=path, time={"total": 0.25}, history=history, lower_bound=bound)
+    return PlanResult(status, path, 0, bound, None, None, 0, 0, history=history, time={"total": 0.25})  # type: ignore[arg-type]  # status is one
 
 
 BLOCKED, FREE, UNDECIDED = 0, 1, 2

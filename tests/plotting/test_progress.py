@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import combinations, pairwise
 from pathlib import Path as FilePath
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from matplotlib.transforms import Bbox
 
 from trailmark import plotting
 from trailmark.path import Path
+from trailmark.planning.result import PlanResult, Status
 from trailmark.plotting.canvas import annotate, figure_of
 from trailmark.plotting.progress import add_progress
 from trailmark.world import Robot, World
@@ -77,11 +77,10 @@ def test_the_panel_keeps_clear_of_plan_and_legend(size: tuple[float, float], ent
 def test_pictures_of_plans_have_it_if_there_is_a_path(tmp_path: FilePath) -> None:
     path = Path(np.array([[1.0, 1.0, 0.0], [9.0, 5.0, 0.0]]))
     for found, history in ((path, HISTORY), (None, ())):
-        result = SimpleNamespace(
-            status="solved" if found else "timeout", path=found, time={"total": 0.5}, history=history, lower_bound=8.5
-        )
+        status: Status = "solved" if found else "timeout"
+        result = PlanResult(status, found, 0, 8.5, None, None, 0, 0, history=history, time={"total": 0.5})
         file = tmp_path / "plan.svg"
-        plotting.save_plan_figure(file, World("room", (0.0, 0.0, 10.0, 6.0)), Robot.disc(0.3), result)  # type: ignore[arg-type]  # what of it is drawn
+        plotting.save_plan_figure(file, World("room", (0.0, 0.0, 10.0, 6.0)), Robot.disc(0.3), result)
         text = file.read_text()
         for label in ("planning time [ms]", "lower bound"):
             assert (f"<!-- {label} -->" in text) == (found is not None)

@@ -6,16 +6,18 @@ import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from trailmark import LandmarkPlanner, Query, Robot, World
+from trailmark import LandmarkPlanner, Objective, Path, Query, Robot, World
 from trailmark.errors import ConfigurationError
 from trailmark.planning import PlanResult
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.sketch.colours import AVOID, COLLISION, GOAL, LANDMARK, OBSTACLE, ONE_WAY, PATH, PREFER, SPEED, START
+from trailmark.sketch.scene import plan_facts
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone
 
 CAR = Robot.rectangle(0.8, 0.4)
@@ -128,3 +130,11 @@ def test_no_matplotlib_and_nothing_that_plans_for_a_world() -> None:
     assert "'shapely'" in done.stdout
     assert "'matplotlib'" not in done.stdout
     assert "'numba'" not in done.stdout
+
+
+def test_what_a_picture_says_of_the_cost_is_the_cost_that_was_planned_for() -> None:
+    path = Path(np.array([[1.0, 1.0, 0.0], [4.0, 5.0, 1.0]]))
+    plain = PlanResult("solved", path, 0, 5.0, 6.0, 0.1, 0, 0, time={"total": 1.0})
+    assert plan_facts(plain, CAR).startswith("cost 5.5 = 5 m + 0.5 × 1 rad")
+    charged = replace(plain, charged=31.9, objective=Objective.of("clearance"))
+    assert plan_facts(charged, CAR).startswith("cost 31.9, 5 m, 1 rad")

@@ -58,7 +58,7 @@ def draw_progress(axes: Axes, history: Sequence[tuple[float, float]], total: flo
     axes.ticklabel_format(axis="y", useOffset=False)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
     axes.set_xlabel("planning time [ms]")
-    axes.set_ylabel("cost [m]")
+    axes.set_ylabel("cost")
 
 
 def add_progress(
@@ -90,4 +90,4 @@ def add_progress(
     axes.xaxis.label.set(fontsize=8, color=TEXT)
     axes.yaxis.label.set(fontsize=8, color=TEXT)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(loc="upper right", fontsize=7, frameon=False, handlelength=1.6, borderaxespad=0.0)
+    axes.legend(loc="best", fontsize=7, frameon=False, handlelength=1.6, borderaxespad=0.0)

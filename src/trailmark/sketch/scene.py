@@ -94,6 +94,9 @@ def plan_facts(result: PlanResult, robot: Robot) -> str:
     if result.path is not None:
         path = result.path
         facts = f"cost {path.cost:.4g} = {path.length:.4g} m + {se2.ROTATION_WEIGHT:g} × {path.rotation:.3g} rad"
+        if result.objective is not None or result.goal is not None:
+            # Not the sum of length and turning alone.
+            facts = f"cost {result.cost:.4g}, {path.length:.4g} m, {path.rotation:.3g} rad"
         if isinstance(path, CurvePath):
             facts = f"{path.length:.4g} m, {path.cusps} changes of direction"
         return f"{facts} · {seconds} · {robot.describe()}"
