@@ -1,0 +1,47 @@
+"""The numbers of an exploration that a person may want to change."""
+
+# Tested by tests/exploration/test_explorer.py.
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from trailmark.checked import Count, NonNegative, Positive, PositiveOrInfinite, Probability, checked_fields
+from trailmark.errors import ConfigurationError
+
+__all__ = ["ExplorationSettings"]
+
+
+@dataclass(frozen=True)
+class ExplorationSettings:
+    """How to explore.
+
+    Raises:
+        ConfigurationError: a value that is not allowed.
+    """
+
+    cell: Positive | None = None
+    """Metres: side of a cell of the map; by default a fifth of the robot's inscribed radius, from 0.02 to 0.25 m and
+    within ``max_cells``: the width of a passage is known to about two cells."""
+    max_cells: Count = 4_000_000
+    """Cells of the map, at most: each takes about 30 bytes."""
+    sense_period: Positive = 0.1
+    """Seconds that the robot drives between two readings."""
+    confidence: Probability | None = None
+    """Probability with which a path is to meet nothing that the noise hides; None: distances are taken as measured."""
+    min_area: NonNegative = 0.0
+    """Square metres: where less may be seen, nothing is looked for; with 0 the end is proven for all that is seen."""
+    time_limit: PositiveOrInfinite = math.inf
+    """Seconds of the robot's clock."""
+    distance_limit: PositiveOrInfinite = math.inf
+    """Metres driven."""
+    silence: Positive = 5.0
+    """Seconds of the robot's clock without a reading after which the sensor is silent."""
+    planning_time: Positive = 1.0
+    """Seconds for a path to a landmark; one that is neither found nor proven impossible is tried again later."""
+    return_home: bool = False
+    """Whether to drive back to the start at the end."""
+
+    def __post_init__(self) -> None:
+        checked_fields(self, ConfigurationError)
