@@ -1,4 +1,4 @@
-"""Worlds as ROS / nav2 occupancy maps: a YAML file and the PGM image that it names."""
+"""Worlds and grids as ROS / nav2 occupancy maps: a YAML file and the PGM image that it names."""
 
 from __future__ import annotations
 
@@ -11,13 +11,17 @@ from trailmark.checked import Positive, checked_arguments
 from trailmark.errors import WorldError
 from trailmark.formats.files import write_atomically
 from trailmark.formats.grid import check_size
+from trailmark.formats.nav2_messages import YAML_MARK
 from trailmark.shapes import Shape
 from trailmark.world import World
 
-__all__ = ["save_nav2_map"]
+__all__ = ["FREE", "OCCUPIED", "PGM_MARK", "UNKNOWN", "save_nav2_cells", "save_nav2_map"]
 
 FREE, UNKNOWN, OCCUPIED = 254, 205, 0
 """Grey values, as nav2's map_saver writes them."""
+
+PGM_MARK = "# CREATOR: trailmark"
+"""A comment, as map_saver's, by which a later run knows that it may replace the image."""
 
 
 @checked_arguments(WorldError)
@@ -39,8 +43,6 @@ def save_nav2_map(world: World, path: str | Path, resolution: Positive = 0.05) -
         WorldError: too many cells.
         OutputError: a path that cannot be written.
     """
-    file = Path(path)
-    image = file.with_suffix(".pgm")
     xmin, ymin, xmax, ymax = world.bounds
     columns, rows = (int(np.ceil((high - low) / resolution - 1e-6)) for low, high in ((xmin, xmax), (ymin, ymax)))
     check_size(columns, rows)
@@ -58,9 +60,41 @@ def save_nav2_map(world: World, path: str | Path, resolution: Positive = 0.05) -
         grid[inside == 0] = UNKNOWN
     for shape in solid:
         _fill(grid, shape, OCCUPIED, (xmin, ymin), resolution, resolution / np.sqrt(2.0))
-    write_atomically(image, f"P5\n{columns} {rows}\n255\n".encode() + grid[::-1].tobytes())
-    text = f"image: {image.name}\nmode: trinary\nresolution: {resolution!r}\norigin: [{xmin!r}, {ymin!r}, 0.0]\n"
-    write_atomically(file, text + "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n")
+    return save_nav2_cells(grid, path, resolution, (xmin, ymin))
+
+
+def save_nav2_cells(
+    cells: NDArray[np.uint8], path: str | Path, resolution: float, origin: tuple[float, float]
+) -> tuple[Path, Path]:
+    """Write a grid as a nav2 map.
+
+    Args:
+        cells: FREE, UNKNOWN or OCCUPIED, shape (rows, columns); row 0 has the smallest y.
+        path: the YAML file; the image stands beside it, with the suffix ``.pgm``.
+        resolution: side of a cell, metres.
+        origin: x, y of the outer corner of cell (0, 0), metres.
+
+    Returns:
+        The two files.
+
+    Raises:
+        OutputError: a path that cannot be written.
+    """
+    file = Path(path)
+    image = file.with_suffix(".pgm")
+    (rows, columns), (x, y) = cells.shape, origin
+    write_atomically(image, f"P5\n{PGM_MARK}\n{columns} {rows}\n255\n".encode() + cells[::-1].tobytes())
+    lines = (
+        YAML_MARK,
+        f"image: {image.name}",
+        "mode: trinary",
+        f"resolution: {float(resolution)!r}",
+        f"origin: [{float(x)!r}, {float(y)!r}, 0.0]",
+        "negate: 0",
+        "occupied_thresh: 0.65",
+        "free_thresh: 0.196",
+    )
+    write_atomically(file, "\n".join(lines) + "\n")
     return file, image
 
 

@@ -23,6 +23,9 @@ MARKS = {
     ".geojson": geojson.MARK.encode(),
     ".graphml": b"trailmark_roadmap",
     ".npz": b"fingerprint.npy",
+    ".gif": b"Written by trailmark",
+    ".pgm": b"# CREATOR: trailmark\n",
+    ".jsonl": b'{"trailmark_log":',
 }
 """What stands near the beginning or the end of the files that trailmark writes and never reads."""
 
@@ -30,6 +33,9 @@ _HEAD, _TAIL = 2**16, 2**12
 """Bytes at a file's beginning and end that are read."""
 
 _MAPPING = re.compile(r"^(?:[\"']?[A-Za-z_][\w. -]*[\"']?[ \t]*:(?:[ \t]|\r?$)|[{[])", re.MULTILINE)
+_RECORDS = ({"states"}, {"status", "strategy", "seen"})
+"""Members by which our JSON records are known: of a path, of an exploration."""
+
 _OWN_WORLD = re.compile(r"^trailmark[ \t]*:", re.MULTILINE)
 _NUMBERS = re.compile(r"(?:\s*|\s*#.*|\s*\S*\d\S*(?:\s+\S*\d\S*){2}\s*)")
 
@@ -111,13 +117,13 @@ def _own(kind: str, head: bytes, tail: bytes) -> bool:
 
 
 def _own_json(text: str, whole: bool) -> bool:
-    """Return whether JSON has a member ``states``, as our records, or is our message; True for what is not JSON."""
+    """Return whether JSON has the members of one of our records, or is our message; True for what is not JSON."""
     if not text.lstrip().startswith(("{", "[")) or text.startswith(nav2_messages.JSON_MARK):
         return True
-    if not whole:
-        return '"states"' in text
     try:
-        data = json.loads(text)
+        data = json.loads(text) if whole else None
     except ValueError:
+        data = None
+    if data is None:
         return '"states"' in text
-    return isinstance(data, dict) and "states" in data
+    return isinstance(data, dict) and any(members <= data.keys() for members in _RECORDS)

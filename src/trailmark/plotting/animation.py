@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -18,11 +18,16 @@ from trailmark.plotting.world import draw_end, draw_world
 from trailmark.sketch.colours import GOAL, PATH, TEXT
 
 if TYPE_CHECKING:
+    from PIL.Image import Image
+
     from trailmark.path import Path
     from trailmark.se2 import FloatArray
     from trailmark.world import Robot, World
 
-__all__ = ["Frame", "save_animation"]
+__all__ = ["Frame", "save_animation", "write_gif"]
+
+MARK = "Written by trailmark"
+"""A GIF's comment, by which a later run knows that it may replace it (trailmark.formats.outputs)."""
 
 _DPI = 72
 
@@ -60,8 +65,6 @@ def save_animation(
     """
     from PIL import Image
 
-    from trailmark.formats.files import write_atomically
-
     target = FilePath(file)
     if target.suffix.lower() != ".gif":
         raise OutputError(f"{file}: expected a file that ends in .gif, got {target.suffix or 'no suffix'}")
@@ -71,12 +74,28 @@ def save_animation(
         pictures.append(Image.open(io.BytesIO(_drawn(frame, robot, goal))).convert("P", palette=Image.Palette.ADAPTIVE))
     if not pictures:
         raise OutputError(f"{file}: expected at least one frame, got none")
+    write_gif(target, pictures, seconds)
+
+
+def write_gif(file: FilePath, pictures: Sequence[Image], seconds: float) -> None:
+    """Write pictures, at least one, as a GIF that begins again at its end; each is shown so many seconds."""
+    from trailmark.formats.files import write_atomically
+
     data = io.BytesIO()
     duration = max(20, round(1000.0 * seconds))
-    pictures[0].save(
-        data, "GIF", save_all=True, append_images=pictures[1:], duration=duration, loop=0, disposal=2, optimize=False
+    first, *others = pictures
+    first.save(
+        data,
+        "GIF",
+        save_all=True,
+        append_images=others,
+        duration=duration,
+        loop=0,
+        disposal=2,
+        optimize=False,
+        comment=MARK,
     )
-    write_atomically(target, data.getvalue())
+    write_atomically(file, data.getvalue())
 
 
 def _drawn(frame: Frame, robot: Robot, goal: FloatArray | None) -> bytes:

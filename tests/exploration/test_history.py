@@ -1,0 +1,41 @@
+"""An exploration's history as arrays, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+from tests.exploration.made_exploration import STOPS, made_exploration
+
+from trailmark.exploration.history import History
+from trailmark.exploration.result import ExplorationProgress
+
+
+def same(a: ExplorationProgress, b: ExplorationProgress) -> bool:
+    return all(repr(x) == repr(y) for x, y in zip(a, b, strict=True))
+
+
+def test_arrays_hold_the_whole_history() -> None:
+    history = made_exploration().history
+    again = History.of(history).progress()
+    assert len(again) == len(history)
+    assert all(same(a, b) for a, b in zip(history, again, strict=True))
+    assert [type(value) for value in again[5]] == [type(value) for value in history[5]]
+
+
+def test_a_history_without_any_path() -> None:
+    row = ExplorationProgress(0.0, 0.0, 1.0, 0, 0.0, np.zeros(3), None, None, "the sensor is silent")
+    arrays = History.of([row, row])
+    assert arrays.paths.shape == (0, 3)
+    assert all(same(row, again) for again in arrays.progress())
+    assert History.of([]).progress() == ()
+
+
+def test_equal_paths_in_a_row_are_kept_once() -> None:
+    path = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    row = ExplorationProgress(0.0, 0.0, 1.0, 0, 0.0, np.zeros(3), path[1], path, "")
+    arrays = History.of([row, row, row._replace(path=path + 1.0), row._replace(path=None), row])
+    assert arrays.path_of.tolist() == [0, 0, 1, -1, 2]
+    assert arrays.path_ends.tolist() == [2, 4, 6]
+
+
+def test_visits_are_where_landmarks_were_reached() -> None:
+    assert np.allclose(History.of(made_exploration().history).visits()[:, :2], STOPS[1:])
