@@ -1,0 +1,276 @@
+# ruff: noqa: N806 # the filter's own symbol: Q
+"""A simulated robot in a world that is hidden from whoever explores it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trailmark.checked import Count, NonNegative, Positive, PositiveOrInfinite, Seed, Share, checked_arguments
+from trailmark.collision import StateChecker
+from trailmark.errors import ConfigurationError
+from trailmark.estimation.filter.motion import PoseIncrement
+from trailmark.estimation.filter.sensors import RangeBearing
+from trailmark.estimation.logs.records import Detection, Increment, Record
+from trailmark.estimation.simulation.driving import Drive
+from trailmark.estimation.simulation.raycast import RayCaster
+from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.exploration.robots import DriveReport
+from trailmark.robot import Robot
+from trailmark.se2 import FloatArray, compose, configurations, interpolate, wrap
+from trailmark.world import World
+
+__all__ = ["SimulatedRobot", "disc_detector", "laser_scanner"]
+
+ODOMETRY: Final = PoseIncrement(2e-4, 2e-4, 2e-4, growth=(4e-4, 1e-4, 4e-4))
+"""2 cm and 0.01 rad after a metre, 0.02 rad after a radian, growing as the root of what is driven: a wheeled robot
+indoors. What each record adds (0.2 mm, 0.2 mrad) keeps the covariance of a turn on the spot regular."""
+
+PERIOD = 0.1
+"""Seconds between records of odometry, at most."""
+
+INSTANT = 1e-9
+"""Seconds: what is closer together is simultaneous."""
+
+LEAST_STATED = 0.01
+"""Share of the noise that records state when there is less: filters cannot use a covariance of 0."""
+
+STOP = 1e-3
+"""Metres before a contact at which a robot comes to a stop, at most."""
+
+APART = 0.05
+"""Share of the inscribed radius that a robot has to be away from what it met for the next contact to count."""
+
+
+def laser_scanner(max_range: Positive, cell: Positive, most: Count = 2000) -> Scanner:
+    """Return a laser scanner that sees all around, for a map of cells.
+
+    Args:
+        max_range: metres.
+        cell: metres that neighbouring beams are apart at that range.
+        most: beams, at most.
+    """
+    beams = min(most, max(16, math.ceil(2.0 * math.pi * max_range / cell)))
+    return Scanner(beams, 2.0 * math.pi, max_range, sigma=0.01)
+
+
+def disc_detector(max_range: Positive) -> Detector:
+    """Return a sensor that sees discs all around, and tells them apart: 2 cm and 0.01 rad."""
+    return Detector(RangeBearing(0.02, 0.01), max_range)
+
+
+class SimulatedRobot:
+    """An :class:`trailmark.exploration.robots.ExploringRobot` in a hidden world.
+
+    It drives what it is told to, with errors, and its odometry says what it was told to: the truth is the recorded step
+    with noise added, as the filters assume, and now and then a step of which a part is lost (the wheels slip). What it
+    runs into is found in the true world with the true footprint, for each small true motion as a whole
+    (:class:`trailmark.collision.StateChecker`); it then stops at the last free place.
+
+    Args:
+        world: what is hidden. Its zones mean nothing to a simulator.
+        robot: footprint; the clearance that it is to keep is not part of it.
+        start: where it is at time 0, shape (3,).
+        sensor: a laser, or a detector of discs. Its ``period`` is not used: it reads whenever it is asked.
+        odometry: noise of a step.
+        slip: chance that a part of a step of 0.1 s is lost, evenly from none to all of it. Its variance is part of what
+            the records state.
+        speed: metres per second.
+        turn_rate: radians per second.
+        seed: of all noise.
+        noise: factor on all standard deviations; with 0, odometry and readings are exact and nothing slips.
+
+    Attributes:
+        world: as it is now.
+        robot: as given, without a clearance.
+        sensor: as given.
+        time: seconds since the start.
+        pose: where it truly is, shape (3,).
+        collisions: times that it met something; standing in contact, or one contact after the other without having been
+            free in between, counts once.
+
+    Raises:
+        ConfigurationError: the start is not valid in the world.
+    """
+
+    @checked_arguments(ConfigurationError)
+    def __init__(
+        self,
+        world: World,
+        robot: Robot,
+        start: ArrayLike,
+        sensor: Scanner | Detector,
+        *,
+        odometry: PoseIncrement = ODOMETRY,
+        slip: Share = 0.01,
+        speed: Positive = 1.0,
+        turn_rate: Positive = 1.0,
+        seed: Seed = 0,
+        noise: NonNegative = 1.0,
+    ) -> None:
+        self.robot, self.sensor, self.time, self.collisions = robot.keeping(0.0), sensor, 0.0, 0
+        self.change_world(world)
+        self.pose: FloatArray = self._checker.require_valid(start, "start")
+        self._odometry, self._slip, self._noise = odometry, slip if noise > 0.0 else 0.0, noise
+        self._speed, self._turn_rate = speed, turn_rate
+        self._drawn = _scaled(sensor, noise)
+        self._odometry_rng, self._slip_rng, self._sensor_rng = np.random.default_rng(seed).spawn(3)
+        self._truth: list[tuple[float, ...]] = [(0.0, *self.pose)]
+        self._records: list[Record] = []
+        self._sensed_at, self._touches = -math.inf, False
+
+    @property
+    def truth(self) -> FloatArray:
+        """Where it was, shape (n, 4), rows t, x, y, theta."""
+        return np.array(self._truth)
+
+    def change_world(self, world: World) -> None:
+        """Let the world be another one from now on: doors close, things are moved.
+
+        Raises:
+            ConfigurationError: the robot stands where something is now.
+        """
+        checker = StateChecker(replace(world, zones=()), self.robot)
+        if hasattr(self, "pose"):
+            checker.require_valid(self.pose, "the robot's place")
+        self.world, self._checker = world, checker
+        self._caster = RayCaster(world, bounds=not isinstance(self.sensor, Scanner) or self.sensor.bounds)
+        self._features = self.sensor.features(world) if isinstance(self.sensor, Detector) else np.empty((0, 4))
+
+    def carry(self, pose: ArrayLike) -> None:
+        """Put the robot elsewhere, shape (3,), without its odometry noticing.
+
+        Raises:
+            ConfigurationError: it does not fit there.
+        """
+        self.pose = self._checker.require_valid(pose, "pose")
+        self._truth.append((self.time, *self.pose))
+
+    def sense(self) -> Sequence[Record]:
+        """Return the odometry since the last call, and a reading from where the robot is, if time has passed."""
+        records, self._records = self._records, []
+        if self.time > self._sensed_at:
+            self._sensed_at = self.time
+            records += self._read()
+        return records
+
+    @checked_arguments(ConfigurationError)
+    def drive(self, states: ArrayLike, seconds: PositiveOrInfinite) -> DriveReport:
+        """Drive along a path: x and y linearly, theta along the shorter arc, as fast as the two speeds allow.
+
+        A drive that is blocked, or that stands still, takes all of its time.
+
+        Args:
+            states: shape (n, 3), in the robot's own frame; the first row is (0, 0, 0).
+            seconds: at most; finite for one that stands still.
+
+        Raises:
+            ConfigurationError: no such path.
+        """
+        path = np.atleast_2d(configurations(states, name="states"))
+        if not np.allclose(path[0], 0.0, atol=1e-9):
+            raise ConfigurationError(f"states: expected the first row (0, 0, 0), got {path[0].tolist()}")
+        drive = Drive(path, self._speed, self._turn_rate, holonomic=True)
+        whole = float(drive.times[-1])
+        if whole == 0.0 and not math.isfinite(seconds):
+            raise ConfigurationError(f"seconds: expected a finite number to stand still, got {seconds}")
+        end = min(whole, seconds)
+        times = np.sort(np.concatenate([np.arange(0.0, end, PERIOD), drive.times[drive.times < end], [end]]))
+        times = times[np.append(np.diff(times) > INSTANT, True)]
+        planned = drive.poses(times)
+        steps = _steps(planned)
+        true = self._true_poses(steps, np.diff(times))
+        done, share = self._free_part(true)
+        if share is not None:
+            planned[done + 1 :] = interpolate(planned[done], planned[done + 1], share)
+            true[done + 1 :] = interpolate(true[done], true[done + 1], share)
+            times[done + 1 :] = times[done] + share * (times[done + 1] - times[done])
+            last = done + 2 if share > 0.0 else done + 1
+            planned, true, times = planned[:last], true[:last], times[:last]
+            steps = _steps(planned)
+        for t, step, pose in zip((self.time + times[1:]).tolist(), steps, true[1:].tolist(), strict=True):
+            self._record(t, step, pose)
+        self.pose = true[-1]
+        self._count(blocked := share is not None)
+        end = min(seconds, whole) if whole and not blocked else seconds if math.isfinite(seconds) else float(times[-1])
+        if self.time + end > self._truth[-1][0] + INSTANT:
+            self._record(self.time + end, np.zeros(3), self.pose.tolist())
+        self.time = self._truth[-1][0]
+        return DriveReport(float(np.hypot(steps[:, 0], steps[:, 1]).sum()), not blocked and whole <= seconds, blocked)
+
+    def _true_poses(self, steps: FloatArray, durations: FloatArray) -> FloatArray:
+        """Return where steps, shape (m, 3), lead, shape (m + 1, 3): the robot's pose first."""
+        poses = [self.pose]
+        for step, duration in zip(steps, durations.tolist(), strict=True):
+            w = self._noise * np.sqrt(np.diag(self._odometry.Q(step))) * self._odometry_rng.standard_normal(3)
+            chance, lost = self._slip_rng.random(2)
+            kept = 1.0 - lost if chance < self._slip * duration / PERIOD else 1.0
+            poses.append(compose(poses[-1], kept * step + w))
+        return np.array(poses)
+
+    def _free_part(self, poses: FloatArray) -> tuple[int, float | None]:
+        """Return how many of the motions between poses are free, and which share of the next is; None if all are."""
+        free = self._checker.motions_valid(poses[:-1], poses[1:])
+        if free.all():
+            return len(free), None
+        first = int(np.argmin(free))
+        a, b, share, width = poses[first], poses[first + 1], 0.0, 1.0
+        reach = float(np.hypot(*(b - a)[:2]) + self.robot.circumradius * abs(wrap(b[2] - a[2])))
+        while width * reach > STOP:
+            width *= 0.5
+            if self._checker.motion_valid(a, interpolate(a, b, share + width)):
+                share += width
+        return first, share
+
+    def _record(self, t: float, step: FloatArray, pose: list[float]) -> None:
+        """Write down a step of the odometry, shape (3,), with its covariance, and where it truly led."""
+        Q = self._odometry.Q(step) * max(self._noise, LEAST_STATED) ** 2 + self._slip / 3.0 * np.outer(step, step)
+        dx, dy, dtheta = step.tolist()
+        self._records.append(Increment(t, dx, dy, dtheta, Q))
+        self._truth.append((t, *pose))
+
+    def _count(self, blocked: bool) -> None:
+        """Count a contact, unless the last one has not ended."""
+        if blocked:
+            self.collisions += not self._touches
+            self._touches = True
+        elif self._touches:
+            away = APART * self.robot.inscribed_disc.radius
+            self._touches = bool(self._checker.clearance(self.pose, cap=away) < away)
+
+    def _read(self) -> list[Record]:
+        """Return a reading of the sensor."""
+        if isinstance(self._drawn, Scanner):
+            return [self._drawn.sweep(self.time, self.pose, self._caster, self._sensor_rng)]
+        found = self._drawn.sweep(self.time, self.pose, self._features, self._caster, self._sensor_rng)
+        factor = max(self._noise, LEAST_STATED) ** 2 / max(self._noise, _EXACT) ** 2
+        return [_stated(detection, factor) for detection in found]
+
+
+_EXACT = 1e-9
+"""The share of a detector's noise that counts as none: its model has no deviation of 0."""
+
+
+def _scaled(sensor: Scanner | Detector, noise: float) -> Scanner | Detector:
+    """Return a sensor with so much of its noise."""
+    if isinstance(sensor, Scanner):
+        return replace(sensor, sigma=noise * sensor.sigma)
+    factor, model = max(noise, _EXACT), sensor.model
+    drawn = replace(model, sigma_range=factor * model.sigma_range, sigma_bearing=factor * model.sigma_bearing)
+    return replace(sensor, model=drawn)
+
+
+def _stated(detection: Detection, factor: float) -> Detection:
+    return detection if detection.covariance is None else detection._replace(covariance=factor * detection.covariance)
+
+
+def _steps(poses: FloatArray) -> FloatArray:
+    """Return the motions from each pose to the next, shape (n - 1, 3), in the frame of the first of the two."""
+    dx, dy, dtheta = np.diff(poses, axis=0).T
+    cos, sin = np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])
+    return np.column_stack([cos * dx + sin * dy, cos * dy - sin * dx, np.asarray(wrap(dtheta))])

@@ -1,0 +1,269 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+import shapely.affinity
+from tests.support.exploration_faults import Faulty, Impossible, Late, frozen_odometry, miscounted, repeated, silence
+
+from trailmark.errors import ConfigurationError
+from trailmark.estimation.logs.records import Detection, Increment, Record, Scan
+from trailmark.exploration.robots import ExploringRobot
+from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector, laser_scanner
+from trailmark.se2 import FloatArray, compose, wrap
+from trailmark.shapes import Disc, Rectangle
+from trailmark.world import Robot, World
+from trailmark.zones import KeepOutZone
+
+WALL = Rectangle((6.0, 2.0), 1.0, 4.0)
+WORLD = World("room", (0.0, 0.0, 10.0, 8.0), (WALL, Disc((3.0, 6.0), 0.5), Disc((8.0, 2.0), 0.2)))
+ROBOT = Robot.rectangle(0.6, 0.4)
+START = (1.0, 2.0, 0.0)
+TURN = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.5], [2.0, 1.0, 2.0]])
+
+
+def laser(noise: float = 1.0, seed: int = 0, slip: float = 0.01, world: World = WORLD) -> SimulatedRobot:
+    return SimulatedRobot(world, ROBOT, START, laser_scanner(5.0, 0.1), noise=noise, seed=seed, slip=slip)
+
+
+def dead_reckoning(records: list[Record], start: tuple[float, float, float] = START) -> FloatArray:
+    """Compose the increments with complex numbers."""
+    place, heading = complex(*start[:2]), start[2]
+    for record in records:
+        if isinstance(record, Increment):
+            place += complex(record.dx, record.dy) * np.exp(1j * heading)
+            heading += record.dtheta
+    return np.array([place.real, place.imag, heading])
+
+
+def ahead(metres: float) -> FloatArray:
+    return np.array([[0.0, 0.0, 0.0], [metres, 0.0, 0.0]])
+
+
+def test_it_is_an_exploring_robot() -> None:
+    robot: ExploringRobot = laser()
+    assert len(robot.sense()) == 1
+
+
+def test_without_noise_odometry_and_ranges_are_exact() -> None:
+    robot = laser(noise=0.0)
+    report = robot.drive(TURN, 60.0)
+    records = list(robot.sense())
+    assert report.arrived
+    assert not report.blocked
+    assert report.distance == pytest.approx(1.0 + math.sqrt(2.0))
+    assert robot.pose == pytest.approx([3.0, 3.0, 2.0])
+    assert dead_reckoning(records) == pytest.approx(robot.pose)
+    assert robot.time == pytest.approx(1.0 + 1.5 + math.sqrt(2.0))
+    scan = records[-1]
+    assert isinstance(scan, Scan)
+    assert scan.t == robot.time
+    solids = shapely.union_all([shape.polygon(1e-6).shapely() for shape in WORLD.obstacles])
+    walls = shapely.union_all([solids, shapely.box(*WORLD.bounds).exterior])
+    for i in range(0, len(scan.ranges), 7):
+        angle = robot.pose[2] + scan.angle_min + i * scan.angle_increment
+        beam = shapely.LineString([robot.pose[:2], robot.pose[:2] + 5.0 * np.array([math.cos(angle), math.sin(angle)])])
+        met = shapely.distance(shapely.Point(robot.pose[:2]), beam.intersection(walls))
+        assert scan.ranges[i] == (np.inf if math.isnan(met) else pytest.approx(met, abs=1e-4))
+
+
+def test_a_reading_at_the_start_and_one_for_each_moment() -> None:
+    robot = laser()
+    (first,) = robot.sense()
+    assert isinstance(first, Scan)
+    assert first.t == 0.0
+    assert robot.sense() == []
+    robot.drive(np.zeros((1, 3)), 0.5)
+    increment, scan = robot.sense()
+    assert isinstance(increment, Increment)
+    assert increment[:4] == (0.5, 0.0, 0.0, 0.0)
+    assert scan.t == 0.5
+    assert np.array_equal(robot.truth, [[0.0, *START], [0.5, *START]])
+
+
+def test_a_drive_in_pieces_leads_where_the_whole_does() -> None:
+    robot = laser(noise=0.0)
+    reports = [robot.drive(ahead(2.0 - 0.3 * i), 0.3) for i in range(7)]
+    assert [report.arrived for report in reports] == [False] * 6 + [True]
+    assert robot.pose == pytest.approx([3.0, 2.0, 0.0])
+    assert robot.time == pytest.approx(2.0)
+    assert (np.diff(robot.truth[:, 0]) > 0.0).all()
+
+
+def test_records_state_the_noise_that_there_is() -> None:
+    """Errors of 400 drives, normalised by the covariance of their composed records, have the mean 3 of a chi-square."""
+    rng, squares = np.random.default_rng(1), []
+    for seed in range(400):
+        robot = laser(seed=seed, slip=0.0)
+        robot.drive(TURN, 60.0)
+        records = [record for record in robot.sense() if isinstance(record, Increment)]
+        pose, covariance = np.array(START), np.zeros((3, 3))
+        for record in records:
+            cos, sin = math.cos(pose[2]), math.sin(pose[2])
+            turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+            dx, dy = turn[:2, :2] @ [record.dx, record.dy]
+            carry = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
+            assert record.covariance is not None
+            assert np.linalg.eigvalsh(record.covariance).min() > 0.0
+            covariance = carry @ covariance @ carry.T + turn @ record.covariance @ turn.T
+            pose = compose(pose, [record.dx, record.dy, record.dtheta])
+        error = robot.pose - pose
+        error[2] = wrap(error[2])
+        squares.append(error @ np.linalg.solve(covariance, error))
+    means = [rng.choice(squares, 400).mean() for _ in range(500)]
+    assert np.quantile(means, 0.001) < 3.0 < np.quantile(means, 0.999)
+
+
+def test_slip_loses_a_part_of_the_way_and_nothing_without_noise() -> None:
+    slipping = [laser(seed=seed, slip=0.5) for seed in range(40)]
+    for robot in slipping:
+        robot.drive(ahead(4.0), 60.0)
+    driven = np.mean([robot.pose[0] - 1.0 for robot in slipping])
+    assert driven == pytest.approx(4.0 * (1.0 - 0.5 * 0.5), abs=0.1)
+    robot = laser(noise=0.0, slip=0.5)
+    robot.drive(ahead(4.0), 60.0)
+    assert robot.pose[0] == pytest.approx(5.0)
+
+
+def test_the_same_seed_gives_the_same_run() -> None:
+    runs = [laser(seed=seed) for seed in (3, 3, 4)]
+    scans = []
+    for robot in runs:
+        robot.drive(TURN, 60.0)
+        scans.append(robot.sense()[-1])
+    assert np.array_equal(runs[0].truth, runs[1].truth)
+    assert not np.array_equal(runs[0].truth, runs[2].truth)
+    first, again = (scan for scan in scans[:2] if isinstance(scan, Scan))
+    assert np.array_equal(first.ranges, again.ranges)
+
+
+def test_it_stops_before_what_it_meets_and_counts_that_once() -> None:
+    robot = laser(noise=0.0)
+    report = robot.drive(ahead(6.0), 8.0)
+    front = WALL.polygon().shapely().bounds[0] - 0.3
+    assert report[0] == pytest.approx(front - 1.0, abs=2e-3)
+    assert report[1:] == (False, True)
+    assert front - 2e-3 < robot.pose[0] <= front
+    assert robot.time == 8.0
+    assert robot.collisions == 1
+    for _ in range(3):  # it goes on pushing, and slides along
+        robot.drive(np.array([[0.0, 0.0, 0.0], [0.5, 0.1, 0.0]]), 1.0)
+    assert robot.collisions == 1
+    assert robot.drive(np.array([[0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]), 2.0).arrived
+    assert robot.drive(ahead(3.0), 3.0).blocked
+    assert robot.collisions == 2
+    assert dead_reckoning(list(robot.sense())) == pytest.approx(robot.pose)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_footprint_never_overlaps_anything(seed: int) -> None:
+    """Drive at random, with noise, among and against obstacles; shapely looks at every pose on the way."""
+    robot, rng = laser(seed=seed), np.random.default_rng(seed)
+    for _ in range(60):
+        target = [rng.uniform(-1.0, 3.0), rng.uniform(-1.0, 1.0), rng.uniform(-3.0, 3.0)]
+        robot.drive(np.array([[0.0, 0.0, 0.0], target]), 2.0)
+    solids = shapely.union_all([shape.polygon(1e-6).shapely() for shape in WORLD.obstacles])
+    truth = robot.truth
+    between = truth[:-1] + 0.5 * np.column_stack([np.diff(truth[:, :3], axis=0), wrap(np.diff(truth[:, 3]))])
+    room = shapely.box(*WORLD.bounds)
+    for _, x, y, theta in np.concatenate([truth, between]):
+        body = shapely.affinity.rotate(shapely.box(-0.3, -0.2, 0.3, 0.2), theta, (0.0, 0.0), use_radians=True)
+        body = shapely.affinity.translate(body, x, y)
+        assert body.intersection(solids).area < 1e-6
+        assert body.difference(room).area < 1e-6
+    assert robot.collisions > 0
+
+
+def test_discs_are_detected_with_their_noise() -> None:
+    robot = SimulatedRobot(WORLD, ROBOT, START, disc_detector(9.0), noise=0.0)
+    (seen,) = robot.sense()
+    assert isinstance(seen, Detection)
+    assert seen.identity == 1
+    assert seen.z == pytest.approx([math.hypot(2.0, 4.0), math.atan2(4.0, 2.0)], abs=1e-9)
+    assert seen.covariance == pytest.approx(np.diag([2e-4, 1e-4]) ** 2)
+    errors = []
+    for seed in range(200):
+        (noisy,) = SimulatedRobot(WORLD, ROBOT, START, disc_detector(9.0), seed=seed, noise=2.0).sense()
+        assert isinstance(noisy, Detection)
+        errors.append(noisy.z - seen.z)
+        assert noisy.covariance == pytest.approx(np.diag([0.04, 0.02]) ** 2)
+    assert np.std(errors, axis=0) == pytest.approx([0.04, 0.02], rel=0.2)
+
+
+def test_a_door_closes_and_the_robot_is_carried_away() -> None:
+    robot = laser(noise=0.0)
+    closed = WORLD.edited(add=[Rectangle((6.0, 6.0), 1.0, 4.0)])
+    robot.change_world(closed)
+    robot.drive(np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0], [6.0, 2.0, 0.0]]), 20.0)
+    assert robot.collisions == 1
+    assert robot.pose[0] <= 5.2
+    assert robot.world is closed
+    before = list(robot.sense())
+    robot.carry((8.0, 5.0, 1.0))
+    assert robot.pose == pytest.approx([8.0, 5.0, 1.0])
+    assert robot.sense() == []
+    robot.drive(ahead(0.5), 1.0)
+    increments = [record for record in robot.sense() if isinstance(record, Increment)]
+    assert sum(step.dx for step in increments) == pytest.approx(0.5)
+    assert isinstance(before[-1], Scan)
+    with pytest.raises(ConfigurationError, match="robot's place"):
+        robot.change_world(World("full", WORLD.bounds, (Rectangle((8.0, 5.0), 3.0, 3.0),)))
+    with pytest.raises(ConfigurationError, match="pose"):
+        robot.carry((6.0, 2.0, 0.0))
+    assert robot.world is closed
+
+
+def test_zones_and_clearance_mean_nothing_to_it() -> None:
+    zone = KeepOutZone(Rectangle((2.0, 2.0), 1.0, 4.0).polygon())
+    world = World("zone", WORLD.bounds, WORLD.obstacles, zones=(zone,))
+    robot = SimulatedRobot(world, ROBOT.keeping(0.5), START, laser_scanner(5.0, 0.1), noise=0.0)
+    assert robot.drive(ahead(4.0), 9.0).arrived
+    assert robot.collisions == 0
+
+
+def test_what_it_does_not_take() -> None:
+    robot = laser()
+    with pytest.raises(ConfigurationError, match=r"expected the first row \(0, 0, 0\), got \[1.0"):
+        robot.drive(np.array([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), 1.0)
+    with pytest.raises(ConfigurationError, match="seconds: expected a finite number to stand still, got inf"):
+        robot.drive(np.zeros((1, 3)), math.inf)
+    with pytest.raises(ConfigurationError, match="seconds: expected a number above 0, got 0"):
+        robot.drive(ahead(1.0), 0)
+    with pytest.raises(ConfigurationError, match="finite"):
+        robot.drive(np.array([[0.0, 0.0, 0.0], [math.nan, 0.0, 0.0]]), 1.0)
+    with pytest.raises(ConfigurationError, match=r"start .* not valid"):
+        SimulatedRobot(WORLD, ROBOT, (6.0, 2.0, 0.0), laser_scanner(5.0, 0.1))
+    with pytest.raises(ConfigurationError, match="slip"):
+        laser(slip=2.0)
+
+
+def test_a_scanner_has_a_beam_for_each_cell_at_its_range() -> None:
+    scanner = laser_scanner(5.0, 0.1)
+    assert scanner.beams == 315
+    assert 5.0 * scanner.angle_increment == pytest.approx(0.1, rel=0.01)
+    assert laser_scanner(1e3, 0.01).beams == 2000
+
+
+def test_faults() -> None:
+    def sensed(robot: ExploringRobot, calls: int = 4) -> list[list[Record]]:
+        found = [list(robot.sense())]
+        for _ in range(calls - 1):
+            robot.drive(ahead(0.1), 0.1)
+            found.append(list(robot.sense()))
+        return found
+
+    def scans(records: list[Record]) -> list[Scan]:
+        return [record for record in records if isinstance(record, Scan)]
+
+    assert [len(scans(r)) for r in sensed(Faulty(laser(), silence, 0.05, 0.25))] == [1, 0, 0, 1]
+    assert [len(scans(r)) for r in sensed(Faulty(laser(), repeated, 0.15))] == [1, 1, 2, 2]
+    late = [scans(r) for r in sensed(Faulty(laser(), Late(2)))]
+    assert [scan.t for found in late for scan in found] == pytest.approx([0.0, 0.1])
+    assert not late[1]
+    assert np.isnan(scans(sensed(Faulty(laser(), Impossible(math.nan)))[0])[0].ranges).all()
+    assert len(scans(sensed(Faulty(laser(), miscounted))[0])[0].ranges) == 158
+    still = sensed(Faulty(laser(), frozen_odometry))[1][0]
+    assert isinstance(still, Increment)
+    assert still[1:4] == (0.0, 0.0, 0.0)
