@@ -116,8 +116,10 @@ def fastest(
     wanted = np.full(len(curved), limits.intervals) if rows is None else np.maximum(rows, limits.intervals)
     count = np.where(curved, wanted, 1)
     piece = np.repeat(np.arange(len(count)), count)
-    step = (pieces.length / count)[piece]
-    begin = step * (np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count))
+    # Shortest at the ends, where a robot comes to a stop or starts: it may do so on a small share of a long piece.
+    place = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
+    begin, end = (0.5 * pieces.length[piece] * (1.0 - np.cos(np.pi * k / count[piece])) for k in (place, place + 1))
+    step = end - begin
     speed = np.full(len(piece), limits.max_speed)
     for zone in zones:
         if isinstance(zone, SpeedZone) and zone.limit < limits.max_speed:
