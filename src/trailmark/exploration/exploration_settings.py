@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from trailmark.checked import Count, NonNegative, Positive, PositiveOrInfinite, Probability, checked_fields
 from trailmark.errors import ConfigurationError
+from trailmark.robot import Robot
 
 __all__ = ["ExplorationSettings"]
 
@@ -45,3 +46,11 @@ class ExplorationSettings:
 
     def __post_init__(self) -> None:
         checked_fields(self, ConfigurationError)
+
+    def cell_side(self, robot: Robot, bounds: tuple[float, float, float, float]) -> float:
+        """Return the side of the map's cells, metres."""
+        if self.cell is not None:
+            return self.cell
+        xmin, ymin, xmax, ymax = bounds
+        fine = min(0.25, max(0.02, robot.inscribed_disc.radius / 5.0))
+        return max(fine, math.sqrt((xmax - xmin) * (ymax - ymin) / self.max_cells))

@@ -1,0 +1,106 @@
+"""Following a path from where the robot is: what is left of it, as a command in the robot's own frame."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.estimation.scans.clouds import relative
+from trailmark.exploration.known_map import FREE, KnownMap
+from trailmark.path import Path
+from trailmark.se2 import FloatArray, difference, interpolate
+from trailmark.world import Robot
+
+__all__ = ["PathFollower"]
+
+BoolArray = NDArray[np.bool_]
+
+STEP = 0.05
+"""Metres between the rows of a command: cars follow their curves to 0.3 mm at a radius of 1 m."""
+
+
+class PathFollower:
+    """Where the robot is on its path.
+
+    Args:
+        path: certified, from where the robot is.
+        robot: that follows it.
+
+    Attributes:
+        path: that is followed.
+    """
+
+    def __init__(self, path: Path, robot: Robot) -> None:
+        self.path = path
+        self._reach = robot.circumradius + robot.clearance
+        self._comes_back = robot.drive == "omnidirectional"
+        self._rows = path.resample(STEP).states if len(path.states) > 1 else path.states
+        self._at = 0
+        self._free: tuple[NDArray[np.intp], ...] | None = None
+
+    @property
+    def target(self) -> FloatArray:
+        """The path's end, shape (3,)."""
+        return np.asarray(self._rows[-1])
+
+    @property
+    def rest(self) -> FloatArray:
+        """The rows of the path that are left, shape (n, 3)."""
+        return np.asarray(self._rows[self._at :])
+
+    def advance(self, pose: FloatArray, distance: float) -> float:
+        """Take note of where the robot has come to; return how far it is from its path, metres, any of its points.
+
+        Args:
+            pose: shape (3,).
+            distance: metres that it drove since the last call.
+        """
+        rows = self._rows[self._at : self._at + 4 + int(np.ceil(2.0 * distance / STEP))]
+        if len(rows) == 1:
+            ahead = relative(rows[0], pose)
+            return float(np.hypot(*ahead[:2])) + self._reach * abs(float(ahead[2]))
+        a, b = rows[:-1], rows[1:]
+        edge, ahead = b[:, :2] - a[:, :2], pose[:2] - a[:, :2]
+        length2, turn = np.einsum("ij,ij->i", edge, edge), difference(a, b)[:, 2]
+        # On a turn in place the heading says how far along it is.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            along = np.where(
+                length2 > 0.0, np.einsum("ij,ij->i", ahead, edge) / length2, difference(a, pose)[:, 2] / turn
+            )
+        along = np.clip(np.nan_to_num(along), 0.0, 1.0)
+        off = difference(interpolate(a, b, along), pose)
+        away = np.hypot(off[:, 0], off[:, 1]) + self._reach * np.abs(off[:, 2])
+        nearest = int(np.flatnonzero(away <= away.min() + 1e-9)[-1])
+        self._at += nearest + int(along[nearest] > 1.0 - 1e-9)
+        return float(away.min())
+
+    def command(self, pose: FloatArray) -> FloatArray:
+        """Return what is left of the path in the robot's frame, shape (n, 3), the first row (0, 0, 0).
+
+        A robot that moves in every direction comes back to its path on the way to the next row; others follow the
+        path's shape from where they are.
+
+        Args:
+            pose: where the robot is, shape (3,).
+        """
+        rows = self._rows[self._at :]
+        if self._comes_back:
+            return np.concatenate([np.zeros((1, 3)), relative(pose, rows[1:] if len(rows) > 1 else rows)])
+        return np.asarray(relative(rows[0], rows))
+
+    def endangered(self, known: KnownMap) -> bool:
+        """Return whether a cell near what is left of the path was free and is not any more, since the last call."""
+        if self._free is None:
+            rows, columns = known.cells_of(self._rows[:, :2])
+            near = np.zeros(known.state.shape, dtype=bool)
+            near[rows, columns] = True
+            self._free = np.nonzero(grown(near, self._reach + STEP, known.cell) & (known.state == FREE))
+            return False
+        return bool((known.state[self._free] != FREE).any())
+
+
+def grown(mask: BoolArray, radius: float, cell: float) -> BoolArray:
+    """Return the cells within a distance of a mask's, shape of ``mask``, bool."""
+    from scipy.ndimage import distance_transform_edt
+
+    return np.asarray(distance_transform_edt(~mask, sampling=cell) <= radius + cell)

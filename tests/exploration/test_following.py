@@ -1,0 +1,74 @@
+"""Following a path by commands in the robot's own frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trailmark import Path, Robot
+from trailmark.exploration.following import PathFollower
+from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
+from trailmark.se2 import compose, difference
+
+STATES = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 2.0], [1.0, 1.5, 3.0]])
+
+
+def driven(follower: PathFollower, pose: np.ndarray, step: float, offset: float = 0.0) -> np.ndarray:
+    """Return the poses of a robot that carries out each command for a step, shape (n, 3)."""
+    poses, moved = [pose], 0.0
+    for _ in range(200):
+        follower.advance(poses[-1], moved)
+        states = follower.command(poses[-1])
+        assert states[0].tolist() == [0.0, 0.0, 0.0]
+        part = Path(states) if len(states) > 1 else None
+        if part is None or part.cost == 0.0:
+            break
+        ahead = part.at(min(1.0, step / part.cost))
+        moved = float(np.hypot(*ahead[:2]))
+        poses.append(compose(poses[-1], ahead + np.array([0.0, offset, 0.0])))
+        offset = 0.0
+        if step >= part.cost:
+            break
+    return np.array(poses)
+
+
+def test_an_exact_robot_stays_on_its_path_to_the_end() -> None:
+    path = Path(STATES)
+    follower = PathFollower(path, Robot.rectangle(0.6, 0.4))
+    poses = driven(follower, STATES[0], 0.13)
+    assert np.abs(difference(poses[-1], STATES[-1])).max() < 1e-9
+    dense = path.at(np.linspace(0.0, 1.0, 20_001))
+    for pose in poses:
+        assert np.abs(difference(dense, pose)).sum(axis=1).min() < 1e-3
+    assert follower.advance(poses[-1], 0.13) < 1e-9
+    assert len(follower.rest) == 1
+
+
+def test_a_robot_that_moves_in_every_direction_comes_back_to_its_path() -> None:
+    follower = PathFollower(Path(STATES[:2]), Robot.disc(0.3))
+    start = np.array([0.0, 0.05, 0.0])
+    assert follower.advance(start, 0.0) == pytest.approx(0.05)
+    poses = driven(follower, start, 0.1)
+    assert np.abs(poses[2:, 1]).max() < 1e-6
+    assert np.hypot(*(poses[-1, :2] - STATES[1, :2])) < 1e-6
+
+
+def test_others_follow_the_shape_from_where_they_are() -> None:
+    follower = PathFollower(Path(STATES[:2]), Robot.disc(0.3).differential())
+    assert follower.advance(np.array([0.5, 0.05, 0.0]), 0.5) == pytest.approx(0.05)
+    states = follower.command(np.array([0.5, 0.05, 0.0]))
+    assert np.abs(states[:, 1]).max() < 1e-12
+    assert states[-1, 0] == pytest.approx(1.5, abs=0.05)
+
+
+def test_what_was_free_and_is_not_any_more_endangers_it() -> None:
+    known = KnownMap((-1.0, -2.0, 4.0, 2.0), 0.1)
+    known.set_state(np.full(known.state.shape, FREE, dtype=np.uint8))
+    follower = PathFollower(Path(STATES[:2]), Robot.disc(0.3))
+    assert not follower.endangered(known)
+    for place, expected in (((1.0, 1.0), False), ((1.0, 0.25), True)):
+        state = known.state.copy()
+        row, column = known.cells_of(np.array([place]))
+        state[row, column] = OCCUPIED
+        known.set_state(state)
+        assert follower.endangered(known) is expected
