@@ -129,8 +129,9 @@ class World(Shown):
         """Read a world from a file, whose format is recognised by its content.
 
         Args:
-            path: trailmark YAML, ROS/nav2 map YAML, MovingAI ``.map``, or OMPL.app ``.cfg``; or the name of a world
-                that trailmark ships, such as ``office``, where there is no such file.
+            path: trailmark YAML, ROS/nav2 map YAML, MovingAI ``.map``, OMPL.app ``.cfg``, or an image of ARiADNE's kind
+                (:mod:`trailmark.formats.png_grid`); or the name of a world that trailmark ships, such as ``office``,
+                where there is no such file.
 
         Raises:
             FormatError: there is neither, or the file is of no known format or does not hold what its format asks for.

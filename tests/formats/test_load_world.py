@@ -15,7 +15,7 @@ from trailmark.world import Robot, World
 
 KNOWN = (
     "expected trailmark YAML (key 'trailmark'), nav2 map YAML (key 'image'), MovingAI map "
-    "(first line 'type octile'), OMPL.app cfg (section [problem])"
+    "(first line 'type octile'), OMPL.app cfg (section [problem]), PNG grid with a start"
 )
 YAML = "trailmark: 1\nname: a\nbounds: [0, 0, 1, 1]\nrobot: {shape: disc, radius: 0.1}\n"
 GRID = "type octile\nheight 1\nwidth 2\nmap\n.@\n"

@@ -1,4 +1,4 @@
-"""File formats: worlds in trailmark YAML, nav2, MovingAI and OMPL.app form; paths as JSON, CSV and plain rows.
+"""File formats: worlds in trailmark YAML, nav2, MovingAI, OMPL.app and ARiADNE form; paths as JSON, CSV and plain rows.
 
 A world file's format is recognised by its content, never by its name. Only the modules that a file needs are imported.
 """
@@ -18,7 +18,7 @@ __all__ = ["load_world", "save_world", "world_json_schema"]
 
 FORMATS = (
     "expected trailmark YAML (key 'trailmark'), nav2 map YAML (key 'image'), MovingAI map "
-    "(first line 'type octile'), OMPL.app cfg (section [problem])"
+    "(first line 'type octile'), OMPL.app cfg (section [problem]), PNG grid with a start"
 )
 
 
@@ -27,18 +27,18 @@ def load_world(path: FilePath, robot: Robot | None = None) -> World:
 
     Args:
         path: trailmark YAML (schema version 1), nav2 map YAML, MovingAI ``.map`` (its ``.scen`` beside it gives
-            the queries), or OMPL.app ``.cfg``.
+            the queries), OMPL.app ``.cfg``, or a PNG grid in which a block marks the start of an exploration.
         robot: the robot to plan for, in place of the one that the file names.
 
     Raises:
         FormatError: the file is missing, unreadable, too large (see :mod:`trailmark.formats.files` and
             :mod:`trailmark.formats.grid` for the limits), of no known format, or breaks its format's rules.
     """
-    from trailmark.formats.files import read_text
+    from trailmark.formats.files import read_bytes
 
-    text = read_text(path, FORMATS)
+    data = read_bytes(path)
     try:
-        world = _read(text, path)
+        world = _read(data, path)
     except (ShapeError, WorldError, ConfigurationError) as error:
         raise FormatError(path, str(error)) from None
     return world if robot is None else world.with_robot(robot)
@@ -67,7 +67,15 @@ def world_json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **WorldFile.model_json_schema()}
 
 
-def _read(text: str, path: FilePath) -> World:
+def _read(data: bytes, path: FilePath) -> World:
+    if data.startswith(b"\x89PNG\r\n\x1a\n"):
+        from trailmark.formats.png_grid import read_png_grid
+
+        return read_png_grid(path)
+
+    from trailmark.formats.files import text_of
+
+    text = text_of(data, path, FORMATS)
     if re.match(r"\s*type[ \t]", text):
         from trailmark.formats.movingai import read_movingai
 
@@ -79,16 +87,16 @@ def _read(text: str, path: FilePath) -> World:
 
     from trailmark.formats.yaml_data import parse_yaml
 
-    data = parse_yaml(text, path)
-    if not isinstance(data, dict):
+    fields = parse_yaml(text, path)
+    if not isinstance(fields, dict):
         raise FormatError(path, f"no world: neither a YAML mapping nor another known format; {FORMATS}")
-    if "trailmark" in data:
+    if "trailmark" in fields:
         from trailmark.formats.world_yaml import world_from_data
 
-        return world_from_data(data, path)
-    if "image" in data:
+        return world_from_data(fields, path)
+    if "image" in fields:
         from trailmark.formats.nav2_map import read_nav2_map
 
-        return read_nav2_map(data, path)
-    hint = "add the line 'trailmark: 1'; " if "bounds" in data else ""
+        return read_nav2_map(fields, path)
+    hint = "add the line 'trailmark: 1'; " if "bounds" in fields else ""
     raise FormatError(path, f"no world: the YAML mapping has neither 'trailmark' nor 'image'; {hint}{FORMATS}")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from trailmark.errors import FormatError, OutputError, expected_name
 
-__all__ = ["MAX_FILE_BYTES", "check_writable", "read_bytes", "read_text", "write_atomically"]
+__all__ = ["MAX_FILE_BYTES", "check_writable", "read_bytes", "read_text", "text_of", "write_atomically"]
 
 MAX_FILE_BYTES = 2**27
 """Largest file (bytes, 128 MiB) that is read into memory: any text format, any mesh."""
@@ -46,7 +46,11 @@ def read_text(path: Path, allowed: str = "expected UTF-8 text") -> str:
     Raises:
         FormatError: as :func:`read_bytes`, or the file is no UTF-8 text.
     """
-    data = read_bytes(path)
+    return text_of(read_bytes(path), path, allowed)
+
+
+def text_of(data: bytes, path: Path, allowed: str) -> str:
+    """Return what :func:`read_text` does, of a file's content."""
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

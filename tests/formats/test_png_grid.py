@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from PIL import Image
+
+from trailmark.errors import FormatError, TrailmarkError
+from trailmark.formats import grid, load_world
+from trailmark.world import Query, World
+
+GREY, FREE, YELLOW = (127, 127, 127, 255), (195, 195, 194, 255), (255, 216, 0, 255)
+KINDS = {"#": GREY, ".": FREE, "s": YELLOW}
+
+
+def picture(*rows: str) -> Image.Image:
+    return Image.fromarray(np.array([[KINDS[pixel] for pixel in row] for row in rows], dtype=np.uint8))
+
+
+def saved(folder: Path, image: Image.Image) -> Path:
+    image.save(folder / "cave.png")
+    return folder / "cave.png"
+
+
+def blocked(world: World, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """Which pixels' centres lie in an obstacle, by shapely, row 0 on top."""
+    rows, columns = np.indices(shape)
+    union = shapely.union_all([obstacle.polygon().shapely() for obstacle in world.obstacles])
+    return np.asarray(shapely.contains_xy(union, columns + 0.5, shape[0] - 1 - rows + 0.5))
+
+
+def test_a_pixel_is_a_metre_and_the_start_is_free(tmp_path: Path) -> None:
+    rows = ("#####", "#..s#", "#.###", "#####")
+    world = World.load(saved(tmp_path, picture(*rows)))
+    assert world.name == "cave"
+    assert world.bounds == (0.0, 0.0, 5.0, 4.0)
+    assert world.queries == (Query("start", (3.5, 2.5, 0.0), (3.5, 2.5, 0.0)),)
+    assert world.robot is None
+    assert world.sources == (tmp_path / "cave.png",)
+    assert np.array_equal(blocked(world, (4, 5)), [[pixel == "#" for pixel in row] for row in rows])
+
+
+def test_the_start_lies_amid_its_block(tmp_path: Path) -> None:
+    world = load_world(saved(tmp_path, picture("sss.", "sss.", "sss.")))
+    assert world.query().start == (1.5, 1.5, 0.0)
+    ring = load_world(saved(tmp_path, picture("sss", "s#s", "sss")))
+    x, y, _ = ring.query().start
+    assert not blocked(ring, (3, 3))[2 - int(y), int(x)]
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "RGB", "RGBA", "P"])
+def test_modes_of_the_same_picture(tmp_path: Path, mode: str) -> None:
+    values = np.array([[127, 195, 208], [0, 255, 151]], dtype=np.uint8)
+    world = load_world(saved(tmp_path, Image.fromarray(values).convert(mode)))
+    assert world.query().start == (2.5, 1.5, 0.0)
+    assert np.array_equal(blocked(world, (2, 3)), [[True, False, False], [True, False, False]])
+
+
+def test_no_start_and_two(tmp_path: Path) -> None:
+    expected = "expected one block of pixels of brightness 208 that marks the start, got"
+    with pytest.raises(FormatError, match=f"cave.png: {expected} 0"):
+        load_world(saved(tmp_path, picture("#..")))
+    with pytest.raises(FormatError, match=f"cave.png: {expected} 2"):
+        load_world(saved(tmp_path, picture("s.s")))
+
+
+def test_images_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    deep = Image.fromarray(np.full((2, 2), 208, dtype=np.uint16))
+    with pytest.raises(FormatError, match="expected grey or colours of 8 bits, got pixels of mode I"):
+        load_world(saved(tmp_path, deep))
+    noise = Image.fromarray(np.random.default_rng(0).integers(0, 200, (40, 40)).astype(np.uint8))
+    file = saved(tmp_path, noise)
+    whole = file.read_bytes()
+    file.write_bytes(whole[:900])
+    with pytest.raises(FormatError, match=r"cave.png: damaged image"):
+        load_world(file)
+    file.write_bytes(whole[:8])
+    with pytest.raises(FormatError, match=r"cave.png: not an image that can be read"):
+        load_world(file)
+    file.write_bytes(whole)
+    monkeypatch.setattr(grid, "MAX_CELLS", 39)
+    with pytest.raises(FormatError, match="expected 1 to 39 cells, got 40 x 40"):
+        load_world(file)
+
+
+@given(st.lists(st.tuples(st.integers(0, 200), st.integers(0, 5), st.binary(max_size=5)), max_size=4))
+def test_damaged_files_give_a_world_or_one_line(
+    tmp_path_factory: pytest.TempPathFactory, edits: list[tuple[int, int, bytes]]
+) -> None:
+    buffer = io.BytesIO()
+    picture("##..", ".s.#").save(buffer, "PNG")
+    data = buffer.getvalue()
+    for at, cut, put in edits:
+        data = data[:at] + put + data[at + cut :]
+    file = tmp_path_factory.getbasetemp() / "damaged.png"
+    file.write_bytes(data)
+    message = "a world"
+    try:
+        load_world(file)
+    except TrailmarkError as error:
+        message = str(error)
+    assert len(message.splitlines()) == 1
+
+
+def test_published_worlds(shared_data: Path) -> None:
+    files = sorted((shared_data / "explore").glob("ariadne_*.png"))
+    assert len(files) >= 15
+    for file in files[::5]:
+        world = load_world(file)
+        pixels = np.asarray(Image.open(file).convert("RGB")).astype(int)
+        assert np.array_equal(blocked(world, pixels.shape[:2]), (pixels == 127).all(axis=-1))
+        x, y, _ = world.query().start
+        marked = (pixels == [255, 216, 0]).all(axis=-1)
+        assert marked[pixels.shape[0] - 1 - int(y), int(x)]
+        rows, columns = np.nonzero(marked)
+        assert abs(int(x) - columns.mean()) <= 1.0
+        assert abs(pixels.shape[0] - 1 - int(y) - rows.mean()) <= 1.0
