@@ -8,6 +8,12 @@ write it whole or not at all. No pyplot, hence no global state and no display. C
 from trailmark.plotting.animation import Frame, save_animation
 from trailmark.plotting.audit import draw_audit, save_audit_figure
 from trailmark.plotting.canvas import PICTURE_SUFFIXES
+from trailmark.plotting.exploration import (
+    draw_exploration,
+    save_exploration_animation,
+    save_exploration_figure,
+)
+from trailmark.plotting.exploration_page import save_exploration_page
 from trailmark.plotting.landmarks import save_landmarks_figure
 from trailmark.plotting.plan import draw_plan, save_plan_figure
 from trailmark.plotting.progress import draw_progress
@@ -26,11 +32,15 @@ __all__ = [
     "START",
     "Frame",
     "draw_audit",
+    "draw_exploration",
     "draw_plan",
     "draw_progress",
     "draw_world",
     "save_animation",
     "save_audit_figure",
+    "save_exploration_animation",
+    "save_exploration_figure",
+    "save_exploration_page",
     "save_landmarks_figure",
     "save_plan_figure",
     "save_trajectory_animation",

@@ -91,7 +91,7 @@ def write_gif(file: FilePath, pictures: Sequence[Image], seconds: float) -> None
         append_images=others,
         duration=duration,
         loop=0,
-        disposal=2,
+        disposal=1,
         optimize=False,
         comment=MARK,
     )

@@ -1,0 +1,212 @@
+"""An exploration as a picture, and as an animation of how the map became known."""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from trailmark import se2
+from trailmark.errors import OutputError
+from trailmark.exploration.history import History
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.plotting.animation import write_gif
+from trailmark.plotting.canvas import annotate, draw_legend, figure_of, picture_of, set_limits, write
+from trailmark.plotting.world import draw_end
+from trailmark.sketch.colours import GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START, TEXT
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from trailmark.exploration.result import ExplorationResult
+
+__all__ = ["draw_exploration", "save_exploration_animation", "save_exploration_figure"]
+
+TIME_COLOURS = "viridis_r"
+"""Late is dark: what was driven last is drawn on top, and is seen on it."""
+
+MAX_FRAMES, FRAME_SECONDS, LAST_FRAMES = 110, 0.11, 14
+"""Of an animation: 12 s of drive, and its end for another 1.5 s."""
+
+DPI = 80
+"""Of an animation."""
+
+
+def save_exploration_figure(file: str | FilePath, result: ExplorationResult) -> None:
+    """Write a picture of what an exploration found, and of the robot's way.
+
+    Args:
+        file: ends in ``.png``, ``.svg`` or ``.pdf``; the same input gives the same bytes.
+        result: of :meth:`trailmark.exploration.Explorer.run`.
+
+    Raises:
+        OutputError: another suffix, or a file that cannot be written.
+    """
+    figure, axes = figure_of(result.world)
+    entries = draw_exploration(axes, result)
+    annotate(figure, axes, result.world.name, _facts(result))
+    draw_legend(figure, axes, entries)
+    write(figure, picture_of(result.world, file))
+
+
+def draw_exploration(axes: Axes, result: ExplorationResult) -> dict[str, Any]:
+    """Draw the cells, the robot's way coloured by time, and its landmarks; return the legend's entries.
+
+    Sets limits and an equal aspect.
+    """
+    set_limits(axes, result.world)
+    history, known = History.of(result.history), result.known
+    _show_cells(axes, known, picture_of_cells(known.state))
+    way, time = history.figures[:, 5:7], history.figures[:, 0]
+    pieces = LineCollection(list(np.stack([way[:-1], way[1:]], axis=1)), array=time[:-1], cmap=TIME_COLOURS)
+    pieces.set(linewidths=1.6, zorder=4.0, capstyle="round")
+    pieces.set_clim(time[0], max(time[-1], time[0] + 1e-9))
+    axes.add_collection(pieces, autolim=False)
+    bar = axes.inset_axes((1.03, 0.0, 0.02, 0.45))
+    scale = axes.figure.colorbar(pieces, cax=bar)
+    scale.outline.set_visible(False)
+    bar.tick_params(labelsize=7, color=TEXT, labelcolor=TEXT)
+    bar.set_title("time [s]", fontsize=7, color=TEXT, loc="left")
+    draw_visits(axes, history.visits())
+    for q, colour, marker, label in (
+        (history.figures[0, 5:], START, "o", "_"),
+        (history.figures[-1, 5:], GOAL, "s", "_"),
+    ):
+        draw_end(axes, result.world.robot, q, colour, marker, label)
+    return {
+        "occupied": Patch(fc=OBSTACLE),
+        "free": Patch(fc="white", ec=MARGIN),
+        "unknown": Patch(fc=MARGIN),
+        "landmarks, as visited": Line2D([], [], color=LANDMARK, marker="o", ls="none", mec="white", ms=8),
+        "start": Line2D([], [], color=START, marker="o", ls="none", mec="white"),
+        "end": Line2D([], [], color=GOAL, marker="s", ls="none", mec="white"),
+    }
+
+
+def picture_of_cells(state: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the colours of cells, shape (rows, columns, 3)."""
+    colours = np.zeros((3, 3))
+    for kind, colour in ((UNKNOWN, MARGIN), (FREE, "#ffffff"), (OCCUPIED, OBSTACLE)):
+        colours[kind] = to_rgb(colour)
+    return np.asarray(np.rint(255.0 * colours)).astype(np.uint8)[state]
+
+
+def draw_visits(axes: Axes, visits: se2.FloatArray) -> list[Any]:
+    """Draw landmarks, shape (k, 3), with their numbers; return the artists of each, two by two."""
+    artists = list[Any]()
+    for i, (x, y, _) in enumerate(visits.tolist()):
+        (mark,) = axes.plot(x, y, "o", color=LANDMARK, ms=5.0, mec="white", mew=0.8, zorder=6.0)
+        note = axes.annotate(str(i + 1), (x, y), xytext=(4, 3), textcoords="offset points", zorder=9.0)
+        note.set(fontsize=7, color=LANDMARK, path_effects=[withStroke(linewidth=2.0, foreground="white")])
+        artists += [mark, note]
+    return artists
+
+
+def save_exploration_animation(file: str | FilePath, result: ExplorationResult) -> None:
+    """Write a GIF: the map as it became known, the robot, where it drives to and along which path.
+
+    Cells are shown as they were at the end, from the time on at which they were known first.
+
+    Raises:
+        OutputError: another suffix than ``.gif``, or a file that cannot be written.
+    """
+    from PIL import Image
+
+    target = picture_of(result.world, file)
+    if target.suffix.lower() != ".gif":
+        raise OutputError(f"{file}: expected a file that ends in .gif, got {target.suffix or 'no suffix'}")
+    rows = np.unique(np.linspace(0, len(result.history) - 1, MAX_FRAMES).astype(int))
+    film = _Film(result)
+    last = Image.fromarray(film.drawn(int(rows[-1])))
+    palette = last.quantize(64, dither=Image.Dither.NONE)
+    pictures = [
+        Image.fromarray(film.drawn(row)).quantize(palette=palette, dither=Image.Dither.NONE) for row in rows.tolist()
+    ]
+    write_gif(target, [*pictures, *[pictures[-1]] * LAST_FRAMES], FRAME_SECONDS)
+
+
+class _Film:
+    """The figure of an animation, of which each frame draws only what moves."""
+
+    def __init__(self, result: ExplorationResult) -> None:
+        self.result, self.history = result, History.of(result.history)
+        self.cells = picture_of_cells(result.known.state)
+        figure, axes = figure_of(result.world)
+        figure.set_dpi(DPI)
+        canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
+        self.canvas = canvas
+        self.axes = axes
+        set_limits(axes, result.world)
+        canvas.draw()
+        self.empty = canvas.copy_from_bbox(figure.bbox)
+        self.image = _show_cells(axes, result.known, self.cells)
+        (self.way,) = axes.plot([], [], color=PATH, lw=1.2, alpha=0.6, zorder=4.0)
+        (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), zorder=5.0)
+        (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0, zorder=6.5)
+        self.visits = draw_visits(axes, self.history.visits())
+        self.body = PolyCollection([], facecolors=PATH, edgecolors="white", zorder=7.0)
+        axes.add_collection(self.body, autolim=False)
+        self.note = axes.annotate("", (0.0, 1.0), xytext=(0, 8), xycoords="axes fraction", textcoords="offset points")
+        self.note.set(fontsize=10, color=TEXT, parse_math=False)
+
+    def drawn(self, i: int) -> NDArray[np.uint8]:
+        """Return the picture of a row of the history, shape (height, width, 3)."""
+        row, result = self.result.history[i], self.result
+        self.image.set_data(
+            np.where((result.first_known <= np.float32(row.time))[..., None], self.cells, self.cells_unknown)
+        )
+        self.way.set_data(*self.history.figures[: i + 1, 5:7].T)
+        self.path.set_data(*(np.empty((2, 0)) if row.path is None else row.path[:, :2].T))
+        self.target.set_data(*(np.empty((2, 0)) if row.target is None else row.target[:2, None]))
+        outline = None if result.world.robot is None else result.world.robot.outline.vertices
+        self.body.set_verts([] if outline is None else [se2.transform(row.pose, outline)])
+        self.note.set_text(
+            f"{row.time:.0f} s   {row.area:.0f} m² known   {row.distance:.1f} m driven   {_plural(row.landmarks)}"
+        )
+        self.canvas.restore_region(self.empty)
+        for artist in (
+            self.image,
+            self.way,
+            self.path,
+            *self.visits[: 2 * row.landmarks],
+            self.target,
+            self.body,
+            self.note,
+        ):
+            self.axes.draw_artist(artist)
+        return np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
+
+    @property
+    def cells_unknown(self) -> NDArray[np.uint8]:
+        """The colour of cells that are not known yet, shape (3,)."""
+        return picture_of_cells(np.array(UNKNOWN, dtype=np.uint8))
+
+
+def _show_cells(axes: Axes, known: KnownMap, cells: NDArray[np.uint8]) -> AxesImage:
+    (rows, columns), (x, y) = known.state.shape, known.origin
+    ends = (x, x + columns * known.cell, y, y + rows * known.cell)
+    # Not by axes.imshow, which sets limits and aspect anew.
+    image = AxesImage(axes, origin="lower", extent=ends, interpolation="nearest", zorder=0.5)
+    image.set_data(cells)
+    axes.add_image(image)
+    return image
+
+
+def _facts(result: ExplorationResult) -> str:
+    last, told = result.history[-1], result.evaluation
+    facts = [result.status, f"{last.area:,.1f} m² known", f"{last.distance:,.1f} m driven in {last.time:,.0f} s"]
+    facts.append(f"{_plural(last.landmarks)} ({result.strategy})")
+    return " · ".join(facts + ([] if told is None else [f"{told.seen:.1%} seen"]))
+
+
+def _plural(landmarks: int) -> str:
+    return f"{landmarks} landmark{'' if landmarks == 1 else 's'}"
