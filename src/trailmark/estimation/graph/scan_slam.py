@@ -24,7 +24,7 @@ from trailmark.estimation.scans.local_map import LocalMap
 from trailmark.estimation.scans.matching import Window, match_covariance, refine, search
 from trailmark.se2 import FloatArray, compose
 
-__all__ = ["ScanPoses", "match_scans"]
+__all__ = ["ScanPoses", "ScanSlam", "match_scans"]
 
 MAX_WINDOW = Window(2.0, np.radians(60.0))
 """The largest window around what odometry says that is searched: beyond, it is no guess."""
@@ -63,7 +63,7 @@ def match_scans(
         settings: how to go about it.
         on_progress: called with the number of scans done and their total.
     """
-    slam = _ScanSlam(settings or GraphSettings())
+    slam = ScanSlam(settings)
     for i, (scan, pose) in enumerate(zip(scans, odometry, strict=True), start=1):
         slam.add(scan, pose)
         if on_progress is not None:
@@ -71,9 +71,19 @@ def match_scans(
     return slam.finish(odometry)
 
 
-class _ScanSlam:
-    def __init__(self, settings: GraphSettings) -> None:
-        self._s = settings
+class ScanSlam:
+    """Poses of scans, one after the other, while the robot drives.
+
+    Attributes:
+        corrections: how often loops that were closed have moved the poses of the past.
+
+    Args:
+        settings: how to go about it.
+    """
+
+    def __init__(self, settings: GraphSettings | None = None) -> None:
+        self._s = settings = settings or GraphSettings()
+        self.corrections = 0
         self._keys = KeyScans()
         self._loops = LoopFinder(self._keys, settings)
         self._area: LocalMap | None = None
@@ -84,8 +94,20 @@ class _ScanSlam:
         self._own: list[int] = []
         self._closures = 0
 
+    @property
+    def poses(self) -> FloatArray:
+        """Where the scans were taken, as far as is known now, shape (m, 3)."""
+        own = np.array([key for key, _ in self._scans], dtype=np.intp)
+        return compose(self._keys.poses[own], np.array([pose for _, pose in self._scans]).reshape(-1, 3))
+
+    @property
+    def pose(self) -> FloatArray:
+        """Where the last scan was taken, shape (3,)."""
+        key, pose = self._scans[-1]
+        return compose(self._keys.poses[key], pose)
+
     def add(self, scan: Scan, odometry: FloatArray) -> None:
-        """Take in the next scan, with its pose by odometry."""
+        """Take in the next scan, with its pose by odometry, shape (3,): the first one's is taken as it is."""
         s, cloud = self._s, point_cloud(scan, self._s.max_range)
         step = relative(self._odometry, odometry)
         if self._area is None:
@@ -133,6 +155,7 @@ class _ScanSlam:
             if max(_surprise(closure, self._keys.poses) for closure in closures) > 1.0:
                 self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, s.outlier_gate)
                 self._renew_area()
+                self.corrections += 1
 
     def finish(self, odometry: FloatArray) -> ScanPoses:
         """Return the poses of all scans."""
@@ -145,10 +168,9 @@ class _ScanSlam:
         relations = [r for r, count in zip(keys.relations, counts, strict=True) if count]
         covariances = relative_covariances(relations, keys.poses)
         own = np.array([key for key, _ in self._scans])
-        poses = compose(keys.poses[own], np.array([pose for _, pose in self._scans]))
         rejected = int((~counts).sum())
         return ScanPoses(
-            poses, covariances[own], odometry, np.array(self._own), tuple(relations), self._closures, rejected
+            self.poses, covariances[own], odometry, np.array(self._own), tuple(relations), self._closures, rejected
         )
 
     def _noise(self, step: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from trailmark.estimation.filter.motion import Unicycle
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan, first_pose
 from trailmark.se2 import FloatArray, compose, wrap
 
-__all__ = ["scan_poses"]
+__all__ = ["DeadReckoning", "scan_poses"]
 
 
 @checked_arguments(EstimationError)
@@ -58,16 +58,36 @@ def _between(records: Sequence[Record], scans: Sequence[Scan]) -> FloatArray:
 
 def _dead_reckoning(records: Sequence[Record], x: FloatArray) -> FloatArray:
     """Return the poses of the scans, shape (m, 3), by odometry alone, from x on."""
-    arc = Unicycle(0.0, 0.0)
-    poses, odometry = list[FloatArray](), None
+    reckoning, poses = DeadReckoning(x), list[FloatArray]()
     for record in records:
-        if isinstance(record, Odometry | Scan) and odometry is not None:
-            x = arc.f(x, np.array([odometry.v, odometry.omega, record.t - odometry.t]))
-            odometry = odometry._replace(t=record.t)
-        if isinstance(record, Odometry):
-            odometry = record
-        elif isinstance(record, Increment):
-            x = compose(x, np.array(record[1:4]))
-        elif isinstance(record, Scan):
-            poses.append(x)
+        reckoning.add(record)
+        if isinstance(record, Scan):
+            poses.append(reckoning.pose)
     return np.array(poses).reshape(-1, 3)
+
+
+class DeadReckoning:
+    """Adds up odometry, record by record.
+
+    Attributes:
+        pose: where it has led to, shape (3,).
+
+    Args:
+        start: where it begins, shape (3,).
+    """
+
+    def __init__(self, start: FloatArray) -> None:
+        self.pose = np.asarray(start, dtype=np.float64)
+        self._odometry: Odometry | None = None
+        self._arc = Unicycle(0.0, 0.0)
+
+    def add(self, record: Record) -> None:
+        """Go on to a record's time, by the velocities that hold until then, or by the increment that it is."""
+        held = self._odometry
+        if isinstance(record, Odometry | Scan) and held is not None:
+            self.pose = self._arc.f(self.pose, np.array([held.v, held.omega, record.t - held.t]))
+            self._odometry = held._replace(t=record.t)
+        if isinstance(record, Odometry):
+            self._odometry = record
+        elif isinstance(record, Increment):
+            self.pose = compose(self.pose, np.array(record[1:4]))
