@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -21,11 +22,12 @@ WALL = Rectangle((6.0, 2.0), 1.0, 4.0)
 WORLD = World("room", (0.0, 0.0, 10.0, 8.0), (WALL, Disc((3.0, 6.0), 0.5), Disc((8.0, 2.0), 0.2)))
 ROBOT = Robot.rectangle(0.6, 0.4)
 START = (1.0, 2.0, 0.0)
+SENSOR = laser_scanner(5.0, 0.1)
 TURN = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 1.5], [2.0, 1.0, 2.0]])
 
 
 def laser(noise: float = 1.0, seed: int = 0, slip: float = 0.01, world: World = WORLD) -> SimulatedRobot:
-    return SimulatedRobot(world, ROBOT, START, laser_scanner(5.0, 0.1), noise=noise, seed=seed, slip=slip)
+    return SimulatedRobot(world, ROBOT, START, SENSOR, noise=noise, seed=seed, slip=slip)
 
 
 def dead_reckoning(records: list[Record], start: tuple[float, float, float] = START) -> FloatArray:
@@ -114,6 +116,30 @@ def test_records_state_the_noise_that_there_is() -> None:
         squares.append(error @ np.linalg.solve(covariance, error))
     means = [rng.choice(squares, 400).mean() for _ in range(500)]
     assert np.quantile(means, 0.001) < 3.0 < np.quantile(means, 0.999)
+
+
+def test_it_goes_on_where_it_was() -> None:
+    """What is restored from JSON does to the last bit what the robot itself goes on to do."""
+    robot = laser(seed=5)
+    robot.drive(ahead(8.0), 9.0)
+    robot.sense()
+    robot.drive(TURN - [1.0, 0.0, 0.0] * (np.arange(4) > 0)[:, None], 0.3)
+    again = laser(seed=6)
+    again.restore(json.loads(json.dumps(robot.state())))
+    for each in (robot, again):
+        each.drive(ahead(0.5), 0.7)
+    records, others = list(robot.sense()), list(again.sense())
+    assert [record.t for record in records] == [record.t for record in others]
+    assert np.array_equal(dead_reckoning(records), dead_reckoning(others))
+    assert isinstance(records[-1], Scan)
+    assert isinstance(others[-1], Scan)
+    assert np.array_equal(records[-1].ranges, others[-1].ranges)
+    assert np.array_equal(robot.truth, again.truth)
+    assert (robot.collisions, robot.time, robot.distance) == (again.collisions, again.time, again.distance)
+    with pytest.raises(ConfigurationError, match="robot's place"):
+        SimulatedRobot(World("full", WORLD.bounds, (Rectangle((5.0, 2.0), 3.0, 3.0),)), ROBOT, START, SENSOR).restore(
+            robot.state()
+        )
 
 
 def test_slip_loses_a_part_of_the_way_and_nothing_without_noise() -> None:
@@ -218,7 +244,7 @@ def test_a_door_closes_and_the_robot_is_carried_away() -> None:
 def test_zones_and_clearance_mean_nothing_to_it() -> None:
     zone = KeepOutZone(Rectangle((2.0, 2.0), 1.0, 4.0).polygon())
     world = World("zone", WORLD.bounds, WORLD.obstacles, zones=(zone,))
-    robot = SimulatedRobot(world, ROBOT.keeping(0.5), START, laser_scanner(5.0, 0.1), noise=0.0)
+    robot = SimulatedRobot(world, ROBOT.keeping(0.5), START, SENSOR, noise=0.0)
     assert robot.drive(ahead(4.0), 9.0).arrived
     assert robot.collisions == 0
 
@@ -234,7 +260,7 @@ def test_what_it_does_not_take() -> None:
     with pytest.raises(ConfigurationError, match="finite"):
         robot.drive(np.array([[0.0, 0.0, 0.0], [math.nan, 0.0, 0.0]]), 1.0)
     with pytest.raises(ConfigurationError, match=r"start .* not valid"):
-        SimulatedRobot(WORLD, ROBOT, (6.0, 2.0, 0.0), laser_scanner(5.0, 0.1))
+        SimulatedRobot(WORLD, ROBOT, (6.0, 2.0, 0.0), SENSOR)
     with pytest.raises(ConfigurationError, match="slip"):
         laser(slip=2.0)
 

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,6 +39,9 @@ INSTANT = 1e-9
 
 LEAST_STATED = 0.01
 """Share of the noise that records state when there is less: filters cannot use a covariance of 0."""
+
+EXACT = 1e-9
+"""Share of the noise that sensors have when there is none: a detector's model has no deviation of 0."""
 
 STOP = 1e-3
 """Metres before a contact at which a robot comes to a stop, at most."""
@@ -88,7 +91,7 @@ class SimulatedRobot:
     Attributes:
         world: as it is now.
         robot: as given, without a clearance.
-        sensor: as given.
+        sensor: as given, with the noise that there is; a hundredth of what was given where there is less.
         time: seconds since the start.
         pose: where it truly is, shape (3,).
         collisions: times that it met something; standing in contact, or one contact after the other without having been
@@ -113,21 +116,56 @@ class SimulatedRobot:
         seed: Seed = 0,
         noise: NonNegative = 1.0,
     ) -> None:
-        self.robot, self.sensor, self.time, self.collisions = robot.keeping(0.0), sensor, 0.0, 0
+        self.robot, self.time, self.collisions = robot.keeping(0.0), 0.0, 0
+        self.sensor, self._drawn = _scaled(sensor, max(noise, LEAST_STATED)), _scaled(sensor, max(noise, EXACT))
         self.change_world(world)
         self.pose: FloatArray = self._checker.require_valid(start, "start")
         self._odometry, self._slip, self._noise = odometry, slip if noise > 0.0 else 0.0, noise
         self._speed, self._turn_rate = speed, turn_rate
-        self._drawn = _scaled(sensor, noise)
-        self._odometry_rng, self._slip_rng, self._sensor_rng = np.random.default_rng(seed).spawn(3)
+        self._generators = np.random.default_rng(seed).spawn(3)
+        self._odometry_rng, self._slip_rng, self._sensor_rng = self._generators
         self._truth: list[tuple[float, ...]] = [(0.0, *self.pose)]
-        self._records: list[Record] = []
-        self._sensed_at, self._touches = -math.inf, False
+        self._increments: list[Increment] = []
+        self._sensed, self._touches = -1.0, False  # when it read last
 
     @property
     def truth(self) -> FloatArray:
         """Where it was, shape (n, 4), rows t, x, y, theta."""
         return np.array(self._truth)
+
+    @property
+    def distance(self) -> float:
+        """Metres that it truly drove."""
+        dt, dx, dy, _ = np.diff(self.truth, axis=0).T
+        return float(np.hypot(dx, dy)[dt > 0.0].sum())
+
+    def state(self) -> dict[str, Any]:
+        """Return all that :meth:`restore` needs, plain numbers, texts, lists and dictionaries, as JSON has them.
+
+        The world is not part of it.
+        """
+        return {
+            "truth": [list(row) for row in self._truth],
+            "collisions": self.collisions,
+            "touches": self._touches,
+            "sensed": self._sensed,
+            "unread": [[*step[:4], np.asarray(step.covariance).tolist()] for step in self._increments],
+            "random": [rng.bit_generator.state for rng in self._generators],
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on where another robot of the same arguments was when it returned this :meth:`state`.
+
+        Raises:
+            ConfigurationError: it does not fit there.
+        """
+        pose = self._checker.require_valid(state["truth"][-1][1:], "the robot's place")
+        for rng, numbers in zip(self._generators, state["random"], strict=True):
+            rng.bit_generator.state = numbers
+        self._truth = [tuple(row) for row in state["truth"]]
+        self._increments = [Increment(t, dx, dy, dtheta, np.array(Q)) for t, dx, dy, dtheta, Q in state["unread"]]
+        self.collisions, self._touches, self._sensed = state["collisions"], state["touches"], state["sensed"]
+        self.time, self.pose = self._truth[-1][0], pose
 
     def change_world(self, world: World) -> None:
         """Let the world be another one from now on: doors close, things are moved.
@@ -153,10 +191,10 @@ class SimulatedRobot:
 
     def sense(self) -> Sequence[Record]:
         """Return the odometry since the last call, and a reading from where the robot is, if time has passed."""
-        records, self._records = self._records, []
-        if self.time > self._sensed_at:
-            self._sensed_at = self.time
+        records: list[Record] = [*self._increments]
+        if self.time > self._sensed:
             records += self._read()
+        self._increments, self._sensed = [], self.time
         return records
 
     @checked_arguments(ConfigurationError)
@@ -231,7 +269,7 @@ class SimulatedRobot:
         """Write down a step of the odometry, shape (3,), with its covariance, and where it truly led."""
         Q = self._odometry.Q(step) * max(self._noise, LEAST_STATED) ** 2 + self._slip / 3.0 * np.outer(step, step)
         dx, dy, dtheta = step.tolist()
-        self._records.append(Increment(t, dx, dy, dtheta, Q))
+        self._increments.append(Increment(t, dx, dy, dtheta, Q))
         self._truth.append((t, *pose))
 
     def _count(self, blocked: bool) -> None:
@@ -248,21 +286,17 @@ class SimulatedRobot:
         if isinstance(self._drawn, Scanner):
             return [self._drawn.sweep(self.time, self.pose, self._caster, self._sensor_rng)]
         found = self._drawn.sweep(self.time, self.pose, self._features, self._caster, self._sensor_rng)
-        factor = max(self._noise, LEAST_STATED) ** 2 / max(self._noise, _EXACT) ** 2
+        factor = max(self._noise, LEAST_STATED) ** 2 / max(self._noise, EXACT) ** 2
         return [_stated(detection, factor) for detection in found]
-
-
-_EXACT = 1e-9
-"""The share of a detector's noise that counts as none: its model has no deviation of 0."""
 
 
 def _scaled(sensor: Scanner | Detector, noise: float) -> Scanner | Detector:
     """Return a sensor with so much of its noise."""
     if isinstance(sensor, Scanner):
         return replace(sensor, sigma=noise * sensor.sigma)
-    factor, model = max(noise, _EXACT), sensor.model
-    drawn = replace(model, sigma_range=factor * model.sigma_range, sigma_bearing=factor * model.sigma_bearing)
-    return replace(sensor, model=drawn)
+    model = sensor.model
+    scaled = replace(model, sigma_range=noise * model.sigma_range, sigma_bearing=noise * model.sigma_bearing)
+    return replace(sensor, model=scaled)
 
 
 def _stated(detection: Detection, factor: float) -> Detection:
