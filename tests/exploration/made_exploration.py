@@ -83,6 +83,7 @@ def made_exploration() -> ExplorationResult:
         seconds=1.5,
         decisions=np.array([0.02, 0.03, 0.05, 0.04]),
         evaluation=Evaluation(0.998, 0, 2.9),
+        robot_state={"truth": [[0.0, 1.0, 1.0, 0.0]]},
     )
 
 

@@ -33,7 +33,7 @@ DATA = [name for name in FILES if not name.startswith("exploration")]
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("kept") / "run"
-    files = save_exploration(made_exploration(), made, {"truth": [[0.0, 1.0, 1.0, 0.0]]}, {"sensor_range": 3.0})
+    files = save_exploration(made_exploration(), made, {"sensor_range": 3.0})
     assert sorted(files) == sorted(made.iterdir()) == sorted(made / name for name in DATA)
     return made
 
@@ -87,7 +87,7 @@ def test_what_going_on_needs_is_read_back(folder: Path) -> None:
 
 def test_all_of_it_may_be_written_again(folder: Path) -> None:
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
-    save_exploration(made_exploration(), folder, {"truth": [[0.0, 1.0, 1.0, 0.0]]}, {"sensor_range": 3.0})
+    save_exploration(made_exploration(), folder, {"sensor_range": 3.0})
     after = {file.name: file.read_bytes() for file in folder.iterdir()}
     assert before.keys() == after.keys()
     assert all(before[name] == after[name] for name in DATA if not name.endswith(".npz"))

@@ -109,7 +109,6 @@ def check_folder(folder: str | Path) -> None:
 def save_exploration(
     result: ExplorationResult,
     folder: str | Path,
-    robot_state: dict[str, Any] | None = None,
     options: dict[str, Any] | None = None,
 ) -> list[Path]:
     """Write all but the pictures, each file whole or not at all, and first what no other run could give again.
@@ -117,7 +116,6 @@ def save_exploration(
     Args:
         result: the outcome.
         folder: made if it is not there.
-        robot_state: plain data, of the simulated robot, so that :func:`load_exploration` can go on with it.
         options: plain data for whoever goes on.
 
     Returns:
@@ -131,7 +129,9 @@ def save_exploration(
     path.mkdir(exist_ok=True)
     known = result.known
     save_log(result.log, path / "log.jsonl")
-    write_atomically(path / "resume.npz", _resume_bytes(result, {"robot": robot_state, "options": options or {}}))
+    write_atomically(
+        path / "resume.npz", _resume_bytes(result, {"robot": result.robot_state, "options": options or {}})
+    )
     result.world.save(path / "world.yaml")
     nav2_output.save_nav2_cells(GREY[known.state], path / "map.yaml", known.cell, known.origin)
     result.roadmap.save(path / "roadmap.npz")

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +76,7 @@ class ExplorationResult:
         seconds: time that it took, decisions included.
         decisions: seconds that each choice of a landmark took, shape (n,).
         evaluation: by the simulator; None with a real robot.
+        robot_state: of the simulated robot at the end, so that it can go on; None with a real one.
     """
 
     status: Status
@@ -92,3 +93,4 @@ class ExplorationResult:
     seconds: float
     decisions: FloatArray
     evaluation: Evaluation | None = None
+    robot_state: dict[str, Any] | None = None
