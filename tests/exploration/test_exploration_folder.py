@@ -80,6 +80,7 @@ def test_what_going_on_needs_is_read_back(folder: Path) -> None:
     result, saved = made_exploration(), load_exploration(folder)
     assert saved.robot_state == {"truth": [[0.0, 1.0, 1.0, 0.0]]}
     assert saved.options == {"sensor_range": 3.0}
+    assert (saved.seconds, saved.decisions.tolist()) == (result.seconds, result.decisions.tolist())
     assert np.array_equal(saved.first_known, result.first_known)
     assert [row.event for row in saved.history] == [row.event for row in result.history]
     assert repr(saved.log.records) == repr(result.log.records)

@@ -37,5 +37,8 @@ def test_equal_paths_in_a_row_are_kept_once() -> None:
     assert arrays.path_ends.tolist() == [2, 4, 6]
 
 
-def test_visits_are_where_landmarks_were_reached() -> None:
-    assert np.allclose(History.of(made_exploration().history).visits()[:, :2], STOPS[1:])
+def test_landmarks_are_those_that_were_counted() -> None:
+    assert np.allclose(History.of(made_exploration().history).landmarks()[:, :2], STOPS[1:])
+    row = ExplorationProgress(0.0, 0.0, 1.0, 1, 0.0, np.zeros(3), np.ones(3), None, "")
+    chosen = [row, row, row._replace(landmarks=2, target=2.0 * np.ones(3))]
+    assert History.of(chosen).landmarks().tolist() == [[1.0] * 3, [2.0] * 3]

@@ -73,7 +73,7 @@ def test_it_holds_poses_paths_targets_and_figures(page: Path) -> None:
     assert arrays["clock"] * told["scales"]["clock"] == pytest.approx([row.time for row in result.history])
     assert arrays["landmarks"].tolist() == [row.landmarks for row in result.history]
     assert [text for _, text in told["events"]] == [row.event for row in result.history if row.event]
-    assert len(arrays["visits"]) == 2 * result.history[-1].landmarks
+    assert len(arrays["places"]) == 2 * result.history[-1].landmarks
 
 
 def test_it_needs_nothing_else_and_may_be_written_again(page: Path) -> None:
@@ -110,7 +110,7 @@ def test_long_explorations_of_large_worlds_are_thinned(tmp_path: Path, monkeypat
     assert arrays["clock"][-1] * told["scales"]["clock"] == pytest.approx(result.history[-1].time)
     assert [text for _, text in told["events"]] == [row.event for row in result.history if row.event]
     assert all(0 <= i < 20 for i, _ in told["events"])
-    assert len(arrays["visits"]) == 2 * result.history[-1].landmarks
+    assert len(arrays["places"]) == 2 * result.history[-1].landmarks
     state = arrays["state"].reshape(rows, columns)
     size = round(told["cell"] / result.known.cell)
     for i, j in ((0, 0), (3, 5), (rows - 1, columns - 1)):

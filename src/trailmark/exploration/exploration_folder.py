@@ -29,6 +29,7 @@ from trailmark.exploration.result import ExplorationProgress, ExplorationResult
 from trailmark.formats import nav2_output
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
 from trailmark.formats.outputs import require_replaceable
+from trailmark.se2 import FloatArray
 
 __all__ = ["FILES", "SavedExploration", "check_folder", "load_exploration", "save_exploration", "summary_of"]
 
@@ -53,6 +54,10 @@ class SavedExploration(NamedTuple):
     """As :class:`ExplorationResult` has it."""
     robot_state: dict[str, Any] | None
     """Of the simulated robot; None with a real one."""
+    seconds: float
+    """Time that it took so far, as :class:`ExplorationResult` has it."""
+    decisions: FloatArray
+    """Seconds that each choice of a landmark took, shape (n,)."""
     options: dict[str, Any]
     """Whatever the caller kept beside it: what the exploration was begun with."""
 
@@ -158,7 +163,15 @@ def load_exploration(folder: str | Path) -> SavedExploration:
             named = {name: arrays[name] for name in History._fields if name != "events"}
             history = History(**named, events=tuple((int(i), str(text)) for i, text in state["events"])).progress()
             first, mark = np.asarray(arrays["first_known"], dtype=np.float32), str(arrays["fingerprint"])
-        saved = SavedExploration(log, history, first, state["robot"], dict(state["options"]))
+        saved = SavedExploration(
+            log,
+            history,
+            first,
+            state["robot"],
+            float(state["seconds"]),
+            np.asarray(state["decisions"], dtype=np.float64),
+            dict(state["options"]),
+        )
     except Exception as error:  # numpy and zipfile let errors of many kinds through for damaged data
         raise FormatError(file, f"not a file that trailmark explore wrote: {str(error)[:120]}") from None
     if mark != _fingerprint(log):
@@ -169,7 +182,7 @@ def load_exploration(folder: str | Path) -> SavedExploration:
 def _resume_bytes(result: ExplorationResult, state: dict[str, Any]) -> bytes:
     history = History.of(result.history)
     arrays: dict[str, Any] = history._asdict() | {"first_known": result.first_known}
-    state["events"] = arrays.pop("events")
+    state |= {"events": arrays.pop("events"), "seconds": result.seconds, "decisions": result.decisions.tolist()}
     buffer = io.BytesIO()
     np.savez_compressed(
         buffer, **arrays, state=np.array(json.dumps(state)), fingerprint=np.array(_fingerprint(result.log))

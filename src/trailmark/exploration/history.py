@@ -61,7 +61,8 @@ class History(NamedTuple):
             )
         return tuple(found)
 
-    def visits(self) -> FloatArray:
-        """Return where the robot was when it reached its landmarks, shape (k, 3), in their order."""
-        reached = np.diff(self.figures[:, 3], prepend=0.0) > 0.0
-        return self.figures[reached, 5:]
+    def landmarks(self) -> FloatArray:
+        """Return the landmarks that were driven to, shape (k, 3), in their order."""
+        counted = np.diff(self.figures[:, 3], prepend=0.0) > 0.0
+        chosen = np.where(np.isnan(self.targets), self.figures[:, 5:], self.targets)
+        return chosen[counted]

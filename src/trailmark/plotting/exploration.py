@@ -76,7 +76,7 @@ def draw_exploration(axes: Axes, result: ExplorationResult) -> dict[str, Any]:
     scale.outline.set_visible(False)
     bar.tick_params(labelsize=7, color=TEXT, labelcolor=TEXT)
     bar.set_title("time [s]", fontsize=7, color=TEXT, loc="left")
-    draw_visits(axes, history.visits())
+    draw_landmarks(axes, history.landmarks())
     for q, colour, marker, label in (
         (history.figures[0, 5:], START, "o", "_"),
         (history.figures[-1, 5:], GOAL, "s", "_"),
@@ -86,7 +86,7 @@ def draw_exploration(axes: Axes, result: ExplorationResult) -> dict[str, Any]:
         "occupied": Patch(fc=OBSTACLE),
         "free": Patch(fc="white", ec=MARGIN),
         "unknown": Patch(fc=MARGIN),
-        "landmarks, as visited": Line2D([], [], color=LANDMARK, marker="o", ls="none", mec="white", ms=8),
+        "landmarks, in their order": Line2D([], [], color=LANDMARK, marker="o", ls="none", mec="white", ms=8),
         "start": Line2D([], [], color=START, marker="o", ls="none", mec="white"),
         "end": Line2D([], [], color=GOAL, marker="s", ls="none", mec="white"),
     }
@@ -100,10 +100,10 @@ def picture_of_cells(state: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(np.rint(255.0 * colours)).astype(np.uint8)[state]
 
 
-def draw_visits(axes: Axes, visits: se2.FloatArray) -> list[Any]:
+def draw_landmarks(axes: Axes, landmarks: se2.FloatArray) -> list[Any]:
     """Draw landmarks, shape (k, 3), with their numbers; return the artists of each, two by two."""
     artists = list[Any]()
-    for i, (x, y, _) in enumerate(visits.tolist()):
+    for i, (x, y, _) in enumerate(landmarks.tolist()):
         (mark,) = axes.plot(x, y, "o", color=LANDMARK, ms=5.0, mec="white", mew=0.8, zorder=6.0)
         note = axes.annotate(str(i + 1), (x, y), xytext=(4, 3), textcoords="offset points", zorder=9.0)
         note.set(fontsize=7, color=LANDMARK, path_effects=[withStroke(linewidth=2.0, foreground="white")])
@@ -152,7 +152,7 @@ class _Film:
         (self.way,) = axes.plot([], [], color=PATH, lw=1.2, alpha=0.6, zorder=4.0)
         (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), zorder=5.0)
         (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0, zorder=6.5)
-        self.visits = draw_visits(axes, self.history.visits())
+        self.landmarks = draw_landmarks(axes, self.history.landmarks())
         self.body = PolyCollection([], facecolors=PATH, edgecolors="white", zorder=7.0)
         axes.add_collection(self.body, autolim=False)
         self.note = axes.annotate("", (0.0, 1.0), xytext=(0, 8), xycoords="axes fraction", textcoords="offset points")
@@ -177,7 +177,7 @@ class _Film:
             self.image,
             self.way,
             self.path,
-            *self.visits[: 2 * row.landmarks],
+            *self.landmarks[: 2 * row.landmarks],
             self.target,
             self.body,
             self.note,

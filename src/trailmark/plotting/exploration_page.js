@@ -91,7 +91,7 @@ function draw() {
   if (path >= 0) line("path", 2, path ? data.path_ends[path - 1] : 0, data.path_ends[path], colours.goal, 2.5, [6, 4]);
   brush.font = `600 ${12 * ratio}px system-ui, sans-serif`;
   for (let k = 0; k < data.landmarks[row]; k++) {
-    const x = at("visits", k, 0, 2), y = at("visits", k, 1, 2);
+    const x = at("places", k, 0, 2), y = at("places", k, 1, 2);
     dot(x, y, 4, colours.landmark);
     brush.strokeStyle = colours.rim;
     brush.lineWidth = 3 * ratio;

@@ -82,7 +82,7 @@ def _packed(result: ExplorationResult) -> tuple[dict[str, Any], bytes]:
         "pose": np.column_stack([(figures[:, 5:7] - origin) / unit, figures[:, 7] / ANGLE]),
         "target": (np.where(aimed[:, None], history.targets[:, :2], origin) - origin) / unit,
         "path": (history.paths[:, :2] - origin) / unit,
-        "visits": (whole.visits()[:, :2] - origin) / unit,
+        "places": (whole.landmarks()[:, :2] - origin) / unit,
         **{name: figures[:, column] / scales[name] for name, column in columns.items()},
         "landmarks": figures[:, 3],
         "path_of": history.path_of,
