@@ -1,0 +1,64 @@
+"""The worlds and the oracle of the exploration benchmark, beside what trailmark itself says of the same."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.explore_oracle import boundary_errors, overlaps, seen_share, tour_length, truth_of
+from benchmarks.explore_worlds import KINDS, explore_world
+
+from trailmark.collision import StateChecker
+from trailmark.estimates import ObstacleEstimate
+from trailmark.exploration.known_map import KnownMap
+from trailmark.exploration.visible_area import reachable_places, visible_area
+from trailmark.shapes import Rectangle
+from trailmark.world import Query, Robot, World
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_seed_gives_the_same_world_and_its_start_is_free(kind: str) -> None:
+    world = explore_world(kind, 3)
+    assert world == explore_world(kind, 3)
+    assert world != explore_world(kind, 5)
+    assert StateChecker(world).valid(world.query().start)
+
+
+@pytest.mark.parametrize("kind", ["office", "cave"])
+def test_two_ways_to_find_what_can_be_seen(kind: str) -> None:
+    world = explore_world(kind, 0)
+    assert world.robot is not None
+    truth = truth_of(world, 5.0)
+    area = visible_area(world, reachable_places(world, world.robot, np.array([world.query().start])), 5.0)
+    assert len(truth.targets) * 0.2**2 == pytest.approx(len(area.points) * area.side**2, rel=0.01)
+    known = KnownMap(world.bounds, 0.05)
+    known.set_state(np.ones_like(known.state))
+    assert area.share_known(known) == 1.0
+    assert seen_share(truth, known.state, known.origin, known.cell) == 1.0
+
+
+def corridor() -> World:
+    """A corridor of 20 x 2 m, closed by nothing, with a box in the middle of its upper side."""
+    start = (1.0, 1.0, 0.0)
+    box = Rectangle((10.0, 1.75), 2.0, 0.5)
+    return World("corridor", (0.0, 0.0, 20.0, 2.0), (box,), Robot.disc(0.3), queries=(Query("start", start, start),))
+
+
+def test_the_anchor_of_a_corridor() -> None:
+    """With 5 m of sight the far corners are seen from 15.1 m on, so that 14.1 m are to be driven, 0.5 % less seen."""
+    length = tour_length(truth_of(corridor(), 5.0))
+    assert 13.0 < length < 15.0
+
+
+def test_overlaps_and_boundary_errors() -> None:
+    world = corridor()
+    truth = truth_of(world, 30.0)
+    poses = np.array([[10.0, 1.2, 0.0], [10.0, 1.25, 0.0], [0.3, 1.0, 0.0], [0.2, 1.0, 0.0]])
+    assert overlaps(truth, world, poses) == 2
+    moved = Rectangle((10.0, 1.73), 2.0, 0.5)
+    none = World("made", world.bounds, (moved,))
+    assert boundary_errors(truth, none)["missing"] == 1.0  # what has no estimate is not known
+    made = World("made", world.bounds, (), estimates=()).edited(add=[ObstacleEstimate(moved, 1e-4 * np.eye(2))])
+    found = boundary_errors(truth, made)
+    assert found["missing"] == 0.0
+    assert 0.012 < found["rms"] < 0.02  # 2 cm along the front, next to nothing along the sides
+    assert 0.012 < found["inside"] < 0.02
