@@ -1,0 +1,40 @@
+"""Strategies: which landmark an exploration goes to next."""
+
+# Tested by tests/exploration/test_survey.py.
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from trailmark.exploration.outlook import Outlook, Strategy
+
+__all__ = ["STRATEGIES", "gain_per_cost", "nearest_frontier"]
+
+
+def nearest_frontier(outlook: Outlook) -> int:
+    """Return the landmark that costs least to get to.
+
+    Source: Yamauchi, "A frontier-based approach for autonomous exploration", CIRA 1997.
+    """
+    return int(np.argmin(outlook.costs))
+
+
+def gain_per_cost(outlook: Outlook) -> int:
+    """Return the landmark of the largest area expected, discounted by what the way there costs.
+
+    The utility is A·exp(-λ·L), with λ as published, 0.2 per metre.
+
+    Source: González-Baños & Latombe, "Navigation strategies for exploring indoor environments", Int. J. Robotics
+    Research 2002.
+    """
+    return int(np.argmax(outlook.areas * np.exp(-0.2 * outlook.costs)))
+
+
+STRATEGIES: Final[Mapping[str, Strategy]] = MappingProxyType(
+    {"nearest-frontier": nearest_frontier, "gain-per-cost": gain_per_cost, "tour": nearest_frontier}
+)
+"""By the names that the shell takes."""
