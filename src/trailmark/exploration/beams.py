@@ -17,7 +17,20 @@ from numpy.typing import NDArray
 
 from trailmark.compiled import njit
 
-__all__ = ["FREE", "LOST", "MET", "NOTHING", "OCCUPIED", "TILE", "UNKNOWN", "WHOLE", "Cells", "enter_scan"]
+__all__ = [
+    "FREE",
+    "LOST",
+    "MET",
+    "NOTHING",
+    "OCCUPIED",
+    "SEEN",
+    "TILE",
+    "UNKNOWN",
+    "WHOLE",
+    "Cells",
+    "enter_scan",
+    "rectangles",
+]
 
 UNKNOWN: Final = 0
 FREE: Final = 1
@@ -30,8 +43,11 @@ NOTHING: Final = 2
 TILE: Final = 16
 """Cells: side of the squares by which changes are told."""
 
+SEEN: Final = 15
+"""All four quarters of a cell."""
+
 WHOLE: Final = 64
-"""The gap between beams, as a level, up to which a cell's box stands for what is in it: a cell."""
+"""The gap between beams of one cell, as a level."""
 
 OCTAVE: Final = 4
 """Levels by which the gap between beams halves: what was seen twice as finely replaces what was seen before."""
@@ -51,6 +67,8 @@ class Cells(NamedTuple):
 
     state: NDArray[np.uint8]
     """UNKNOWN, FREE or OCCUPIED."""
+    seen: NDArray[np.uint8]
+    """The quarters that beams passed, with half the gap to their neighbours: 1 and 2 in the lower half, 4 and 8."""
     box: NDArray[np.uint8]
     """Shape (rows, columns, 4): xmin, ymin, xmax, ymax of the surface in an occupied cell, in 255ths of its side."""
     facing: NDArray[np.uint8]
@@ -73,7 +91,7 @@ class Cells(NamedTuple):
 
         tiles = -(-rows // TILE), -(-columns // TILE)
         box, stamp = np.zeros((rows, columns, 4), dtype=np.uint8), np.zeros((rows, columns), dtype=np.int32)
-        return cls(zeros(), box, zeros(), zeros(), zeros(), stamp, np.ones(tiles, dtype=np.bool_))
+        return cls(zeros(), zeros(), box, zeros(), zeros(), zeros(), stamp, np.ones(tiles, dtype=np.bool_))
 
 
 @njit(cache=True)
@@ -91,7 +109,7 @@ def enter_scan(cells, now, start, ends, kinds, normals, gap, tolerance):  # type
         tolerance: how far beyond a surface a beam must have come to speak against it.
     """
     _enter_surfaces(cells, now, start, ends, kinds, normals, gap)
-    _enter_passes(cells, now, start, ends, kinds, tolerance)
+    _enter_passes(cells, now, start, ends, kinds, gap, tolerance)
 
 
 @njit(cache=True)
@@ -146,12 +164,20 @@ def _enter_surfaces(cells, now, start, ends, kinds, normals, gap):  # type: igno
                 along_x, along_y = -sin(angle), cos(angle)
                 if side_on < 0.0:
                     along_x, along_y = -along_x, -along_y
+            if not facing:
+                # How the surface goes on is not known: within the cell it may.
+                row, column = floor(y), floor(x)
+                ax, ay, bx, by = x, y, x, y
+                if behind:
+                    ax, ay = x - before * along_x, y - before * along_y
+                if ahead:
+                    bx, by = x + before * along_x, y + before * along_y
+                _meet(cells, row, column, ax, ay, bx, by, level, facing, now)
+                continue
             if behind:
                 _stretch(cells, x, y, x - before * along_x, y - before * along_y, level, facing, now)
             if ahead:
                 _stretch(cells, x, y, x + before * along_x, y + before * along_y, level, facing, now)
-            if not (ahead or behind):
-                _stretch(cells, x, y, x, y, level, facing, now)
 
 
 @njit(cache=True)
@@ -218,7 +244,7 @@ def _meet(cells, row, column, ax, ay, bx, by, level, facing, now):  # type: igno
 
 
 @njit(cache=True)
-def _enter_passes(cells, now, start, ends, kinds, tolerance):  # type: ignore[no-untyped-def]  # numba infers the types
+def _enter_passes(cells, now, start, ends, kinds, gap, tolerance):  # type: ignore[no-untyped-def]  # numba infers the types
     """Walk along each beam from cell to cell (Amanatides & Woo 1987, A Fast Voxel Traversal Algorithm)."""
     rows, columns = cells.state.shape
     sx, sy = start
@@ -234,17 +260,20 @@ def _enter_passes(cells, now, start, ends, kinds, tolerance):  # type: ignore[no
         step_i, step_j = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
         next_i = ((i + (dx > 0.0)) - sx) / dx if dx != 0.0 else inf
         next_j = ((j + (dy > 0.0)) - sy) / dy if dy != 0.0 else inf
+        ux, uy = dx / length, dy / length
         for _ in range(abs(last_i - i) + abs(last_j - j) + 1):
-            if kinds[k] == MET and i == last_i and j == last_j:
-                break
             if 0 <= i < columns and 0 <= j < rows:
+                if cells.seen[j, i] != SEEN:
+                    _see(cells, j, i, i + 0.25 - sx, j + 0.25 - sy, ux, uy, length, gap)
+                if kinds[k] == MET and i == last_i and j == last_j:
+                    break
                 if cells.state[j, i] == UNKNOWN:
                     cells.state[j, i] = FREE
                     cells.changed[j // TILE, i // TILE] = True
                 elif (
                     cells.state[j, i] == OCCUPIED
                     and cells.stamp[j, i] != now
-                    and _goes_through(cells, j, i, sx, sy, dx / length, dy / length, length - tolerance)
+                    and _goes_through(cells, j, i, sx, sy, ux, uy, length - tolerance)
                 ):
                     cells.stamp[j, i] = now
                     cells.misses[j, i] += 1
@@ -257,6 +286,20 @@ def _enter_passes(cells, now, start, ends, kinds, tolerance):  # type: ignore[no
             else:
                 next_j += step_j / dy if dy != 0.0 else inf
                 j += step_j
+
+
+@njit(cache=True)
+def _see(cells, row, column, wx, wy, ux, uy, length, gap):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Count the quarters of a cell, the first of which lies at (wx, wy) from the scanner, that a beam passes."""
+    seen = cells.seen[row, column]
+    for quarter in range(4):
+        x, y = wx + 0.5 * (quarter & 1), wy + 0.5 * (quarter >> 1)
+        along = ux * x + uy * y
+        if along <= length and abs(ux * y - uy * x) <= 0.25 + 0.5 * gap * along:
+            seen |= 1 << quarter
+    if seen != cells.seen[row, column]:
+        cells.seen[row, column] = seen
+        cells.changed[row // TILE, column // TILE] = True
 
 
 @njit(cache=True)
@@ -274,3 +317,35 @@ def _goes_through(cells, row, column, sx, sy, dx, dy, until):  # type: ignore[no
     at = (nx * (px - sx) + ny * (py - sy)) / steep
     x, y = 255.0 * (sx + at * dx - column), 255.0 * (sy + at * dy - row)
     return 0.0 < at < until and box[0] - 2 <= x <= box[2] + 2 and box[1] - 2 <= y <= box[3] + 2
+
+
+@njit(cache=True)
+def rectangles(mask):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Return boxes x0, y0, x1, y1, shape (n, 4), that cover a mask exactly: runs of a row, joined to equal ones above.
+
+    Args:
+        mask: shape (rows, columns) of bool.
+    """
+    rows, columns = mask.shape
+    found, count = np.empty((mask.size, 4), dtype=np.int64), 0
+    open_at = np.full(columns, -1, dtype=np.int64)  # by its first column, the box that the row before ended
+    for r in range(rows):
+        c = 0
+        while c < columns:
+            if not mask[r, c]:
+                open_at[c] = -1
+                c += 1
+                continue
+            first = c
+            while c < columns and mask[r, c]:
+                if c > first:
+                    open_at[c] = -1
+                c += 1
+            k = open_at[first]
+            if k >= 0 and found[k, 2] == c and found[k, 3] == r:
+                found[k, 3] = r + 1
+                continue
+            found[count, 0], found[count, 1], found[count, 2], found[count, 3] = first, r, c, r + 1
+            open_at[first] = count
+            count += 1
+    return found[:count].copy()

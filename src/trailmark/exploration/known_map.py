@@ -14,11 +14,13 @@ from trailmark.exploration.beams import (
     NOTHING,
     NUDGE,
     OCCUPIED,
+    SEEN,
     TILE,
     UNKNOWN,
     WHOLE,
     Cells,
     enter_scan,
+    rectangles,
 )
 from trailmark.se2 import FloatArray, compose
 from trailmark.shapes import Rectangle
@@ -27,10 +29,10 @@ from trailmark.world import World
 __all__ = ["FREE", "OCCUPIED", "UNKNOWN", "KnownMap"]
 
 PARTS = 8
-"""Parts of a cell's side to which the box of its surface is widened: the fewer, the fewer obstacles change."""
+"""Parts of a cell's side, at most, to which the box of its surface is widened: with fewer, fewer change."""
 
-Boxes = list[list[int]]
-"""x and y of two corners each, in parts of a cell."""
+Box = tuple[int, int, int, int]
+"""x and y of two corners, in cells or in parts of one."""
 
 
 class KnownMap:
@@ -39,6 +41,7 @@ class KnownMap:
     Attributes:
         origin: x, y of the outer corner of cell (0, 0), metres.
         cell: side of a cell, metres.
+        noise: metres, standard deviation of end points: a surface is told to twice that, at best.
         revision: grows whenever a cell's state, or the surface in it, changes.
 
     Args:
@@ -51,9 +54,9 @@ class KnownMap:
         self.bounds, self.cell, self.origin = bounds, float(cell), (float(xmin), float(ymin))
         shape = int(np.ceil((ymax - ymin) / cell - 1e-9)), int(np.ceil((xmax - xmin) / cell - 1e-9))
         self._cells = Cells.unknown(*shape)
-        self.revision, self._scans = 0, 0
+        self.noise, self.revision, self._scans = 0.0, 0, 0
         # What the planner's world has, by tile: ids, and the cells that they stand for.
-        self._obstacles = dict[tuple[int, int], list[str]]()
+        self._obstacles = dict[tuple[int, int], dict[tuple[str, int, int, int, int], str]]()
         self._drawn = dict[tuple[int, int], bytes]()
         self._count = 0
 
@@ -66,7 +69,8 @@ class KnownMap:
         """Take over the state of all cells; those that are occupied are so as a whole."""
         if not np.array_equal(state, self.state):
             cells = self._cells
-            cells.state[:], cells.box[:], cells.level[:], cells.facing[:] = state, (0, 0, 255, 255), WHOLE + 1, 0
+            cells.state[:], cells.box[:], cells.level[:], cells.facing[:] = state, (0, 0, 255, 255), WHOLE, 0
+            cells.seen[:] = np.where(state == UNKNOWN, 0, SEEN)
             cells.changed[:] = True
             self.revision += 1
 
@@ -76,17 +80,16 @@ class KnownMap:
         self._cells, self._scans = Cells.unknown(rows, columns), 0
         self.revision += 1
 
-    def add_scan(self, scan: Scan, pose: FloatArray, max_range: float, tolerance: float = 0.0) -> None:
+    def add_scan(self, scan: Scan, pose: FloatArray, max_range: float) -> None:
         """Enter a scan: cells that a beam went through are free, those in which surfaces were met are occupied.
 
-        What is occupied becomes free again after three scans in a row with beams that went on behind its surface.
+        What is occupied becomes free again after three scans in a row with beams that went on behind its surface by
+        more than three times the noise.
 
         Args:
             scan: its beams in the order of their angles.
             pose: of the robot when it was taken, shape (3,).
             max_range: metres; what was met farther away shows free space up to there.
-            tolerance: metres that a beam must have come beyond a surface to speak against it: what ranges and poses
-                err by.
         """
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         limit = min(float(scan.range_max), float(np.nextafter(max_range, np.inf)))
@@ -107,7 +110,7 @@ class KnownMap:
         self._scans += 1
         enter_scan(
             self._cells, self._scans, start, ends, kinds, normals, abs(scan.angle_increment),
-            max(tolerance / self.cell, 0.1),
+            max(3.0 * self.noise / self.cell, 0.1),
         )  # fmt: skip
         self.revision += int(self._cells.changed.any())
         self._cells.changed[:] |= before
@@ -130,77 +133,62 @@ class KnownMap:
     def follow(self, world: World) -> World:
         """Return the world with the obstacles of the tiles that changed since the last call replaced.
 
-        Its obstacles have ids: ``occupied-…`` and ``unknown-…``. Unknown cells are obstacles, so that no valid path
-        leads through what is not known, and of occupied cells the boxes of the surfaces in them, where beams lay close
-        enough together to leave no other unseen.
+        Its obstacles have ids: ``occupied-…``, the boxes of the surfaces in occupied cells, and ``unknown-…``, the
+        quarters of cells that no beam passed, so that no valid path leads through what is not known.
         """
         remove, add = list[str](), dict[str, Rectangle]()
+        parts = 2 * max(1, min(PARTS, round(self.cell / max(2.0 * self.noise, 1e-9))) // 2)  # halves, or finer
         for i, j in np.argwhere(self._cells.changed).tolist():
             part = np.s_[i * TILE : (i + 1) * TILE, j * TILE : (j + 1) * TILE]
-            unknown, boxes = self._cells.state[part] == UNKNOWN, self._boxes(part)
-            content = unknown.tobytes() + boxes.tobytes()
+            seen, boxes = self._cells.seen[part], self._boxes(part, parts)
+            content = seen.tobytes() + boxes.tobytes()
             if self._drawn.get((i, j)) == content:
                 continue
-            corner = self.origin[0] + j * TILE * self.cell, self.origin[1] + i * TILE * self.cell
-            shapes = {"unknown": rectangles(unknown, corner, self.cell), "occupied": joined(boxes, corner, self.cell)}
-            own = dict[str, Rectangle]()
-            for name, found in shapes.items():
-                for shape in found:
-                    self._count += 1
-                    own[f"{name}-{self._count}"] = shape
-            remove += self._obstacles.pop((i, j), [])
-            self._obstacles[i, j], self._drawn[i, j] = list(own), content
-            add |= own
+            self._drawn[i, j] = content
+            shapes = {("unknown", *box) for box in (parts * rectangles(_unseen(seen)) // 2).tolist()}
+            shapes |= {("occupied", *box) for box in joined(boxes)}
+            old = self._obstacles.get((i, j), {})
+            self._obstacles[i, j] = new = {shape: old[shape] for shape in old if shape in shapes}
+            remove += [identity for shape, identity in old.items() if shape not in shapes]
+            for shape in shapes - set(old):
+                self._count += 1
+                new[shape] = f"{shape[0]}-{self._count}"
+                x0, y0, x1, y1 = (side / parts for side in shape[1:])
+                centre = j * TILE + 0.5 * (x0 + x1), i * TILE + 0.5 * (y0 + y1)
+                x, y = (low + self.cell * at for low, at in zip(self.origin, centre, strict=True))
+                add[new[shape]] = Rectangle((x, y), self.cell * (x1 - x0), self.cell * (y1 - y0))
         self._cells.changed[:] = False
         return world.edited(add=add, remove=remove) if add or remove else world
 
-    def _boxes(self, part: tuple[slice, slice]) -> NDArray[np.int64]:
-        """Return the surfaces in the occupied cells of a tile, rows row, column, x0, y0, x1, y1, in parts of a cell."""
+    def _boxes(self, part: tuple[slice, slice], parts: int) -> NDArray[np.int64]:
+        """Return the surfaces in the occupied cells of a tile, rows x0, y0, x1, y1, in parts of a cell."""
         cells = self._cells
         at = np.argwhere(cells.state[part] == OCCUPIED)
-        box, level = cells.box[part][at[:, 0], at[:, 1]].astype(np.int64), cells.level[part][at[:, 0], at[:, 1]]
-        low, high = box[:, :2] * PARTS // 255, -(-box[:, 2:] * PARTS // 255)
+        box = cells.box[part][at[:, 0], at[:, 1]].astype(np.int64)
         # A surface along a cell's side has a thickness, too.
-        low, high = np.minimum(low, PARTS - 1), np.maximum(high, 1)
-        high = np.maximum(high, low + 1)
-        whole = level > WHOLE
-        low[whole], high[whole] = 0, PARTS
-        return np.column_stack([low + PARTS * at[:, ::-1], high + PARTS * at[:, ::-1]])
+        low = np.minimum(box[:, :2] * parts // 255, parts - 1)
+        high = np.maximum(-(-box[:, 2:] * parts // 255), low + 1)
+        return np.column_stack([low + parts * at[:, ::-1], high + parts * at[:, ::-1]])
 
 
-def joined(boxes: NDArray[np.int64], origin: tuple[float, float], cell: float) -> list[Rectangle]:
-    """Return boxes, in parts of a cell from an origin, as rectangles: those of equal sides that touch are joined."""
-    for low, high in ((0, 2), (1, 3)):
-        merged = Boxes()
-        others = [column for column in range(4) if column not in (low, high)]
-        for box in sorted(boxes.tolist(), key=lambda box: (*(box[k] for k in others), box[low])):
+def _unseen(seen: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Return which quarters of cells no beam passed, twice as many rows and columns."""
+    mask = np.empty((2 * seen.shape[0], 2 * seen.shape[1]), dtype=bool)
+    for quarter in range(4):
+        mask[quarter // 2 :: 2, quarter % 2 :: 2] = seen & (1 << quarter) == 0
+    return mask
+
+
+def joined(boxes: NDArray[np.int64]) -> set[Box]:
+    """Return boxes, shape (n, 4), with those of equal sides that touch joined to one."""
+    found = [(x0, y0, x1, y1) for x0, y0, x1, y1 in boxes.tolist()]
+    for low, high, others in ((0, 2, (1, 3)), (1, 3, (0, 2))):
+        merged = list[list[int]]()
+        for box in sorted(found, key=lambda box: (box[others[0]], box[others[1]], box[low])):
             last = merged[-1] if merged else None
             if last is not None and all(last[k] == box[k] for k in others) and last[high] == box[low]:
                 last[high] = box[high]
             else:
-                merged.append(box)
-        boxes = np.array(merged, dtype=np.int64).reshape(-1, 4)
-    (x, y), part = origin, cell / PARTS
-    return [
-        Rectangle((x + 0.5 * part * (x0 + x1), y + 0.5 * part * (y0 + y1)), part * (x1 - x0), part * (y1 - y0))
-        for x0, y0, x1, y1 in boxes.tolist()
-    ]
-
-
-def rectangles(mask: NDArray[np.bool_], origin: tuple[float, float], cell: float) -> list[Rectangle]:
-    """Return rectangles that cover the cells of a mask exactly: runs of a row, joined to the equal ones below."""
-    found, open_runs = list[tuple[int, int, int, int]](), dict[tuple[int, int], int]()
-    for r in range(len(mask) + 1):
-        runs = set[tuple[int, int]]()
-        if r < len(mask):
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], mask[r], [False]]).astype(np.int8))).tolist()
-            runs = set(zip(edges[::2], edges[1::2], strict=True))
-        for run in [run for run in open_runs if run not in runs]:
-            found.append((run[0], open_runs.pop(run), run[1], r))
-        for run in runs:
-            open_runs.setdefault(run, r)
-    x, y = origin
-    return [
-        Rectangle((x + 0.5 * (c0 + c1) * cell, y + 0.5 * (r0 + r1) * cell), (c1 - c0) * cell, (r1 - r0) * cell)
-        for c0, r0, c1, r1 in found
-    ]
+                merged.append(list(box))
+        found = [(x0, y0, x1, y1) for x0, y0, x1, y1 in merged]
+    return set(found)

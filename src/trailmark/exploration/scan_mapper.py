@@ -43,6 +43,7 @@ class ScanMapper:
         self, start: FloatArray, known: KnownMap, sensor: Scanner, robot: Robot, settings: ExplorationSettings
     ) -> None:
         self.known, self.records = known, list[Record]()
+        known.noise = sensor.sigma
         self._start, self._sensor, self._robot, self._settings = np.asarray(start, float), sensor, robot, settings
         self._reckoning = DeadReckoning(self._start)
         self._slam: ScanSlam | None = None  # None as long as odometry is taken as exact
@@ -130,8 +131,7 @@ class ScanMapper:
         return False
 
     def _enter(self, scan: Scan, pose: FloatArray) -> None:
-        tolerance = 0.0 if self._slam is None else 3.0 * self._sensor.sigma
-        self.known.add_scan(scan, pose, self._sensor.max_range, tolerance)
+        self.known.add_scan(scan, pose, self._sensor.max_range)
 
     def _draw(self) -> None:
         """Draw the map anew."""
