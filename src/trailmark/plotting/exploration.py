@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.errors import OutputError
 from trailmark.exploration.history import History
-from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.plotting.animation import write_gif
 from trailmark.plotting.canvas import annotate, draw_legend, figure_of, picture_of, set_limits, write
 from trailmark.plotting.world import draw_end
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from trailmark.exploration.result import ExplorationResult
 
-__all__ = ["draw_exploration", "save_exploration_animation", "save_exploration_figure"]
+__all__ = ["coarse", "draw_exploration", "save_exploration_animation", "save_exploration_figure"]
 
 TIME_COLOURS = "viridis_r"
 """Late is dark: what was driven last is drawn on top, and is seen on it."""
@@ -37,8 +37,8 @@ TIME_COLOURS = "viridis_r"
 MAX_FRAMES, FRAME_SECONDS, LAST_FRAMES = 110, 0.11, 14
 """Of an animation: 12 s of drive, and its end for another 1.5 s."""
 
-DPI = 80
-"""Of an animation."""
+DPI, MAX_CELLS = 80, 150_000
+"""Of an animation: about a cell for two pixels."""
 
 
 def save_exploration_figure(file: str | FilePath, result: ExplorationResult) -> None:
@@ -65,7 +65,7 @@ def draw_exploration(axes: Axes, result: ExplorationResult) -> dict[str, Any]:
     """
     set_limits(axes, result.world)
     history, known = History.of(result.history), result.known
-    _show_cells(axes, known, picture_of_cells(known.state))
+    _show_cells(axes, known.origin, known.cell, picture_of_cells(known.state))
     way, time = history.figures[:, 5:7], history.figures[:, 0]
     pieces = LineCollection(list(np.stack([way[:-1], way[1:]], axis=1)), array=time[:-1], cmap=TIME_COLOURS)
     pieces.set(linewidths=1.6, zorder=4.0, capstyle="round")
@@ -98,6 +98,25 @@ def picture_of_cells(state: NDArray[np.uint8]) -> NDArray[np.uint8]:
     for kind, colour in ((UNKNOWN, MARGIN), (FREE, "#ffffff"), (OCCUPIED, OBSTACLE)):
         colours[kind] = to_rgb(colour)
     return np.asarray(np.rint(255.0 * colours)).astype(np.uint8)[state]
+
+
+def coarse(
+    state: NDArray[np.uint8], first: NDArray[np.float32], cell: float, limit: int
+) -> tuple[NDArray[np.uint8], NDArray[np.float32], float]:
+    """Return a grid of at most about ``limit`` cells, and their side: squares of cells, where there are more.
+
+    A square is occupied if one of its cells is, else free if one is, and is known from the first of them on.
+    """
+    size = int(np.ceil(np.sqrt(state.size / limit)))
+    if size == 1:
+        return state, first, cell
+    rows, columns = (-(-n // size) for n in state.shape)
+    pad = [(0, rows * size - state.shape[0]), (0, columns * size - state.shape[1])]
+    blocks = (rows, size, columns, size)
+    # FREE is above UNKNOWN, and OCCUPIED above FREE.
+    found = np.pad(state, pad, constant_values=UNKNOWN).reshape(blocks).max(axis=(1, 3))
+    times = np.pad(first, pad, constant_values=np.inf).reshape(blocks).min(axis=(1, 3))
+    return found, times, size * cell
 
 
 def draw_landmarks(axes: Axes, landmarks: se2.FloatArray) -> list[Any]:
@@ -139,7 +158,9 @@ class _Film:
 
     def __init__(self, result: ExplorationResult) -> None:
         self.result, self.history = result, History.of(result.history)
-        self.cells = picture_of_cells(result.known.state)
+        known = result.known
+        state, self.first_known, cell = coarse(known.state, result.first_known, known.cell, MAX_CELLS)
+        self.cells, self.unknown = picture_of_cells(state), picture_of_cells(np.full_like(state, UNKNOWN))
         figure, axes = figure_of(result.world)
         figure.set_dpi(DPI)
         canvas: Any = FigureCanvasAgg(figure)  # whose methods have no types
@@ -148,7 +169,7 @@ class _Film:
         set_limits(axes, result.world)
         canvas.draw()
         self.empty = canvas.copy_from_bbox(figure.bbox)
-        self.image = _show_cells(axes, result.known, self.cells)
+        self.image = _show_cells(axes, known.origin, cell, self.unknown)
         (self.way,) = axes.plot([], [], color=PATH, lw=1.2, alpha=0.6, zorder=4.0)
         (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), zorder=5.0)
         (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0, zorder=6.5)
@@ -161,9 +182,8 @@ class _Film:
     def drawn(self, i: int) -> NDArray[np.uint8]:
         """Return the picture of a row of the history, shape (height, width, 3)."""
         row, result = self.result.history[i], self.result
-        self.image.set_data(
-            np.where((result.first_known <= np.float32(row.time))[..., None], self.cells, self.cells_unknown)
-        )
+        known = self.first_known <= np.float32(row.time)
+        self.image.set_data(np.where(known[..., None], self.cells, self.unknown))
         self.way.set_data(*self.history.figures[: i + 1, 5:7].T)
         self.path.set_data(*(np.empty((2, 0)) if row.path is None else row.path[:, :2].T))
         self.target.set_data(*(np.empty((2, 0)) if row.target is None else row.target[:2, None]))
@@ -185,15 +205,10 @@ class _Film:
             self.axes.draw_artist(artist)
         return np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
 
-    @property
-    def cells_unknown(self) -> NDArray[np.uint8]:
-        """The colour of cells that are not known yet, shape (3,)."""
-        return picture_of_cells(np.array(UNKNOWN, dtype=np.uint8))
 
-
-def _show_cells(axes: Axes, known: KnownMap, cells: NDArray[np.uint8]) -> AxesImage:
-    (rows, columns), (x, y) = known.state.shape, known.origin
-    ends = (x, x + columns * known.cell, y, y + rows * known.cell)
+def _show_cells(axes: Axes, origin: tuple[float, float], cell: float, cells: NDArray[np.uint8]) -> AxesImage:
+    (rows, columns, _), (x, y) = cells.shape, origin
+    ends = (x, x + columns * cell, y, y + rows * cell)
     # Not by axes.imshow, which sets limits and aspect anew.
     image = AxesImage(axes, origin="lower", extent=ends, interpolation="nearest", zorder=0.5)
     image.set_data(cells)

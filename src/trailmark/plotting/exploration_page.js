@@ -117,7 +117,7 @@ function drawRobot(px, py, ratio, dot) {
   brush.fill();
   brush.stroke();
   const reach = Math.max(0, ...meta.robot.map(([u]) => u)), [ax, ay] = place([0, 0]), [bx, by] = place([reach, 0]);
-  if (Math.hypot(bx - ax, by - ay) < 4 * ratio) { dot(x, y, 5, colours.way); return; }
+  if (Math.hypot(bx - ax, by - ay) < 8 * ratio) { dot(x, y, 5, colours.way); return; }
   brush.beginPath();
   brush.moveTo(ax, ay);
   brush.lineTo(bx, by);

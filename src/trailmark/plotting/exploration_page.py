@@ -18,6 +18,7 @@ from trailmark.exploration.history import History
 from trailmark.exploration.known_map import UNKNOWN
 from trailmark.formats.files import write_atomically
 from trailmark.plotting.canvas import picture_of
+from trailmark.plotting.exploration import coarse
 from trailmark.sketch import colours
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def _packed(result: ExplorationResult) -> tuple[dict[str, Any], bytes]:
     """Return what the page is told as JSON, and its arrays one after the other, those of larger numbers first."""
     whole, known = History.of(result.history), result.known
     history = _thinned(whole)
-    state, first, cell = _coarse(known.state, result.first_known, known.cell)
+    state, first, cell = coarse(known.state, result.first_known, known.cell, MAX_CELLS)
     figures, origin = history.figures, np.asarray(known.origin)
     unit = cell * max(state.shape) / STEPS
     reading = np.searchsorted(figures[:, 0].astype(np.float32), first)
@@ -121,22 +122,6 @@ def _thinned(history: History) -> History:
         paths=np.concatenate([np.empty((0, 3)), *kept]),
         events=tuple((int(np.searchsorted(rows, i)), text) for i, text in history.events),
     )
-
-
-def _coarse(
-    state: NDArray[np.uint8], first: NDArray[np.float32], cell: float
-) -> tuple[NDArray[np.uint8], NDArray[np.float32], float]:
-    """Return a grid of at most MAX_CELLS cells: squares, occupied if one of their cells is, else free likewise."""
-    size = int(np.ceil(np.sqrt(state.size / MAX_CELLS)))
-    if size == 1:
-        return state, first, cell
-    rows, columns = (-(-n // size) for n in state.shape)
-    pad = [(0, rows * size - state.shape[0]), (0, columns * size - state.shape[1])]
-    blocks = (rows, size, columns, size)
-    # FREE is above UNKNOWN, and OCCUPIED above FREE.
-    found = np.pad(state, pad, constant_values=UNKNOWN).reshape(blocks).max(axis=(1, 3))
-    times = np.pad(first, pad, constant_values=np.inf).reshape(blocks).min(axis=(1, 3))
-    return found, times, size * cell
 
 
 def _facts(result: ExplorationResult) -> str:
