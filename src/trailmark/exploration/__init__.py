@@ -1,1 +1,44 @@
-"""Exploration of an unknown world, from landmark to landmark, until it is proven that nothing more can be seen."""
+"""Exploration of an unknown world, from landmark to landmark, until it is proven that nothing more can be seen.
+
+The names are loaded when they are first used, as those of :mod:`trailmark.estimation` are.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from trailmark.exploration.exploration_settings import ExplorationSettings as ExplorationSettings
+    from trailmark.exploration.explorer import Explorer as Explorer
+    from trailmark.exploration.outlook import Outlook as Outlook
+    from trailmark.exploration.outlook import Strategy as Strategy
+    from trailmark.exploration.result import Evaluation as Evaluation
+    from trailmark.exploration.result import ExplorationProgress as ExplorationProgress
+    from trailmark.exploration.result import ExplorationResult as ExplorationResult
+    from trailmark.exploration.robots import DriveReport as DriveReport
+    from trailmark.exploration.robots import ExploringRobot as ExploringRobot
+    from trailmark.exploration.simulated_robot import SimulatedRobot as SimulatedRobot
+    from trailmark.exploration.strategies import STRATEGIES as STRATEGIES
+
+_HOME = {
+    "ExplorationSettings": "exploration_settings",
+    "Explorer": "explorer",
+    "Outlook": "outlook",
+    "Strategy": "outlook",
+    "Evaluation": "result",
+    "ExplorationProgress": "result",
+    "ExplorationResult": "result",
+    "DriveReport": "robots",
+    "ExploringRobot": "robots",
+    "SimulatedRobot": "simulated_robot",
+    "STRATEGIES": "strategies",
+}
+
+__all__ = list(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'trailmark.exploration' has no attribute {name!r}")
+    return getattr(import_module(f"trailmark.exploration.{_HOME[name]}"), name)

@@ -49,6 +49,10 @@ class Mapper(Protocol):
         """Where it was, as is known now, shape (n, 4), rows t, x, y, theta."""
 
     @property
+    def covariances(self) -> FloatArray:
+        """Of the trajectory's poses, shape (n, 3, 3), in the world's axes."""
+
+    @property
     def margin(self) -> float:
         """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one. Constant."""
 

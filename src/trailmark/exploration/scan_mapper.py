@@ -68,6 +68,11 @@ class ScanMapper:
         return np.column_stack([[scan.t for scan, _ in self._scans], poses.reshape(-1, 3)])
 
     @property
+    def covariances(self) -> FloatArray:
+        """Of the trajectory's poses, shape (n, 3, 3), in the world's axes."""
+        return np.broadcast_to(self.covariance, (len(self._scans), 3, 3))
+
+    @property
     def margin(self) -> float:
         """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one."""
         return 0.0 if self._settings.confidence is None else 3.0 * self._sensor.sigma + 0.02

@@ -162,7 +162,7 @@ def _large_enough(state: NDArray[np.uint8], least: float) -> NDArray[np.bool_]:
     """Return the unknown cells of regions of as many cells at least."""
     unknown = state == UNKNOWN
     if least <= 1.0:
-        return unknown
+        return np.asarray(unknown)
     from scipy import ndimage
 
     labels = ndimage.label(unknown)[0]

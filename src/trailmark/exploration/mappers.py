@@ -1,0 +1,57 @@
+"""Which mapper a sensor needs, and which worlds it can see."""
+
+# Tested by tests/exploration/test_explorer.py.
+
+from __future__ import annotations
+
+from trailmark.errors import ConfigurationError
+from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.exploration.exploration_settings import ExplorationSettings
+from trailmark.exploration.known_map import KnownMap
+from trailmark.exploration.mapper import Mapper
+from trailmark.exploration.scan_mapper import ScanMapper
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Disc
+from trailmark.world import Robot, World
+
+__all__ = ["check_visible", "mapper_for"]
+
+
+def mapper_for(
+    sensor: Scanner | Detector,
+    robot: Robot,
+    start: FloatArray,
+    bounds: tuple[float, float, float, float],
+    settings: ExplorationSettings,
+) -> Mapper:
+    """Return a mapper that knows nothing yet.
+
+    Args:
+        sensor: its range, and the noise that there is.
+        robot: of the world.
+        start: where it stands first, shape (3,).
+        bounds: of what is to be explored.
+        settings: of the exploration.
+    """
+    known = KnownMap(bounds, settings.cell_side(robot, bounds))
+    if isinstance(sensor, Detector):
+        raise ConfigurationError("sensor: expected laser: detections are still to come")
+    return ScanMapper(start, known, sensor, robot, settings)
+
+
+def check_visible(world: World, sensor: Scanner | Detector) -> None:
+    """Raise if there are obstacles that a sensor never sees.
+
+    Raises:
+        ConfigurationError: a detector of discs, and an obstacle that is none or too large for it, or a boundary.
+    """
+    if isinstance(sensor, Scanner):
+        return
+    for i, shape in enumerate(world.obstacles):
+        if not (isinstance(shape, Disc) and shape.radius <= sensor.max_radius):
+            raise ConfigurationError(
+                f"sensor: expected discs alone for a sensor of detections, got {type(shape).__name__.lower()} "
+                f"obstacles[{i}] (--sensor laser sees it)"
+            )
+    if world.boundary is not None:
+        raise ConfigurationError("sensor: expected no boundary for a sensor of detections (--sensor laser sees it)")
