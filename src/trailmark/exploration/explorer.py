@@ -29,6 +29,7 @@ from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
 from trailmark.se2 import FloatArray, configurations
+from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
 __all__ = ["Explorer"]
@@ -111,7 +112,8 @@ class Explorer:
             )
             self._driver, described = simulated, simulated.sensor
         self.name = "exploration" if world is None else world.name
-        self.mapper: Mapper = mapper_for(described, self.robot, self.start, bounds, self.settings)
+        radii = {i: s.radius for i, s in enumerate(world.obstacles) if isinstance(s, Disc)} if world else None
+        self.mapper: Mapper = mapper_for(described, self.robot, self.start, bounds, self.settings, radii)
         self.sensor_range = described.max_range
         self._planner: LandmarkPlanner | None = None
         self._memory = Memory(self.mapper.known)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,7 +25,7 @@ from trailmark.exploration.beams import (
     rectangles,
 )
 from trailmark.se2 import FloatArray, compose
-from trailmark.shapes import Rectangle
+from trailmark.shapes import Disc, Rectangle, Shape
 from trailmark.world import World
 
 __all__ = ["FREE", "OCCUPIED", "UNKNOWN", "KnownMap"]
@@ -59,20 +61,32 @@ class KnownMap:
         self._obstacles = dict[tuple[int, int], dict[tuple[str, int, int, int, int], str]]()
         self._drawn = dict[tuple[int, int], bytes]()
         self._count = 0
+        self._discs, self._drawn_discs = dict[str, Disc](), dict[str, Disc]()
 
     @property
     def state(self) -> NDArray[np.uint8]:
         """UNKNOWN, FREE or OCCUPIED, shape (rows, columns); row 0 has the smallest y."""
         return self._cells.state
 
-    def set_state(self, state: NDArray[np.uint8]) -> None:
-        """Take over the state of all cells; those that are occupied are so as a whole."""
-        if not np.array_equal(state, self.state):
-            cells = self._cells
-            cells.state[:], cells.box[:], cells.level[:], cells.facing[:] = state, (0, 0, 255, 255), WHOLE, 0
-            cells.seen[:] = np.where(state == UNKNOWN, 0, SEEN)
-            cells.changed[:] = True
-            self.revision += 1
+    def set_state(self, state: NDArray[np.uint8], discs: Mapping[str, Disc] | None = None) -> None:
+        """Take over the state of all cells; those that are occupied are so as a whole, or by discs.
+
+        Args:
+            state: UNKNOWN, FREE or OCCUPIED, shape as before.
+            discs: obstacles by name, that stand for the occupied cells.
+        """
+        cells, discs = self._cells, dict(discs) if discs else {}
+        if np.array_equal(state, cells.state) and discs == self._discs:
+            return
+        new = state != cells.state
+        cells.changed[:] |= np.logical_or.reduceat(
+            np.logical_or.reduceat(new, np.arange(0, new.shape[0], TILE), 0), np.arange(0, new.shape[1], TILE), 1
+        )
+        cells.state[:], cells.level[:], cells.facing[:] = state, WHOLE, 0
+        cells.box[:] = (255, 255, 0, 0) if discs else (0, 0, 255, 255)
+        cells.seen[:] = np.where(state == UNKNOWN, 0, SEEN)
+        self._discs = discs
+        self.revision += 1
 
     def clear(self) -> None:
         """Forget what is known of all cells."""
@@ -136,7 +150,7 @@ class KnownMap:
         Its obstacles have ids: ``occupied-…``, the boxes of the surfaces in occupied cells, and ``unknown-…``, the
         quarters of cells that no beam passed, so that no valid path leads through what is not known.
         """
-        remove, add = list[str](), dict[str, Rectangle]()
+        remove, add = list[str](), dict[str, Shape]()
         parts = 2 * max(1, min(PARTS, round(self.cell / max(2.0 * self.noise, 1e-9))) // 2)  # halves, or finer
         for i, j in np.argwhere(self._cells.changed).tolist():
             part = np.s_[i * TILE : (i + 1) * TILE, j * TILE : (j + 1) * TILE]
@@ -158,12 +172,19 @@ class KnownMap:
                 x, y = (low + self.cell * at for low, at in zip(self.origin, centre, strict=True))
                 add[new[shape]] = Rectangle((x, y), self.cell * (x1 - x0), self.cell * (y1 - y0))
         self._cells.changed[:] = False
+        for name, disc in self._drawn_discs.items():
+            if self._discs.get(name) != disc:
+                remove.append(name)
+        for name, disc in self._discs.items():
+            if self._drawn_discs.get(name) != disc:
+                add[name] = disc
+        self._drawn_discs = dict(self._discs)
         return world.edited(add=add, remove=remove) if add or remove else world
 
     def _boxes(self, part: tuple[slice, slice], parts: int) -> NDArray[np.int64]:
         """Return the surfaces in the occupied cells of a tile, rows x0, y0, x1, y1, in parts of a cell."""
         cells = self._cells
-        at = np.argwhere(cells.state[part] == OCCUPIED)
+        at = np.argwhere((cells.state[part] == OCCUPIED) & (cells.box[part][..., 0] <= cells.box[part][..., 2]))
         box = cells.box[part][at[:, 0], at[:, 1]].astype(np.int64)
         # A surface along a cell's side has a thickness, too.
         low = np.minimum(box[:, :2] * parts // 255, parts - 1)

@@ -4,8 +4,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.exploration.detection_mapper import DetectionMapper
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import Mapper
@@ -23,6 +26,7 @@ def mapper_for(
     start: FloatArray,
     bounds: tuple[float, float, float, float],
     settings: ExplorationSettings,
+    radii: Mapping[int, float] | None = None,
 ) -> Mapper:
     """Return a mapper that knows nothing yet.
 
@@ -32,10 +36,14 @@ def mapper_for(
         start: where it stands first, shape (3,).
         bounds: of what is to be explored.
         settings: of the exploration.
+        radii: of the discs that a detector reads, by their identity, metres.
+
+    Raises:
+        ConfigurationError: a detector of discs of any size, and no radii.
     """
     known = KnownMap(bounds, settings.cell_side(robot, bounds))
     if isinstance(sensor, Detector):
-        raise ConfigurationError("sensor: expected laser: detections are still to come")
+        return DetectionMapper(start, known, sensor, robot, settings, radii)
     return ScanMapper(start, known, sensor, robot, settings)
 
 

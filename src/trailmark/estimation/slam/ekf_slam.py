@@ -167,9 +167,9 @@ class EkfSlam:
         self._remember()
         self._updates.append(Update(self.time, nis, dof, perf_counter() - begin))
 
-    def result(self) -> SlamResult:
-        """Return what was found so far."""
-        features = [
+    def features(self, *, tentative: bool = False) -> tuple[MapFeature, ...]:
+        """Return the features found so far: those that are confirmed, or with ``tentative`` all."""
+        return tuple(
             MapFeature(
                 i,
                 history.identity,
@@ -179,13 +179,16 @@ class EkfSlam:
                 history.readings,
             )
             for i, history in self._features.histories.items()
-            if history.confirmed
-        ]
+            if history.confirmed or tentative
+        )
+
+    def result(self) -> SlamResult:
+        """Return what was found so far."""
         rows = [(t, *pose) for t, pose, _ in self._trajectory]
         return SlamResult(
             np.array(rows).reshape(-1, 4),
             np.array([P for *_, P in self._trajectory]).reshape(-1, 3, 3),
-            tuple(features),
+            self.features(),
             tuple(self._updates),
             tuple(self._assignments),
             replace(self.counts),

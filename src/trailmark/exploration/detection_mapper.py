@@ -1,0 +1,342 @@
+# ruff: noqa: N803, N806 # the filter's own symbols: P, J
+"""The map of a robot with a detector of discs: EKF-SLAM, and cells in which another disc would have been seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.errors import ConfigurationError
+from trailmark.estimation.filter.consistency import chi_square_quantile
+from trailmark.estimation.filter.sensor_model import SensorModel
+from trailmark.estimation.logs.records import Detection, Log, Pose, Record
+from trailmark.estimation.maps.log_map import map_log
+from trailmark.estimation.maps.map_settings import MapSettings
+from trailmark.estimation.simulation.raycast import RayCaster
+from trailmark.estimation.simulation.virtual_sensors import Detector
+from trailmark.estimation.slam.ekf_slam import EkfSlam
+from trailmark.estimation.slam.slam_result import MapFeature
+from trailmark.estimation.slam.slam_settings import AssociationMethod
+from trailmark.exploration.alignment import Alignment, aligned
+from trailmark.exploration.exploration_settings import ExplorationSettings
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.exploration.mapper import Intake
+from trailmark.exploration.record_checks import RecordChecks
+from trailmark.se2 import FloatArray, difference, transform, wrap
+from trailmark.shapes import Disc
+from trailmark.world import Robot, World
+
+__all__ = ["DetectionMapper"]
+
+GATE: Final = 1.0 - 1e-6
+"""Probability with which a reading of a known disc fits it."""
+
+STRANGE: Final = 3
+"""Sweeps in a row that do not fit the map, after which the robot is lost."""
+
+SLIP: Final = 0.5, 0.3
+"""Metres and radians by which wheels may slip between two sweeps: the robot is found again without being lost."""
+
+DISCS: Final = 20
+"""Discs that a path comes near, over which the risk is spread."""
+
+
+class DetectionMapper:
+    """A :class:`trailmark.exploration.mapper.Mapper` for a detector of discs.
+
+    Cells are free where each disc that could reach into them would have been seen: its centre in range, and not behind
+    a disc. Discs are taken not to overlap.
+
+    Args:
+        start: where the robot stands first, shape (3,).
+        known: the cells to fill in, nothing known so far.
+        sensor: the detector's range and noise.
+        robot: of the world.
+        settings: the confidence asked for.
+        radii: of the discs, by their identity, metres; where that is not known, all are as large as the sensor's
+            ``max_radius``.
+
+    Raises:
+        ConfigurationError: no radii, and a sensor that reads discs of any size.
+    """
+
+    def __init__(
+        self,
+        start: FloatArray,
+        known: KnownMap,
+        sensor: Detector,
+        robot: Robot,
+        settings: ExplorationSettings,
+        radii: Mapping[int, float] | None = None,
+    ) -> None:
+        self.known, self.records, self._radii = known, list[Record](), dict(radii or {})
+        self._largest = max(self._radii.values(), default=sensor.max_radius)
+        if not math.isfinite(self._largest):
+            raise ConfigurationError(
+                "sensor: expected a detector with a finite max_radius, got one for discs of any size"
+            )
+        self._start, self._sensor, self._robot = np.asarray(start, dtype=np.float64), sensor, robot
+        self._checks, self._model = RecordChecks(Detection, sensor.max_range), MapSettings()
+        association: AssociationMethod = "known" if sensor.identities else "joint"
+        slam = replace(self._model.slam, association=association, outlier_gate=None, late="skip")
+        self._sensors: dict[str, SensorModel] = {"range-bearing": sensor.model, "cartesian": self._model.cartesian}
+        self._slam = EkfSlam(
+            self._sensors,
+            velocity=self._model.velocity,
+            increment=self._model.increment,
+            settings=slam,
+            start=self._start,
+        )
+        risk = 0.0 if settings.confidence is None else (1.0 - settings.confidence) / DISCS
+        self._spread = math.sqrt(float(chi_square_quantile(1.0 - risk, 2))) if risk else 0.0
+        self._growth = dict[int, float]()
+        self._looks = np.zeros(known.state.shape, dtype=np.uint8)
+        rate = sensor.detection_rate
+        self._enough = 1 if rate >= 1.0 else min(255, math.ceil(math.log(1e-3) / math.log(1.0 - rate)))
+        self._free = np.zeros(known.state.shape, dtype=bool)
+        self._strange = 0
+        self._unplaced = list[Detection]()
+
+    @property
+    def pose(self) -> FloatArray:
+        """Where the robot is, shape (3,)."""
+        return self._slam.filter.pose
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Of the pose, shape (3, 3)."""
+        return self._slam.filter.pose_covariance
+
+    @property
+    def trajectory(self) -> FloatArray:
+        """Where it was, shape (n, 4), rows t, x, y, theta."""
+        return self._slam.result().trajectory
+
+    @property
+    def covariances(self) -> FloatArray:
+        """Of the trajectory's poses, shape (n, 3, 3), in the world's axes."""
+        return self._slam.result().covariances
+
+    @property
+    def features(self) -> tuple[MapFeature, ...]:
+        """The discs that are confirmed: their centres, with covariances."""
+        return self._slam.features()
+
+    @property
+    def margin(self) -> float:
+        """0: the discs themselves are grown for the confidence asked for."""
+        return 0.0
+
+    def take(self, records: Sequence[Record]) -> Intake:
+        """Take in what was sensed, and bring pose and map up to date."""
+        refused, sweep = list[str](), list[Detection]()
+        for record in records:
+            if isinstance(record, Pose):
+                continue
+            if problem := self._checks.refusal(record):
+                refused.append(problem)
+                continue
+            if not self.records:
+                self.records.append(Pose(record.t, *self._start.tolist()))
+            if isinstance(record, Detection):
+                sweep.append(record)
+            else:
+                self._use([record])
+        heard = bool(sweep) or not any(isinstance(record, Detection) for record in records)
+        if not heard or (not sweep and self._should_see()):
+            return Intake(0, tuple(refused), False, False)
+        if not self._fits(sweep):
+            self._strange += 1
+            self._unplaced = sweep
+            refused.append(f"detections at {sweep[0].t:.3f} s left out: expected what the map shows here, got others")
+            return Intake(1, tuple(refused), self._strange >= STRANGE, False)
+        self._strange = 0
+        self._use(sweep)
+        self._look(sweep)
+        return Intake(1, tuple(refused), False, False)
+
+    def relocate(self) -> bool:
+        """Look for the robot in the map, after it was lost; return whether it was found."""
+        found = self._aligned(self._unplaced)
+        if found is None or found.matched < (2 if self._sensor.identities else 3):
+            return False
+        self._stand(found.pose, np.diag([0.1**2, 0.1**2, 0.05**2]))
+        self._strange = 0
+        return True
+
+    def finished_map(self, log: Log) -> World:
+        """Return the world that ``trailmark map`` makes of the log, its discs as large as they are known to be."""
+        mapped = map_log(log, replace(self._model, radius=self._largest), robot=self._robot)
+        if not self._radii or mapped.slam is None:
+            return mapped.world
+        radii = [self._radii.get(-1 if f.identity is None else f.identity, self._largest) for f in mapped.slam.features]
+        world, discs = mapped.world, []
+        for shape, radius in zip(world.obstacles, radii, strict=True):
+            discs.append(replace(shape, radius=radius) if isinstance(shape, Disc) else shape)
+        estimates = [
+            None if estimate is None else replace(estimate, mean=disc)
+            for estimate, disc in zip(world.estimates, discs, strict=True)
+        ]
+        return replace(world, obstacles=tuple(discs), estimates=tuple(estimates))
+
+    def _use(self, records: Sequence[Record]) -> None:
+        """Bring the filter up to date."""
+        for record in records:
+            self._slam.process(record)
+            self.records.append(record)
+        self._slam.finish()
+
+    def _fits(self, sweep: Sequence[Detection]) -> bool:
+        """Return whether a sweep shows what the map has there; wheels that slipped are set right."""
+        features = self._slam.features(tentative=True)
+        if len(features) < 2 or len(sweep) < 2:
+            return True
+        if self._share(sweep, features) > 0.5:
+            return True
+        found = self._aligned(sweep)
+        if found is None or found.matched < max(2, 0.5 * self._known_of(sweep, features)):
+            return False
+        off = np.abs(difference(self.pose, found.pose))
+        if np.hypot(off[0], off[1]) > SLIP[0] or off[2] > SLIP[1]:
+            return False
+        self._slam.filter.P[:3, :3] += np.diag((2.0 * off + 1e-3) ** 2)
+        return True
+
+    def _known_of(self, sweep: Sequence[Detection], features: Sequence[MapFeature]) -> int:
+        """Return how many of a sweep's detections could be of known discs."""
+        if not self._sensor.identities:
+            return len(sweep)
+        return sum(detection.identity in {feature.identity for feature in features} for detection in sweep)
+
+    def _share(self, sweep: Sequence[Detection], features: Sequence[MapFeature]) -> float:
+        """Return the share of the detections of known discs that lie where these are."""
+        limit, good, all_of = float(chi_square_quantile(GATE, 2)), 0, 0
+        points, by_name = self._points(sweep), {feature.identity: feature for feature in features}
+        places = np.array([feature.mean for feature in features])
+        for detection, point in zip(sweep, transform(self.pose, points), strict=True):
+            if self._sensor.identities:
+                if detection.identity not in by_name:
+                    continue
+                feature = by_name[detection.identity]
+            else:
+                feature = features[int(np.hypot(*(places - point).T).argmin())]
+            sensor = self._sensors[detection.kind]
+            innovation = self._slam.filter.innovation(detection.z, sensor, feature.id, detection.covariance)
+            all_of += 1
+            good += innovation.nis <= limit
+        return good / all_of if all_of else 1.0
+
+    def _aligned(self, sweep: Sequence[Detection]) -> Alignment | None:
+        """Return where the robot would have to be to see a sweep in the map as it is."""
+        features = self._slam.features()
+        if len(features) < 2 or len(sweep) < 2:
+            return None
+        candidates = [
+            np.array(
+                [k for k, f in enumerate(features) if not self._sensor.identities or f.identity == detection.identity],
+                dtype=np.intp,
+            )
+            for detection in sweep
+        ]
+        model = self._sensor.model
+        tolerance = 4.0 * math.hypot(model.sigma_range, model.sigma_bearing * self._sensor.max_range)
+        found = aligned(self._points(sweep), np.array([f.mean for f in features]), candidates, tolerance)
+        return found if found is not None and found.unique else None
+
+    def _points(self, sweep: Sequence[Detection]) -> FloatArray:
+        """Return where detections lie in the robot's frame, shape (n, 2)."""
+        here = np.zeros(3)
+        points = [self._sensors[detection.kind].inverse(here, detection.z).feature for detection in sweep]
+        return np.array(points).reshape(-1, 2)
+
+    def _stand(self, pose: FloatArray, P: FloatArray) -> None:
+        """Put the robot elsewhere: its error has nothing to do with the map's any more."""
+        ekf = self._slam.filter
+        ekf.x[:3] = pose
+        ekf.P[:3], ekf.P[:, :3] = 0.0, 0.0
+        ekf.P[:3, :3] = P
+
+    def _should_see(self) -> bool:
+        """Return whether a disc stands so near that it would be seen."""
+        features = self._slam.features()
+        if not features:
+            return False
+        offset, theta = np.array([feature.mean for feature in features]) - self.pose[:2], -self.pose[2]
+        ahead = transform(np.array([0.0, 0.0, theta]), offset)
+        inside = np.abs(np.arctan2(ahead[:, 1], ahead[:, 0])) <= 0.4 * self._sensor.field_of_view
+        near = inside & (np.hypot(*ahead.T) <= 0.8 * self._sensor.max_range)
+        # The nearest of those in view is hidden by none.
+        return bool(near.any())
+
+    def _look(self, sweep: Sequence[Detection]) -> None:
+        """Enter what a sweep showed: discs, and around the robot the cells into which no other one reaches."""
+        from scipy.ndimage import distance_transform_edt
+
+        known, reach, discs = self.known, self._sensor.max_range, self._discs(sweep)
+        wide, near = self._window(reach + self._largest + 2.0 * known.cell), self._window(reach)
+        rows, columns = np.mgrid[wide]
+        centres = known.centres(rows.ravel(), columns.ravel())
+        looks = self._looks[wide]
+        looks[(self._in_sight(centres, discs.values())).reshape(looks.shape) & (looks < 255)] += 1
+        clear = looks >= self._enough
+        for disc in discs.values():
+            clear |= (np.hypot(*(centres - np.asarray(disc.center)).T) <= disc.radius).reshape(clear.shape)
+        if clear.all():
+            self._free[near] = True
+        else:
+            # To the middle of the nearest cell that may hold a disc's centre.
+            away = np.full(self._free.shape, 0.0)
+            away[wide] = known.cell * distance_transform_edt(clear)
+            self._free[near] |= away[near] > self._largest + known.cell
+        state = np.where(self._free, FREE, UNKNOWN).astype(np.uint8)
+        for disc in discs.values():
+            part = self._window(disc.radius + known.cell, disc.center)
+            rows, columns = np.mgrid[part]
+            off = np.hypot(*(known.centres(rows.ravel(), columns.ravel()) - np.asarray(disc.center)).T)
+            state[part][off.reshape(rows.shape) <= disc.radius] = OCCUPIED
+        known.set_state(state, discs)
+
+    def _in_sight(self, points: FloatArray, discs: Iterable[Disc]) -> NDArray[np.bool_]:
+        """Return which points, shape (n, 2), are in range and in view, and not behind a disc."""
+        pose, reach = self.pose, self._sensor.max_range
+        count = math.ceil(2.0 * math.pi * reach / self.known.cell)
+        angles = 2.0 * math.pi * np.arange(count) / count
+        rays = RayCaster(World("known", self.known.bounds, tuple(discs)), bounds=False)
+        lengths = np.minimum(rays.distances(pose[:2], angles, reach), reach)
+        # Between two rays, what the shorter one reaches.
+        lengths = np.minimum(lengths, np.roll(lengths, -1))
+        dx, dy = (points - pose[:2]).T
+        direction = np.arctan2(dy, dx)
+        ray = (direction % (2.0 * math.pi) * (count / (2.0 * math.pi))).astype(np.intp) % count
+        ahead = np.abs(np.asarray(wrap(direction - pose[2]))) <= 0.5 * self._sensor.field_of_view
+        return np.asarray(ahead & (np.hypot(dx, dy) <= lengths[ray]))
+
+    def _window(self, reach: float, middle: Sequence[float] | None = None) -> tuple[slice, slice]:
+        """Return the cells within a distance of a place, by default the robot's, along each axis."""
+        x, y = self.pose[:2] if middle is None else middle
+        rows, columns = self.known.cells_of(np.array([[x - reach, y - reach], [x + reach, y + reach]]))
+        return slice(int(rows[0]), int(rows[1]) + 1), slice(int(columns[0]), int(columns[1]) + 1)
+
+    def _discs(self, sweep: Sequence[Detection]) -> dict[str, Disc]:
+        """Return the discs by name, grown for the confidence by what is not certain of their place from the robot's."""
+        ekf, features = self._slam.filter, self._slam.features(tentative=True)
+        seen = {detection.identity for detection in sweep}
+        cos, sin = math.cos(self.pose[2]), math.sin(self.pose[2])
+        turn = np.array([[cos, sin], [-sin, cos]])
+        discs = dict[str, Disc]()
+        for feature in features:
+            if self._spread and (feature.id not in self._growth or feature.identity in seen):
+                dx, dy = feature.mean - self.pose[:2]
+                J = np.hstack([-turn, turn @ np.array([[dy], [-dx]]), turn])
+                at = np.r_[0:3, ekf.features[feature.id]]
+                P = J @ ekf.P[np.ix_(at, at)] @ J.T
+                self._growth[feature.id] = self._spread * math.sqrt(max(0.0, float(np.linalg.eigvalsh(P)[-1])))
+            radius = self._radii.get(-1 if feature.identity is None else feature.identity, self._largest)
+            centre = float(feature.mean[0]), float(feature.mean[1])
+            discs[str(feature.id)] = Disc(centre, radius + self._growth.get(feature.id, 0.0))
+        return discs

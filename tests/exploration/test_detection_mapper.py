@@ -1,0 +1,100 @@
+"""The map of a robot that detects discs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from trailmark.errors import ConfigurationError
+from trailmark.estimation.scans.clouds import relative
+from trailmark.exploration.detection_mapper import DetectionMapper
+from trailmark.exploration.exploration_settings import ExplorationSettings
+from trailmark.exploration.known_map import KnownMap
+from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector
+from trailmark.se2 import compose
+from trailmark.shapes import Disc
+from trailmark.world import Robot, World
+
+BOUNDS = (0.0, 0.0, 16.0, 12.0)
+PLACES = [(4, 4, 0.3), (7, 2, 0.4), (9, 6, 0.2), (3, 9, 0.3), (12, 3, 0.4), (13, 9, 0.3), (8, 10, 0.25), (5, 6.5, 0.3)]
+WORLD = World("trees", BOUNDS, tuple(Disc((float(x), float(y)), r) for x, y, r in PLACES))
+RADII = {i: r for i, (_, _, r) in enumerate(PLACES)}
+ROBOT = Robot.disc(0.25)
+START = np.array([1.5, 1.5, 0.3])
+CELL = 0.1
+
+
+def begun(noise: float, confidence: float | None = None, seed: int = 0) -> tuple[SimulatedRobot, DetectionMapper]:
+    sensor = disc_detector(5.0)
+    robot = SimulatedRobot(WORLD, ROBOT, START, sensor, noise=noise, seed=seed)
+    settings = ExplorationSettings(confidence=confidence)
+    mapper = DetectionMapper(START, KnownMap(BOUNDS, CELL), sensor, ROBOT, settings, RADII)
+    mapper.take(robot.sense())
+    return robot, mapper
+
+
+def drive(robot: SimulatedRobot, mapper: DetectionMapper, times: int, turn: float = 0.01) -> list[bool]:
+    lost = []
+    for _ in range(times):
+        robot.drive(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, turn]]), 1.0)
+        lost.append(mapper.take(robot.sense()).lost)
+    return lost
+
+
+def drawn(mapper: DetectionMapper, world: World | None = None) -> tuple[World, shapely.Geometry]:
+    """Return the planner's world, and all of it that is not free."""
+    world = mapper.known.follow(world or World("known", BOUNDS))
+    return world, shapely.union_all([shape.polygon(1e-4).shapely() for shape in world.obstacles])
+
+
+def truth() -> shapely.Geometry:
+    return shapely.union_all([shape.polygon(1e-4).shapely() for shape in WORLD.obstacles])
+
+
+def test_without_noise_no_disc_is_missed_and_none_is_wider_than_it_is() -> None:
+    robot, mapper = begun(0.0)
+    world = None
+    for _ in range(8):
+        assert not any(drive(robot, mapper, 10))
+        world, solid = drawn(mapper, world)
+        assert truth().difference(solid).area < 1e-4
+    assert world is not None
+    discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
+    assert len(discs) >= 5
+    for disc in discs:
+        assert truth().buffer(2e-3).covers(disc.polygon(1e-4).shapely())
+    assert mapper.known.free_area > 60.0
+
+
+def test_with_noise_discs_are_grown_so_that_they_cover_the_true_ones() -> None:
+    for seed in range(3):
+        robot, mapper = begun(1.0, 0.99, seed)
+        assert not any(drive(robot, mapper, 80))
+        _, solid = drawn(mapper)
+        # As the robot has them around itself: what turns and shifts the whole map does no harm.
+        here = relative(robot.pose, np.array([(x, y, 0.0) for x, y, _ in PLACES]))
+        there = compose(mapper.pose, here)
+        for (x, y, _), (*_, radius) in zip(there, PLACES, strict=True):
+            assert Disc((x, y), radius).polygon(1e-4).shapely().difference(solid).area < 1e-4
+        off = mapper.pose - robot.pose
+        assert float(off @ np.linalg.solve(mapper.covariance, off)) < 20.0
+
+
+def test_a_robot_that_is_carried_away_is_lost_and_found_again() -> None:
+    robot, mapper = begun(1.0)
+    drive(robot, mapper, 50)
+    before = np.array([feature.mean for feature in mapper.features])
+    robot.carry((6.0, 8.5, 2.0))
+    lost = drive(robot, mapper, 6)
+    assert lost.index(True) == 2
+    assert np.array([feature.mean for feature in mapper.features]) == pytest.approx(before, abs=0.02)
+    assert mapper.relocate()
+    assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.3
+    assert not any(drive(robot, mapper, 20))
+    assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.2
+
+
+def test_sizes_must_be_known() -> None:
+    with pytest.raises(ConfigurationError, match="finite max_radius"):
+        DetectionMapper(START, KnownMap(BOUNDS, CELL), disc_detector(5.0), ROBOT, ExplorationSettings())
