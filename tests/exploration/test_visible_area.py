@@ -70,6 +70,14 @@ def test_a_long_robot_turns_to_fit() -> None:
     assert reachable_places(two_rooms(0.45), body, driven)[:, 0].max() < 4.0
 
 
+@pytest.mark.parametrize(("robot", "door"), [(DISC, 0.51), (Robot.rectangle(0.7, 0.5), 0.53)])
+def test_a_passage_too_narrow_for_the_grid(robot: Robot, door: float) -> None:
+    """A centimetre of room is less than the grid's 4 cm; half a centimetre too little is none."""
+    driven = np.array([[1.0, 2.0, 0.0]])
+    assert reachable_places(two_rooms(door), robot, driven)[:, 0].max() > 7.0
+    assert reachable_places(two_rooms(0.495), robot, driven)[:, 0].max() < 4.2
+
+
 def test_where_it_has_been_is_reachable_whatever_the_grid_says() -> None:
     places = reachable_places(two_rooms(0.4), DISC, np.array([[1.0, 2.0, 0.0], [5.0, 3.0, 0.0]]))
     assert places[:, 0].min() < 0.5

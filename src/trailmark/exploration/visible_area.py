@@ -3,8 +3,8 @@
 Only a simulator can know this. It is found on grids, so that it has a resolution, but nothing on them is guessed: the
 robot goes from one configuration of its grid to the next by motions certified free of collision, and a point is seen
 along a line of sight certified free as well (:class:`trailmark.collision.StateChecker`, the second time for a point).
-What is missed is a passage that leaves less room than the grid's distance, and what is seen only from between its
-places.
+Where a passage leaves less room than the grid's distance, the planner is asked for a way. What is seen only from
+between the places is missed, and what lies beyond passages that the planner does not find in half a second.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.known_map import UNKNOWN, KnownMap
 from trailmark.exploration.result import Evaluation
 from trailmark.exploration.simulated_robot import SimulatedRobot
+from trailmark.goals import Goal
+from trailmark.planning import LandmarkPlanner
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, compose, difference, interpolate
 from trailmark.world import World
@@ -34,6 +36,15 @@ HEADINGS: Final = 16
 
 POINT: Final = 1e-6
 """Metres: radius of what goes along a line of sight."""
+
+ASKED_FOR: Final = 4
+"""Parts of free space, at most, that the grid does not reach and the planner is asked for."""
+
+LEAST_PART: Final = 0.005
+"""Share of the free configurations that such a part has at least."""
+
+PLANNING: Final = 0.5
+"""Seconds for each of them."""
 
 ASKED_AT_ONCE: Final = 64
 """Places that are asked together whether they see a point."""
@@ -80,14 +91,45 @@ def reachable_places(world: World, robot: Robot, driven: FloatArray) -> FloatArr
         robot: footprint.
         driven: where it has been, shape (n, 3): what can be reached from anywhere there counts.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
-    checker = StateChecker(replace(world, zones=()), robot.keeping(0.0))
-    xs, ys, step = _axes(world)
+    world = replace(world, zones=())
+    checker = StateChecker(world, Robot(robot.footprint))
+    states, place, label, step = _parts(checker)
+    driven = _thinned(driven[checker.states_free(driven)], step)  # what has moved since may stand there now
+    near: Any = cKDTree(states[:, :2]).query_ball_point(driven[:, :2], 1.5 * step)
+    ways = np.array([(i, j) for i, row in enumerate(near) for j in row], dtype=np.intp).reshape(-1, 2)
+    ways = ways[checker.motions_free(driven[ways[:, 0]], states[ways[:, 1]])]
+    reached = np.isin(label, np.unique(label[ways[:, 1]]))
+    planner: LandmarkPlanner | None = None
+    asked = np.zeros(len(states), np.bool_)
+    for _ in range(ASKED_FOR):
+        other = ~np.isin(place, np.unique(place[reached])) & ~asked
+        sizes = np.bincount(label[other], minlength=1)
+        if sizes.max() < LEAST_PART * len(states):
+            break
+        # Whether a passage leads there that is too narrow for the grid, is the planner's to say.
+        part = int(np.argmax(sizes))
+        inside = states[other & (label == part)]
+        goal = inside[np.argmax(checker.clearance(inside))]
+        planner = planner or LandmarkPlanner(world, checker.robot, seed=0, checker=checker)
+        path = planner.plan(driven[0], Goal((goal[0], goal[1])), PLANNING, gap=10.0).path if len(driven) else None
+        asked |= label == part
+        reached |= (label == part) & (path is not None)
+    return np.concatenate([driven, states[reached]])
+
+
+def _parts(checker: StateChecker) -> tuple[FloatArray, NDArray[np.intp], NDArray[np.intp], float]:
+    """Return free configurations, shape (n, 3), joined by free motions in connected parts.
+
+    With them come the number of each one's place, shape (n,), of its part, shape (n,), and how far places are apart.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    xs, ys, step = _axes(checker.world)
     count = HEADINGS if checker.robot.sweep_radius > 0.0 else 1
-    headings = np.linspace(-np.pi, np.pi, count, endpoint=False) + np.pi / count
+    headings = np.linspace(np.pi, -np.pi, count, endpoint=False)  # along the axes, as many walls are
     grid = np.stack(np.meshgrid(ys, xs, headings, indexing="ij"), axis=-1)[..., [1, 0, 2]]
     free = checker.states_free(grid.reshape(-1, 3)).reshape(grid.shape[:3])
     index = np.arange(free.size).reshape(free.shape)
@@ -100,13 +142,8 @@ def reachable_places(world: World, robot: Robot, driven: FloatArray) -> FloatArr
     joined = joined[checker.motions_free(states[joined[:, 0]], states[joined[:, 1]])]
     graph = coo_array((np.ones(len(joined), np.int8), tuple(joined.T)), shape=(len(states), len(states)))
     _, label = connected_components(graph, directed=False)
-    driven = _thinned(driven[checker.states_free(driven)], step)  # what has moved since may stand there now
-    near: Any = cKDTree(states[free.ravel(), :2]).query_ball_point(driven[:, :2], 1.5 * step)
-    numbers = index[free]
-    ways = np.array([(i, numbers[j]) for i, row in enumerate(near) for j in row], dtype=np.intp).reshape(-1, 2)
-    ways = ways[checker.motions_free(driven[ways[:, 0]], states[ways[:, 1]])]
-    reached = np.isin(label, np.unique(label[ways[:, 1]])) & free.ravel()
-    return np.concatenate([driven, states[reached]])
+    kept = np.flatnonzero(free)
+    return states[kept], kept // count, np.asarray(label[kept], np.intp), step
 
 
 def visible_area(
