@@ -1,0 +1,139 @@
+"""One exploration of a benchmark, and what it is measured by; benchmarks.explore gives each a process of its own."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from time import perf_counter, process_time
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from trailmark.exploration.explorer import Explorer
+
+from benchmarks.explore_oracle import Truth, boundary_errors, overlaps, seen_share, tour_length, truth_of
+from benchmarks.explore_worlds import KINDS, SENSOR_RANGE, explore_world
+from trailmark import LandmarkPlanner, World
+from trailmark.audit import check_path
+from trailmark.estimation.risk.allocation import regrow
+from trailmark.exploration.exploration_settings import ExplorationSettings
+from trailmark.exploration.result import ExplorationResult
+from trailmark.library import shipped_worlds
+
+__all__ = ["CONFIDENCE", "Job", "hidden_world", "run_job", "sensor_range_of"]
+
+FloatArray = NDArray[np.float64]
+
+CONFIDENCE = 0.99
+"""Of the runs with noise."""
+
+PAIRS = 6
+"""Pairs of places between which paths are planned in the map that was made and in the true one."""
+
+PLANNING = 0.5
+"""Seconds for each of these."""
+
+ANCHOR = "tour with the map known"
+"""Takes the place of a strategy: the lower anchor."""
+
+
+class Job(NamedTuple):
+    """What to measure."""
+
+    world: str
+    seed: int
+    noise: float
+    strategy: str
+
+
+def hidden_world(name: str) -> World:
+    """Return a generated world (``office 3``), or a shipped one (``office``)."""
+    kind, _, seed = name.partition(" ")
+    return explore_world(kind, int(seed)) if seed and kind in KINDS else World.load(shipped_worlds()[name])
+
+
+def sensor_range_of(name: str) -> float:
+    """Return the sensor's range, metres: a quarter of a shipped world's longer side."""
+    if " " in name:
+        return SENSOR_RANGE
+    xmin, ymin, xmax, ymax = hidden_world(name).bounds
+    return 0.25 * max(xmax - xmin, ymax - ymin)
+
+
+def run_job(job: Job) -> dict[str, Any]:
+    """Return what a run gave, as JSON has it."""
+    world, reach = hidden_world(job.world), sensor_range_of(job.world)
+    if job.strategy == ANCHOR:
+        return {"distance": tour_length(truth_of(world, reach))}
+    confidence = CONFIDENCE if job.noise > 0.0 else None
+    settings = ExplorationSettings(confidence=confidence)
+    begin, work = perf_counter(), process_time()
+    explorer = Explorer(
+        world,
+        world.robot,
+        "laser",
+        strategy=job.strategy,
+        sensor_range=reach,
+        settings=settings,
+        seed=job.seed,
+        noise=job.noise,
+    )
+    result = explorer.run()
+    used = {"wall": perf_counter() - begin, "cpu": process_time() - work}
+    return {**used, **_measured(job, world, result, truth_of(world, reach))}
+
+
+def _measured(job: Job, world: World, result: ExplorationResult, truth: Truth) -> dict[str, Any]:
+    assert result.evaluation is not None
+    assert result.robot_state is not None
+    driven = np.array(result.robot_state["truth"])
+    steps = [step.time for step in result.history]
+    figures: dict[str, Any] = {
+        "status": result.status,
+        "reason": result.reason,
+        **result.evaluation._asdict(),
+        "seen_by_oracle": seen_share(truth, result.known.state, result.known.origin, result.known.cell),
+        "overlaps": overlaps(truth, world, driven[:, 1:]),
+        "distance": float(np.hypot(*np.diff(driven[:, 1:3], axis=0).T).sum()),
+        "clock": steps[-1],
+        "readings": len(steps),
+        "landmarks": result.history[-1].landmarks,
+        "sigma": result.history[-1].sigma,
+        "seconds": result.seconds,
+        "decisions": np.round(result.decisions, 5).tolist(),
+        "obstacles": len(result.world.obstacles),
+        "boundary": boundary_errors(truth, result.world),
+    }
+    if job.strategy == "tour":
+        figures["paths"] = _paths(job, world, result, driven[:, 1:])
+    return figures
+
+
+def _paths(job: Job, world: World, result: ExplorationResult, driven: FloatArray) -> list[dict[str, Any]]:
+    """Return what paths cost in the map that was made and in the true world, between places where the robot was.
+
+    Places are drawn along what was driven, as the map has them: there the robot fits in both.
+    """
+    rng, robot = np.random.default_rng([job.seed, 7]), world.robot
+    assert robot is not None
+    made = result.world if job.noise == 0.0 else regrow(result.world.with_robot(robot), CONFIDENCE)
+    planners = LandmarkPlanner(made, robot, seed=job.seed), LandmarkPlanner(world, robot, seed=job.seed)
+    rows = []
+    for _ in range(PAIRS):
+        start, goal = driven[rng.choice(len(driven), 2)]
+        if not all(planner.checker.valid(q) for planner in planners for q in (start, goal)):
+            rows.append({"valid": False})
+            continue
+        found, best = (planner.plan(start, goal, PLANNING) for planner in planners)
+        row: dict[str, Any] = {"valid": True, "status": found.status, "cost": found.cost, "true_cost": best.cost}
+        if found.path is not None:
+            row["free"] = bool(check_path(world, robot, found.path.states).free)
+        rows.append(row)
+    return rows
+
+
+def jobs_for(worlds: list[str], seeds: int, noises: list[float], strategies: list[str]) -> list[Job]:
+    """Return all jobs, those of one world together."""
+    runs = itertools.product(worlds, range(seeds), noises, strategies)
+    found = [Job(*run) for run in runs if not math.isnan(run[2])]
+    return [job for world in worlds for job in [Job(world, 0, 0.0, ANCHOR), *(j for j in found if j.world == world)]]
