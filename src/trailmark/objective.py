@@ -31,7 +31,7 @@ class Objective:
 
     where f is the product of the factors of the cost zones that hold the reference point (1 outside), v the least of
     ``max_speed`` and the limits of the speed zones there, and d the distance of the reference point to the nearest
-    obstacle, boundary or bound. So the unit is the metre for ``length`` and the second for ``time``.
+    obstacle, keep-out zone, boundary or bound. So the unit is the metre for ``length`` and the second for ``time``.
     ``time`` counts turning as if it took its own time, which is exact for a robot that turns in place and an upper
     bound for one that turns while it moves. For cars, metres in reverse count ``reverse`` times, and each change
     between forwards and backwards costs ``direction_change``; a car's turning costs nothing by itself.
