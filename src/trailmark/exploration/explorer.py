@@ -285,7 +285,7 @@ class Explorer:
         events = list[str]()
         self._follower = None
         while self._ended is None and self._follower is None:
-            found = survey(known, planner, self.robot, here, home, self.sensor_range, s, self._rng, self._memory)
+            found = survey(known, planner, planner.robot, here, home, self.sensor_range, s, self._rng, self._memory)
             if not len(found.outlook.landmarks):
                 self._end_at_home(found, planner, here, escape)
                 break
@@ -332,7 +332,7 @@ class Explorer:
         """Begin a path, after the way out of contact that leads to its first state."""
         if len(escape) > 1:
             path = Path(np.concatenate([escape[:-1], path.states]))
-        self._follower = PathFollower(path, self.robot)
+        self._follower = PathFollower(path, self._planner_now().robot)
 
     def _replan(self, follower: PathFollower) -> list[str]:
         """Lead the path around what has come into its way, or choose anew."""
@@ -341,7 +341,7 @@ class Explorer:
         result = planner.replan(pose, follower.target, follower.path, self.settings.planning_time, escape=True)
         if result.path is None:
             return [f"path given up: {result.reason}", *self._decide()]
-        self._follower = PathFollower(result.path, self.robot)
+        self._follower = PathFollower(result.path, planner.robot)
         return [] if result.kept else [f"path replanned: {result.reason}"]
 
     def _pointless(self) -> bool:
