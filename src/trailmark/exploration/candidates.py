@@ -4,17 +4,22 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark import se2
+from trailmark.collision import StateChecker
 from trailmark.exploration.frontiers import Frontiers
+from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.reachability import CERTAIN, NOWHERE
 from trailmark.exploration.views import places_in_sight, sight
 from trailmark.landmarks.kmeans import k_means_landmarks
 from trailmark.landmarks.sensor_range import landmarks_for_area
 from trailmark.se2 import FloatArray
 
-__all__ = ["Candidates", "candidates_of", "middles_of"]
+__all__ = ["NO_ROOM", "Candidates", "Search", "middles_of"]
 
 SAMPLES = 1000
 """Free places that are clustered."""
@@ -25,7 +30,13 @@ MOST = 40
 EDGES = 4
 """Of a group that no landmark sees: places are looked for that see one of them; of all, before the end is proven."""
 
-DRAWS = 8
+NO_ROOM = 255
+"""In place of the number of ways that were not found."""
+
+TURNS = 32
+"""Headings that are tried where the robot does not fit with any."""
+
+DRAWS = 4
 """Places drawn of those that see an edge."""
 
 STEPS = 5
@@ -37,64 +48,105 @@ def middles_of(cells: NDArray[np.intp]) -> FloatArray:
     return np.ascontiguousarray(cells[:, ::-1] + 0.5, dtype=np.float64)
 
 
-class Candidates:
-    """Places to look from.
+class Candidates(NamedTuple):
+    """Places to look from."""
 
-    Attributes:
-        cells: rows and columns, shape (n, 2).
-        sees: which place sees which edge of the frontiers, shape (n, edges).
-    """
+    cells: NDArray[np.intp]
+    """Rows and columns, shape (n, 2)."""
+    headings: FloatArray
+    """With which the robot fits there, shape (n,), radians; not a number where it fits with any."""
+    sees: NDArray[np.bool_]
+    """Which place sees which edge of the frontiers, shape (n, edges)."""
 
-    def __init__(self, cells: NDArray[np.intp], sees: NDArray[np.bool_]) -> None:
-        self.cells, self.sees = cells, sees
 
+class Search(NamedTuple):
+    """Where places to look from are sought."""
 
-def candidates_of(
-    state: NDArray[np.uint8],
-    passable: NDArray[np.uint8],
-    costs: NDArray[np.float32],
-    frontiers: Frontiers,
-    farthest: FloatArray,
-    sensor_range: float,
-    rng: np.random.Generator,
-) -> Candidates:
-    """Return places from which all frontiers are seen that can be seen from where the robot can get to.
+    known: KnownMap
+    """The map."""
+    checker: StateChecker
+    """Of the planner's world, which follows the map."""
+    levels: NDArray[np.uint8]
+    """From NOWHERE to CERTAIN, shape (rows, columns)."""
+    refused: NDArray[np.uint8]
+    """How often no way to a cell was found, shape (rows, columns); NO_ROOM where the robot does not fit. Written to."""
+    frontiers: Frontiers
+    """What is to be seen."""
+    farthest: FloatArray
+    """From which each edge is looked at, in cells, shape (m,)."""
 
-    First K-means centres of free places, as many as the sensor's range asks for; then, for each group of frontiers that
-    none of them sees, the K-means centre of the cheapest places that see it.
+    def candidates(self, sensor_range: float, rng: np.random.Generator) -> Candidates:
+        """Return places from which all frontiers are seen that can be seen from where the robot can get to.
 
-    Args:
-        state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
-        passable: NOWHERE, PERHAPS or CERTAIN.
-        costs: of the way to each cell, infinite where the robot cannot get to.
-        frontiers: m edges.
-        farthest: from which each edge is looked at, in cells, shape (m,).
-        sensor_range: in cells.
-        rng: draws the places.
-    """
-    columns = state.shape[1]
-    reached = np.flatnonzero((passable == CERTAIN) & np.isfinite(costs))
-    cells = np.empty((0, 2), np.intp)
-    if len(reached):
+        First K-means centres of free places, as many as the sensor's range asks for; then, for each group of frontiers
+        that none of them sees, the K-means centre of places drawn of those that see it. Where that is nothing at
+        all, every edge is asked for every place: without candidates there is nothing left to be seen.
+
+        Args:
+            sensor_range: in cells.
+            rng: draws the places.
+        """
+        cells = self._centres(sensor_range, rng)
+        headings, sees = np.full(len(cells), np.nan), self._sees(cells)
+        every = len(self.frontiers.edges)
+        for edges, spacing, refusals in ((EDGES, 4.0, 0), (every, 0.5, 0), (every, 0.5, 1)):
+            more, more_headings = self._seeing(sees, edges, spacing, refusals, until_settled=edges == every)
+            cells, headings = np.concatenate([cells, more]), np.concatenate([headings, more_headings])
+            sees = np.concatenate([sees, self._sees(more)])
+            if sees.any():
+                break
+        useful = sees.any(axis=1)
+        return Candidates(cells[useful], headings[useful], sees[useful])
+
+    def _centres(self, sensor_range: float, rng: np.random.Generator) -> NDArray[np.intp]:
+        """Return K-means centres of the places where the robot certainly gets to, rows and columns."""
+        columns = self.levels.shape[1]
+        reached = np.flatnonzero(self.levels == CERTAIN)
+        if not len(reached):
+            return np.empty((0, 2), np.intp)
         k = min(landmarks_for_area(float(len(reached)), sensor_range), MOST)
         drawn = rng.choice(reached, min(SAMPLES, len(reached)), replace=False)
         samples = np.column_stack([drawn % columns, drawn // columns, np.zeros(len(drawn))]).astype(np.float64)
-        centres = k_means_landmarks(samples, k, radius=0.0, steps=STEPS, random_state=rng)
-        cells = centres[:, 1::-1].astype(np.intp)
-    sees = sight(state, middles_of(cells), frontiers.edges, farthest)
-    reach = np.where(np.isfinite(costs), passable, NOWHERE)
-    for edges, spacing in ((EDGES, 2.0), (len(frontiers.edges), 0.5)):
-        left = _some_of_each(
-            np.flatnonzero(~np.isin(frontiers.group, frontiers.group[sees.any(axis=0)])), frontiers.group, edges
-        )
-        found = places_in_sight(state, reach, frontiers.edges[left], farthest[left], DRAWS, spacing)
-        more = _middles(found, frontiers.group[left], columns)
-        more_sees = sight(state, middles_of(more), frontiers.edges, farthest)
-        cells, sees = np.concatenate([cells, more]), np.concatenate([sees, more_sees])
-        if sees.any():
-            break
-    useful = sees.any(axis=1)
-    return Candidates(cells[useful], sees[useful])
+        return k_means_landmarks(samples, k, radius=0.0, steps=STEPS, random_state=rng)[:, 1::-1].astype(np.intp)
+
+    def _sees(self, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
+        return sight(self.known.state, middles_of(cells), self.frontiers.edges, self.farthest)
+
+    def _seeing(
+        self, sees: NDArray[np.bool_], edges: int, spacing: float, refusals: int, *, until_settled: bool
+    ) -> tuple[NDArray[np.intp], FloatArray]:
+        """Return a place for each group of frontiers that nothing sees yet, if one is found, and headings there.
+
+        Args:
+            sees: what is seen already, shape (n, edges).
+            edges: of each group that places are sought for.
+            spacing: of rays, in cells.
+            refusals: as often no way may have been found to a place.
+            until_settled: draw again until one of the places drawn is one where the robot fits, or none is left.
+        """
+        group, state = self.frontiers.group, self.known.state
+        left = _some_of_each(np.flatnonzero(~np.isin(group, group[sees.any(axis=0)])), group, edges)
+        while True:
+            reached = np.where(self.refused <= refusals, self.levels, NOWHERE).astype(np.uint8)
+            found = places_in_sight(state, reached, self.frontiers.edges[left], self.farthest[left], DRAWS, spacing)
+            places = np.unique(found[found >= 0])
+            headings = self._headings(places)
+            fits = ~np.isinf(headings)
+            self.refused.ravel()[places[~fits]] = NO_ROOM
+            if fits.any() or fits.all() or not until_settled:
+                break
+        chosen = _middles(found, np.isin(found, places[fits]), group[left], state.shape[1])
+        return np.column_stack(np.divmod(chosen, state.shape[1])), headings[np.searchsorted(places, chosen)]
+
+    def _headings(self, places: NDArray[np.int64]) -> FloatArray:
+        """Return a heading with which the robot fits at each place: not a number for any, infinite for none."""
+        headings = np.where(self.levels.ravel()[places] == CERTAIN, np.nan, np.inf)
+        tight = np.flatnonzero(np.isinf(headings))
+        xy = self.known.centres(*np.divmod(places[tight], self.levels.shape[1]))
+        for theta in np.arange(TURNS) * 2.0 * np.pi / TURNS:
+            valid = self.checker.valid(np.column_stack([xy, np.full(len(xy), se2.wrap(theta))]))
+            headings[tight[valid & np.isinf(headings[tight])]] = se2.wrap(theta)
+        return headings
 
 
 def _some_of_each(chosen: NDArray[np.intp], group: NDArray[np.intp], most: int) -> NDArray[np.intp]:
@@ -106,20 +158,21 @@ def _some_of_each(chosen: NDArray[np.intp], group: NDArray[np.intp], most: int) 
     return np.asarray(order[rank % every == 0])
 
 
-def _middles(found: NDArray[np.int64], group: NDArray[np.intp], columns: int) -> NDArray[np.intp]:
-    """Return for each group the one of its places that is nearest to their K-means centre; (n, 2), rows and columns.
+def _middles(
+    found: NDArray[np.int64], good: NDArray[np.bool_], group: NDArray[np.intp], columns: int
+) -> NDArray[np.int64]:
+    """Return for each group the good place that is nearest to the K-means centre of its good places, shape (n,).
 
     Args:
-        found: row * columns + column of places, or -1, shape (edges, draws).
+        found: row * columns + column of places, shape (edges, draws).
+        good: which of them count, shape (edges, draws).
         group: of each edge.
         columns: of the grid.
     """
-    chosen = list[NDArray[np.intp]]()
+    chosen = list[int]()
     for g in np.unique(group):
-        places = found[group == g]
-        cells = np.column_stack(np.divmod(places[places >= 0], columns))
-        if len(cells):
-            samples = np.column_stack([cells, np.zeros(len(cells))]).astype(np.float64)
-            first = samples.mean(axis=0, keepdims=True)
-            chosen.append(cells[np.square(samples - first).sum(axis=1).argmin()])
-    return np.array(chosen, dtype=np.intp).reshape(-1, 2)
+        places = found[group == g][good[group == g]]
+        if len(places):
+            cells = np.column_stack(np.divmod(places, columns))
+            chosen.append(int(places[np.square(cells - cells.mean(axis=0)).sum(axis=1).argmin()]))
+    return np.unique(np.array(chosen, dtype=np.int64))

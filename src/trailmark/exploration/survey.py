@@ -5,36 +5,52 @@
 from __future__ import annotations
 
 from math import pi
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.exploration.candidates import candidates_of, middles_of
+from trailmark.exploration.candidates import Search, middles_of
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import Frontiers, frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.outlook import Outlook
-from trailmark.exploration.reachability import NOWHERE, passable
+from trailmark.exploration.reachability import Reach
 from trailmark.exploration.result import Status
-from trailmark.exploration.travel import costs_from
+from trailmark.exploration.travel import Travel
 from trailmark.exploration.views import expected_areas, sight
 from trailmark.goals import Goal
 from trailmark.planning.planner import LandmarkPlanner
-from trailmark.planning.result import PlanResult
+from trailmark.planning.result import PlanProgress, PlanResult
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
 __all__ = ["Memory", "Survey", "plan_to", "survey"]
-
-TIGHT = 3.0
-"""Times as much that a metre costs where it is not certain that the robot fits."""
 
 NEARER = 0.5
 """Share of the distance from which a place was looked at in vain: it is looked at again from there at most."""
 
 TRIES = 3
 """Surveys from right beside a place that count as one from there: the robot does not get there to the hair."""
+
+MOSTLY = 0.6
+"""Share of a frontier that has to be in sight for it to count as seen, if there is a landmark that sees as much."""
+
+MOST_TRIES = 2
+"""Ways to a place are looked for as often, before it is left undecided whether there is one."""
+
+MORE_TIME = 4.0
+"""Times as long that a way is looked for when everything else has been seen."""
+
+GAP = 0.02
+"""Share by which a way may be longer than the shortest."""
+
+PATIENCE = 0.05
+"""Seconds after which a way is good enough, if one has been found."""
+
+REFUSED = 2
+"""Cells on all sides of one to which no way was found, to which none is looked for then either."""
 
 RAYS = 180
 """By which expected areas are found."""
@@ -47,15 +63,20 @@ class Memory:
         known: the map.
 
     Attributes:
+        been: cells where the robot's reference point was.
         looked: metres from which each cell was looked at and stayed unknown, infinite if never.
         tries: surveys at places from right beside which a cell was in sight and stayed unknown.
-        refused: revision of the map at which no way to a cell was found, or proven not to exist; -1 for none.
+        refused: how often no way to a cell was found since the map last changed around it.
+        reach: tells where the robot gets to; None before the first survey.
     """
 
     def __init__(self, known: KnownMap) -> None:
-        self.looked = np.full(known.state.shape, np.inf, np.float32)
-        self.tries = np.zeros(known.state.shape, np.int32)
-        self.refused = np.full(known.state.shape, -1, np.int64)
+        shape = known.state.shape
+        self.been = np.zeros(shape, np.bool_)
+        self.looked = np.full(shape, np.inf, np.float32)
+        self.tries = np.zeros(shape, np.int32)
+        self.refused = np.zeros(shape, np.uint8)
+        self.reach: Reach | None = None
 
 
 class Survey(NamedTuple):
@@ -69,6 +90,8 @@ class Survey(NamedTuple):
     """``complete`` where nothing is left: it is proven that nothing more can be seen, at the map's resolution."""
     expected: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
     """For each landmark, rows and columns of the unknown cells at the frontiers that are in sight from it."""
+    any_heading: NDArray[np.bool_]
+    """Which landmarks may be come to with any heading, shape (n,)."""
 
 
 def survey(
@@ -96,47 +119,40 @@ def survey(
         memory: of the exploration.
     """
     state, cell = known.state, known.cell
-    here = np.array([known.cells_of(np.asarray(pose)[None, :2])]).reshape(2)
     frontiers = frontiers_of(state, _large_enough(state, settings.min_area / cell**2), 0.5 * sensor_range / cell)
     _note_looked(memory, known, frontiers, pose, sensor_range)
     away = np.minimum(sensor_range, NEARER * memory.looked[frontiers.unknown[:, 0], frontiers.unknown[:, 1]]) / cell
     frontiers, away = frontiers.subset(np.asarray(away > 1.0)), np.asarray(away[away > 1.0])
-    fits = passable(known, robot)
-    fits[memory.refused >= known.revision] = NOWHERE
-    costs = costs_from(fits, int(here[0]), int(here[1]), TIGHT)
-    found = candidates_of(state, fits, costs, frontiers, away, sensor_range / cell, rng)
+    levels = _levels(known, robot, pose, memory)
+    search = Search(known, planner.checker, levels, memory.refused, frontiers, away)
+    found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
     frontiers, sees = frontiers.subset(np.asarray(seen)), found.sees[:, seen]
     n = len(found.cells)
-    between = np.zeros((n, n))
-    for i, (r, c) in enumerate(found.cells.tolist()):
-        between[i] = costs_from(fits, r, c, TIGHT)[found.cells[:, 0], found.cells[:, 1]]
-    home_costs = np.zeros(n)
-    if home is not None:
-        row, column = (int(place[0]) for place in known.cells_of(np.asarray(home)[None, :2]))
-        home_costs = (
-            costs_from(fits, row, column, TIGHT)[found.cells[:, 0], found.cells[:, 1]].astype(np.float64) * cell
-        )
+    ends = np.asarray([pose, pose if home is None else home], dtype=np.float64)
+    ways = Travel(levels, robot.reference_radius / cell).between(
+        np.concatenate([np.column_stack(known.cells_of(ends[:, :2])), found.cells])
+    )
+    ways *= cell
     centres = middles_of(found.cells)
     areas = expected_areas(state, centres, sensor_range / cell, _free_path(state), RAYS) * cell**2
     outlook = Outlook(
         here=np.asarray(pose, dtype=np.float64),
         home=home,
-        landmarks=np.column_stack([known.centres(*found.cells.T), np.zeros(n)]),
-        costs=costs[found.cells[:, 0], found.cells[:, 1]].astype(np.float64) * cell,
-        between=between * cell,
-        home_costs=home_costs,
+        landmarks=np.column_stack([known.centres(*found.cells.T), np.nan_to_num(found.headings)]),
+        costs=np.array(ways[0, 2:]),
+        between=np.array(ways[2:, 2:]),
+        home_costs=np.zeros(n) if home is None else np.array(ways[1, 2:]),
         areas=areas,
         certainty=np.zeros(n),
         frontiers=frontiers.lengths(cell),
-        sees=np.array([[row[frontiers.group == g].any() for g in range(frontiers.groups)] for row in sees]).reshape(
-            n, frontiers.groups
-        ),
+        sees=_groups_seen(sees, frontiers),
         sensor_range=sensor_range,
     )
     ended = "" if n else "everything has been seen that can be seen from where the robot can get to"
     unknown = frontiers.unknown
-    return Survey(outlook, ended, "complete", tuple((unknown[row, 0], unknown[row, 1]) for row in sees))
+    expected = tuple((unknown[row, 0], unknown[row, 1]) for row in sees)
+    return Survey(outlook, ended, "complete", expected, np.isnan(found.headings))
 
 
 def plan_to(
@@ -149,20 +165,50 @@ def plan_to(
 ) -> PlanResult:
     """Return the way to a landmark; where there is none, or none is found, the memory keeps that."""
     outlook = surveyed.outlook
-    x, y = outlook.landmarks[index, :2].tolist()
-    goal = Goal(pose=(x, y))
-    result = planner.plan(outlook.here, goal, settings.planning_time, gap=0.02)
-    if result.status != "solved":
-        row, column = (int(place[0]) for place in known.cells_of(np.array([[x, y]])))
-        memory.refused[row, column] = known.revision
+    x, y, theta = outlook.landmarks[index].tolist()
+    row, column = (int(place[0]) for place in known.cells_of(np.array([[x, y]])))
+    goal = Goal(pose=(x, y)) if surveyed.any_heading[index] else Goal(pose=(x, y, theta))
+    seconds = settings.planning_time * (MORE_TIME if memory.refused[row, column] else 1.0)
+    found, begin = list[float](), perf_counter()
+
+    def stop() -> bool:
+        return bool(found) and perf_counter() - begin > PATIENCE
+
+    def note(progress: PlanProgress) -> None:
+        if progress.cost is not None:
+            found.append(progress.cost)
+
+    result = planner.plan(outlook.here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
+    if result.path is None:
+        around = np.s_[max(row - REFUSED, 0) : row + REFUSED + 1, max(column - REFUSED, 0) : column + REFUSED + 1]
+        memory.refused[around] += memory.refused[around] < MOST_TRIES
     return result
+
+
+def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> NDArray[np.uint8]:
+    """Return where the robot gets to; where that has changed, what was refused is tried again."""
+    memory.been[known.cells_of(np.asarray(pose)[None, :2])] = True
+    if memory.reach is None:
+        memory.reach = Reach(robot, known.cell)
+    levels, changed = memory.reach.levels(known.state == FREE, memory.been)
+    memory.refused[changed] = 0
+    return levels
+
+
+def _groups_seen(sees: NDArray[np.bool_], frontiers: Frontiers) -> NDArray[np.bool_]:
+    """Return which landmarks see most of which group, or as much of it as any landmark does, shape (n, groups)."""
+    counts = np.zeros((len(sees), frontiers.groups))
+    for i, row in enumerate(sees):
+        counts[i] = np.bincount(frontiers.group[row], minlength=frontiers.groups)
+    sizes = np.bincount(frontiers.group, minlength=frontiers.groups)
+    return np.asarray((counts > 0) & (counts >= np.minimum(MOSTLY * sizes, counts.max(axis=0, initial=0))))
 
 
 def _large_enough(state: NDArray[np.uint8], least: float) -> NDArray[np.bool_]:
     """Return the unknown cells of regions of as many cells at least."""
     unknown = state == UNKNOWN
     if least <= 1.0:
-        return np.asarray(unknown)
+        return np.asarray(unknown, dtype=np.bool_)
     from scipy import ndimage
 
     labels = ndimage.label(unknown)[0]

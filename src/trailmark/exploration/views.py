@@ -123,16 +123,22 @@ def places_in_sight(
                 x, y = column + 0.5, row + 0.5
                 if (x0 - x) * edges[j, 2] + (y0 - y) * edges[j, 3] <= 1e-9:
                     continue
-                if hypot(x0 - x, y0 - y) > farthest[j] or not line_is_free(state, x, y, x0, y0):
+                if hypot(x0 - x, y0 - y) > farthest[j]:
                     continue
-                if reached[row, column] > best:
-                    best = reached[row, column]
-                    least[:] = np.uint64(0xFFFFFFFFFFFFFFFF)
+                sure = False
                 for d in range(draws):
                     # The least of their hashes (Broder 1997): edges side by side draw the same cells where they can.
                     mixed = np.uint64(place + 1) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(d)
                     mixed = (mixed ^ (mixed >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
                     mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+                    if mixed >= least[d] and reached[row, column] == best:
+                        continue
+                    if not sure and not line_is_free(state, x, y, x0, y0):
+                        break
+                    sure = True
+                    if reached[row, column] > best:
+                        best = reached[row, column]
+                        least[:] = np.uint64(0xFFFFFFFFFFFFFFFF)
                     if mixed < least[d]:
                         least[d], found[j, d] = mixed, place
     return found
