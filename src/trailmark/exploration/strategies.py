@@ -1,6 +1,6 @@
 """Strategies: which landmark an exploration goes to next."""
 
-# Tested by tests/exploration/test_survey.py.
+# Tested by tests/exploration/test_strategies.py.
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from trailmark.exploration.outlook import Outlook, Strategy
+from trailmark.exploration.tour import tour
 
 __all__ = ["STRATEGIES", "gain_per_cost", "nearest_frontier"]
 
@@ -35,6 +36,6 @@ def gain_per_cost(outlook: Outlook) -> int:
 
 
 STRATEGIES: Final[Mapping[str, Strategy]] = MappingProxyType(
-    {"nearest-frontier": nearest_frontier, "gain-per-cost": gain_per_cost, "tour": nearest_frontier}
+    {"nearest-frontier": nearest_frontier, "gain-per-cost": gain_per_cost, "tour": tour}
 )
 """By the names that the shell takes."""

@@ -1,0 +1,106 @@
+"""Strategies and the tour, against all orders that there are."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from trailmark.exploration.outlook import Outlook
+from trailmark.exploration.strategies import STRATEGIES
+from trailmark.exploration.tour import covering_tour, shortened_tour
+
+
+def outlook(places: list[tuple[float, float]], sees: list[list[int]], areas: list[float] | None = None) -> Outlook:
+    """Landmarks in the open, the robot at the origin."""
+    xy = np.array(places)
+    between = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
+    n = len(xy)
+    seen = np.zeros((n, 1 + max(g for row in sees for g in row)), np.bool_)
+    for i, row in enumerate(sees):
+        seen[i, row] = True
+    return Outlook(
+        here=np.zeros(3),
+        home=None,
+        landmarks=np.column_stack([xy, np.zeros(n)]),
+        costs=np.hypot(*xy.T),
+        between=between,
+        home_costs=np.zeros(n),
+        areas=np.ones(n) if areas is None else np.array(areas),
+        certainty=np.zeros(n),
+        frontiers=np.ones(seen.shape[1]),
+        sees=seen,
+        sensor_range=5.0,
+    )
+
+
+def test_each_strategy_has_a_name_and_returns_a_landmark() -> None:
+    o = outlook([(1.0, 0.0), (3.0, 0.0), (-2.0, 0.0)], [[0], [1], [2]], [0.1, 0.1, 40.0])
+    chosen = {name: strategy(o) for name, strategy in STRATEGIES.items()}
+    assert chosen == {"nearest-frontier": 0, "gain-per-cost": 2, "tour": 2}
+
+
+def test_what_is_left_on_one_side_is_seen_before_the_far_other_side() -> None:
+    # Nearest first would go to the right, and come back for the landmark on the left.
+    o = outlook([(1.0, 0.0), (-1.2, 0.0), (3.0, 0.0), (9.0, 0.0)], [[0], [1], [2], [3]])
+    assert STRATEGIES["nearest-frontier"](o) == 0
+    assert STRATEGIES["tour"](o) == 1
+
+
+def test_a_landmark_that_sees_two_frontiers_takes_the_place_of_two() -> None:
+    o = outlook([(4.0, 1.0), (4.0, -1.0), (4.0, 0.0)], [[0], [1], [0, 1]])
+    assert STRATEGIES["tour"](o) == 2
+
+
+def test_a_tour_home_goes_round() -> None:
+    o = outlook([(0.0, 4.0), (4.0, 4.0), (4.0, 0.5), (2.0, 0.0)], [[0], [1], [2], [3]])
+    home = o._replace(home=np.zeros(3), home_costs=np.hypot(*o.landmarks[:, :2].T))
+    assert STRATEGIES["tour"](o) in (0, 3)
+    ways = np.zeros((6, 6))
+    ways[1:5, 1:5], ways[0, 1:5], ways[1:5, 0] = home.between, home.costs, home.costs
+    ways[5, 1:5] = ways[1:5, 5] = home.home_costs
+    order = covering_tour(ways, home.sees).tolist()
+    assert order in ([0, 1, 2, 3], [3, 2, 1, 0])
+
+
+def best_covering(ways: np.ndarray, sees: np.ndarray) -> float:
+    n = len(sees)
+    best = np.inf
+    for k in range(1, n + 1):
+        for chosen in itertools.permutations(range(n), k):
+            if sees[list(chosen)].any(axis=0).all():
+                stops = [0, *(c + 1 for c in chosen), n + 1]
+                best = min(best, sum(ways[a, b] for a, b in itertools.pairwise(stops)))
+    return best
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_tours_see_everything_and_are_nearly_as_short_as_the_shortest(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, m = 6, 5
+    xy = rng.uniform(0.0, 10.0, (n + 1, 2))
+    ways = np.zeros((n + 2, n + 2))
+    ways[:-1, :-1] = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
+    sees = rng.random((n, m)) < 0.4
+    sees[rng.integers(0, n, m), np.arange(m)] = True
+    order = covering_tour(ways, sees)
+    assert sees[order].any(axis=0).all()
+    assert len(set(order.tolist())) == len(order)
+    stops = [0, *(order + 1).tolist(), n + 1]
+    length = sum(ways[a, b] for a, b in itertools.pairwise(stops))
+    assert length <= 1.35 * best_covering(ways, sees) + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_orders_are_improved_up_to_the_best(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    xy = rng.uniform(0.0, 10.0, (8, 2))
+    ways = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
+    order = np.concatenate([[0], 1 + rng.permutation(6), [7]])
+    found = shortened_tour(ways, order)
+    assert sorted(found.tolist()) == list(range(8))
+    assert (found[0], found[-1]) == (0, 7)
+    length = ways[found[:-1], found[1:]].sum()
+    best = min(sum(ways[a, b] for a, b in itertools.pairwise((0, *p, 7))) for p in itertools.permutations(range(1, 7)))
+    assert length <= 1.1 * best + 1e-9
