@@ -29,12 +29,14 @@ def test_a_history_without_any_path() -> None:
     assert History.of([]).progress() == ()
 
 
-def test_equal_paths_in_a_row_are_kept_once() -> None:
-    path = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+def test_what_is_left_of_a_path_is_not_kept_anew() -> None:
+    path = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]])
     row = ExplorationProgress(0.0, 0.0, 1.0, 0, 0.0, np.zeros(3), path[1], path, "")
-    arrays = History.of([row, row, row._replace(path=path + 1.0), row._replace(path=None), row])
-    assert arrays.path_of.tolist() == [0, 0, 1, -1, 2]
-    assert arrays.path_ends.tolist() == [2, 4, 6]
+    other, none = row._replace(path=path + 1.0), row._replace(path=None)
+    rows = [row, row, row._replace(path=path[1:]), other, none, other._replace(path=path[2:] + 1.0), row]
+    arrays = History.of(rows)
+    assert arrays.spans.tolist() == [[0, 3], [0, 3], [1, 3], [3, 6], [-1, -1], [5, 6], [6, 9]]
+    assert all(same(a, b) for a, b in zip(rows, arrays.progress(), strict=True))
 
 
 def test_landmarks_are_those_that_were_counted() -> None:

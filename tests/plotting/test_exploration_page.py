@@ -62,11 +62,10 @@ def test_it_holds_poses_paths_targets_and_figures(page: Path) -> None:
     poses = arrays["pose"].reshape(-1, 3) * [told["unit"], told["unit"], told["angle"]]
     assert poses == pytest.approx(np.array([row.pose for row in result.history]), abs=1e-4)
     for i, row in enumerate(result.history):
-        k = arrays["path_of"][i]
-        assert (k < 0) == (row.path is None)
+        begin, end = arrays["span"].reshape(-1, 2)[i]
+        assert (begin < 0) == (row.path is None)
         assert bool(arrays["aimed"][i]) == (row.target is not None)
         if row.path is not None and row.target is not None:
-            begin, end = arrays["path_ends"][k - 1] if k else 0, arrays["path_ends"][k]
             path = arrays["path"].reshape(-1, 2)[begin:end] * told["unit"]
             assert path == pytest.approx(row.path[:, :2], abs=1e-4)
             assert arrays["target"].reshape(-1, 2)[i] * told["unit"] == pytest.approx(row.target[:2], abs=1e-4)
@@ -111,6 +110,9 @@ def test_long_explorations_of_large_worlds_are_thinned(tmp_path: Path, monkeypat
     assert [text for _, text in told["events"]] == [row.event for row in result.history if row.event]
     assert all(0 <= i < 20 for i, _ in told["events"])
     assert len(arrays["places"]) == 2 * result.history[-1].landmarks
+    for begin, end in arrays["span"].reshape(-1, 2):
+        assert (begin, end) == (-1, -1) or 0 <= begin < end <= len(arrays["path"]) // 2
+    assert arrays["span"].max() == len(arrays["path"]) // 2
     state = arrays["state"].reshape(rows, columns)
     size = round(told["cell"] / result.known.cell)
     for i, j in ((0, 0), (3, 5), (rows - 1, columns - 1)):

@@ -15,16 +15,14 @@ __all__ = ["History"]
 
 
 class History(NamedTuple):
-    """The n rows of an exploration's history; equal paths in a row are kept once."""
+    """The n rows of an exploration's history; what is left of a path is not kept anew."""
 
     figures: FloatArray
     """Shape (n, 8): time, distance, area, landmarks, sigma, x, y, theta."""
     targets: FloatArray
     """Shape (n, 3), NaN where there was none."""
-    path_of: NDArray[np.int32]
-    """Which path was followed, shape (n,); -1 for none."""
-    path_ends: NDArray[np.int32]
-    """Rows of ``paths`` up to the end of each path, shape (k,)."""
+    spans: NDArray[np.int32]
+    """First and last row of ``paths``, the last one left out, that were to be followed, shape (n, 2); -1 for none."""
     paths: FloatArray
     """The states of all paths, one after the other, shape (m, 3)."""
     events: tuple[tuple[int, str], ...]
@@ -36,26 +34,26 @@ class History(NamedTuple):
         n = len(history)
         figures = np.array([[*row[:5], *row.pose] for row in history], dtype=np.float64).reshape(n, 8)
         targets = np.array([np.full(3, np.nan) if row.target is None else row.target for row in history])
-        paths, path_of = list[FloatArray](), np.full(n, -1, dtype=np.int32)
+        paths, count, spans = list[FloatArray](), 0, np.full((n, 2), -1, dtype=np.int32)
         for i, row in enumerate(history):
             if row.path is not None:
-                if not paths or not np.array_equal(paths[-1], row.path):
+                left = len(row.path)
+                if not paths or not np.array_equal(paths[-1][-left:], row.path):
                     paths.append(np.asarray(row.path, dtype=np.float64))
-                path_of[i] = len(paths) - 1
-        ends = np.cumsum([len(path) for path in paths], dtype=np.int32)
+                    count += left
+                spans[i] = count - left, count
         states = np.concatenate([np.empty((0, 3)), *paths])
         events = tuple((i, row.event) for i, row in enumerate(history) if row.event)
-        return cls(figures, targets.reshape(n, 3), path_of, ends, states, events)
+        return cls(figures, targets.reshape(n, 3), spans, states, events)
 
     def progress(self) -> tuple[ExplorationProgress, ...]:
         """Return the history that these are the arrays of."""
-        paths = np.split(self.paths, self.path_ends[:-1])
         said = dict(self.events)
         found = list[ExplorationProgress]()
-        for i, (row, target, path) in enumerate(zip(self.figures, self.targets, self.path_of.tolist(), strict=True)):
+        for i, (row, target, span) in enumerate(zip(self.figures, self.targets, self.spans.tolist(), strict=True)):
             time, distance, area, landmarks, sigma = row[:5].tolist()
             aim = None if np.isnan(target).any() else target
-            way = None if path < 0 else paths[path]
+            way = None if span[0] < 0 else self.paths[slice(*span)]
             found.append(
                 ExplorationProgress(time, distance, area, int(landmarks), sigma, row[5:], aim, way, said.get(i, ""))
             )

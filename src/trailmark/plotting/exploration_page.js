@@ -87,8 +87,7 @@ function draw() {
   brush.drawImage(cells, 0, 0, canvas.width, canvas.height);
   dot(at("pose", 0, 0, 3), at("pose", 0, 1, 3), 4, colours.start);
   line("pose", 3, 0, row + 1, colours.way, 2, []);
-  const path = data.path_of[row];
-  if (path >= 0) line("path", 2, path ? data.path_ends[path - 1] : 0, data.path_ends[path], colours.goal, 2.5, [6, 4]);
+  line("path", 2, data.span[2 * row], data.span[2 * row + 1], colours.goal, 2.5, [6, 4]);
   brush.font = `600 ${12 * ratio}px system-ui, sans-serif`;
   for (let k = 0; k < data.landmarks[row]; k++) {
     const x = at("places", k, 0, 2), y = at("places", k, 1, 2);

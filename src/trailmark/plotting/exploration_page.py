@@ -86,8 +86,7 @@ def _packed(result: ExplorationResult) -> tuple[dict[str, Any], bytes]:
         "places": (whole.landmarks()[:, :2] - origin) / unit,
         **{name: figures[:, column] / scales[name] for name, column in columns.items()},
         "landmarks": figures[:, 3],
-        "path_of": history.path_of,
-        "path_ends": history.path_ends,
+        "span": history.spans,
     }
     packed = {name: np.rint(values).astype("<i4") for name, values in arrays.items()}
     packed["first"] = np.where(never, NEVER, reading).astype("<u2")
@@ -111,15 +110,16 @@ def _thinned(history: History) -> History:
     """Return at most MAX_ROWS rows of a history, the last one among them; what happened in between comes later."""
     n = len(history.figures)
     rows = np.unique(np.linspace(0, n - 1, min(n, MAX_ROWS)).astype(np.intp))
-    used, path_of = np.unique(history.path_of[rows], return_inverse=True)
-    paths = np.split(history.paths, history.path_ends[:-1])
-    kept = [paths[k] for k in used.tolist() if k >= 0]
+    used = np.zeros(len(history.paths) + 1, dtype=np.bool_)
+    for begin, end in history.spans[rows].tolist():
+        used[max(0, begin) : max(0, end)] = True
+    # How many of the states before each are kept.
+    before = np.append(0, np.cumsum(used))[:-1].astype(np.int32)
     return History(
         figures=history.figures[rows],
         targets=history.targets[rows],
-        path_of=(path_of - (used[0] < 0)).astype(np.int32),
-        path_ends=np.cumsum([len(path) for path in kept], dtype=np.int32),
-        paths=np.concatenate([np.empty((0, 3)), *kept]),
+        spans=np.where(history.spans[rows] < 0, -1, before[history.spans[rows]]),
+        paths=history.paths[used[:-1]],
         events=tuple((int(np.searchsorted(rows, i)), text) for i, text in history.events),
     )
 

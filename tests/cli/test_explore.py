@@ -1,0 +1,182 @@
+"""``trailmark explore``: its options, what it writes, and how it ends; the loop itself is tested apart."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.exploration.made_exploration import ROOMS, made_exploration
+
+from trailmark.exploration.exploration_folder import FILES, load_exploration, summary_of
+from trailmark.exploration.result import Status
+
+Shell = Callable[..., Any]
+
+
+class FakeExplorer:
+    """Stands in for Explorer: notes what it is asked, and returns an exploration made by hand."""
+
+    calls: list[dict[str, Any]]
+    status: Status = "complete"
+
+    def __init__(self, world: Any, robot: Any, sensor: Any, **options: Any) -> None:
+        type(self).calls.append({"world": world, "robot": robot, "sensor": sensor, **options})
+
+    def run(self, on_progress: Any) -> Any:
+        result = made_exploration()
+        history = (*result.history[::12], result.history[-1])  # few frames are drawn sooner
+        for row in history:
+            on_progress(row)
+        return replace(result, status=self.status, history=history)
+
+
+@pytest.fixture
+def explorer(monkeypatch: pytest.MonkeyPatch) -> type[FakeExplorer]:
+    fake = type("Fake", (FakeExplorer,), {"calls": []})
+    monkeypatch.setattr("trailmark.exploration.explorer.Explorer", fake)
+    return fake
+
+
+@pytest.fixture
+def rooms(tmp_path: Path) -> Path:
+    ROOMS.save(tmp_path / "rooms.yaml")
+    return tmp_path / "rooms.yaml"
+
+
+START = ("--start", "1,1,0")
+
+
+def test_everything_is_written(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
+    for _ in range(2):  # the second time each file is written again
+        run = shell("explore", rooms, *START, "--output", tmp_path / "run")
+        assert (run.status, run.err) == (0, "")
+        assert sorted(file.name for file in (tmp_path / "run").iterdir()) == sorted(FILES)
+    for said in ("rooms: complete", "99.80% of what can be seen, 0 collisions, NEES 2.90", "8.77 m", "4 visited"):
+        assert said in run.out
+    assert str(tmp_path / "run") in run.out
+
+
+def test_json_is_the_summary(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
+    run = shell("explore", rooms, *START, "--output", tmp_path / "run", "--json")
+    assert (run.status, run.err) == (0, "")
+    assert json.loads(run.out) == json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert json.loads(run.out) == summary_of(made_exploration())
+
+
+def test_options_reach_the_explorer(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
+    words = ["--robot", "disc:0.2", "--sensor-range", "2.5", "--strategy", "gain-per-cost", "--confidence", "0.99"]
+    words += ["--noise", "0.5", "--seed", "7", "--time-limit", "60", "--max-distance", "9", "--return-home"]
+    shell("explore", rooms, "--start", "1,1,90deg", *words, "--output", tmp_path / "run")
+    shell("explore", "office", "--sensor", "detections", "--output", tmp_path / "other")
+    first, second = explorer.calls
+    assert first["robot"].describe() == "disc 0.2 m"
+    assert (type(first["sensor"]).__name__, first["sensor"].max_range) == ("Scanner", 2.5)
+    assert first["start"] == pytest.approx((1.0, 1.0, 1.5707963))
+    assert (first["strategy"], first["seed"], first["noise"], first["resumed"]) == ("gain-per-cost", 7, 0.5, None)
+    settings = first["settings"]
+    assert (settings.confidence, settings.time_limit, settings.distance_limit) == (0.99, 60.0, 9.0)
+    assert settings.return_home
+    assert (type(second["sensor"]).__name__, second["sensor"].max_range) == ("Detector", 4.0)
+    assert second["start"] == second["world"].queries[0].start
+    assert (second["strategy"], second["seed"], second["noise"]) == ("tour", 0, 1.0)
+    assert not second["settings"].return_home
+
+
+@pytest.mark.parametrize(("status", "exit_status"), [("time", 0), ("distance", 0), ("stuck", 3), ("silent", 3)])
+def test_how_it_ended_is_the_exit_status(
+    shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer], status: Status, exit_status: int
+) -> None:
+    explorer.status = status
+    run = shell("explore", rooms, *START, "--output", tmp_path / "run", "--json")
+    assert run.status == exit_status
+    assert json.loads(run.out)["status"] == status
+
+
+def test_an_interruption_keeps_all_and_is_gone_on_with(
+    shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    explorer.status = "interrupted"
+    run = shell("explore", "rooms.yaml", *START, "--seed", "5", "--sensor-range", "3", "--output", "run")
+    assert run.status == 130
+    assert run.err == "trailmark: error: interrupted\n"
+    assert "rooms: interrupted" in run.out
+    assert sorted(file.name for file in (tmp_path / "run").iterdir()) == sorted(FILES)
+
+    explorer.status = "complete"
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")  # the world is found all the same
+    run = shell("explore", "--resume", "../run", "--strategy", "nearest-frontier")
+    assert (run.status, run.err) == (0, "")
+    before, after = explorer.calls
+    for name in ("robot", "sensor", "start", "seed", "noise"):
+        assert after[name] == before[name]
+    assert after["strategy"] == "nearest-frontier"
+    assert after["resumed"].history[-1].distance == made_exploration().history[-1].distance
+    assert load_exploration("../run").options["strategy"] == "nearest-frontier"
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        ([], "--output is missing; expected --output DIR, or --resume DIR"),
+        (["--output", "file"], "file: expected a folder, got a file"),
+        (["--output", "no/run"], "no/run: cannot be written: the directory 'no' does not exist"),
+        (["--output", "mine"], "mine/map.yaml: a file that trailmark did not write is there"),
+        (["--output", "."], "rooms.yaml"),
+        (["--output", "run", "--robot", "disc:0"], "radius"),
+        (["--output", "run", "--robot", "cat.yaml"], "cat.yaml: cannot be read"),
+        (["--output", "run", "--start", "1,1"], "expected X,Y,T, finite numbers"),
+        (["--output", "run", "--sensor", "radar"], "--sensor: expected detections, laser, got 'radar'"),
+        (
+            ["--output", "run", "--sensor-range", "0"],
+            "expected a finite number of metres above 0, got --sensor-range '0'",
+        ),
+        (["--output", "run", "--sensor-range", "inf"], "got --sensor-range 'inf'"),
+        (["--output", "run", "--strategy", "tours"], "(did you mean 'tour'?)"),
+        (["--output", "run", "--confidence", "1"], "expected a probability above 0 and below 1, got --confidence '1'"),
+        (["--output", "run", "--noise", "-1"], "expected a finite number of 0 or more, got --noise '-1'"),
+        (["--output", "run", "--seed", "1.5"], "got --seed '1.5'"),
+        (["--output", "run", "--time-limit", "0"], "expected a finite number of seconds above 0, got --time-limit '0'"),
+        (["--output", "run", "--max-distance", "far"], "got --max-distance 'far'"),
+        (["--output", "run"], "world 'rooms' holds no query to start from; expected --start X,Y,T"),
+        (["--resume", "run"], "run: expected a folder that trailmark explore wrote"),
+        (["--resume", "mine"], "mine/map.yaml: a file that trailmark did not write is there"),
+        (["--resume", "a", "--output", "b"], "expected --output or --resume, got both"),
+        (["--resume", "a", "--seed", "1"], "--seed '1' given with --resume, which goes on as it was begun"),
+        (["--resume", "a", "--sensor-range", "1"], "--sensor-range '1' given with --resume"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(
+    shell: Shell,
+    rooms: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    explorer: type[FakeExplorer],
+    words: list[str],
+    problem: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").write_text("")
+    Path("mine").mkdir()
+    Path("mine/map.yaml").write_text("image: mine.pgm\n")
+    if words == ["--output", "."]:
+        rooms.rename("world.yaml")
+        words, problem, rooms = [*words, *START], "is the same file as the input", Path("world.yaml")
+    run = shell("explore", rooms, *words)
+    assert run.status == 2
+    assert problem in run.problem
+    assert explorer.calls == []
+    assert not Path("run").exists()
+
+
+def test_a_world_is_asked_for(shell: Shell, tmp_path: Path) -> None:
+    run = shell("explore", "--output", tmp_path / "run")
+    assert (run.status, run.problem[:48]) == (2, "WORLD is missing; expected a file, a shipped wor")
+    assert (
+        "no such file or shipped world" in shell("explore", tmp_path / "no.yaml", "--output", tmp_path / "run").problem
+    )
