@@ -57,8 +57,12 @@ def changes_of_edits(
     edits: dict[int, _Entry | None] = {}
     done: dict[int, str] = {}
 
+    places = {name: place for place, name in enumerate(obstacles.ids) if name is not None}
+
     def place_of(name: object, verb: str) -> int:
-        place = index_of(obstacles, name, f"edited: {verb}")
+        place = places.get(name) if isinstance(name, str) else None
+        if place is None:
+            place = index_of(obstacles, name, f"edited: {verb}")
         if place in done:
             raise WorldError(
                 f"edited: expected each obstacle in one edit, got {brief(name)} in {done[place]} and {verb}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -108,6 +109,11 @@ class Rectangle:
 
     def corners(self) -> FloatArray:
         """Return the corners, shape (4, 2), counter-clockwise."""
+        return self._corners.copy()
+
+    @cached_property
+    def _corners(self) -> FloatArray:
+        # Computed once: a world of thousands of rectangles that changes is asked for them again and again.
         half = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) * (self.length / 2, self.width / 2)
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         corners: FloatArray = np.asarray(self.center) + half @ np.array([[cos, sin], [-sin, cos]])
@@ -115,7 +121,11 @@ class Rectangle:
 
     def bounding_box(self) -> tuple[float, float, float, float]:
         """Return xmin, ymin, xmax, ymax."""
-        return _box_of(self.corners())
+        return self._box
+
+    @cached_property
+    def _box(self) -> tuple[float, float, float, float]:
+        return _box_of(self._corners)
 
 
 @dataclass(frozen=True, eq=False)

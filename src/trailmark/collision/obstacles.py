@@ -90,16 +90,19 @@ def shape_segments(shape: Rectangle | Polygon) -> FloatArray:
 
 def _rings_of(shape: Rectangle | Polygon) -> list[FloatArray]:
     if isinstance(shape, Rectangle):
-        corners = shape.corners()
-        largest = np.abs(corners).max()
+        largest = max(map(abs, shape.bounding_box()))
         # A polygon checks itself, which takes ten times as long: only where rounding might make it no polygon.
         if largest <= LIMIT and min(shape.length, shape.width) > 1e-9 * largest:
-            return [corners]
+            return [shape.corners()]
     return shape.polygon().rings()
 
 
 def _ring_segments(rings: list[FloatArray]) -> FloatArray:
-    return np.concatenate([np.hstack([ring, np.concatenate([ring[1:], ring[:1]])]) for ring in rings])
+    begin = np.concatenate(rings)
+    ends = np.cumsum([len(ring) for ring in rings])
+    following = np.concatenate([begin[1:], begin[:1]])
+    following[ends - 1] = begin[np.concatenate([[0], ends[:-1]])]
+    return np.hstack([begin, following])
 
 
 def obstacle_discs(world: World) -> FloatArray:
