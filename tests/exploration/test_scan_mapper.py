@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
 import numpy as np
 import pytest
+import shapely
+from tests.support.exploration_faults import Fault, Faulty, Impossible, frozen_odometry, miscounted, silence
 
+from trailmark.estimation import load_log, map_log
+from trailmark.estimation.logs.jsonl import write_jsonl
+from trailmark.estimation.logs.records import Log, Pose, Scan
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, KnownMap
+from trailmark.exploration.mapper import Intake
 from trailmark.exploration.scan_mapper import ScanMapper
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
 from trailmark.shapes import Disc, Rectangle
@@ -19,27 +28,127 @@ START = np.array([1.0, 2.0, 0.0])
 LASER = laser_scanner(6.0, 0.05)
 
 
-def explored(noise: float) -> tuple[SimulatedRobot, ScanMapper]:
-    robot = SimulatedRobot(WORLD, ROBOT, START, LASER, noise=noise)
-    mapper = ScanMapper(START, KnownMap(WORLD.bounds, 0.05), LASER, ROBOT, ExplorationSettings())
+def begun(noise: float = 1.0, world: World = WORLD) -> tuple[SimulatedRobot, ScanMapper]:
+    robot = SimulatedRobot(world, ROBOT, START, LASER, noise=noise)
+    mapper = ScanMapper(START, KnownMap(world.bounds, 0.05), LASER, ROBOT, ExplorationSettings())
     mapper.take(robot.sense())
-    for _ in range(60):
-        robot.drive(np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.02]]), 1.0)
-        intake = mapper.take(robot.sense())
-        assert (intake.readings, intake.refused, intake.lost) == (1, (), False)
     return robot, mapper
 
 
+def drive(robot: SimulatedRobot, mapper: ScanMapper, times: int, step: tuple[float, float, float]) -> list[Intake]:
+    intakes = []
+    for _ in range(times):
+        robot.drive(np.array([[0.0, 0.0, 0.0], step]), 1.0)
+        intakes.append(mapper.take(robot.sense()))
+    return intakes
+
+
 def test_exact_odometry_is_taken_as_exact() -> None:
-    robot, mapper = explored(0.0)
+    robot, mapper = begun(0.0)
+    intakes = drive(robot, mapper, 60, (0.05, 0.0, 0.02))
+    assert all((intake.readings, intake.refused, intake.lost) == (1, (), False) for intake in intakes)
     assert mapper.pose == pytest.approx(robot.pose, abs=1e-9)
     assert not mapper.covariance.any()
     assert mapper.known.free_area > 30.0
 
 
 def test_noisy_odometry_is_set_right_by_scans() -> None:
-    robot, mapper = explored(1.0)
+    robot, mapper = begun()
+    intakes = drive(robot, mapper, 60, (0.05, 0.0, 0.02))
+    assert all((intake.readings, intake.refused, intake.lost) == (1, (), False) for intake in intakes)
     assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.02
-    assert len(mapper.trajectory) == 61
+    assert len(mapper.trajectory) == len(mapper.covariances) == 61
     inside = mapper.known.state[mapper.known.cells_of(np.array([[6.0, 2.0], [3.0, 6.0]]))]
     assert (inside != FREE).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_a_robot_that_is_carried_away_is_lost_and_found_again(noise: float) -> None:
+    robot, mapper = begun(noise)
+    drive(robot, mapper, 60, (0.05, 0.0, 0.02))
+    robot.drive(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.01]]), 1.0)
+    mapper.take(robot.sense())
+    before = mapper.known.state.copy()
+    robot.carry((4.5, 7.2, -2.0))
+    intakes = drive(robot, mapper, 5, (0.0, 0.0, 0.05))
+    assert [intake.lost for intake in intakes] == [False, False, True, True, True]
+    assert not any(intake.readings for intake in intakes)
+    assert (mapper.known.state == before).all()
+    assert mapper.relocate()
+    assert np.abs(mapper.pose - robot.pose).max() < 0.03
+    intakes = drive(robot, mapper, 20, (0.05, 0.0, 0.02))
+    assert all(intake.readings and not intake.lost for intake in intakes)
+    assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.03
+
+
+def test_a_robot_whose_readings_fit_the_map_nowhere_is_not_found() -> None:
+    robot, mapper = begun()
+    drive(robot, mapper, 40, (0.05, 0.0, 0.0))
+    scan = next(record for record in reversed(mapper.records) if isinstance(record, Scan))
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
+    for i in range(1, 5):
+        elsewhere = scan._replace(t=scan.t + i, ranges=1.0 + 0.3 * np.sin(7.0 * angles))
+        intake = mapper.take([elsewhere])
+    assert intake.lost
+    assert not mapper.relocate()
+
+
+@pytest.mark.parametrize(
+    "fault", [Impossible(math.inf), Impossible(math.nan), Impossible(-1.0), miscounted, silence], ids=str
+)
+def test_impossible_readings_change_nothing(fault: Fault) -> None:
+    robot, mapper = begun()
+    drive(robot, mapper, 40, (0.05, 0.0, 0.02))
+    before, spoilt = mapper.known.state.copy(), Faulty(robot, fault)
+    for _ in range(10):
+        robot.drive(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.01]]), 1.0)
+        records = spoilt.sense()
+        intake = mapper.take(records)
+        assert intake.readings == 0
+        assert len(intake.refused) == sum(isinstance(record, Scan) for record in records)
+    assert (mapper.known.state == before).all()
+    after = drive(robot, mapper, 3, (0.05, 0.0, 0.0))
+    assert [intake.readings for intake in after] == [1, 1, 1]
+
+
+def test_repeated_and_late_readings_are_left_out() -> None:
+    robot, mapper = begun()
+    robot.drive(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), 1.0)
+    records = list(robot.sense())
+    intake = mapper.take(records + [record for record in records if isinstance(record, Scan)])
+    assert intake.readings == 1
+    assert "its time again" in intake.refused[0]
+    robot.drive(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), 1.0)
+    mapper.take(robot.sense())
+    late = mapper.take(records)
+    assert late.readings == 0
+    assert all("in the order of time" in problem for problem in late.refused)
+
+
+def test_odometry_that_stands_still_is_not_trusted_for_long() -> None:
+    robot, mapper = begun(0.0)
+    drive(robot, mapper, 20, (0.05, 0.0, 0.0))
+    frozen = Faulty(robot, frozen_odometry)
+    for _ in range(20):
+        robot.drive(np.array([[0.0, 0.0, 0.0], [0.05, 0.0, 0.0]]), 1.0)
+        if mapper.take(frozen.sense()).lost:
+            assert mapper.relocate()
+    assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.4
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path) -> None:
+    robot, mapper = begun(noise)
+    drive(robot, mapper, 30, (0.1, 0.0, 0.04))
+    log = Log("room", tuple(mapper.records), np.empty((0, 3)))
+    made = mapper.finished_map(log)
+    write_jsonl(tmp_path / "log.jsonl", log)
+    again = map_log(load_log(tmp_path / "log.jsonl"), robot=ROBOT).world
+    assert len(made.obstacles) == len(again.obstacles) > 3
+    assert made.bounds == again.bounds
+    walls = shapely.union_all([shape.polygon(1e-3).shapely() for shape in made.obstacles])
+    others = shapely.union_all([shape.polygon(1e-3).shapely() for shape in again.obstacles])
+    assert walls.symmetric_difference(others).area < 1e-6
+    first = mapper.records[0]
+    assert isinstance(first, Pose)
+    assert (first.x, first.y, first.theta) == tuple(START)

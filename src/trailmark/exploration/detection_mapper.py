@@ -36,6 +36,9 @@ __all__ = ["DetectionMapper"]
 GATE: Final = 1.0 - 1e-6
 """Probability with which a reading of a known disc fits it."""
 
+SURE: Final = 0.999
+"""Probability with which all readings of a sweep together are as near to the map; else wheels have slipped."""
+
 STRANGE: Final = 3
 """Sweeps in a row that do not fit the map, after which the robot is lost."""
 
@@ -196,26 +199,20 @@ class DetectionMapper:
         features = self._slam.features(tentative=True)
         if len(features) < 2 or len(sweep) < 2:
             return True
-        if self._share(sweep, features) > 0.5:
+        good, readings, nis = self._innovations(sweep, features)
+        if nis <= chi_square_quantile(SURE, 2 * max(1, readings)):
             return True
         found = self._aligned(sweep)
-        if found is None or found.matched < max(2, 0.5 * self._known_of(sweep, features)):
-            return False
-        off = np.abs(difference(self.pose, found.pose))
-        if np.hypot(off[0], off[1]) > SLIP[0] or off[2] > SLIP[1]:
-            return False
+        off = np.full(3, np.inf) if found is None else np.abs(difference(self.pose, found.pose))
+        slipped = found is not None and found.matched >= max(2, 0.5 * readings)
+        if not slipped or np.hypot(off[0], off[1]) > SLIP[0] or off[2] > SLIP[1]:
+            return good > 0.5 * readings
         self._slam.filter.P[:3, :3] += np.diag((2.0 * off + 1e-3) ** 2)
         return True
 
-    def _known_of(self, sweep: Sequence[Detection], features: Sequence[MapFeature]) -> int:
-        """Return how many of a sweep's detections could be of known discs."""
-        if not self._sensor.identities:
-            return len(sweep)
-        return sum(detection.identity in {feature.identity for feature in features} for detection in sweep)
-
-    def _share(self, sweep: Sequence[Detection], features: Sequence[MapFeature]) -> float:
-        """Return the share of the detections of known discs that lie where these are."""
-        limit, good, all_of = float(chi_square_quantile(GATE, 2)), 0, 0
+    def _innovations(self, sweep: Sequence[Detection], features: Sequence[MapFeature]) -> tuple[int, int, float]:
+        """Return how many detections of known discs lie where these are, how many there are, and their summed NIS."""
+        limit, good, readings, nis = float(chi_square_quantile(GATE, 2)), 0, 0, 0.0
         points, by_name = self._points(sweep), {feature.identity: feature for feature in features}
         places = np.array([feature.mean for feature in features])
         for detection, point in zip(sweep, transform(self.pose, points), strict=True):
@@ -226,10 +223,9 @@ class DetectionMapper:
             else:
                 feature = features[int(np.hypot(*(places - point).T).argmin())]
             sensor = self._sensors[detection.kind]
-            innovation = self._slam.filter.innovation(detection.z, sensor, feature.id, detection.covariance)
-            all_of += 1
-            good += innovation.nis <= limit
-        return good / all_of if all_of else 1.0
+            own = self._slam.filter.innovation(detection.z, sensor, feature.id, detection.covariance).nis
+            good, readings, nis = good + int(own <= limit), readings + 1, nis + own
+        return good, readings, nis
 
     def _aligned(self, sweep: Sequence[Detection]) -> Alignment | None:
         """Return where the robot would have to be to see a sweep in the map as it is."""
@@ -282,7 +278,9 @@ class DetectionMapper:
         rows, columns = np.mgrid[wide]
         centres = known.centres(rows.ravel(), columns.ravel())
         looks = self._looks[wide]
-        looks[(self._in_sight(centres, discs.values())).reshape(looks.shape) & (looks < 255)] += 1
+        few = np.flatnonzero(looks.reshape(-1) < self._enough)
+        at = few[self._in_sight(centres[few], discs.values())]
+        looks[np.unravel_index(at, looks.shape)] += 1
         clear = looks >= self._enough
         for disc in discs.values():
             clear |= (np.hypot(*(centres - np.asarray(disc.center)).T) <= disc.radius).reshape(clear.shape)

@@ -3,38 +3,68 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import point_cloud
-from trailmark.exploration.beams import (
+from trailmark.exploration.beams import NUDGE, agreement, enter_scan
+from trailmark.exploration.cells import (
     FREE,
     LOST,
     MET,
     NOTHING,
-    NUDGE,
     OCCUPIED,
     SEEN,
     TILE,
     UNKNOWN,
     WHOLE,
     Cells,
-    enter_scan,
     rectangles,
 )
 from trailmark.se2 import FloatArray, compose
 from trailmark.shapes import Disc, Rectangle, Shape
 from trailmark.world import World
 
-__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "KnownMap"]
+__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "Agreement", "KnownMap"]
 
 PARTS = 8
 """Parts of a cell's side, at most, to which the box of its surface is widened: with fewer, fewer change."""
 
 Box = tuple[int, int, int, int]
 """x and y of two corners, in cells or in parts of one."""
+
+
+class Agreement(NamedTuple):
+    """How many beams of a scan agree with a map."""
+
+    met: int
+    """End at surfaces that are known."""
+    through: int
+    """Go through surfaces that are known."""
+    new: int
+    """End in the midst of what is known to be free."""
+
+    beams: int
+    """All that met something."""
+
+    @property
+    def against(self) -> int:
+        """Beams that speak against the map."""
+        return self.through + self.new
+
+    @property
+    def is_strange(self) -> bool:
+        """Whether most of what could agree does not, and not only by things that are new."""
+        known = self.met + self.against
+        return self.against > 0.5 * known and (self.through > 0.1 * known or self.met < 0.2 * known)
+
+    @property
+    def is_sure(self) -> bool:
+        """Whether much of it agrees, and little speaks against it: not by chance."""
+        return self.met > 4 * self.against and self.met > 0.25 * self.beams
 
 
 class KnownMap:
@@ -105,6 +135,29 @@ class KnownMap:
             pose: of the robot when it was taken, shape (3,).
             max_range: metres; what was met farther away shows free space up to there.
         """
+        start, ends, kinds = self._beams(scan, pose, max_range)
+        normals = np.zeros_like(ends)
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        normals[kinds == MET] = point_cloud(scan, max_range).normals @ np.array([[cos, sin], [-sin, cos]])
+        before = self._cells.changed.copy()
+        self._cells.changed[:] = False
+        self._scans += 1
+        tolerance = max(3.0 * self.noise / self.cell, 0.1)
+        enter_scan(self._cells, self._scans, start, ends, kinds, normals, abs(scan.angle_increment), tolerance)
+        self.revision += int(self._cells.changed.any())
+        self._cells.changed[:] |= before
+
+    def agreement(self, scan: Scan, pose: FloatArray, max_range: float) -> Agreement:
+        """Return how a scan that was taken from a pose would agree with what is known; see :meth:`add_scan`."""
+        tolerance = 3.0 * self.noise / self.cell + 2.0
+        start, ends, kinds = self._beams(scan, pose, max_range)
+        met, through, new = agreement(self._cells, start, ends, kinds, tolerance)
+        return Agreement(met, through, new, int((kinds == MET).sum()))
+
+    def _beams(
+        self, scan: Scan, pose: FloatArray, max_range: float
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.uint8]]:
+        """Return where the scanner stands, where its beams end, in cells, and what they are."""
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         limit = min(float(scan.range_max), float(np.nextafter(max_range, np.inf)))
         readable = ranges > 0.0
@@ -114,20 +167,8 @@ class KnownMap:
         angles = scanner[2] + scan.angle_min + scan.angle_increment * np.arange(len(ranges))
         length = np.where(readable, np.minimum(ranges, min(scan.range_max, max_range)), 0.0)
         length = (length + np.where(met, NUDGE * self.cell, 0.0)) / self.cell
-        start = (scanner[:2] - self.origin) / self.cell
-        ends = start + length[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-        normals = np.zeros_like(ends)
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        normals[met] = point_cloud(scan, max_range).normals @ np.array([[cos, sin], [-sin, cos]])
-        before = self._cells.changed.copy()
-        self._cells.changed[:] = False
-        self._scans += 1
-        enter_scan(
-            self._cells, self._scans, start, ends, kinds, normals, abs(scan.angle_increment),
-            max(3.0 * self.noise / self.cell, 0.1),
-        )  # fmt: skip
-        self.revision += int(self._cells.changed.any())
-        self._cells.changed[:] |= before
+        start = np.asarray((scanner[:2] - self.origin) / self.cell)
+        return start, start + length[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]), kinds
 
     def cells_of(self, points: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Return rows and columns, shape (n,) each, of the cells that hold points, shape (n, 2), or the nearest."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.scan_slam import ScanSlam
-from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan
+from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.log_map import map_log
 from trailmark.estimation.scans.clouds import relative
 from trailmark.estimation.scans.scan_poses import DeadReckoning
@@ -18,7 +18,8 @@ from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import Intake
-from trailmark.se2 import FloatArray, compose
+from trailmark.exploration.record_checks import RecordChecks
+from trailmark.se2 import FloatArray, compose, difference
 from trailmark.world import Robot, World
 
 __all__ = ["ScanMapper"]
@@ -27,9 +28,27 @@ TRUSTED: Final = 0.002, 0.001
 """Metres and radians: where the odometry states less than that as its error over ten metres, it is taken as exact, for
 scans could not be matched as well."""
 
+STRANGE: Final = 3
+"""Scans in a row that do not fit the map, after which the robot is lost."""
+
+DOUBT: Final = 0.1
+"""Share of the beams that may speak against the map while odometry is taken as exact."""
+
+ALIKE: Final = 0.9
+"""Share of the best place's fit from which on another place fits as well."""
+
+FOUND: Final = np.diag([0.05**2, 0.05**2, 0.02**2])
+"""Covariance of a place that was found again in the map."""
+
+MOVED: Final = 0.25
+"""Cells by which a closed loop must have moved some pose for the map to be drawn anew."""
+
 
 class ScanMapper:
     """A :class:`trailmark.exploration.mapper.Mapper` for a laser.
+
+    Odometry is taken as exact as long as it states so and scans do not contradict it. Else scans are matched, and loops
+    closed (:class:`trailmark.estimation.graph.scan_slam.ScanSlam`).
 
     Args:
         start: where the robot stands first, shape (3,).
@@ -44,12 +63,15 @@ class ScanMapper:
     ) -> None:
         self.known, self.records = known, list[Record]()
         known.noise = sensor.sigma
-        self._start, self._sensor, self._robot, self._settings = np.asarray(start, float), sensor, robot, settings
-        self._reckoning = DeadReckoning(self._start)
+        self._start, self._sensor = np.asarray(start, dtype=np.float64), sensor
+        self._robot, self._settings = robot, settings
+        self._checks, self._reckoning = RecordChecks(Scan, sensor.max_range), DeadReckoning(self._start)
         self._slam: ScanSlam | None = None  # None as long as odometry is taken as exact
         self._scans = list[tuple[Scan, FloatArray]]()  # with their poses by odometry
+        self._drawn = list[FloatArray]()  # where they were when the map was drawn
         self._errors, self._driven = np.zeros(2), 0.0
-        self._pose = self._at = self._start  # by odometry, of the last scan; and where it was found
+        self._at = self._pose = self._start  # by odometry, at the last scan; and where that was
+        self._strange, self._doubts, self._left_out = 0, 0, list[Scan]()
 
     @property
     def pose(self) -> FloatArray:
@@ -59,7 +81,7 @@ class ScanMapper:
     @property
     def covariance(self) -> FloatArray:
         """Of the pose, shape (3, 3), relative to the map around the robot."""
-        return np.zeros((3, 3)) if self._slam is None else np.diag([1e-4, 1e-4, 1e-6])
+        return np.zeros((3, 3)) if self._slam is None else self._slam.covariance
 
     @property
     def trajectory(self) -> FloatArray:
@@ -70,7 +92,7 @@ class ScanMapper:
     @property
     def covariances(self) -> FloatArray:
         """Of the trajectory's poses, shape (n, 3, 3), in the world's axes."""
-        return np.broadcast_to(self.covariance, (len(self._scans), 3, 3))
+        return np.zeros((len(self._scans), 3, 3)) if self._slam is None else self._slam.covariances()
 
     @property
     def margin(self) -> float:
@@ -81,41 +103,103 @@ class ScanMapper:
         """Take in what was sensed, and bring pose and map up to date."""
         readings, refused, moved = 0, list[str](), False
         for record in records:
+            if isinstance(record, Pose):
+                continue
+            if problem := self._checks.refusal(record):
+                refused.append(problem)
+                continue
             if not self.records:
                 self.records.append(Pose(record.t, *self._start.tolist()))
-            if isinstance(record, Increment | Odometry):
-                self._move(record)
+            self._reckoning.add(record)
+            if not isinstance(record, Scan):
                 self.records.append(record)
-            elif isinstance(record, Scan):
-                self._reckoning.add(record)
+                if isinstance(record, Increment | Odometry):
+                    self._count_errors(record)
+            elif self._fits(record):
                 moved |= self._add(record)
                 readings += 1
-            elif isinstance(record, Detection):
-                refused.append(f"detection at {record.t:.3f} s: expected scans, got a detection")
-        return Intake(readings, tuple(refused), False, moved)
+            else:
+                refused.append(
+                    f"scan at {record.t:.3f} s left out: expected what the map shows here, got another place"
+                )
+        return Intake(readings, tuple(refused), self._strange >= STRANGE, moved)
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
-        return False
+        if not self._left_out:
+            return False
+        scan, slam = self._left_out[-1], self._match_from_now_on()
+        pose = self._place_of(scan, slam.candidates(scan))
+        if pose is None:
+            return False
+        # What no odometry has told: the log has it as a motion, so that it leads to the same map.
+        motion = relative(self.pose, pose)
+        carried = Increment(scan.t, float(motion[0]), float(motion[1]), float(motion[2]), FOUND)
+        self._reckoning.add(carried)
+        self.records += [carried, scan]
+        slam.place(scan, pose, self._reckoning.pose)
+        self._scans.append((scan, self._reckoning.pose))
+        self._at, self._pose = self._reckoning.pose, slam.pose
+        self._drawn.append(self._pose)
+        self._strange, self._left_out = 0, []
+        self.known.add_scan(scan, self._pose, self._sensor.max_range)
+        return True
 
     def finished_map(self, log: Log) -> World:
         """Return the world that ``trailmark map`` makes of the log: obstacles with covariances."""
         return map_log(log, robot=self._robot).world
 
-    def _move(self, record: Increment | Odometry) -> None:
-        self._reckoning.add(record)
+    def _count_errors(self, record: Increment | Odometry) -> None:
+        """Take note of how sure the odometry says it is."""
         if isinstance(record, Odometry) or record.covariance is None:
             self._errors[:] = np.inf
         else:
             covariance = np.asarray(record.covariance)
             self._errors += max(covariance[0, 0], covariance[1, 1]), covariance[2, 2]
             self._driven += float(np.hypot(record.dx, record.dy) + abs(record.dtheta))
-        limit = np.square(TRUSTED) * max(self._driven, 1.0) / 10.0
-        if self._slam is None and (self._errors > limit).any():
+        if self._slam is None and (self._errors > np.square(TRUSTED) * max(self._driven, 1.0) / 10.0).any():
+            self._match_from_now_on()
+
+    def _match_from_now_on(self) -> ScanSlam:
+        """Match scans from now on, and those so far with them."""
+        if self._slam is None:
             reach = min(GraphSettings.max_range, self._sensor.max_range)
             self._slam = ScanSlam(replace(GraphSettings(), max_range=reach))
             for scan, pose in self._scans:
                 self._slam.add(scan, pose)
+            if self._scans:
+                self._pose = self._slam.pose
+        return self._slam
+
+    def _fits(self, scan: Scan) -> bool:
+        """Return whether a scan shows what the map has where the robot should be."""
+        fit = self.known.agreement(scan, self.pose, self._sensor.max_range)
+        strange = fit.is_strange
+        if self._slam is None:
+            # What is exact leaves nothing to disagree on, but what has moved.
+            self._doubts = self._doubts + 1 if fit.against > DOUBT * (fit.met + fit.against) else 0
+            if self._doubts >= STRANGE:
+                self._match_from_now_on()
+        if strange and self._slam is not None:
+            # Perhaps wheels have slipped.
+            at = self._slam.match(scan, self._reckoning.pose)
+            strange = not self.known.agreement(scan, at, self._sensor.max_range).is_sure
+        self._strange = self._strange + 1 if strange else 0
+        self._left_out = [scan] if strange else []
+        return not strange
+
+    def _place_of(self, scan: Scan, candidates: FloatArray) -> FloatArray | None:
+        """Return the one candidate, of shape (k, 3), that fits the map; None if none does, or several do."""
+        fits = [self.known.agreement(scan, pose, self._sensor.max_range) for pose in candidates]
+        good = sorted((fit.met - fit.against, i) for i, fit in enumerate(fits) if fit.is_sure)
+        if not good:
+            return None
+        pose = candidates[good[-1][1]]
+        for value, i in good[:-1]:
+            off = np.abs(difference(pose, candidates[i]))
+            if value > ALIKE * good[-1][0] and (np.hypot(off[0], off[1]) > 0.5 or off[2] > 0.3):
+                return None
+        return np.asarray(pose)
 
     def _add(self, scan: Scan) -> bool:
         """Take in a scan, and return whether poses of the past were moved."""
@@ -129,17 +213,18 @@ class ScanMapper:
             self._slam.add(scan, self._at)
             self._pose = self._slam.pose
         self.records.append(scan)
+        self._drawn.append(self._pose)
         if self._slam is not None and self._slam.corrections > before:
-            self._draw()
-            return True
-        self._enter(scan, self._pose)
+            poses = self._slam.poses
+            if np.hypot(*(poses - np.array(self._drawn))[:, :2].T).max() > MOVED * self.known.cell:
+                self._draw(poses)
+                return True
+        self.known.add_scan(scan, self._pose, self._sensor.max_range)
         return False
 
-    def _enter(self, scan: Scan, pose: FloatArray) -> None:
-        self.known.add_scan(scan, pose, self._sensor.max_range)
-
-    def _draw(self) -> None:
+    def _draw(self, poses: FloatArray) -> None:
         """Draw the map anew."""
         self.known.clear()
-        for (scan, _), (_, *pose) in zip(self._scans, self.trajectory, strict=True):
-            self._enter(scan, np.array(pose))
+        for (scan, _), pose in zip(self._scans, poses, strict=True):
+            self.known.add_scan(scan, pose, self._sensor.max_range)
+        self._drawn = list(poses)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.se2 import FloatArray
 
-__all__ = ["Relation", "optimise", "relative_covariances"]
+__all__ = ["Relation", "optimise", "pose_covariances", "relative_covariances"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -65,6 +65,15 @@ def optimise(relations: Sequence[Relation], poses: FloatArray, gate: float = 0.9
     return _poses_of(best, len(poses)), counts
 
 
+def pose_covariances(relations: Sequence[Relation], poses: FloatArray) -> FloatArray:
+    """Return the covariance of each pose in the frame of the first one, shape (n, 3, 3), at an optimum.
+
+    Returns:
+        Of x, y and theta, in the world's axes.
+    """
+    return _covariances(*_graph(relations, poses), _turns(poses))
+
+
 def relative_covariances(relations: Sequence[Relation], poses: FloatArray) -> FloatArray:
     """Return the covariance of each pose relative to the places of all, shape (n, 3, 3), at an optimum.
 
@@ -75,17 +84,13 @@ def relative_covariances(relations: Sequence[Relation], poses: FloatArray) -> Fl
     Returns:
         Of x, y and theta, in the world's axes.
     """
-    import gtsam
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import splu
 
     n = len(poses)
     graph, values = _graph(relations, poses)
-    marginals = gtsam.Marginals(graph, values)
-    turn = np.zeros((n, 3, 3))
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
-    own = turn @ np.array([marginals.marginalCovariance(i) for i in range(n)]) @ turn.transpose(0, 2, 1)
+    turn = _turns(poses)
+    own = _covariances(graph, values, turn)
     # What a shift and a turn of the frame do to each pose, and the ones that align the places best.
     frame = np.zeros((n, 3, 3))
     frame[:, 0, 0] = frame[:, 1, 1] = frame[:, 2, 2] = 1.0
@@ -101,6 +106,23 @@ def relative_covariances(relations: Sequence[Relation], poses: FloatArray) -> Fl
     total = np.einsum("nij,njk->ik", align, shared)
     crossed = shared @ frame.transpose(0, 2, 1)
     return np.asarray(own - crossed - crossed.transpose(0, 2, 1) + frame @ total @ frame.transpose(0, 2, 1))
+
+
+def _turns(poses: FloatArray) -> FloatArray:
+    """Return the matrices that turn x, y, theta of each pose's own frame into the world's, shape (n, 3, 3)."""
+    turn = np.zeros((len(poses), 3, 3))
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1], turn[:, 2, 2] = c, -s, s, c, 1.0
+    return turn
+
+
+def _covariances(graph: Any, values: Any, turn: FloatArray) -> FloatArray:
+    """Return the poses' covariances in the frame of the first one, in the world's axes."""
+    import gtsam
+
+    marginals = gtsam.Marginals(graph, values)
+    own = np.array([marginals.marginalCovariance(i) for i in range(len(turn))])
+    return np.asarray(turn @ own @ turn.transpose(0, 2, 1))
 
 
 def _graph(relations: Sequence[Relation], poses: FloatArray) -> tuple[Any, Any]:

@@ -7,6 +7,7 @@ of all the other stretches of the drive that saw the same place, and all relatio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.loop_closure import LoopFinder
-from trailmark.estimation.graph.pose_graph import Relation, optimise, relative_covariances
+from trailmark.estimation.graph.pose_graph import Relation, optimise, pose_covariances, relative_covariances
 from trailmark.estimation.graph.revisits import revisit_relations
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.logs.records import Scan
@@ -28,6 +29,17 @@ __all__ = ["ScanPoses", "ScanSlam", "match_scans"]
 
 MAX_WINDOW = Window(2.0, np.radians(60.0))
 """The largest window around what odometry says that is searched: beyond, it is no guess."""
+
+
+SEARCHED = 200
+"""End points, at most, that are looked for in the whole map."""
+
+
+HEADINGS = 8
+"""Parts of a full turn in which it is looked for one by one."""
+
+FAR = 1e6
+"""Metres: all of a map."""
 
 
 class ScanPoses(NamedTuple):
@@ -87,6 +99,7 @@ class ScanSlam:
         self._keys = KeyScans()
         self._loops = LoopFinder(self._keys, settings)
         self._area: LocalMap | None = None
+        self._covariance = np.zeros((3, 3))
         self._odometry = np.zeros(3)  # at the node that the robot was last at
         self._last = 0  # that node
         self._chain = np.empty(0, dtype=np.intp)  # the nodes whose scans make the local map
@@ -106,6 +119,16 @@ class ScanSlam:
         key, pose = self._scans[-1]
         return compose(self._keys.poses[key], pose)
 
+    @property
+    def covariance(self) -> FloatArray:
+        """Of the last scan's pose in the map around it, shape (3, 3), in the world's axes."""
+        return self._covariance
+
+    def covariances(self) -> FloatArray:
+        """Return the covariances of the scans' poses, shape (m, 3, 3), in the world's axes; the first is certain."""
+        keys, own = self._keys, np.array([key for key, _ in self._scans], dtype=np.intp)
+        return pose_covariances(keys.relations, keys.poses)[own]
+
     def add(self, scan: Scan, odometry: FloatArray) -> None:
         """Take in the next scan, with its pose by odometry, shape (3,): the first one's is taken as it is."""
         s, cloud = self._s, point_cloud(scan, self._s.max_range)
@@ -115,11 +138,15 @@ class ScanSlam:
             return
         last = self._last
         if np.hypot(*step[:2]) < s.key_distance and abs(step[2]) < s.key_angle:
-            # Too little has changed for a node of its own.
+            # Too little has changed for a node of its own, unless the odometry hides it.
             guess = compose(self._keys.poses[last], step)
-            pose = refine(self._area, cloud, guess, information=_inverse(self._noise(step))).pose
-            self._scans.append((last, relative(self._keys.poses[last], pose)))
-            return
+            match = refine(self._area, cloud, guess, information=_inverse(self._noise(step)))
+            pose = relative(self._keys.poses[last], match.pose)
+            if len(cloud.points) < MIN_POINTS or (
+                match.score >= 0.5 * s.loop_score and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
+            ):
+                self._scans.append((last, pose))
+                return
         guess, noise = compose(self._keys.poses[last], step), self._noise(step)
         information = _inverse(noise)
         own = len(self._keys)
@@ -144,8 +171,8 @@ class ScanSlam:
         if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
             self._keys.relations.pop()
             return
-        covariance, _ = match_covariance(self._area, cloud.points, pose)
-        self._keys.relations.append(self._keys.related(last, own, pose, covariance, certain=True))
+        self._covariance, _ = match_covariance(self._area, cloud.points, pose)
+        self._keys.relations.append(self._keys.related(last, own, pose, self._covariance, certain=True))
         self._add_key(pose, cloud, odometry)
         closures = self._loops.find(own)
         if closures:
@@ -156,6 +183,44 @@ class ScanSlam:
                 self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, s.outlier_gate)
                 self._renew_area()
                 self.corrections += 1
+
+    def match(self, scan: Scan, odometry: FloatArray) -> FloatArray:
+        """Return where a scan, with its pose by odometry, fits best what was seen just before, and leave it out."""
+        cloud = point_cloud(scan, self._s.max_range)
+        if self._area is None:
+            return odometry
+        guess = compose(self._keys.poses[self._last], relative(self._odometry, odometry))
+        found = search(self._area, cloud.points, guess, Window(*self._s.window), coarseness=2)
+        return guess if found is None else refine(self._area, cloud, found.pose).pose
+
+    def place(self, scan: Scan, pose: FloatArray, odometry: FloatArray) -> None:
+        """Go on from elsewhere in the map with the next scan, taken near ``pose``: the robot was carried there."""
+        s, keys, own = self._s, self._keys, len(self._keys)
+        node = int(np.hypot(*(keys.poses[:, :2] - pose[:2]).T).argmin())
+        self._chain, self._last = keys.chain(node, 2.0 * s.local_length, s.local_scans), node
+        cloud, area = point_cloud(scan, s.max_range), self._renew_area()
+        pose = refine(area, cloud, pose).pose
+        covariance, _ = match_covariance(area, cloud.points, pose)
+        keys.relations.append(keys.related(node, own, pose, covariance, certain=True))
+        self._add_key(pose, cloud, odometry)
+
+    def candidates(self, scan: Scan) -> FloatArray:
+        """Return where in the whole map a scan may have been taken, shape (k, 3): the best place for each heading."""
+        s, keys = self._s, self._keys
+        cloud = point_cloud(scan, s.max_range)
+        if len(cloud.points) < MIN_POINTS or not len(keys):
+            return np.empty((0, 3))
+        area = keys.area(np.arange(len(keys)), keys.poses[0], FAR, FAR)
+        low, high = area.points.min(axis=0), area.points.max(axis=0)
+        points = cloud.points[:: -(-len(cloud.points) // SEARCHED)]
+        window = Window(0.5 * float((high - low).max()), math.pi / HEADINGS)
+        found = list[FloatArray]()
+        for heading in 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS:
+            guess = np.append(0.5 * (low + high), heading)
+            match = search(area, points, guess, window, coarseness=2, min_score=0.5 * s.loop_score)
+            if match is not None:
+                found.append(refine(area, cloud, match.pose).pose)
+        return np.array(found).reshape(-1, 3)
 
     def finish(self, odometry: FloatArray) -> ScanPoses:
         """Return the poses of all scans."""
@@ -212,10 +277,11 @@ class ScanSlam:
         self._odometry = compose(odometry, relative(match.pose, keys.poses[node]))
         return True
 
-    def _renew_area(self) -> None:
+    def _renew_area(self) -> LocalMap:
         """Make the local map of the last scans."""
         s, keys = self._s, self._keys
         self._area = keys.area(self._chain, keys.poses[self._last], s.max_range + 2.0, s.window[0])
+        return self._area
 
 
 def _surprise(relation: Relation, poses: FloatArray) -> float:

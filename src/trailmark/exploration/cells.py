@@ -1,0 +1,107 @@
+"""What is kept for each cell of a grid that beams fill in."""
+
+# Tested by tests/exploration/test_known_map.py.
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.compiled import njit
+
+__all__ = [
+    "FREE",
+    "LOST",
+    "MET",
+    "NOTHING",
+    "OCCUPIED",
+    "SEEN",
+    "TILE",
+    "UNKNOWN",
+    "WHOLE",
+    "Cells",
+    "rectangles",
+]
+
+UNKNOWN: Final = 0
+FREE: Final = 1
+OCCUPIED: Final = 2
+
+LOST: Final = 0
+MET: Final = 1
+NOTHING: Final = 2
+
+TILE: Final = 16
+"""Cells: side of the squares by which changes are told."""
+
+SEEN: Final = 15
+"""All four quarters of a cell."""
+
+WHOLE: Final = 64
+"""The gap between beams of one cell, as a level."""
+
+
+class Cells(NamedTuple):
+    """What is kept for each cell, arrays of shape (rows, columns, ...)."""
+
+    state: NDArray[np.uint8]
+    """UNKNOWN, FREE or OCCUPIED."""
+    seen: NDArray[np.uint8]
+    """The quarters that beams passed, with half the gap to their neighbours: 1 and 2 in the lower half, 4 and 8."""
+    box: NDArray[np.uint8]
+    """Shape (rows, columns, 4): xmin, ymin, xmax, ymax of the surface in an occupied cell, in 255ths of its side."""
+    facing: NDArray[np.uint8]
+    """The direction across that surface, 1 to 255 for 0 to pi; 0 where it is not known."""
+    level: NDArray[np.uint8]
+    """Gap between beams with which it was seen: WHOLE for a cell, and four more for twice that."""
+    misses: NDArray[np.uint8]
+    """Scans in a row with beams that went through it."""
+    stamp: NDArray[np.int32]
+    """The last scan that told of it."""
+    changed: NDArray[np.bool_]
+    """Shape (tile rows, tile columns): whether a cell's state or box changed."""
+
+    @classmethod
+    def unknown(cls, rows: int, columns: int) -> Cells:
+        """Return cells of which nothing is known."""
+
+        def zeros() -> NDArray[np.uint8]:
+            return np.zeros((rows, columns), dtype=np.uint8)
+
+        tiles = -(-rows // TILE), -(-columns // TILE)
+        box, stamp = np.zeros((rows, columns, 4), dtype=np.uint8), np.zeros((rows, columns), dtype=np.int32)
+        return cls(zeros(), zeros(), box, zeros(), zeros(), zeros(), stamp, np.ones(tiles, dtype=np.bool_))
+
+
+@njit(cache=True)
+def rectangles(mask):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Return boxes x0, y0, x1, y1, shape (n, 4), that cover a mask exactly: runs of a row, joined to equal ones above.
+
+    Args:
+        mask: shape (rows, columns) of bool.
+    """
+    rows, columns = mask.shape
+    found, count = np.empty((mask.size, 4), dtype=np.int64), 0
+    open_at = np.full(columns, -1, dtype=np.int64)  # by its first column, the box that the row before ended
+    for r in range(rows):
+        c = 0
+        while c < columns:
+            if not mask[r, c]:
+                open_at[c] = -1
+                c += 1
+                continue
+            first = c
+            while c < columns and mask[r, c]:
+                if c > first:
+                    open_at[c] = -1
+                c += 1
+            k = open_at[first]
+            if k >= 0 and found[k, 2] == c and found[k, 3] == r:
+                found[k, 3] = r + 1
+                continue
+            found[count, 0], found[count, 1], found[count, 2], found[count, 3] = first, r, c, r + 1
+            open_at[first] = count
+            count += 1
+    return found[:count].copy()
