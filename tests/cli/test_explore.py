@@ -55,7 +55,7 @@ def test_everything_is_written(shell: Shell, rooms: Path, tmp_path: Path, explor
         run = shell("explore", rooms, *START, "--output", tmp_path / "run")
         assert (run.status, run.err) == (0, "")
         assert sorted(file.name for file in (tmp_path / "run").iterdir()) == sorted(FILES)
-    for said in ("rooms: complete", "99.80% of what can be seen, 0 collisions, NEES 2.90", "8.77 m", "4 visited"):
+    for said in ("rooms: complete", "99.80% of what can be seen, 0 collisions, NEES 2.90", "8.77 m", "4 driven to"):
         assert said in run.out
     assert str(tmp_path / "run") in run.out
 

@@ -164,7 +164,7 @@ def _print_summary(record: dict[str, Any], result: ExplorationResult, folder: Pa
     rows = [
         ("known", f"{record['area']:,.2f} m²"),
         ("driven", f"{record['distance']:,.2f} m in {record['duration']:,.1f} s of the robot's clock"),
-        ("landmarks", f"{record['landmarks']:,} visited, strategy {record['strategy']}, seed {record['seed']}"),
+        ("landmarks", f"{record['landmarks']:,} driven to, strategy {record['strategy']}, seed {record['seed']}"),
         ("pose", f"σ {100.0 * last.sigma:.2f} cm"),
         ("time", f"{times['total']:.2f} s; {decisions}, at most {1e3 * times['decision_max']:.0f} ms"),
     ]

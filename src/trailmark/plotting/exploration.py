@@ -20,7 +20,7 @@ from trailmark.errors import OutputError
 from trailmark.exploration.history import History
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.plotting.animation import write_gif
-from trailmark.plotting.canvas import annotate, draw_legend, figure_of, picture_of, set_limits, write
+from trailmark.plotting.canvas import annotate, draw_legend, figure_of, picture_of, points_per_metre, set_limits, write
 from trailmark.plotting.world import draw_end
 from trailmark.sketch.colours import GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START, TEXT
 
@@ -36,6 +36,12 @@ TIME_COLOURS = "viridis_r"
 
 MAX_FRAMES, FRAME_SECONDS, LAST_FRAMES = 110, 0.11, 14
 """Of an animation: 12 s of drive, and its end for another 1.5 s."""
+
+NUMBER_ROOM = np.array([15.0, 9.0])
+"""Points that the numbers of two landmarks are apart, along x or along y."""
+
+MAX_NUMBERS = 12
+"""Landmarks that have their numbers in an animation, the latest ones: text takes most of the time."""
 
 DPI, MAX_CELLS = 80, 150_000
 """Of an animation: about a cell for two pixels."""
@@ -119,15 +125,17 @@ def coarse(
     return found, times, size * cell
 
 
-def draw_landmarks(axes: Axes, landmarks: se2.FloatArray) -> list[Any]:
-    """Draw landmarks, shape (k, 3), with their numbers; return the artists of each, two by two."""
-    artists = list[Any]()
-    for i, (x, y, _) in enumerate(landmarks.tolist()):
-        (mark,) = axes.plot(x, y, "o", color=LANDMARK, ms=5.0, mec="white", mew=0.8, zorder=6.0)
-        note = axes.annotate(str(i + 1), (x, y), xytext=(4, 3), textcoords="offset points", zorder=9.0)
+def draw_landmarks(axes: Axes, landmarks: se2.FloatArray) -> tuple[Line2D, dict[int, Any]]:
+    """Draw landmarks, shape (k, 3), and numbers where there is room; return their marks, and the numbers by rows."""
+    (marks,) = axes.plot(*landmarks[:, :2].T, "o", color=LANDMARK, ms=5.0, mec="white", mew=0.8, zorder=6.0)
+    notes, room = dict[int, Any](), NUMBER_ROOM / points_per_metre(axes)
+    for i, at in enumerate(landmarks[:, :2]):
+        if (np.abs(landmarks[list(notes), :2] - at) < room).all(axis=1).any():
+            continue
+        note = axes.annotate(str(i + 1), at, xytext=(4, 3), textcoords="offset points", zorder=9.0)
         note.set(fontsize=7, color=LANDMARK, path_effects=[withStroke(linewidth=2.0, foreground="white")])
-        artists += [mark, note]
-    return artists
+        notes[i] = note
+    return marks, notes
 
 
 def save_exploration_animation(file: str | FilePath, result: ExplorationResult) -> None:
@@ -173,7 +181,8 @@ class _Film:
         (self.way,) = axes.plot([], [], color=PATH, lw=1.2, alpha=0.6, zorder=4.0)
         (self.path,) = axes.plot([], [], color=GOAL, lw=1.6, ls=(0, (4, 2)), zorder=5.0)
         (self.target,) = axes.plot([], [], "o", color=GOAL, ms=7.0, mec="white", mew=1.0, zorder=6.5)
-        self.landmarks = draw_landmarks(axes, self.history.landmarks())
+        self.landmarks = self.history.landmarks()
+        self.marks, self.notes = draw_landmarks(axes, self.landmarks)
         self.body = PolyCollection([], facecolors=PATH, edgecolors="white", zorder=7.0)
         axes.add_collection(self.body, autolim=False)
         self.note = axes.annotate("", (0.0, 1.0), xytext=(0, 8), xycoords="axes fraction", textcoords="offset points")
@@ -192,12 +201,15 @@ class _Film:
         self.note.set_text(
             f"{row.time:.0f} s   {row.area:.0f} m² known   {row.distance:.1f} m driven   {_plural(row.landmarks)}"
         )
+        self.marks.set_data(*self.landmarks[: row.landmarks, :2].T)
+        notes = [note for i, note in self.notes.items() if i < row.landmarks]
         self.canvas.restore_region(self.empty)
         for artist in (
             self.image,
             self.way,
             self.path,
-            *self.landmarks[: 2 * row.landmarks],
+            self.marks,
+            *notes[-MAX_NUMBERS:],
             self.target,
             self.body,
             self.note,

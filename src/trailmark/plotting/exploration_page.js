@@ -89,18 +89,27 @@ function draw() {
   line("pose", 3, 0, row + 1, colours.way, 2, []);
   line("path", 2, data.span[2 * row], data.span[2 * row + 1], colours.goal, 2.5, [6, 4]);
   brush.font = `600 ${12 * ratio}px system-ui, sans-serif`;
-  for (let k = 0; k < data.landmarks[row]; k++) {
-    const x = at("places", k, 0, 2), y = at("places", k, 1, 2);
-    dot(x, y, 4, colours.landmark);
-    brush.strokeStyle = colours.rim;
-    brush.lineWidth = 3 * ratio;
-    brush.fillStyle = colours.landmark;
-    brush.strokeText(String(k + 1), px(x) + 6 * ratio, py(y) - 5 * ratio);
-    brush.fillText(String(k + 1), px(x) + 6 * ratio, py(y) - 5 * ratio);
-  }
+  drawLandmarks(px, py, ratio, dot);
   if (data.aimed[row]) dot(at("target", row, 0, 2), at("target", row, 1, 2), 6, colours.goal);
   drawRobot(px, py, ratio, dot);
   drawScale(scale, ratio);
+}
+
+function drawLandmarks(px, py, ratio, dot) {
+  const numbered = [];
+  for (let k = data.landmarks[row] - 1; k >= 0; k--) {
+    const x = at("places", k, 0, 2), y = at("places", k, 1, 2);
+    const u = Math.min(px(x) + 6 * ratio, canvas.width - 26 * ratio), v = py(y) - 5 * ratio;
+    dot(x, y, 4, colours.landmark);
+    // The latest have their numbers, older ones where there is room.
+    if (numbered.some(([a, b]) => Math.abs(a - u) < 28 * ratio && Math.abs(b - v) < 15 * ratio)) continue;
+    numbered.push([u, v]);
+    brush.strokeStyle = colours.rim;
+    brush.lineWidth = 3 * ratio;
+    brush.fillStyle = colours.landmark;
+    brush.strokeText(String(k + 1), u, v);
+    brush.fillText(String(k + 1), u, v);
+  }
 }
 
 function drawRobot(px, py, ratio, dot) {
