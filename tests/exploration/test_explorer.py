@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -11,7 +12,7 @@ import shapely
 from tests.support import exploration_faults as faults
 
 from trailmark import ConfigurationError, Rectangle, Robot, World
-from trailmark.exploration import ExplorationSettings, Explorer, Outlook
+from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
 from trailmark.exploration.explorer import MAX_BLOCKED
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
@@ -106,13 +107,23 @@ def test_it_ends_by_its_limits(settings: dict[str, float], status: str) -> None:
         assert np.hypot(*(result.history[-1].pose[:2] - START[:2])) < 0.01
 
 
-def test_ctrl_c_keeps_what_is_known() -> None:
-    def stop(progress: object) -> None:
-        if progress.distance > 0.5:  # type: ignore[attr-defined]
-            raise KeyboardInterrupt
+def by_raising() -> None:
+    raise KeyboardInterrupt
+
+
+def by_signal() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.parametrize("interrupt", [by_raising, by_signal])
+def test_ctrl_c_keeps_what_is_known(interrupt: Callable[[], None]) -> None:
+    def stop(progress: ExplorationProgress) -> None:
+        if progress.distance > 0.5:
+            interrupt()
 
     result = explorer(two_rooms(1.0)).run(stop)
     assert result.status == "interrupted"
+    assert result.history[-1].distance > 0.5
     assert result.known.free_area > 3.0
     assert result.world.obstacles
     assert len(result.log.records) > 10

@@ -7,41 +7,33 @@ from time import perf_counter
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trailmark.arguments import brief, callback, one_of, whole
 from trailmark.errors import ConfigurationError, as_raised, expected_name
 from trailmark.estimation.logs.records import Detection, Log, Pose, Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.exploration.course import Course
 from trailmark.exploration.exploration_folder import SavedExploration
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
+from trailmark.exploration.interruption import postponed_interrupts
 from trailmark.exploration.mapper import Intake, Mapper
 from trailmark.exploration.mappers import check_visible, mapper_for
-from trailmark.exploration.outlook import Outlook, Strategy
+from trailmark.exploration.outlook import Strategy
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult, Status
 from trailmark.exploration.robots import DriveReport, ExploringRobot
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector, laser_scanner
 from trailmark.exploration.strategies import STRATEGIES
-from trailmark.exploration.survey import Memory, Survey, plan_to, survey
 from trailmark.exploration.visible_area import evaluate
-from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.escape import way_out
 from trailmark.se2 import FloatArray, configurations
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
 __all__ = ["Explorer"]
 
-SEEN = 0.8
-"""Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless."""
-
 MAX_BLOCKED = 5
 """Commands in a row that a robot does not carry out because something is in its way, before it is stuck."""
-
-MAX_FAILED = 20
-"""Landmarks in a row to which no path is found, before the robot is stuck."""
 
 
 class Explorer:
@@ -87,7 +79,7 @@ class Explorer:
         resumed: SavedExploration | None = None,
     ) -> None:
         self.settings = one_of(settings or ExplorationSettings(), ExplorationSettings, "settings:")
-        self.strategy, self._choose = _strategy(strategy)
+        self.strategy, choose = _strategy(strategy)
         self.seed = whole(seed, "seed:", 0)
         world = world_or_robot if isinstance(world_or_robot, World) else None
         own = robot if robot is not None else None if world is None else world.robot
@@ -115,17 +107,13 @@ class Explorer:
         radii = {i: s.radius for i, s in enumerate(world.obstacles) if isinstance(s, Disc)} if world else None
         self.mapper: Mapper = mapper_for(described, self.robot, self.start, bounds, self.settings, radii)
         self.sensor_range = described.max_range
-        self._planner: LandmarkPlanner | None = None
-        self._memory = Memory(self.mapper.known)
-        self._rng = np.random.default_rng(self.seed)
-        self._follower: PathFollower | None = None
-        self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
-        self._going_home = False
-        self._time, self._last_reading, self._distance, self._landmarks = 0.0, 0.0, 0.0, 0
-        self._moved, self._blocked, self._failed = 0.0, 0, 0
+        self._course = Course(
+            self.mapper, self.robot, self.start, self.sensor_range, choose, self.settings, self.seed, self.name
+        )
+        self._time, self._last_reading, self._distance = 0.0, 0.0, 0.0
+        self._moved, self._blocked = 0.0, 0
         self._ended: tuple[Status, str] | None = None
         self._history: list[ExplorationProgress] = []
-        self._decisions: list[float] = []
         self._seconds = 0.0
         self._first_known = np.full(self.mapper.known.state.shape, np.inf, dtype=np.float32)
         self._revision = -1
@@ -145,7 +133,7 @@ class Explorer:
     @property
     def planner(self) -> LandmarkPlanner | None:
         """Plans in the map as it is known; None before the first reading."""
-        return self._planner
+        return self._course.planner
 
     @as_raised
     def run(self, on_progress: Callable[[ExplorationProgress], None] | None = None) -> ExplorationResult:
@@ -155,13 +143,16 @@ class Explorer:
             on_progress: called after each step.
         """
         callback(on_progress, "on_progress:")
-        try:
-            while self._ended is None:
-                progress = self.step()
-                if on_progress is not None:
-                    on_progress(progress)
-        except KeyboardInterrupt:
-            self._ended = "interrupted", "interrupted"
+        with postponed_interrupts() as interrupted:
+            try:
+                while self._ended is None:
+                    progress = self.step()
+                    if on_progress is not None:
+                        on_progress(progress)
+                    if interrupted() and self._ended is None:
+                        self._ended = "interrupted", "interrupted"
+            except KeyboardInterrupt:  # a caller's function raised it, or Ctrl-C was pressed twice
+                self._ended = "interrupted", "interrupted"
         return self.result()
 
     def step(self) -> ExplorationProgress:
@@ -173,14 +164,15 @@ class Explorer:
             events.append("lost: the readings do not fit the map here")
             if self.mapper.relocate():
                 events.append("found again in the map")
-                self._follower = None
+                self._course.follower = None
             else:
                 self._ended = "stuck", "the robot is lost: its readings fit the map nowhere"
         driven = None
         if self._ended is None and intake.readings:
-            events += self._choose_path(intake)
-            if self._ended is None and self._follower is not None:
-                driven = self._drive(self._follower)
+            events += self._course.update(self._moved, intake.moved)
+            self._moved, self._ended = 0.0, self._course.ended
+            if self._course.follower is not None and self._ended is None:
+                driven = self._drive(self._course.follower)
         if self._ended is None and driven is None:
             self._driver.drive(np.zeros((1, 3)), self.settings.sense_period)
             self._time += self.settings.sense_period
@@ -193,7 +185,6 @@ class Explorer:
         """Return what was found so far; building the final map takes a while."""
         status, reason = self._ended or ("interrupted", "not over")
         log = self.log()
-        planner = self._planner_now()
         known = self.mapper.known
         evaluation, state = None, None
         if isinstance(self._driver, SimulatedRobot):
@@ -205,14 +196,14 @@ class Explorer:
             world=self.mapper.finished_map(log),
             known=known,
             first_known=self._first_known,
-            roadmap=planner.roadmap,
+            roadmap=self._course.current_planner().roadmap,
             log=log,
             history=tuple(self._history),
             strategy=self.strategy,
             seed=self.seed,
             settings=self.settings,
             seconds=self._seconds,
-            decisions=np.array(self._decisions),
+            decisions=np.array(self._course.decisions),
             robot_state=state,
             evaluation=evaluation,
         )
@@ -231,7 +222,8 @@ class Explorer:
             self.mapper.take(records)
         self._history, last = list(saved.history), saved.history[-1]
         self._time = self._last_reading = last.time
-        self._distance, self._landmarks = last.distance, last.landmarks
+        self._distance, self._seconds = last.distance, saved.seconds
+        self._course.landmarks, self._course.decisions = last.landmarks, saved.decisions.tolist()
         if saved.first_known.shape != self._first_known.shape:
             raise ConfigurationError(
                 f"resume: expected a map of {self._first_known.shape} cells, got {saved.first_known.shape}"
@@ -264,141 +256,27 @@ class Explorer:
             self._first_known[new] = self._time
         return intake
 
-    def _choose_path(self, intake: Intake) -> list[str]:
-        """See to it that there is a path to follow, if any landmark is left; return what happened."""
-        follower, known, pose = self._follower, self.mapper.known, self.mapper.pose
-        if follower is not None and not intake.moved:
-            if follower.advance(pose, self._moved) > self._tolerance or follower.endangered(known):
-                return self._replan(follower)
-            if self._expected is None or not self._pointless():
-                return []
-        elif follower is not None:
-            return self._replan(follower)
-        return self._decide()
-
-    def _decide(self) -> list[str]:
-        """Choose the next landmark and plan to it."""
-        begin, s = perf_counter(), self.settings
-        planner, known = self._planner_now(), self.mapper.known
-        here, escape = self._free_pose(planner)
-        home = self.start if s.return_home else None
-        events = list[str]()
-        self._follower = None
-        while self._ended is None and self._follower is None:
-            found = survey(known, planner, planner.robot, here, home, self.sensor_range, s, self._rng, self._memory)
-            if not len(found.outlook.landmarks):
-                self._end_at_home(found, planner, here, escape)
-                break
-            index = self._index(found.outlook)
-            planned = plan_to(known, planner, found, index, s, self._memory)
-            if planned.path is None:
-                events.append(f"no path to a landmark: {planned.status}")
-                self._failed += 1
-                if self._failed > MAX_FAILED:
-                    self._ended = "stuck", f"no path to any of the last {MAX_FAILED} landmarks"
-                continue
-            self._failed = 0
-            self._landmarks += 1
-            self._follow(planned.path, escape)
-            self._expected = found.expected[index]
-        self._decisions.append(perf_counter() - begin)
-        return events
-
-    def _index(self, outlook: Outlook) -> int:
-        """Return the strategy's choice."""
-        index, count = self._choose(outlook), len(outlook.landmarks)
-        if not isinstance(index, int | np.integer) or not 0 <= index < count:
-            raise ConfigurationError(f"strategy: expected the index of one of {count} landmarks, got {brief(index)}")
-        return int(index)
-
-    def _end_at_home(self, found: Survey, planner: LandmarkPlanner, here: FloatArray, escape: FloatArray) -> None:
-        """End the exploration, after the way home where that is asked for."""
-        if self.settings.return_home and not self._at_home():
-            planned = planner.plan(here, self.start, self.settings.planning_time)
-            if planned.path is not None:
-                self._going_home = True
-                self._follow(planned.path, escape)
-                self._expected = None
-                return
-            self._ended = "stuck", f"{found.ended}; no path home was found"
-            return
-        self._ended = found.status, found.ended
-
-    def _at_home(self) -> bool:
-        away = self.mapper.pose - self.start
-        return bool(np.hypot(*away[:2]) <= max(self._tolerance, 1e-3))
-
-    def _follow(self, path: Path, escape: FloatArray) -> None:
-        """Begin a path, after the way out of contact that leads to its first state."""
-        if len(escape) > 1:
-            path = Path(np.concatenate([escape[:-1], path.states]))
-        self._follower = PathFollower(path, self._planner_now().robot)
-
-    def _replan(self, follower: PathFollower) -> list[str]:
-        """Lead the path around what has come into its way, or choose anew."""
-        planner = self._planner_now()
-        pose = self.mapper.pose
-        result = planner.replan(pose, follower.target, follower.path, self.settings.planning_time, escape=True)
-        if result.path is None:
-            return [f"path given up: {result.reason}", *self._decide()]
-        self._follower = PathFollower(result.path, planner.robot)
-        return [] if result.kept else [f"path replanned: {result.reason}"]
-
-    def _pointless(self) -> bool:
-        """Return whether most of what the landmark was chosen for has been seen."""
-        assert self._expected is not None  # noqa: S101 # the caller has looked
-        rows, columns = self._expected
-        return bool(len(rows)) and float((self.mapper.known.state[rows, columns] != 0).mean()) >= SEEN
-
     def _drive(self, follower: PathFollower) -> DriveReport:
         """Drive on along the path for one period."""
         states = follower.command(self.mapper.pose)
         report = self._driver.drive(states, self.settings.sense_period)
-        self._moved = report.distance
+        self._moved += report.distance
         self._distance += report.distance
         self._blocked = self._blocked + 1 if report.blocked else 0
         if self._blocked >= MAX_BLOCKED:
             self._ended = "stuck", "something that is not in the map is in the robot's way"
         if report.arrived:
-            self._follower = None
-            if self._going_home:
-                self._going_home = False
+            self._course.follower = None
         return report
 
-    def _planner_now(self) -> LandmarkPlanner:
-        """Return the planner, its world as the map is."""
-        known = self.mapper.known
-        if self._planner is None:
-            world = known.follow(World(self.name, known.bounds, robot=self.robot))
-            self._planner = LandmarkPlanner(world, self.robot, seed=self.seed, clearance=self.mapper.margin)
-        elif (world := known.follow(self._planner.world)) is not self._planner.world:
-            self._planner.update(world)
-        return self._planner
-
-    def _free_pose(self, planner: LandmarkPlanner) -> tuple[FloatArray, FloatArray]:
-        """Return a valid configuration, the robot's own if it is one, and the states that lead to it."""
-        pose = self.mapper.pose
-        if planner.checker.valid(pose):
-            return pose, pose[None]
-        out = way_out(planner.checker, pose)
-        if out is None:
-            self._ended = "stuck", "the robot stands where the map has no room for it, and found no way out"
-            return pose, pose[None]
-        return out[-1], out
-
-    @property
-    def _tolerance(self) -> float:
-        """Metres that the robot may be beside its path."""
-        return max(0.5 * self.mapper.margin, 2e-3)
-
     def _progress(self, event: str) -> ExplorationProgress:
-        known, follower = self.mapper.known, self._follower
+        known, follower = self.mapper.known, self._course.follower
         covariance = self.mapper.covariance
         return ExplorationProgress(
             time=self._time,
             distance=self._distance,
             area=float((known.state != 0).sum()) * known.cell**2,
-            landmarks=self._landmarks,
+            landmarks=self._course.landmarks,
             sigma=float(np.sqrt(max(0.0, np.linalg.eigvalsh(covariance[:2, :2])[-1]))),
             pose=self.mapper.pose.copy(),
             target=None if follower is None else follower.target,

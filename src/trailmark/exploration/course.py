@@ -1,0 +1,194 @@
+"""Where an exploring robot goes: the landmark that was chosen, and the certified path that leads there."""
+
+# Tested by tests/exploration/test_explorer.py.
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.arguments import brief
+from trailmark.errors import ConfigurationError
+from trailmark.exploration.exploration_settings import ExplorationSettings
+from trailmark.exploration.following import PathFollower
+from trailmark.exploration.mapper import Mapper
+from trailmark.exploration.outlook import Outlook, Strategy
+from trailmark.exploration.result import Status
+from trailmark.exploration.survey import Memory, Survey, plan_to, survey
+from trailmark.path import Path
+from trailmark.planning import LandmarkPlanner
+from trailmark.planning.escape import way_out
+from trailmark.se2 import FloatArray
+from trailmark.world import Robot, World
+
+__all__ = ["Course"]
+
+SEEN = 0.8
+"""Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless."""
+
+LEAST_DRIVE = 0.2
+"""Share of the sensor's range that is driven at least before that is asked: near a frontier each reading sees most."""
+
+MAX_FAILED = 20
+"""Landmarks in a row to which no path is found, before the robot is stuck."""
+
+ON_PATH = 2e-3
+"""Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
+
+
+class Course:
+    """The choice of landmarks, and the path that is followed.
+
+    Args:
+        mapper: says where the robot is, and what is known.
+        robot: footprint and drive.
+        start: where it began, shape (3,).
+        sensor_range: metres.
+        strategy: chooses the next landmark.
+        settings: of the exploration.
+        seed: of what is drawn.
+        name: of the planner's world.
+
+    Attributes:
+        planner: plans in the map as it is known; None before the first choice.
+        follower: of the path to the landmark; None where there is none.
+        landmarks: how many were chosen.
+        decisions: seconds that each choice took.
+        ended: why there is nowhere to go, in a word and in a sentence; None as long as there is.
+    """
+
+    def __init__(
+        self,
+        mapper: Mapper,
+        robot: Robot,
+        start: FloatArray,
+        sensor_range: float,
+        strategy: Strategy,
+        settings: ExplorationSettings,
+        seed: int,
+        name: str,
+    ) -> None:
+        self.planner: LandmarkPlanner | None = None
+        self.follower: PathFollower | None = None
+        self.landmarks, self.decisions = 0, list[float]()
+        self.ended: tuple[Status, str] | None = None
+        self._mapper, self._robot, self._start, self._range = mapper, robot, start, sensor_range
+        self._choose, self._settings, self._seed, self._name = strategy, settings, seed, name
+        self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
+        self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
+        self._since, self._failed = 0.0, 0
+
+    def update(self, moved: float, redrawn: bool) -> list[str]:
+        """See to it that there is a path to follow, as long as any landmark is left; return what happened.
+
+        Args:
+            moved: metres driven since the last call.
+            redrawn: whether the map was drawn anew.
+        """
+        follower, known = self.follower, self._mapper.known
+        self._since += moved
+        if follower is None:
+            return self._decide()
+        off = follower.advance(self._mapper.pose, moved)
+        if redrawn or off > self.tolerance or follower.endangered(known):
+            return self._replan(follower)
+        if self._expected is not None and self._since >= LEAST_DRIVE * self._range and self._pointless():
+            return self._decide()
+        return []
+
+    def current_planner(self) -> LandmarkPlanner:
+        """Return the planner, its world as the map is."""
+        known = self._mapper.known
+        if self.planner is None:
+            world = known.follow(World(self._name, known.bounds, robot=self._robot))
+            self.planner = LandmarkPlanner(world, self._robot, seed=self._seed, clearance=self._mapper.margin)
+        elif (world := known.follow(self.planner.world)) is not self.planner.world:
+            self.planner.update(world)
+        return self.planner
+
+    @property
+    def tolerance(self) -> float:
+        """Metres that the robot may be beside its path."""
+        return max(0.5 * self._mapper.margin, ON_PATH)
+
+    def _decide(self) -> list[str]:
+        """Choose the next landmark and plan to it."""
+        begin, s = perf_counter(), self._settings
+        planner, known = self.current_planner(), self._mapper.known
+        here, escape = self._free(planner, self._mapper.pose)
+        home = self._start if s.return_home else None
+        events = list[str]()
+        self.follower = self._expected = None
+        while self.ended is None and self.follower is None:
+            found = survey(known, planner, planner.robot, here, home, self._range, s, self._rng, self._memory)
+            if not len(found.outlook.landmarks):
+                self._go_home(found, planner, here, escape)
+                break
+            index = self._index(found.outlook)
+            planned = plan_to(known, planner, found, index, s, self._memory)
+            if planned.path is None:
+                events.append(f"no path to a landmark: {planned.status}")
+                self._failed += 1
+                if self._failed > MAX_FAILED:
+                    self.ended = "stuck", f"no path to any of the last {MAX_FAILED} landmarks"
+                continue
+            self._follow(planned.path, escape, planner)
+            self._failed, self._since, self._expected = 0, 0.0, found.expected[index]
+            self.landmarks += 1
+        self.decisions.append(perf_counter() - begin)
+        return events
+
+    def _index(self, outlook: Outlook) -> int:
+        """Return the strategy's choice."""
+        index, count = self._choose(outlook), len(outlook.landmarks)
+        if not isinstance(index, int | np.integer) or not 0 <= index < count:
+            raise ConfigurationError(f"strategy: expected the index of one of {count} landmarks, got {brief(index)}")
+        return int(index)
+
+    def _go_home(self, found: Survey, planner: LandmarkPlanner, here: FloatArray, escape: FloatArray) -> None:
+        """End, after the way home where that is asked for."""
+        target = self._start
+        if self._settings.return_home:
+            target, _ = self._free(planner, target)
+        away = float(np.hypot(*(here - target)[:2]))
+        if not self._settings.return_home or away <= self.tolerance:
+            self.ended = self.ended or (found.status, found.ended)
+            return
+        planned = planner.plan(here, target, self._settings.planning_time, gap=0.05)
+        if planned.path is None:
+            self.ended = "stuck", f"{found.ended}; no path home was found"
+        else:
+            self._follow(planned.path, escape, planner)
+
+    def _follow(self, path: Path, escape: FloatArray, planner: LandmarkPlanner) -> None:
+        """Begin a path, after the way out of contact that leads to its first state."""
+        if len(escape) > 1:
+            path = Path(np.concatenate([escape[:-1], path.states]))
+        self.follower = PathFollower(path, planner.robot)
+
+    def _replan(self, follower: PathFollower) -> list[str]:
+        """Lead the path around what has come into its way, or choose anew."""
+        planner, pose = self.current_planner(), self._mapper.pose
+        result = planner.replan(pose, follower.target, follower.path, self._settings.planning_time, escape=True)
+        if result.path is None:
+            return [f"path given up: {result.reason}", *self._decide()]
+        self.follower = PathFollower(result.path, planner.robot)
+        return [] if result.kept else [f"path replanned: {result.reason}"]
+
+    def _pointless(self) -> bool:
+        """Return whether most of what the landmark was chosen for has been seen."""
+        assert self._expected is not None  # noqa: S101 # the caller has looked
+        rows, columns = self._expected
+        return bool(len(rows)) and float((self._mapper.known.state[rows, columns] != 0).mean()) >= SEEN
+
+    def _free(self, planner: LandmarkPlanner, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return a valid configuration, the pose itself if it is one, and the states that lead there from the pose."""
+        if planner.checker.valid(pose):
+            return pose, pose[None]
+        out = way_out(planner.checker, pose)
+        if out is None:
+            self.ended = "stuck", "the map has no room for the robot where it stands, and no way out was found"
+            return pose, pose[None]
+        return out[-1], out

@@ -1,0 +1,38 @@
+"""Ctrl-C, kept until what is under way is done."""
+
+# Tested by tests/exploration/test_explorer.py.
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+__all__ = ["postponed_interrupts"]
+
+
+@contextmanager
+def postponed_interrupts() -> Iterator[Callable[[], bool]]:
+    """Yield a function that says whether Ctrl-C was pressed, which interrupts nothing; a second one does as before.
+
+    An interrupt between any two lines would leave the map and the planner's world at odds. In threads other than the
+    main one, which Ctrl-C never interrupts, the function always says no.
+    """
+    received = list[int]()
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def receive(number: int, frame: FrameType | None) -> None:
+        received.append(number)
+        if len(received) > 1 and callable(before):
+            before(number, frame)
+
+    signal.signal(signal.SIGINT, receive)
+    try:
+        yield lambda: bool(received)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
