@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +14,7 @@ from typing import Any
 import pytest
 from tests.exploration.made_exploration import ROOMS, made_exploration
 
+from trailmark.exploration import Explorer
 from trailmark.exploration.exploration_folder import FILES, load_exploration, summary_of
 from trailmark.exploration.result import Status
 
@@ -180,3 +184,81 @@ def test_a_world_is_asked_for(shell: Shell, tmp_path: Path) -> None:
     assert (
         "no such file or shipped world" in shell("explore", tmp_path / "no.yaml", "--output", tmp_path / "run").problem
     )
+
+
+PROGRAM = """
+import sys, time
+sys.path.insert(0, {root!r})
+import trailmark.exploration.explorer as module
+from tests.exploration.made_exploration import made_exploration
+from trailmark.cli import main
+
+class Slow:
+    def __init__(self, *given, **options):
+        pass
+    def run(self, on_progress):
+        result = made_exploration()
+        for row in result.history[::30]:
+            on_progress(row)
+            time.sleep(0.5)
+        return result
+
+module.Explorer = Slow
+sys.exit(main(["explore", {world!r}, "--start", "1,1,0", "--output", {output!r}, "--json"]))
+"""
+
+
+@pytest.mark.slow
+def test_a_terminal_shows_how_far_it_is(terminal: Shell, rooms: Path, tmp_path: Path) -> None:
+    root = str(Path(__file__).resolve().parents[2])
+    program = PROGRAM.format(root=root, world=str(rooms), output=str(tmp_path / "run"))
+    run = terminal(sys.executable, "-c", program)
+    assert run.status == 0
+    for said in ("exploring", "m² known", "m driven", "landmarks", "pose σ"):
+        assert said in run.err
+    assert json.loads(run.out)["status"] == "complete"
+
+
+SMALL = """\
+trailmark: 1
+name: small
+bounds: [0.0, 0.0, 4.0, 3.0]
+robot: {shape: disc, radius: 0.25}
+obstacles:
+  - {shape: rectangle, center: [2.0, 0.8], length: 0.2, width: 1.6}
+queries:
+  - {name: across, start: [1.0, 1.0, 0.0], goal: [3.0, 1.0, 0.0]}
+"""
+
+
+@pytest.mark.slow
+def test_ctrl_c_in_the_middle_and_on_to_the_end(shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, folder, step, steps = tmp_path / "small.yaml", tmp_path / "run", Explorer.step, list[float]()
+    file.write_text(SMALL)
+
+    def interrupted(explorer: Explorer) -> Any:
+        progress = step(explorer)
+        steps.append(progress.time)
+        if len(steps) == 8:
+            os.kill(os.getpid(), signal.SIGINT)
+        return progress
+
+    monkeypatch.setattr(Explorer, "step", interrupted)
+    run = shell("explore", file, "--sensor-range", "2", "--output", folder)
+    assert run.status == 130
+    assert run.err == "trailmark: error: interrupted\n"
+    assert sorted(kept.name for kept in folder.iterdir()) == sorted(FILES)
+    first = load_exploration(folder)
+    assert json.loads((folder / "summary.json").read_text())["status"] == "interrupted"
+
+    run = shell("explore", "--resume", folder, "--json")
+    assert (run.status, run.err) == (0, "")
+    summary, second = json.loads(run.out), load_exploration(folder)
+    assert summary["status"] == "complete"
+    assert summary["collisions"] == 0
+    assert summary["seen"] > 0.98
+    assert len(second.history) > len(first.history)
+    assert [row.time for row in second.history[: len(first.history)]] == [row.time for row in first.history]
+    assert second.history[-1].distance > first.history[-1].distance
+    assert len(second.log.records) > len(first.log.records)
+    assert (second.first_known <= first.first_known).all()
