@@ -269,7 +269,7 @@ def test_a_scanner_has_a_beam_for_each_cell_at_its_range() -> None:
     scanner = laser_scanner(5.0, 0.1)
     assert scanner.beams == 315
     assert 5.0 * scanner.angle_increment == pytest.approx(0.1, rel=0.01)
-    assert laser_scanner(1e3, 0.01).beams == 2000
+    assert laser_scanner(1e3, 0.01).beams == 1000
 
 
 def test_faults() -> None:

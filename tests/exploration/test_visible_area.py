@@ -105,7 +105,7 @@ def test_evaluation() -> None:
     known.set_state(state)
     times = np.array([0.05, 0.55, 1.05])
     trajectory = np.column_stack([times, 1.0 + times + 0.1, np.full(3, 2.0), np.full(3, 0.2)])
-    covariances = np.broadcast_to(np.diag([0.01, 1.0, 0.01]), (3, 3, 3))
+    covariances = np.array([np.diag([0.01, 1.0, 0.01]), np.diag([0.01, 1.0, 0.01]), np.zeros((3, 3))])
     evaluation = evaluate(robot, known, trajectory, covariances)
     assert evaluation.seen == pytest.approx(16.0 / (32.0 - 0.2 * 3.3 - np.pi * 0.4**2), rel=0.01)
     assert evaluation.collisions == 0

@@ -50,7 +50,7 @@ APART = 0.05
 """Share of the inscribed radius that a robot has to be away from what it met for the next contact to count."""
 
 
-def laser_scanner(max_range: Positive, cell: Positive, most: Count = 2000) -> Scanner:
+def laser_scanner(max_range: Positive, cell: Positive, most: Count = 1000) -> Scanner:
     """Return a laser scanner that sees all around, for a map of cells.
 
     Args:

@@ -46,6 +46,9 @@ LEAST_PART: Final = 0.005
 PLANNING: Final = 0.5
 """Seconds for each of them."""
 
+CERTAIN: Final = 1e-6
+"""Metres or radians: a pose with a standard deviation of less is taken as known."""
+
 ASKED_AT_ONCE: Final = 64
 """Places that are asked together whether they see a point."""
 
@@ -237,16 +240,17 @@ def _mount(robot: SimulatedRobot) -> tuple[float, float, float]:
 
 
 def _nees(truth: FloatArray, trajectory: FloatArray, covariances: FloatArray) -> float:
-    """Return the mean of eᵀ P⁻¹ e over the poses that the mapper states, e their errors."""
-    if not len(trajectory):
+    """Return the mean of eᵀ P⁻¹ e over the poses that the mapper states, e their errors.
+
+    Poses without any covariance are left out: the start is known, and odometry may be exact.
+    """
+    stated = np.trace(covariances, axis1=1, axis2=2) > CERTAIN**2
+    if not stated.any():
         return 0.0
-    t = trajectory[:, 0]
-    after = (
-        np.clip(np.searchsorted(truth[:, 0], t), 1, max(1, len(truth) - 1)) if len(truth) > 1 else np.zeros(len(t), int)
-    )
+    t, poses, covariances = trajectory[stated, 0], trajectory[stated, 1:], covariances[stated]
+    after = np.clip(np.searchsorted(truth[:, 0], t), 0, len(truth) - 1)
     before = np.maximum(after - 1, 0)
     span = truth[after, 0] - truth[before, 0]
     share = np.clip((t - truth[before, 0]) / np.where(span > 0.0, span, 1.0), 0.0, 1.0)
-    poses = interpolate(truth[before, 1:], truth[after, 1:], share)
-    error = difference(poses, trajectory[:, 1:])
+    error = difference(interpolate(truth[before, 1:], truth[after, 1:], share), poses)
     return float(np.einsum("ni,nij,nj->n", error, np.linalg.pinv(covariances, hermitian=True), error).mean())
