@@ -8,11 +8,13 @@ from typing import Final
 
 import numpy as np
 
+from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.scan_slam import ScanSlam
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.log_map import map_log
 from trailmark.estimation.scans.clouds import relative
+from trailmark.estimation.scans.local_map import SIGMA
 from trailmark.estimation.scans.scan_poses import DeadReckoning
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
@@ -37,10 +39,28 @@ DOUBT: Final = 0.1
 ALIKE: Final = 0.9
 """Share of the best place's fit from which on another place fits as well."""
 
+MATCHED: Final = 0.008, 0.002
+"""Metres and radians: standard deviation of a matched pose in the map around it, as measured against the truth."""
+
+STRAYED: Final = 0.01, 0.004
+"""Metres and radians by which wheels stray to the side in a period of a tenth of a second, slipping now and then."""
+
+LEAST: Final = 0.01
+"""Metres by which end points scatter at least about a map made of cells."""
+
+PLACES: Final = 20
+"""Narrow places that a run leads through, over which the risk is spread."""
+
 FOUND: Final = np.diag([0.05**2, 0.05**2, 0.02**2])
 """Covariance of a place that was found again in the map."""
 
-MOVED: Final = 0.25
+SPACING: Final = 0.25, 0.3
+"""Metres and radians between scans by which the map is drawn anew: in between little else is seen."""
+
+RECENT: Final = 10
+"""Scans that are drawn in any case: what has vanished since is gone."""
+
+MOVED: Final = 0.5
 """Cells by which a closed loop must have moved some pose for the map to be drawn anew."""
 
 
@@ -65,6 +85,8 @@ class ScanMapper:
         known.noise = sensor.sigma
         self._start, self._sensor = np.asarray(start, dtype=np.float64), sensor
         self._robot, self._settings = robot, settings
+        # Matching takes end points to scatter by SIGMA, whatever the scanner; errors are as much smaller as they do.
+        self._scale = (max(sensor.sigma, LEAST) / SIGMA) ** 2
         self._checks, self._reckoning = RecordChecks(Scan, sensor.max_range), DeadReckoning(self._start)
         self._slam: ScanSlam | None = None  # None as long as odometry is taken as exact
         self._scans = list[tuple[Scan, FloatArray]]()  # with their poses by odometry
@@ -81,7 +103,7 @@ class ScanMapper:
     @property
     def covariance(self) -> FloatArray:
         """Of the pose, shape (3, 3), relative to the map around the robot."""
-        return np.zeros((3, 3)) if self._slam is None else self._slam.covariance
+        return np.zeros((3, 3)) if self._slam is None else self._scale * self._slam.covariance
 
     @property
     def trajectory(self) -> FloatArray:
@@ -92,12 +114,20 @@ class ScanMapper:
     @property
     def covariances(self) -> FloatArray:
         """Of the trajectory's poses, shape (n, 3, 3), in the world's axes."""
-        return np.zeros((len(self._scans), 3, 3)) if self._slam is None else self._slam.covariances()
+        return np.zeros((len(self._scans), 3, 3)) if self._slam is None else self._scale * self._slam.covariances()
 
     @property
     def margin(self) -> float:
-        """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one."""
-        return 0.0 if self._settings.confidence is None else 3.0 * self._sensor.sigma + 0.02
+        """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one.
+
+        The range's noise, the pose's error in the map around the robot, and what wheels stray in a period, each with
+        what its heading's error comes to at the robot's farthest point, over :data:`PLACES` narrow places.
+        """
+        if self._settings.confidence is None:
+            return 0.0
+        place, heading = np.hypot(MATCHED, STRAYED)
+        sigma = np.hypot(np.hypot(self._sensor.sigma, place), heading * self._robot.sweep_radius)
+        return float(np.sqrt(chi_square_quantile(1.0 - (1.0 - self._settings.confidence) / PLACES, 1)) * sigma)
 
     def take(self, records: Sequence[Record]) -> Intake:
         """Take in what was sensed, and bring pose and map up to date."""
@@ -223,8 +253,12 @@ class ScanMapper:
         return False
 
     def _draw(self, poses: FloatArray) -> None:
-        """Draw the map anew."""
+        """Draw the map anew, by scans that lie apart and the last ones."""
         self.known.clear()
-        for (scan, _), pose in zip(self._scans, poses, strict=True):
-            self.known.add_scan(scan, pose, self._sensor.max_range)
+        drawn, last = poses[0], len(self._scans) - RECENT
+        for i, ((scan, _), pose) in enumerate(zip(self._scans, poses, strict=True)):
+            off = np.abs(difference(drawn, pose))
+            if i == 0 or i >= last or np.hypot(off[0], off[1]) > SPACING[0] or off[2] > SPACING[1]:
+                self.known.add_scan(scan, pose, self._sensor.max_range)
+                drawn = pose
         self._drawn = list(poses)

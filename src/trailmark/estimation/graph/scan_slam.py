@@ -104,6 +104,7 @@ class ScanSlam:
         self._last = 0  # that node
         self._chain = np.empty(0, dtype=np.intp)  # the nodes whose scans make the local map
         self._scans: list[tuple[int, FloatArray]] = []  # key and pose in its frame
+        self._spreads: list[FloatArray] = []  # covariance of each beside its key's
         self._own: list[int] = []
         self._closures = 0
 
@@ -127,7 +128,7 @@ class ScanSlam:
     def covariances(self) -> FloatArray:
         """Return the covariances of the scans' poses, shape (m, 3, 3), in the world's axes; the first is certain."""
         keys, own = self._keys, np.array([key for key, _ in self._scans], dtype=np.intp)
-        return pose_covariances(keys.relations, keys.poses)[own]
+        return pose_covariances(keys.relations, keys.poses)[own] + np.array(self._spreads)
 
     def add(self, scan: Scan, odometry: FloatArray) -> None:
         """Take in the next scan, with its pose by odometry, shape (3,): the first one's is taken as it is."""
@@ -145,7 +146,7 @@ class ScanSlam:
             if len(cloud.points) < MIN_POINTS or (
                 match.score >= 0.5 * s.loop_score and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
             ):
-                self._scans.append((last, pose))
+                self._hold(last, pose)
                 return
         guess, noise = compose(self._keys.poses[last], step), self._noise(step)
         information = _inverse(noise)
@@ -254,8 +255,10 @@ class ScanSlam:
         self._chain = recent if len(recent) > s.local_scans // 2 else np.union1d(self._chain[-s.local_scans :], recent)
         self._last, self._odometry = own, odometry
         self._own.append(len(self._scans))
-        self._scans.append((own, np.zeros(3)))
-        self._renew_area()
+        self._hold(own, np.zeros(3))
+        area = self._renew_area()
+        if own == 0 and len(cloud.points):
+            self._covariance, _ = match_covariance(area, cloud.points, pose)
 
     def _return_to_node(self, pose: FloatArray, cloud: PointCloud, odometry: FloatArray) -> bool:
         """Hold a scan by a node that stands where it does, and return whether there is one whose map it fits."""
@@ -272,10 +275,15 @@ class ScanSlam:
         if match.score < s.loop_score or np.hypot(*relative(pose, match.pose)[:2]) > 0.5 * s.key_distance:
             return False
         self._area, self._chain, self._last = area, chain, node
-        self._scans.append((node, relative(keys.poses[node], match.pose)))
+        self._hold(node, relative(keys.poses[node], match.pose))
         # Odometry is known at the scan, which stands beside the node.
         self._odometry = compose(odometry, relative(match.pose, keys.poses[node]))
         return True
+
+    def _hold(self, key: int, pose: FloatArray) -> None:
+        """Hold the next scan by a node, at a pose in its frame."""
+        self._scans.append((key, pose))
+        self._spreads.append(self._covariance if pose.any() else np.zeros((3, 3)))
 
     def _renew_area(self) -> LocalMap:
         """Make the local map of the last scans."""
