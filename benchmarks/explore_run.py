@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from trailmark.exploration.explorer import Explorer
 
 from benchmarks.explore_oracle import Truth, boundary_errors, overlaps, seen_share, tour_length, truth_of
 from benchmarks.explore_worlds import KINDS, SENSOR_RANGE, explore_world
@@ -17,6 +16,7 @@ from trailmark import LandmarkPlanner, World
 from trailmark.audit import check_path
 from trailmark.estimation.risk.allocation import regrow
 from trailmark.exploration.exploration_settings import ExplorationSettings
+from trailmark.exploration.explorer import Explorer
 from trailmark.exploration.result import ExplorationResult
 from trailmark.library import shipped_worlds
 
