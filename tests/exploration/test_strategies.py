@@ -60,7 +60,7 @@ def test_a_tour_home_goes_round() -> None:
     ways = np.zeros((6, 6))
     ways[1:5, 1:5], ways[0, 1:5], ways[1:5, 0] = home.between, home.costs, home.costs
     ways[5, 1:5] = ways[1:5, 5] = home.home_costs
-    order = covering_tour(ways, home.sees).tolist()
+    order = covering_tour(ways, np.zeros(6), home.sees).tolist()
     assert order in ([0, 1, 2, 3], [3, 2, 1, 0])
 
 
@@ -84,7 +84,7 @@ def test_tours_see_everything_and_are_nearly_as_short_as_the_shortest(seed: int)
     ways[:-1, :-1] = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
     sees = rng.random((n, m)) < 0.4
     sees[rng.integers(0, n, m), np.arange(m)] = True
-    order = covering_tour(ways, sees)
+    order = covering_tour(ways, np.zeros(n + 2), sees)
     assert sees[order].any(axis=0).all()
     assert len(set(order.tolist())) == len(order)
     stops = [0, *(order + 1).tolist(), n + 1]
@@ -98,7 +98,7 @@ def test_orders_are_improved_up_to_the_best(seed: int) -> None:
     xy = rng.uniform(0.0, 10.0, (8, 2))
     ways = np.hypot(*(xy[:, None] - xy[None]).transpose(2, 0, 1))
     order = np.concatenate([[0], 1 + rng.permutation(6), [7]])
-    found = shortened_tour(ways, order)
+    found = shortened_tour(ways, np.zeros(8), order)
     assert sorted(found.tolist()) == list(range(8))
     assert (found[0], found[-1]) == (0, 7)
     length = ways[found[:-1], found[1:]].sum()

@@ -122,7 +122,18 @@ class Course:
         events = list[str]()
         self.follower = self._expected = None
         while self.ended is None and self.follower is None:
-            found = survey(known, planner, planner.robot, here, home, self._range, s, self._rng, self._memory)
+            found = survey(
+                known,
+                planner,
+                planner.robot,
+                here,
+                home,
+                self._range,
+                s,
+                self._rng,
+                self._memory,
+                self._mapper.trajectory[:, 1:],
+            )
             if not len(found.outlook.landmarks):
                 self._go_home(found, planner, here, escape)
                 break

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.exploration.known_map import FREE, UNKNOWN
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.landmarks.kmeans import lloyd
 from trailmark.se2 import FloatArray
 
@@ -51,6 +51,9 @@ class Frontiers(NamedTuple):
 def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: float) -> Frontiers:
     """Return the frontiers of a map.
 
+    An unknown cell behind a free one that lies between two occupied ones is none: a gap of one cell in a wall, as those
+    that the beams leave out where they graze it, and below the resolution at which a map tells what is open.
+
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
         wanted: unknown cells that count, shape (rows, columns).
@@ -59,7 +62,11 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
     from scipy import ndimage
 
     unknown = (state == UNKNOWN) & wanted
-    free = state == FREE
+    free = np.pad(state == FREE, 1)
+    occupied = np.pad(state == OCCUPIED, 1, constant_values=True)
+    # Between two occupied cells, above and below, and left and right.
+    narrow = occupied[:-2, 1:-1] & occupied[2:, 1:-1], occupied[1:-1, :-2] & occupied[1:-1, 2:]
+    free = free[1:-1, 1:-1]
     edges, cells = list[FloatArray](), list[NDArray[np.intp]]()
     for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
         # Free cells whose neighbour in this direction is unknown.
@@ -67,7 +74,7 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
         rows, columns = state.shape
         here = slice(max(-dy, 0), rows - max(dy, 0)), slice(max(-dx, 0), columns - max(dx, 0))
         there = slice(max(dy, 0), rows + min(dy, 0)), slice(max(dx, 0), columns + min(dx, 0))
-        beside[here] = free[here] & unknown[there]
+        beside[here] = (free & ~narrow[abs(dy)])[here] & unknown[there]
         r, c = np.nonzero(beside)
         way = np.broadcast_to(np.array([dx, dy], dtype=np.float64), (len(r), 2))
         edges.append(np.column_stack([c + 0.5 + 0.5 * dx, r + 0.5 + 0.5 * dy, way]))

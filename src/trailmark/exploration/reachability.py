@@ -30,6 +30,10 @@ class Reach:
     of headings is passed unless discs inside the robot meet a cell that is not free, whatever configuration in it the
     robot has. Motions of a robot that cannot move in every direction are among those that are flooded.
 
+    Attributes:
+        rooms: number of the room of each cell, shape (rows, columns): within one the robot gets from everywhere to
+            everywhere, with any heading. 0 where it does not fit with any heading.
+
     Args:
         robot: with the clearance that it keeps.
         cell: side of a cell, metres.
@@ -50,6 +54,7 @@ class Reach:
         turned = turned * np.exp(1j * angle) / cell
         self.offsets = np.ascontiguousarray(np.stack([turned.real, turned.imag], axis=-1) + 0.5)
         self.least = np.ascontiguousarray(left[order])
+        self.rooms = np.empty((0, 0), np.int32)
         self._distance = np.empty((0, 0), np.float32)
         self._known, self._passed = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint64)
 
@@ -72,12 +77,16 @@ class Reach:
         roomy = distance >= self.outer / self.cell + sqrt(2.0)
         masks = flood(distance, roomy, been, self.offsets, self.least, self._known, self._passed)
         levels = np.where(masks != 0, 1 + np.bitwise_count(masks) // 16, NOWHERE).astype(np.uint8)
-        labels = ndimage.label(roomy, np.ones((3, 3)))[0]
-        joined = np.zeros(int(labels.max(initial=0)) + 1, np.bool_)
-        joined[labels[been]] = True
-        joined[0] = False
-        levels[np.take(joined, labels)] = CERTAIN
+        self.rooms = np.asarray(ndimage.label(roomy, np.ones((3, 3)))[0])
+        levels[self.in_rooms_of(been)] = CERTAIN
         return levels, changed
+
+    def in_rooms_of(self, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return which cells are in the same room as one of some cells, shape (rows, columns)."""
+        chosen = np.zeros(int(self.rooms.max(initial=0)) + 1, np.bool_)
+        chosen[self.rooms[cells]] = True
+        chosen[0] = False
+        return np.asarray(np.take(chosen, self.rooms))
 
     def _forget(self, distance: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Forget which headings are free in cells near to where the distances are others now, and return those."""

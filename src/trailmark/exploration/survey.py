@@ -29,7 +29,14 @@ from trailmark.se2 import FloatArray
 __all__ = ["Memory", "Survey", "plan_to", "survey"]
 
 NEARER = 0.5
-"""Share of the distance from which a place was looked at in vain: it is looked at again from there at most."""
+"""Share of the sensor's range: a cell that stays unknown although it was in sight from nearer cannot be told; one that
+was in sight from farther away is looked at again from this share of the distance at most."""
+
+APART = 6.0
+"""Cells between places that the robot sensed at, at which it is told what was in sight."""
+
+MOST_PLACES = 60
+"""Of them, since the last survey."""
 
 TRIES = 3
 """Surveys from right beside a place that count as one from there: the robot does not get there to the hair."""
@@ -40,8 +47,8 @@ MOSTLY = 0.6
 MOST_TRIES = 2
 """Ways to a place are looked for as often, before it is left undecided whether there is one."""
 
-MORE_TIME = 4.0
-"""Times as long that a way is looked for when everything else has been seen."""
+FIRST, LAST = 0.15, 4.0
+"""Of the planning time, where it is not certain that there is a way: at first, and when all else has been seen."""
 
 GAP = 0.02
 """Share by which a way may be longer than the shortest."""
@@ -63,6 +70,7 @@ class Memory:
         known: the map.
 
     Attributes:
+        sensed: readings of the sensor up to the last survey.
         been: cells where the robot's reference point was.
         looked: metres from which each cell was looked at and stayed unknown, infinite if never.
         tries: surveys at places from right beside which a cell was in sight and stayed unknown.
@@ -72,6 +80,7 @@ class Memory:
 
     def __init__(self, known: KnownMap) -> None:
         shape = known.state.shape
+        self.sensed = 0
         self.been = np.zeros(shape, np.bool_)
         self.looked = np.full(shape, np.inf, np.float32)
         self.tries = np.zeros(shape, np.int32)
@@ -104,6 +113,7 @@ def survey(
     settings: ExplorationSettings,
     rng: np.random.Generator,
     memory: Memory,
+    sensed: FloatArray | None = None,
 ) -> Survey:
     """Return what is left to be seen, after the robot has sensed where it is.
 
@@ -117,12 +127,16 @@ def survey(
         settings: of the exploration.
         rng: draws the places that are clustered.
         memory: of the exploration.
+        sensed: where the sensor was read so far, as is known now, in the order of time, shape (n, 3); None: here alone.
     """
     state, cell = known.state, known.cell
     frontiers = frontiers_of(state, _large_enough(state, settings.min_area / cell**2), 0.5 * sensor_range / cell)
-    _note_looked(memory, known, frontiers, pose, sensor_range)
-    away = np.minimum(sensor_range, NEARER * memory.looked[frontiers.unknown[:, 0], frontiers.unknown[:, 1]]) / cell
-    frontiers, away = frontiers.subset(np.asarray(away > 1.0)), np.asarray(away[away > 1.0])
+    _note_looked(memory, known, frontiers, np.asarray(pose), sensor_range)
+    _note_passed(memory, known, frontiers, sensed, sensor_range)
+    looked = memory.looked[frontiers.unknown[:, 0], frontiers.unknown[:, 1]]
+    left = looked > NEARER * sensor_range
+    frontiers = frontiers.subset(np.asarray(left))
+    away = np.minimum(sensor_range, NEARER * looked[left].astype(np.float64)) / cell
     levels = _levels(known, robot, pose, memory)
     search = Search(known, planner.checker, levels, memory.refused, frontiers, away)
     found = search.candidates(sensor_range / cell, rng)
@@ -168,7 +182,8 @@ def plan_to(
     x, y, theta = outlook.landmarks[index].tolist()
     row, column = (int(place[0]) for place in known.cells_of(np.array([[x, y]])))
     goal = Goal(pose=(x, y)) if surveyed.any_heading[index] else Goal(pose=(x, y, theta))
-    seconds = settings.planning_time * (MORE_TIME if memory.refused[row, column] else 1.0)
+    last = memory.refused[row, column] > 0
+    seconds = settings.planning_time * (1.0 if surveyed.any_heading[index] else LAST if last else FIRST)
     found, begin = list[float](), perf_counter()
 
     def stop() -> bool:
@@ -180,8 +195,12 @@ def plan_to(
 
     result = planner.plan(outlook.here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
     if result.path is None:
-        around = np.s_[max(row - REFUSED, 0) : row + REFUSED + 1, max(column - REFUSED, 0) : column + REFUSED + 1]
-        memory.refused[around] += memory.refused[around] < MOST_TRIES
+        # What is so for one place of a room is so for all of it.
+        refused = np.zeros(known.state.shape, np.bool_)
+        refused[max(row - REFUSED, 0) : row + REFUSED + 1, max(column - REFUSED, 0) : column + REFUSED + 1] = True
+        if memory.reach is not None:
+            refused |= memory.reach.in_rooms_of(refused)
+        memory.refused[refused & (memory.refused < MOST_TRIES)] += 1
     return result
 
 
@@ -191,7 +210,7 @@ def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> 
     if memory.reach is None:
         memory.reach = Reach(robot, known.cell)
     levels, changed = memory.reach.levels(known.state == FREE, memory.been)
-    memory.refused[changed] = 0
+    memory.refused[changed | memory.reach.in_rooms_of(changed)] = 0
     return levels
 
 
@@ -229,6 +248,25 @@ def _note_looked(memory: Memory, known: KnownMap, frontiers: Frontiers, pose: Fl
     looked = seen[0] | (seen.any(axis=0) & (memory.tries[cells[:, 0], cells[:, 1]] >= TRIES))
     away = np.hypot(*(edges[looked, :2] - here).T) * known.cell
     np.minimum.at(memory.looked, tuple(cells[looked].T), away.astype(np.float32))
+
+
+def _note_passed(
+    memory: Memory, known: KnownMap, frontiers: Frontiers, sensed: FloatArray | None, sensor_range: float
+) -> None:
+    """Note likewise what was in sight from where the robot sensed since the last survey."""
+    if sensed is None:
+        return
+    places = (sensed[memory.sensed :, :2] - np.asarray(known.origin)) / known.cell
+    memory.sensed = len(sensed)
+    if len(places) == 0:
+        return
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
+    chosen = np.unique(np.searchsorted(along, np.arange(0.0, along[-1], max(APART, along[-1] / MOST_PLACES))))
+    places, edges, cells = np.ascontiguousarray(places[chosen]), frontiers.edges, frontiers.unknown
+    seen = sight(known.state, places, edges, np.full(len(edges), sensor_range / known.cell))
+    for place, row in zip(places, seen, strict=True):
+        away = np.hypot(*(edges[row, :2] - place).T) * known.cell
+        np.minimum.at(memory.looked, tuple(cells[row].T), away.astype(np.float32))
 
 
 def _free_path(state: NDArray[np.uint8]) -> float:

@@ -16,6 +16,10 @@ __all__ = ["covering_tour", "shortened_tour", "tour"]
 FAR = 1e6
 """Metres: in place of the cost of a way that was not found; finite, so that tours with such ways can be compared."""
 
+EARLY = 0.1
+"""Metres of the tour that it is worth to come one metre earlier to where the largest unknown area is expected: what is
+seen early may still change where the tour goes."""
+
 ROUNDS = 10
 """Of improvements at most; each of them makes the tour shorter."""
 
@@ -35,10 +39,12 @@ def tour(outlook: Outlook) -> int:
     ways[0, 1 : n + 1] = ways[1 : n + 1, 0] = outlook.costs
     # The last node is home, or a place that is nowhere far.
     ways[n + 1, 1 : n + 1] = ways[1 : n + 1, n + 1] = outlook.home_costs
-    return int(covering_tour(np.minimum(ways, FAR), outlook.sees)[0])
+    weights = np.zeros(n + 2)
+    weights[1 : n + 1] = EARLY * outlook.areas / max(float(outlook.areas.max()), 1e-9)
+    return int(covering_tour(np.minimum(ways, FAR), weights, outlook.sees)[0])
 
 
-def covering_tour(ways: FloatArray, sees: NDArray[np.bool_]) -> NDArray[np.int64]:
+def covering_tour(ways: FloatArray, weights: FloatArray, sees: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Return landmarks in their order along a short tour that sees everything, shape (k,).
 
     Landmarks are inserted where they make the tour least longer for what they add to what is seen. Then what is not
@@ -47,6 +53,7 @@ def covering_tour(ways: FloatArray, sees: NDArray[np.bool_]) -> NDArray[np.int64
 
     Args:
         ways: costs between the start, n landmarks and the end, in this order, shape (n + 2, n + 2).
+        weights: of the length up to each of them, shape (n + 2,).
         sees: what each landmark sees, shape (n, m); each of m is seen by one at least.
     """
     n = len(sees)
@@ -60,17 +67,13 @@ def covering_tour(ways: FloatArray, sees: NDArray[np.bool_]) -> NDArray[np.int64
         best = int(np.argmin(score))
         stops.insert(int(place[best + 1]), best + 1)
         unseen &= ~sees[best]
-    order = shortened_tour(ways, np.array(stops, dtype=np.int64))
+    order = shortened_tour(ways, weights, np.array(stops, dtype=np.int64))
     for _ in range(ROUNDS):
-        before = _length(ways, order)
-        order = shortened_tour(ways, _replaced(ways, sees, order))
-        if _length(ways, order) >= before - 1e-9:
+        before = tour_cost(ways, weights, order)
+        order = shortened_tour(ways, weights, _replaced(ways, weights, sees, order))
+        if tour_cost(ways, weights, order) >= before - 1e-9:
             break
     return np.asarray(order[1:-1] - 1)
-
-
-def _length(ways: FloatArray, order: NDArray[np.int64]) -> float:
-    return float(ways[order[:-1], order[1:]].sum())
 
 
 def _insertions(ways: FloatArray, order: NDArray[np.int64]) -> tuple[FloatArray, NDArray[np.int64]]:
@@ -81,7 +84,9 @@ def _insertions(ways: FloatArray, order: NDArray[np.int64]) -> tuple[FloatArray,
     return longer[np.arange(len(ways)), place], place + 1
 
 
-def _replaced(ways: FloatArray, sees: NDArray[np.bool_], order: NDArray[np.int64]) -> NDArray[np.int64]:
+def _replaced(
+    ways: FloatArray, weights: FloatArray, sees: NDArray[np.bool_], order: NDArray[np.int64]
+) -> NDArray[np.int64]:
     """Return the tour with each landmark in turn left out, or replaced, where that makes it shorter."""
     stops = order.tolist()
     for stop in order[1:-1].tolist():
@@ -94,50 +99,49 @@ def _replaced(ways: FloatArray, sees: NDArray[np.bool_], order: NDArray[np.int64
         longer, place = _insertions(ways, np.array(rest))
         best = int(fit[np.argmin(longer[fit])])
         rest.insert(int(place[best]), best)
-        if _length(ways, np.array(rest)) < _length(ways, np.array(stops)) - 1e-9:
+        if tour_cost(ways, weights, np.array(rest)) < tour_cost(ways, weights, np.array(stops)) - 1e-9:
             stops = rest
     return np.array(stops, dtype=np.int64)
 
 
 @njit(cache=True, nogil=True)
-def shortened_tour(ways: FloatArray, order: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return a tour with its order improved, its ends kept, until no reversal and no move of a part makes it shorter.
+def tour_cost(ways: FloatArray, weights: FloatArray, order: NDArray[np.int64]) -> float:
+    """Return the length of a tour, and the lengths up to its nodes, weighted, in addition."""
+    length, cost = 0.0, 0.0
+    for i in range(1, len(order)):
+        length += ways[order[i - 1], order[i]]
+        cost += weights[order[i]] * length
+    return length + cost
+
+
+@njit(cache=True, nogil=True)
+def shortened_tour(ways: FloatArray, weights: FloatArray, order: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return a tour with its order improved, its ends kept, until no reversal and no move of a part makes it better.
 
     Sources: 2-opt: Croes, "A method for solving traveling-salesman problems", Operations Research 1958; Or-opt: Or,
     "Traveling salesman-type combinatorial problems", 1976.
 
     Args:
-        ways: costs between nodes, symmetric, shape (n, n).
+        ways: costs between nodes, shape (n, n).
+        weights: of the length up to each node, shape (n,).
         order: nodes in their order, shape (k,).
     """
     tour, k = order.copy(), len(order)
+    best = tour_cost(ways, weights, tour)
     better = True
     while better:
         better = False
         for i in range(1, k - 1):
             for j in range(i, k - 1):
-                # The part from i to j: reversed where it is,
-                a, b, c, d = tour[i - 1], tour[i], tour[j], tour[j + 1]
-                if ways[a, c] + ways[b, d] < ways[a, b] + ways[c, d] - 1e-9:
-                    tour[i : j + 1] = tour[i : j + 1][::-1].copy()
-                    better = True
-                    continue
-                # or moved between two others, either way round.
-                if j - i >= 3:
-                    continue
-                gain = ways[a, b] + ways[c, d] - ways[a, d]
-                for t in range(k - 1):
-                    if i - 1 <= t <= j:
-                        continue
-                    p, q = tour[t], tour[t + 1]
-                    forward, back = ways[p, b] + ways[c, q], ways[p, c] + ways[b, q]
-                    if min(forward, back) - ways[p, q] < gain - 1e-9:
-                        part = tour[i : j + 1].copy()
-                        if back < forward:
-                            part = part[::-1].copy()
-                        rest = np.concatenate((tour[:i], tour[j + 1 :]))
-                        at = t + 1 if t < i else t + 1 - len(part)
-                        tour = np.concatenate((rest[:at], part, rest[at:]))
-                        better = True
-                        break
+                part = tour[i : j + 1].copy()
+                rest = np.concatenate((tour[:i], tour[j + 1 :]))
+                # Put back elsewhere, if it is a short part, either way round; a long one is reversed where it is.
+                first, last = (1, len(rest)) if len(part) <= 3 else (i, i + 1)
+                for at in range(first, last):
+                    for turned in range(2):
+                        piece = part[::-1].copy() if turned else part
+                        other = np.concatenate((rest[:at], piece, rest[at:]))
+                        cost = tour_cost(ways, weights, other)
+                        if cost < best - 1e-9:
+                            tour, best, better = other, cost, True
     return tour
