@@ -1,14 +1,61 @@
-"""The map of an exploration, and the planner's world that follows it."""
+"""The map of an exploration against shapely: what beams make of it, and the planner's world that follows it."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
+import pytest
 import shapely
 
-from trailmark import Robot, World
+from trailmark import Disc, Polygon, Rectangle, Robot, World
+from trailmark.estimation.simulation.raycast import RayCaster
+from trailmark.estimation.simulation.virtual_sensors import Scanner
+from trailmark.exploration.cells import rectangles
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.se2 import FloatArray
+from trailmark.shapes import Shape
 
 BOUNDS = (-1.0, 2.0, 4.0, 5.5)
+ROOM = (0.0, 0.0, 8.0, 6.0)
+CELL = 0.05
+LASER = Scanner(720, 2.0 * math.pi, 6.0, sigma=0.0)
+GAP = 2.0 * math.pi / 720
+
+
+def room(*obstacles: Shape) -> World:
+    return World("room", ROOM, obstacles)
+
+
+def entered(
+    world: World,
+    poses: Sequence[Sequence[float]],
+    scanner: Scanner = LASER,
+    known: KnownMap | None = None,
+    seed: int = 0,
+) -> KnownMap:
+    """Return a map into which scans from some poses went, by the ray caster's exact distances."""
+    known = known or KnownMap(ROOM, CELL)
+    known.noise = scanner.sigma
+    caster, rng = RayCaster(world), np.random.default_rng(seed)
+    for t, pose in enumerate(poses):
+        known.add_scan(scanner.sweep(float(t), np.array(pose), caster, rng), np.array(pose), scanner.max_range)
+    return known
+
+
+def solid(world: World, kind: str = "") -> shapely.Geometry:
+    """Return what a world's obstacles cover, those of one kind."""
+    shapes = [s for s, name in zip(world.obstacles, world.ids, strict=True) if (name or "").startswith(kind)]
+    return shapely.union_all([shape.polygon(1e-4).shapely() for shape in shapes])
+
+
+def followed(known: KnownMap, world: World | None = None) -> World:
+    return known.follow(world or World("known", known.bounds))
+
+
+def line(a: tuple[float, float], b: tuple[float, float], count: int, heading: float = 0.0) -> FloatArray:
+    return np.column_stack([np.linspace(a, b, count), np.full(count, heading)])
 
 
 def test_the_world_holds_exactly_what_is_not_free() -> None:
@@ -22,12 +69,10 @@ def test_the_world_holds_exactly_what_is_not_free() -> None:
         known.set_state(state)
         world = known.follow(world)
         for kind, name in ((UNKNOWN, "unknown"), (OCCUPIED, "occupied")):
-            shapes = [s for s, i in zip(world.obstacles, world.ids, strict=True) if (i or "").startswith(name)]
             cells = known.centres(*np.nonzero(state == kind))
             region = shapely.union_all([shapely.box(*(xy - 0.05), *(xy + 0.05)) for xy in cells])
-            covered = shapely.union_all([shape.polygon().shapely() for shape in shapes])
+            covered = solid(world, name)
             assert covered.symmetric_difference(region).area < 1e-9
-            assert len(shapes) <= len(cells)
     assert known.revision == 4
 
 
@@ -40,3 +85,136 @@ def test_what_does_not_change_keeps_its_obstacles() -> None:
     known.set_state(state)
     after = known.follow(before)
     assert len(before.difference(after).items) < 6 < len(before.obstacles)
+
+
+def test_discs_stand_for_the_cells_that_they_occupy() -> None:
+    known, disc = KnownMap(BOUNDS, 0.1), Disc((1.0, 3.0), 0.4)
+    state = np.full(known.state.shape, FREE, dtype=np.uint8)
+    state[known.cells_of(np.array([[1.0, 3.0]]))] = OCCUPIED
+    known.set_state(state, {"a": disc})
+    world = followed(known)
+    assert world.obstacles == (disc,)
+    known.set_state(state, {"a": Disc((1.1, 3.0), 0.4)})
+    assert known.follow(world).obstacles == (Disc((1.1, 3.0), 0.4),)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 1.0])
+def test_rectangles_cover_a_mask_once(share: float) -> None:
+    mask = np.random.default_rng(1).random((17, 32)) < share
+    count = np.zeros(mask.shape, dtype=int)
+    for x0, y0, x1, y1 in rectangles(mask).tolist():
+        count[y0:y1, x0:x1] += 1
+    assert (count == mask).all()
+    assert len(rectangles(np.ones((16, 16), dtype=bool))) == 1
+
+
+THINGS = (
+    Rectangle((3.013, 2.007), 0.6, 0.4, 0.4),
+    Disc((5.5, 4.0), 0.45),
+    Polygon(np.array([[6.0, 1.0], [7.0, 1.3], [6.4, 1.6], [6.9, 2.2], [5.9, 1.9]])),
+    Rectangle((1.0, 4.6), 0.07, 1.3, -0.7),
+)
+PLACES = [*line((1.5, 1.0), (6.0, 3.2), 25, 0.3), *line((6.0, 3.2), (2.0, 4.4), 25, 2.0)]
+
+
+def test_without_noise_nothing_that_is_larger_than_the_gap_of_beams_is_taken_for_free() -> None:
+    known = entered(room(*THINGS), PLACES)
+    true = shapely.union_all([thing.polygon(1e-4).shapely() for thing in THINGS])
+    open_space = shapely.difference(shapely.box(*ROOM), solid(followed(known)))
+    # What a disc of three cells can get to; all of it was seen from at most 4 m.
+    reached = open_space.buffer(-3 * CELL).buffer(2.99 * CELL)
+    wrong = shapely.intersection(reached, true)
+    assert wrong.area < 1e-3
+    assert shapely.distance(shapely.points(shapely.get_coordinates(wrong)), true.boundary).max(initial=0.0) < 4.0 * GAP
+
+
+def test_surfaces_lie_where_they_were_met() -> None:
+    world = room(*THINGS)
+    known = entered(world, PLACES)
+    true = shapely.union_all([thing.polygon(1e-4).shapely() for thing in THINGS])
+    walls = shapely.union(true, shapely.box(*ROOM).exterior)
+    corners = shapely.points(shapely.get_coordinates(solid(followed(known), "occupied")))
+    away = shapely.distance(walls, corners)
+    assert np.median(away) < CELL / 8.0
+    assert np.quantile(away, 0.98) < CELL
+    assert away.max() < 2.0 * CELL
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.01])
+@pytest.mark.parametrize("offset", [0.0, 0.013, 0.03])
+def test_a_door_is_as_wide_as_it_is(offset: float, sigma: float) -> None:
+    width, wall = 0.9, 4.0 + offset
+    low, high = 2.5 + offset, 2.5 + offset + width
+    world = room(Rectangle((wall, 0.5 * low), 0.15, low), Rectangle((wall, 0.5 * (high + 6.0)), 0.15, 6.0 - high))
+    scanner = Scanner(720, 2.0 * math.pi, 6.0, sigma=sigma)
+    known = entered(world, [*line((1.0, 2.0), (6.0, 3.0), 60)], scanner)
+    across = shapely.LineString([(wall, 1.0), (wall, 5.0)])
+    free = shapely.difference(across, solid(followed(known)))
+    passages = [part for part in shapely.get_parts(free) if part.length > 0.1]
+    assert len(passages) == 1
+    # As much is lost on each side as an end point errs, and as boxes are widened.
+    assert width - 2.0 * (CELL / 8.0 + 0.01 + 4.0 * sigma) < passages[0].length < width + 2e-3 + 2.0 * sigma
+
+
+def test_a_door_that_closes_and_opens_again_is_known_within_a_few_scans() -> None:
+    walls = (Rectangle((4.0, 1.3), 0.2, 2.6), Rectangle((4.0, 4.7), 0.2, 2.6))
+    opened, closed = room(*walls), room(*walls, Rectangle((4.0, 3.0), 0.1, 0.8))
+    here = [(2.0, 3.0, 0.0)]
+    middle = shapely.LineString([(3.5, 3.0), (4.5, 3.0)])
+    known = entered(opened, here * 10)
+    world = followed(known)
+    assert not solid(world).intersects(middle)
+    entered(closed, here, known=known)
+    world = followed(known, world)
+    assert solid(world).intersects(middle)
+    entered(closed, here * 30, known=known)
+    entered(opened, here * 3, known=known)
+    assert not solid(followed(known, world)).intersects(middle)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.01])
+@pytest.mark.parametrize("angle", [0.0, 0.35, 0.8])
+def test_beams_that_graze_a_wall_do_not_take_it_away(angle: float, sigma: float) -> None:
+    along = np.array([math.cos(angle), math.sin(angle)])
+    across = np.array([-along[1], along[0]])
+    middle = np.array([4.0, 3.0])
+    wall = Rectangle((float(middle[0]), float(middle[1])), 4.0, 0.2, angle)
+    begin, end = (middle + s * along + 0.5 * across for s in (-1.8, 3.0 if angle < 0.5 else 2.2))
+    scanner = Scanner(360, 2.0 * math.pi, 6.0, sigma=sigma)
+    poses = list(line((float(begin[0]), float(begin[1])), (float(end[0]), float(end[1])), 80))
+    known = entered(room(wall), [*poses, *([poses[-1]] * 40)], scanner)
+    face = [middle + s * along + 0.1 * across for s in np.linspace(-1.7, 1.9, 200)]
+    away = shapely.distance(solid(followed(known)), shapely.points(face))
+    assert away.max() < CELL / 8.0 + 3.0 * sigma + 0.01
+
+
+def test_beams_that_meet_nothing_show_free_space_up_to_the_range_and_no_farther() -> None:
+    known = entered(room(), [(4.0, 3.0, 0.0)], Scanner(720, math.pi, 2.0, sigma=0.0))
+    away = known.centres(*np.nonzero(known.state == FREE)) - [4.0, 3.0]
+    assert np.hypot(*away.T).max() <= 2.0 + CELL
+    assert away[:, 0].min() > -CELL
+    assert known.free_area == pytest.approx(0.5 * math.pi * 4.0, rel=0.03)
+    assert not (known.state == OCCUPIED).any()
+
+
+def test_the_bounds_are_walls() -> None:
+    known = entered(room(), [(4.0, 3.0, 0.0), (2.0, 3.0, 0.0), (6.0, 3.0, 0.0)])
+    assert (known.state[1:-1, 1:-1] == FREE).all()
+    inside = shapely.box(*ROOM).buffer(-CELL / 7.0)
+    corners = shapely.multipoints(np.array([(x, y) for x in ROOM[::2] for y in ROOM[1::2]])).buffer(2.0 * CELL)
+    assert solid(followed(known)).intersection(inside).difference(corners).area < 1e-9
+
+
+def test_what_a_scan_says_of_the_map() -> None:
+    world, pose = room(*THINGS), np.array([1.5, 1.0, 0.3])
+    known = entered(world, PLACES)
+    scan = LASER.sweep(99.0, pose, RayCaster(world), np.random.default_rng(0))
+    same = known.agreement(scan, pose, 6.0)
+    assert same.is_sure
+    assert same.against <= 5
+    elsewhere = known.agreement(scan, np.array([5.0, 2.5, 2.0]), 6.0)
+    assert elsewhere.is_strange
+    assert elsewhere.through > 50
+    assert elsewhere.new > 50
+    nothing = known.agreement(scan._replace(ranges=np.full(720, np.inf)), pose, 6.0)
+    assert nothing.is_strange

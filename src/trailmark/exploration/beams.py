@@ -166,8 +166,8 @@ def agreement(cells, start, ends, kinds, tolerance):  # type: ignore[no-untyped-
                 j += step_j
         if passed:
             through += 1
-        elif kinds[k] == MET and 0 <= last_i < columns and 0 <= last_j < rows:
-            near = False
+        elif kinds[k] == MET and -1 <= last_i <= columns and -1 <= last_j <= rows:
+            last_i, last_j, near = min(max(last_i, 0), columns - 1), min(max(last_j, 0), rows - 1), False
             for r in range(max(0, last_j - NEAR), min(rows, last_j + NEAR + 1)):
                 for c in range(max(0, last_i - NEAR), min(columns, last_i + NEAR + 1)):
                     near = near or cells.state[r, c] == OCCUPIED

@@ -11,10 +11,12 @@ import numpy as np
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.scan_slam import ScanSlam
+from trailmark.estimation.graph.submaps import MIN_POINTS
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.log_map import map_log
-from trailmark.estimation.scans.clouds import relative
-from trailmark.estimation.scans.local_map import SIGMA
+from trailmark.estimation.scans.clouds import joined, point_cloud, relative
+from trailmark.estimation.scans.local_map import SIGMA, local_map
+from trailmark.estimation.scans.matching import Window, refine, search
 from trailmark.estimation.scans.scan_poses import DeadReckoning
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
@@ -33,8 +35,11 @@ scans could not be matched as well."""
 STRANGE: Final = 3
 """Scans in a row that do not fit the map, after which the robot is lost."""
 
-DOUBT: Final = 0.1
-"""Share of the beams that may speak against the map while odometry is taken as exact."""
+CHECK: Final = 10
+"""Scans after which odometry that is taken as exact is checked again, by those of one and two such times ago."""
+
+EXACT: Final = 0.05, 0.03
+"""Metres and radians: a scan that fits better farther than that from where odometry has it says that it errs."""
 
 ALIKE: Final = 0.9
 """Share of the best place's fit from which on another place fits as well."""
@@ -56,6 +61,9 @@ FOUND: Final = np.diag([0.05**2, 0.05**2, 0.02**2])
 
 SPACING: Final = 0.25, 0.3
 """Metres and radians between scans by which the map is drawn anew: in between little else is seen."""
+
+POINTS: Final = 200
+"""End points of a scan, at most, by which odometry is checked."""
 
 RECENT: Final = 10
 """Scans that are drawn in any case: what has vanished since is gone."""
@@ -93,7 +101,7 @@ class ScanMapper:
         self._drawn = list[FloatArray]()  # where they were when the map was drawn
         self._errors, self._driven = np.zeros(2), 0.0
         self._at = self._pose = self._start  # by odometry, at the last scan; and where that was
-        self._strange, self._doubts, self._left_out = 0, 0, list[Scan]()
+        self._strange, self._left_out, self._moved = 0, list[Scan](), False
 
     @property
     def pose(self) -> FloatArray:
@@ -131,7 +139,7 @@ class ScanMapper:
 
     def take(self, records: Sequence[Record]) -> Intake:
         """Take in what was sensed, and bring pose and map up to date."""
-        readings, refused, moved = 0, list[str](), False
+        readings, refused, self._moved = 0, list[str](), False
         for record in records:
             if isinstance(record, Pose):
                 continue
@@ -146,13 +154,13 @@ class ScanMapper:
                 if isinstance(record, Increment | Odometry):
                     self._count_errors(record)
             elif self._fits(record):
-                moved |= self._add(record)
+                self._add(record)
                 readings += 1
             else:
                 refused.append(
                     f"scan at {record.t:.3f} s left out: expected what the map shows here, got another place"
                 )
-        return Intake(readings, tuple(refused), self._strange >= STRANGE, moved)
+        return Intake(readings, tuple(refused), self._strange >= STRANGE, self._moved)
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
@@ -198,18 +206,33 @@ class ScanMapper:
             for scan, pose in self._scans:
                 self._slam.add(scan, pose)
             if self._scans:
-                self._pose = self._slam.pose
+                self._at, self._pose = self._scans[-1][1], self._slam.pose
+                self._draw_if_moved()
         return self._slam
+
+    def _is_exact(self, scan: Scan) -> bool:
+        """Return whether a scan lies, among those of a while ago, where odometry has it."""
+        reach, here = min(GraphSettings.max_range, self._sensor.max_range), self._reckoning.pose
+        before = self._scans[-2 * CHECK :: CHECK]
+        cloud = point_cloud(scan, reach)
+        if len(cloud.points) < MIN_POINTS or not before:
+            return True
+        area = local_map(joined([point_cloud(old, reach) for old, _ in before], np.array([pose for _, pose in before])))
+        points = cloud.points[:: -(-len(cloud.points) // POINTS)]
+        # Where nothing holds the scan, as along a corridor, it is where odometry has it.
+        information = np.diag([1.0 / EXACT[0] ** 2, 1.0 / EXACT[0] ** 2, 1.0 / EXACT[1] ** 2])
+        found = search(area, points, here, Window(1.5, 0.5), information=information, coarseness=2)
+        if found is None:
+            return True
+        off = np.abs(difference(here, refine(area, cloud, found.pose, information=information, guess=here).pose))
+        return bool(np.hypot(off[0], off[1]) <= EXACT[0] and off[2] <= EXACT[1])
 
     def _fits(self, scan: Scan) -> bool:
         """Return whether a scan shows what the map has where the robot should be."""
         fit = self.known.agreement(scan, self.pose, self._sensor.max_range)
         strange = fit.is_strange
-        if self._slam is None:
-            # What is exact leaves nothing to disagree on, but what has moved.
-            self._doubts = self._doubts + 1 if fit.against > DOUBT * (fit.met + fit.against) else 0
-            if self._doubts >= STRANGE:
-                self._match_from_now_on()
+        if self._slam is None and len(self._scans) % CHECK == CHECK - 1 and not self._is_exact(scan):
+            self._match_from_now_on()
         if strange and self._slam is not None:
             # Perhaps wheels have slipped.
             at = self._slam.match(scan, self._reckoning.pose)
@@ -231,8 +254,8 @@ class ScanMapper:
                 return None
         return np.asarray(pose)
 
-    def _add(self, scan: Scan) -> bool:
-        """Take in a scan, and return whether poses of the past were moved."""
+    def _add(self, scan: Scan) -> None:
+        """Take in a scan."""
         self._at, before = self._reckoning.pose, 0
         self._scans.append((scan, self._at))
         if self._slam is None:
@@ -244,16 +267,15 @@ class ScanMapper:
             self._pose = self._slam.pose
         self.records.append(scan)
         self._drawn.append(self._pose)
-        if self._slam is not None and self._slam.corrections > before:
-            poses = self._slam.poses
-            if np.hypot(*(poses - np.array(self._drawn))[:, :2].T).max() > MOVED * self.known.cell:
-                self._draw(poses)
-                return True
-        self.known.add_scan(scan, self._pose, self._sensor.max_range)
-        return False
+        if self._slam is None or self._slam.corrections == before or not self._draw_if_moved():
+            self.known.add_scan(scan, self._pose, self._sensor.max_range)
 
-    def _draw(self, poses: FloatArray) -> None:
-        """Draw the map anew, by scans that lie apart and the last ones."""
+    def _draw_if_moved(self) -> bool:
+        """Draw the map anew where poses were moved, by scans that lie apart and the last ones; return whether."""
+        assert self._slam is not None  # noqa: S101 # the callers know
+        poses = self._slam.poses
+        if np.hypot(*(poses - np.array(self._drawn))[:, :2].T).max() <= MOVED * self.known.cell:
+            return False
         self.known.clear()
         drawn, last = poses[0], len(self._scans) - RECENT
         for i, ((scan, _), pose) in enumerate(zip(self._scans, poses, strict=True)):
@@ -261,4 +283,5 @@ class ScanMapper:
             if i == 0 or i >= last or np.hypot(off[0], off[1]) > SPACING[0] or off[2] > SPACING[1]:
                 self.known.add_scan(scan, pose, self._sensor.max_range)
                 drawn = pose
-        self._drawn = list(poses)
+        self._drawn, self._moved = list(poses), True
+        return True

@@ -31,6 +31,9 @@ MAX_WINDOW = Window(2.0, np.radians(60.0))
 """The largest window around what odometry says that is searched: beyond, it is no guess."""
 
 
+MATCHED = 400
+"""End points, at most, that are searched for in a local map: a scanner with more beams shows no more shapes."""
+
 SEARCHED = 200
 """End points, at most, that are looked for in the whole map."""
 
@@ -159,11 +162,12 @@ class ScanSlam:
             min(MAX_WINDOW.xy, max(s.window[0], 3.0 * float(np.sqrt(noise[0, 0])))),
             min(MAX_WINDOW.theta, max(s.window[1], 3.0 * float(np.sqrt(noise[2, 2])))),
         )
-        found = search(self._area, cloud.points, guess, window, information=information)
+        points = cloud.points[:: -(-len(cloud.points) // MATCHED)]
+        found = search(self._area, points, guess, window, information=information)
         if found is None or found.score < s.loop_score:
             # Wheels that slipped, or a jump in the log: perhaps the robot is still near where it was.
             here, floor = self._keys.poses[last], s.loop_score if found is None else max(s.loop_score, found.score)
-            if other := search(self._area, cloud.points, here, MAX_WINDOW, coarseness=2, min_score=floor):
+            if other := search(self._area, points, here, MAX_WINDOW, coarseness=2, min_score=floor):
                 found, guess, noise = other, other.pose, np.eye(3)
                 step, information = relative(here, guess), _inverse(noise)
         self._keys.relations.append(Relation(last, own, step, noise))
@@ -172,7 +176,7 @@ class ScanSlam:
         if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
             self._keys.relations.pop()
             return
-        self._covariance, _ = match_covariance(self._area, cloud.points, pose)
+        self._covariance, _ = match_covariance(self._area, points, pose)
         self._keys.relations.append(self._keys.related(last, own, pose, self._covariance, certain=True))
         self._add_key(pose, cloud, odometry)
         closures = self._loops.find(own)
