@@ -87,6 +87,7 @@ def explore(
     from trailmark.exploration.exploration_folder import (
         FILES,
         check_folder,
+        keep_exploration,
         load_exploration,
         save_exploration,
         summary_of,
@@ -99,7 +100,7 @@ def explore(
             beginning = Beginning.read((saved.options if saved else {}) | words)
         hidden = load_world(beginning.world)
         protect_inputs((*hidden.sources, *beginning.robot_file), *(folder / name for name in FILES))
-        explorer = beginning.explorer(hidden, limits, saved)
+        explorer, options = beginning.explorer(hidden, limits, saved), beginning.kept()
 
         def follow(state: ExplorationProgress) -> None:
             progress.details = (
@@ -109,13 +110,16 @@ def explore(
                 f"pose σ {100.0 * state.sigma:.1f} cm",
                 *filter(None, [state.event]),
             )
+            if explorer.ended is not None:
+                progress.stage("mapping")
+                keep_exploration(explorer.saved()._replace(options=options), folder)
 
         progress.stage("exploring")
         result = explorer.run(on_progress=follow)
         if not result.history:
             raise KeyboardInterrupt  # before anything was sensed: there is nothing to keep
         progress.stage("writing")
-        save_exploration(result, folder, beginning.kept())
+        save_exploration(result, folder, options)
         progress.stage("drawing")
         _draw(result, folder)
     record = summary_of(result)

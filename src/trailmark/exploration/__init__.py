@@ -9,6 +9,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from trailmark.exploration.exploration_folder import load_exploration as load_exploration
+    from trailmark.exploration.exploration_folder import save_exploration as save_exploration
     from trailmark.exploration.exploration_settings import ExplorationSettings as ExplorationSettings
     from trailmark.exploration.explorer import Explorer as Explorer
     from trailmark.exploration.outlook import Outlook as Outlook
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
     from trailmark.exploration.strategies import STRATEGIES as STRATEGIES
 
 _HOME = {
+    "load_exploration": "exploration_folder",
+    "save_exploration": "exploration_folder",
     "ExplorationSettings": "exploration_settings",
     "Explorer": "explorer",
     "Outlook": "outlook",

@@ -31,7 +31,15 @@ from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, 
 from trailmark.formats.outputs import require_replaceable
 from trailmark.se2 import FloatArray
 
-__all__ = ["FILES", "SavedExploration", "check_folder", "load_exploration", "save_exploration", "summary_of"]
+__all__ = [
+    "FILES",
+    "SavedExploration",
+    "check_folder",
+    "keep_exploration",
+    "load_exploration",
+    "save_exploration",
+    "summary_of",
+]
 
 FILES: Final = (
     *("log.jsonl", "resume.npz", "world.yaml", "map.yaml", "map.pgm", "roadmap.npz", "summary.json"),
@@ -112,9 +120,7 @@ def check_folder(folder: str | Path) -> None:
 
 
 def save_exploration(
-    result: ExplorationResult,
-    folder: str | Path,
-    options: dict[str, Any] | None = None,
+    result: ExplorationResult, folder: str | Path, options: dict[str, Any] | None = None
 ) -> list[Path]:
     """Write all but the pictures, each file whole or not at all, and first what no other run could give again.
 
@@ -129,20 +135,28 @@ def save_exploration(
     Raises:
         OutputError: as :func:`check_folder`.
     """
-    check_folder(folder)
-    path = Path(folder)
-    path.mkdir(exist_ok=True)
-    known = result.known
-    save_log(result.log, path / "log.jsonl")
-    write_atomically(
-        path / "resume.npz", _resume_bytes(result, {"robot": result.robot_state, "options": options or {}})
-    )
+    path, known = Path(folder), result.known
+    kept = result.log, result.history, result.first_known, result.robot_state, result.seconds, result.decisions
+    keep_exploration(SavedExploration(*kept, options or {}), path)
     result.world.save(path / "world.yaml")
     nav2_output.save_nav2_cells(GREY[known.state], path / "map.yaml", known.cell, known.origin)
     result.roadmap.save(path / "roadmap.npz")
     members = (f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in summary_of(result).items())
     write_atomically(path / "summary.json", "{\n" + ",\n".join(members) + "\n}\n")
     return [path / name for name in FILES if not name.startswith("exploration")]
+
+
+def keep_exploration(saved: SavedExploration, folder: str | Path) -> None:
+    """Write what is needed to go on, ``log.jsonl`` and ``resume.npz``, before the final map is built.
+
+    Raises:
+        OutputError: as :func:`check_folder`.
+    """
+    check_folder(folder)
+    path = Path(folder)
+    path.mkdir(exist_ok=True)
+    save_log(saved.log, path / "log.jsonl")
+    write_atomically(path / "resume.npz", _resume_bytes(saved))
 
 
 def load_exploration(folder: str | Path) -> SavedExploration:
@@ -179,13 +193,13 @@ def load_exploration(folder: str | Path) -> SavedExploration:
     return saved
 
 
-def _resume_bytes(result: ExplorationResult, state: dict[str, Any]) -> bytes:
-    history = History.of(result.history)
-    arrays: dict[str, Any] = history._asdict() | {"first_known": result.first_known}
-    state |= {"events": arrays.pop("events"), "seconds": result.seconds, "decisions": result.decisions.tolist()}
+def _resume_bytes(saved: SavedExploration) -> bytes:
+    arrays: dict[str, Any] = History.of(saved.history)._asdict() | {"first_known": saved.first_known}
+    state = {"events": arrays.pop("events"), "robot": saved.robot_state, "options": saved.options}
+    state |= {"seconds": saved.seconds, "decisions": saved.decisions.tolist()}
     buffer = io.BytesIO()
     np.savez_compressed(
-        buffer, **arrays, state=np.array(json.dumps(state)), fingerprint=np.array(_fingerprint(result.log))
+        buffer, **arrays, state=np.array(json.dumps(state)), fingerprint=np.array(_fingerprint(saved.log))
     )
     return buffer.getvalue()
 

@@ -140,17 +140,18 @@ class Explorer:
         """Explore until it is over, and return the outcome; Ctrl-C ends it with what is known so far.
 
         Args:
-            on_progress: called after each step.
+            on_progress: called after each step; :attr:`ended` says whether it was the last one, which is the moment to
+                keep what :meth:`saved` returns, for building the final map takes a while.
         """
         callback(on_progress, "on_progress:")
         with postponed_interrupts() as interrupted:
             try:
                 while self._ended is None:
                     progress = self.step()
-                    if on_progress is not None:
-                        on_progress(progress)
                     if interrupted() and self._ended is None:
                         self._ended = "interrupted", "interrupted"
+                    if on_progress is not None:
+                        on_progress(progress)
             except KeyboardInterrupt:  # a caller's function raised it, or Ctrl-C was pressed twice
                 self._ended = "interrupted", "interrupted"
         return self.result()
@@ -184,27 +185,24 @@ class Explorer:
     def result(self) -> ExplorationResult:
         """Return what was found so far; building the final map takes a while."""
         status, reason = self._ended or ("interrupted", "not over")
-        log = self.log()
-        known = self.mapper.known
-        evaluation, state = None, None
+        saved, known, evaluation = self.saved(), self.mapper.known, None
         if isinstance(self._driver, SimulatedRobot):
             evaluation = evaluate(self._driver, known, self.mapper.trajectory, self.mapper.covariances)
-            state = self._driver.state()
         return ExplorationResult(
             status=status,
             reason=reason,
-            world=self.mapper.finished_map(log),
+            world=self.mapper.finished_map(saved.log),
             known=known,
-            first_known=self._first_known,
+            first_known=saved.first_known,
             roadmap=self._course.current_planner().roadmap,
-            log=log,
-            history=tuple(self._history),
+            log=saved.log,
+            history=saved.history,
             strategy=self.strategy,
             seed=self.seed,
             settings=self.settings,
-            seconds=self._seconds,
-            decisions=np.array(self._course.decisions),
-            robot_state=state,
+            seconds=saved.seconds,
+            decisions=saved.decisions,
+            robot_state=saved.robot_state,
             evaluation=evaluation,
         )
 
@@ -215,6 +213,14 @@ class Explorer:
             records += (Pose(t, x, y, theta, truth=True) for t, x, y, theta in self._driver.truth.tolist())
             records.sort(key=lambda record: record.t)
         return Log(self.name, tuple(records), np.empty((0, 3)))
+
+    def saved(self) -> SavedExploration:
+        """Return all that another explorer of the same world, robot and sensor needs to go on (``resumed``)."""
+        state = self._driver.state() if isinstance(self._driver, SimulatedRobot) else None
+        decisions = np.array(self._course.decisions)
+        return SavedExploration(
+            self.log(), tuple(self._history), self._first_known.copy(), state, self._seconds, decisions, {}
+        )
 
     def _resume(self, saved: SavedExploration) -> None:
         """Take over what was recorded and found before."""

@@ -24,15 +24,19 @@ def postponed_interrupts() -> Iterator[Callable[[], bool]]:
     if threading.current_thread() is not threading.main_thread():
         yield lambda: False
         return
-    before = signal.getsignal(signal.SIGINT)
+    # SIGTERM likewise where somebody made an exception of it, as the shell command does; else it ends the process.
+    before = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}
+    handlers = {n: handler for n, handler in before.items() if callable(handler)}
 
     def receive(number: int, frame: FrameType | None) -> None:
         received.append(number)
-        if len(received) > 1 and callable(before):
-            before(number, frame)
+        if len(received) > 1:
+            handlers[signal.Signals(number)](number, frame)
 
-    signal.signal(signal.SIGINT, receive)
+    for number in handlers:
+        signal.signal(number, receive)
     try:
         yield lambda: bool(received)
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
