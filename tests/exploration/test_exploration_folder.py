@@ -106,6 +106,14 @@ def test_a_file_of_somebody_else_is_kept(tmp_path: Path, name: str) -> None:
     assert (tmp_path / name).read_text() == text
 
 
+def test_a_world_of_somebody_else_is_kept(tmp_path: Path) -> None:
+    made_exploration().world.save(tmp_path / "world.yaml")
+    before = (tmp_path / "world.yaml").read_bytes()
+    with pytest.raises(OutputError, match="expected a new folder"):
+        check_folder(tmp_path)
+    assert (tmp_path / "world.yaml").read_bytes() == before
+
+
 def test_a_place_that_can_be_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="expected a folder, got a file"):

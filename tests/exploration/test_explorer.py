@@ -12,8 +12,9 @@ import shapely
 from tests.support import exploration_faults as faults
 
 from trailmark import ConfigurationError, Rectangle, Robot, World
+from trailmark.estimation.logs.records import Record
 from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
-from trailmark.exploration.explorer import MAX_BLOCKED
+from trailmark.exploration.explorer import MAX_BLOCKED, MAX_STILL
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
 
@@ -129,7 +130,9 @@ def test_ctrl_c_keeps_what_is_known(interrupt: Callable[[], None]) -> None:
     assert len(result.log.records) > 10
 
 
-def faulty(wrap: Callable[[SimulatedRobot], object], world: World | None = None) -> Explorer:
+def faulty(
+    wrap: Callable[[SimulatedRobot], object], world: World | None = None, settings: ExplorationSettings = SETTINGS
+) -> Explorer:
     world = two_rooms(1.0) if world is None else world
     laser = laser_scanner(3.0, 0.1)
     robot = SimulatedRobot(world, ROBOT, START, laser, noise=0.0)
@@ -139,7 +142,7 @@ def faulty(wrap: Callable[[SimulatedRobot], object], world: World | None = None)
         robot.sensor,
         start=START,
         bounds=BOUNDS,
-        settings=SETTINGS,
+        settings=settings,
         strategy="nearest-frontier",
     )
 
@@ -149,6 +152,45 @@ def test_a_silent_sensor_ends_it() -> None:
     assert result.status == "silent"
     assert "no reading for" in result.reason
     assert result.known.free_area > 3.0
+
+
+def test_a_sensor_that_is_silent_from_the_first_ends_it() -> None:
+    result = faulty(lambda robot: faults.Faulty(robot, faults.silence)).run()
+    assert result.status == "silent"
+    assert not result.world.obstacles
+    assert not len(result.known.state.nonzero()[0])
+
+
+def test_a_clock_may_begin_at_any_time() -> None:
+    def later(records: list[Record]) -> list[Record]:
+        return [record._replace(t=record.t + 1.7e9) for record in records]
+
+    exploring = faulty(lambda robot: faults.Faulty(robot, later, -1.0), settings=replace(SETTINGS, time_limit=1.0))
+    result = exploring.run()
+    assert result.status == "time"
+    assert result.history[-1].time == pytest.approx(1.7e9 + 1.0, abs=0.2)
+    assert result.history[-1].distance > 0.5
+
+
+class Idle:
+    """A robot that stays where it is, and says nothing of it; ``arrived`` as it says."""
+
+    def __init__(self, robot: SimulatedRobot, arrived: bool) -> None:
+        self.robot, self.arrived = robot, arrived
+
+    def sense(self) -> object:
+        return self.robot.sense()
+
+    def drive(self, states: np.ndarray, seconds: float) -> object:
+        return self.robot.drive(np.zeros((1, 3)), seconds)._replace(arrived=self.arrived)
+
+
+@pytest.mark.parametrize("arrived", [False, True])
+def test_a_robot_that_stays_where_it_is_is_stuck(arrived: bool) -> None:
+    result = faulty(lambda robot: Idle(robot, arrived)).run()
+    assert result.status == "stuck"
+    assert "stays where it is" in result.reason
+    assert len(result.history) <= MAX_STILL + 2
 
 
 class Stalled:

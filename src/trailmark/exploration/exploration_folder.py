@@ -117,6 +117,12 @@ def check_folder(folder: str | Path) -> None:
     for name in FILES:
         check_writable(path / name)
         require_replaceable(path / name)
+        # A world or a summary does not tell who wrote it; what lies beside it does.
+        if name != "log.jsonl" and (path / name).exists() and not (path / "resume.npz").exists():
+            raise OutputError(
+                f"{path / name}: a file that trailmark did not write is there; "
+                "expected a new folder, or one that trailmark explore wrote"
+            )
 
 
 def save_exploration(

@@ -26,7 +26,7 @@ from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector,
 from trailmark.exploration.strategies import STRATEGIES
 from trailmark.exploration.visible_area import evaluate
 from trailmark.planning import LandmarkPlanner
-from trailmark.se2 import FloatArray, configurations
+from trailmark.se2 import FloatArray, configurations, difference
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -34,6 +34,12 @@ __all__ = ["Explorer"]
 
 MAX_BLOCKED = 5
 """Commands in a row that a robot does not carry out because something is in its way, before it is stuck."""
+
+MAX_STILL = 50
+"""Commands in a row that lead a robot nowhere, although it does not say that something is in its way."""
+
+STILL = 0.01
+"""Metres, and radians, that it moves at least unless it stays where it is."""
 
 
 class Explorer:
@@ -111,7 +117,8 @@ class Explorer:
             self.mapper, self.robot, self.start, self.sensor_range, choose, self.settings, self.seed, self.name
         )
         self._time, self._last_reading, self._distance = 0.0, 0.0, 0.0
-        self._moved, self._blocked = 0.0, 0
+        self._moved, self._blocked, self._still, self._stood = 0.0, 0, 0, self.start
+        self._began: float | None = None  # by the robot's clock, which need not begin at 0
         self._ended: tuple[Status, str] | None = None
         self._history: list[ExplorationProgress] = []
         self._seconds = 0.0
@@ -186,12 +193,14 @@ class Explorer:
         """Return what was found so far; building the final map takes a while."""
         status, reason = self._ended or ("interrupted", "not over")
         saved, known, evaluation = self.saved(), self.mapper.known, None
+        nothing = not any(isinstance(record, Scan | Detection) for record in saved.log.records)
+        empty = World(self.name, known.bounds, robot=self.robot)
         if isinstance(self._driver, SimulatedRobot):
             evaluation = evaluate(self._driver, known, self.mapper.trajectory, self.mapper.covariances)
         return ExplorationResult(
             status=status,
             reason=reason,
-            world=self.mapper.finished_map(saved.log),
+            world=empty if nothing else self.mapper.finished_map(saved.log),
             known=known,
             first_known=saved.first_known,
             roadmap=self._course.current_planner().roadmap,
@@ -227,6 +236,7 @@ class Explorer:
         for records in _readings(saved.log.records):
             self.mapper.take(records)
         self._history, last = list(saved.history), saved.history[-1]
+        self._began = saved.log.records[0].t
         self._time = self._last_reading = last.time
         self._distance, self._seconds = last.distance, saved.seconds
         self._course.landmarks, self._course.decisions = last.landmarks, saved.decisions.tolist()
@@ -243,15 +253,17 @@ class Explorer:
         s = self.settings
         records = self._driver.sense()
         intake = self.mapper.take(records)
-        if records:
-            self._time = max(self._time, max(record.t for record in records))
+        if times := [record.t for record in records if np.isfinite(record.t)]:
+            if self._began is None:
+                self._began = self._last_reading = min(times)
+            self._time = max(self._time, *times)
         if intake.readings:
             self._last_reading = self._time
         elif self._time - self._last_reading >= s.silence:
             heard = any(isinstance(record, Scan | Detection) for record in records)
             what = "its readings cannot be used" if heard else "no reading"
             self._ended = "silent", f"{what} for {self._time - self._last_reading:.1f} s"
-        if self._ended is None and self._time >= s.time_limit:
+        if self._ended is None and self._time - (self._began or 0.0) >= s.time_limit:
             self._ended = "time", f"the time limit of {s.time_limit:g} s is used up"
         if self._ended is None and self._distance >= s.distance_limit:
             self._ended = "distance", f"the distance limit of {s.distance_limit:g} m is used up"
@@ -264,13 +276,20 @@ class Explorer:
 
     def _drive(self, follower: PathFollower) -> DriveReport:
         """Drive on along the path for one period."""
-        states = follower.command(self.mapper.pose)
+        pose = self.mapper.pose
+        states = follower.command(pose)
+        off = np.abs(difference(self._stood, pose))
+        self._still += 1
+        if max(np.hypot(*off[:2]), off[2]) >= STILL:
+            self._still, self._stood = 0, pose
         report = self._driver.drive(states, self.settings.sense_period)
         self._moved += report.distance
         self._distance += report.distance
         self._blocked = self._blocked + 1 if report.blocked else 0
         if self._blocked >= MAX_BLOCKED:
             self._ended = "stuck", "something that is not in the map is in the robot's way"
+        elif self._still >= MAX_STILL:
+            self._ended = "stuck", f"the robot stays where it is, {MAX_STILL} commands in a row"
         if report.arrived:
             self._course.follower = None
         return report
