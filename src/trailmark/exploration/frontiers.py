@@ -16,6 +16,9 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["Frontiers", "frontiers_of"]
 
+GAP = 2
+"""Cells: as wide a gap in a wall, or a narrower one, is not looked through."""
+
 STEPS = 4
 """Of Lloyd's algorithm, by which a long frontier is divided."""
 
@@ -51,8 +54,8 @@ class Frontiers(NamedTuple):
 def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: float) -> Frontiers:
     """Return the frontiers of a map.
 
-    An unknown cell behind a free one that lies between two occupied ones is none: a gap of one cell in a wall, as those
-    that the beams leave out where they graze it, and below the resolution at which a map tells what is open.
+    A gap of up to GAP cells between two occupied ones is none: beams that graze a wall leave such gaps out, and it is
+    below the resolution at which a map tells what is open.
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
@@ -62,11 +65,8 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
     from scipy import ndimage
 
     unknown = (state == UNKNOWN) & wanted
-    free = np.pad(state == FREE, 1)
-    occupied = np.pad(state == OCCUPIED, 1, constant_values=True)
-    # Between two occupied cells, above and below, and left and right.
-    narrow = occupied[:-2, 1:-1] & occupied[2:, 1:-1], occupied[1:-1, :-2] & occupied[1:-1, 2:]
-    free = free[1:-1, 1:-1]
+    free = state == FREE
+    occupied = np.pad(state == OCCUPIED, GAP, constant_values=True)
     edges, cells = list[FloatArray](), list[NDArray[np.intp]]()
     for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
         # Free cells whose neighbour in this direction is unknown.
@@ -74,7 +74,7 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
         rows, columns = state.shape
         here = slice(max(-dy, 0), rows - max(dy, 0)), slice(max(-dx, 0), columns - max(dx, 0))
         there = slice(max(dy, 0), rows + min(dy, 0)), slice(max(dx, 0), columns + min(dx, 0))
-        beside[here] = (free & ~narrow[abs(dy)])[here] & unknown[there]
+        beside[here] = free[here] & unknown[there] & ~_narrow(occupied, dy, dx)[here]
         r, c = np.nonzero(beside)
         way = np.broadcast_to(np.array([dx, dy], dtype=np.float64), (len(r), 2))
         edges.append(np.column_stack([c + 0.5 + 0.5 * dx, r + 0.5 + 0.5 * dy, way]))
@@ -85,6 +85,23 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
     labels = ndimage.label(mask, np.ones((3, 3)))[0]
     group = labels[cell[:, 0], cell[:, 1]].astype(np.intp) - 1
     return Frontiers(edge, cell, _divided(edge[:, :2], group, longest))
+
+
+def _narrow(occupied: NDArray[np.bool_], dy: int, dx: int) -> NDArray[np.bool_]:
+    """Return for each cell whether the gap between it and the next one in a direction is of GAP cells at most.
+
+    Args:
+        occupied: with GAP more rows and columns on each side, shape (rows + 2 GAP, columns + 2 GAP).
+        dy: rows to the next cell,
+        dx: columns to it.
+    """
+    both = occupied | np.roll(occupied, (-dy, -dx), axis=(0, 1))
+    # How near something occupied is on either side.
+    narrow = np.zeros_like(both)
+    for one in range(1, GAP + 1):
+        for other in range(1, GAP + 2 - one):
+            narrow |= np.roll(both, one, axis=int(dx == 0)) & np.roll(both, -other, axis=int(dx == 0))
+    return narrow[GAP:-GAP, GAP:-GAP]
 
 
 def _divided(points: FloatArray, group: NDArray[np.intp], longest: float) -> NDArray[np.intp]:
