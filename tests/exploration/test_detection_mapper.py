@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 import shapely
+from tests.support.exploration_faults import Fault, Faulty, Impossible, miscounted, repeated, silence
 
 from trailmark.errors import ConfigurationError
+from trailmark.estimation import load_log, map_log
+from trailmark.estimation.filter.sensors import RangeBearing
+from trailmark.estimation.logs.jsonl import write_jsonl
+from trailmark.estimation.logs.records import Detection, Log
 from trailmark.estimation.scans.clouds import relative
+from trailmark.estimation.simulation.virtual_sensors import Detector
 from trailmark.exploration.detection_mapper import DetectionMapper
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
@@ -98,3 +108,71 @@ def test_a_robot_that_is_carried_away_is_lost_and_found_again() -> None:
 def test_sizes_must_be_known() -> None:
     with pytest.raises(ConfigurationError, match="finite max_radius"):
         DetectionMapper(START, KnownMap(BOUNDS, CELL), disc_detector(5.0), ROBOT, ExplorationSettings())
+
+
+def unnamed(noise: float = 1.0) -> tuple[SimulatedRobot, DetectionMapper]:
+    sensor = Detector(RangeBearing(0.02, 0.01), 6.0, identities=False)
+    world = World(
+        "trees", BOUNDS, tuple(Disc(shape.center, 0.3) for shape in WORLD.obstacles if isinstance(shape, Disc))
+    )
+    robot = SimulatedRobot(world, ROBOT, START, sensor, noise=noise)
+    mapper = DetectionMapper(
+        START, KnownMap(BOUNDS, CELL), replace(sensor, max_radius=0.3), ROBOT, ExplorationSettings()
+    )
+    mapper.take(robot.sense())
+    return robot, mapper
+
+
+def test_discs_need_no_names() -> None:
+    robot, mapper = unnamed()
+    assert not any(drive(robot, mapper, 80))
+    assert 5 <= len(mapper.features) <= 8
+    assert mapper.pose == pytest.approx(robot.pose, abs=0.15)
+    robot.carry((7.0, 7.5, 1.0))
+    assert drive(robot, mapper, 4)[-1]
+    assert mapper.relocate()
+    assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.3
+
+
+@pytest.mark.parametrize(
+    "fault", [Impossible(math.inf), Impossible(math.nan), Impossible(-1.0), miscounted, silence], ids=str
+)
+def test_impossible_readings_change_nothing(fault: Fault) -> None:
+    robot, mapper = begun(1.0)
+    drive(robot, mapper, 20)
+    before, spoilt = mapper.known.state.copy(), Faulty(robot, fault)
+    for _ in range(5):
+        robot.drive(np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.01]]), 1.0)
+        records = spoilt.sense()
+        intake = mapper.take(records)
+        assert intake.readings == 0
+        assert len(intake.refused) == sum(isinstance(record, Detection) for record in records)
+    assert (mapper.known.state == before).all()
+    assert not drive(robot, mapper, 1)[0]
+
+
+def test_repeated_readings_count_once() -> None:
+    robot, mapper = begun(1.0)
+    robot.drive(np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]), 1.0)
+    records = repeated(list(robot.sense()))
+    intake = mapper.take(records)
+    assert intake.readings == 1
+    assert len(intake.refused) == sum(isinstance(record, Detection) for record in records) // 2
+    assert "got it again" in intake.refused[0]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path) -> None:
+    robot, mapper = begun(noise)
+    drive(robot, mapper, 60)
+    log = Log("trees", tuple(mapper.records), np.empty((0, 3)))
+    write_jsonl(tmp_path / "log.jsonl", log)
+    made, again = mapper.finished_map(log), map_log(load_log(tmp_path / "log.jsonl")).world
+    assert len(made.obstacles) == len(again.obstacles) == len(mapper.features)
+    for disc, other in zip(made.obstacles, again.obstacles, strict=True):
+        assert isinstance(disc, Disc)
+        assert isinstance(other, Disc)
+        assert disc.center == pytest.approx(other.center, abs=1e-9)
+        nearest = min(WORLD.obstacles, key=lambda true: np.hypot(*np.subtract(true.center, disc.center)))  # type: ignore[union-attr]
+        assert disc.radius == nearest.radius  # type: ignore[union-attr]
+        assert disc.center == pytest.approx(nearest.center, abs=0.1)  # type: ignore[union-attr]

@@ -8,16 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+import shapely.affinity
 from tests.support.exploration_faults import Fault, Faulty, Impossible, frozen_odometry, miscounted, silence
 
 from trailmark.estimation import load_log, map_log
 from trailmark.estimation.logs.jsonl import write_jsonl
 from trailmark.estimation.logs.records import Log, Pose, Scan
+from trailmark.estimation.scans.clouds import relative
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, KnownMap
 from trailmark.exploration.mapper import Intake
 from trailmark.exploration.scan_mapper import ScanMapper
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
+from trailmark.se2 import compose
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
@@ -153,3 +156,27 @@ def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path
     first = mapper.records[0]
     assert isinstance(first, Pose)
     assert (first.x, first.y, first.theta) == tuple(START)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_with_the_margin_nothing_true_lies_where_the_map_is_free(seed: int) -> None:
+    sure = ExplorationSettings(confidence=0.99)
+    robot = SimulatedRobot(WORLD, ROBOT, START, LASER, seed=seed)
+    mapper = ScanMapper(START, KnownMap(WORLD.bounds, 0.05), LASER, ROBOT, sure)
+    assert 0.03 < mapper.margin < 0.08
+    true = shapely.union_all([shape.polygon(1e-3).shapely() for shape in WORLD.obstacles])
+    true = true.union(shapely.box(-1.0, -1.0, 11.0, 9.0).difference(shapely.box(*WORLD.bounds)))
+    world = World("known", WORLD.bounds)
+    mapper.take(robot.sense())
+    for _ in range(8):
+        drive(robot, mapper, 10, (0.05, 0.0, 0.02))
+        world = mapper.known.follow(world)
+        drawn = shapely.union_all([shape.polygon(1e-3).shapely() for shape in world.obstacles])
+        # The truth as the robot has it around itself, where it may drive in the next second.
+        (x, y, theta), near = compose(mapper.pose, relative(robot.pose, np.zeros(3))), shapely.Point(*mapper.pose[:2])
+        c, s = math.cos(theta), math.sin(theta)
+        around = shapely.affinity.affine_transform(true, [c, -s, s, c, x, y])
+        free = near.buffer(1.5).difference(drawn).buffer(-mapper.margin)
+        assert free.area > 1.0
+        assert free.intersection(around).area == 0.0
+    assert ScanMapper(START, KnownMap(WORLD.bounds, 0.05), LASER, ROBOT, ExplorationSettings()).margin == 0.0
