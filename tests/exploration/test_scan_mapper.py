@@ -82,6 +82,12 @@ def test_a_robot_that_is_carried_away_is_lost_and_found_again(noise: float) -> N
     intakes = drive(robot, mapper, 20, (0.05, 0.0, 0.02))
     assert all(intake.readings and not intake.lost for intake in intakes)
     assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.03
+    # Whoever goes on from the log is there, too.
+    again = ScanMapper(START, KnownMap(WORLD.bounds, 0.05), LASER, ROBOT, ExplorationSettings())
+    assert not again.take(mapper.records).refused
+    assert np.abs(again.pose - robot.pose).max() < 0.03
+    mapped = map_log(Log("room", tuple(mapper.records), np.empty((0, 3))))
+    assert np.hypot(*(mapped.trajectory[-1, 1:] - robot.pose)[:2]) < 0.05
 
 
 def test_a_robot_whose_readings_fit_the_map_nowhere_is_not_found() -> None:

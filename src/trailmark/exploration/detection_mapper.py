@@ -1,4 +1,4 @@
-# ruff: noqa: N803, N806 # the filter's own symbols: P, J
+# ruff: noqa: N806 # the filter's own symbols: P, J
 """The map of a robot with a detector of discs: EKF-SLAM, and cells in which another disc would have been seen."""
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.filter.sensor_model import SensorModel
-from trailmark.estimation.logs.records import Detection, Log, Pose, Record
+from trailmark.estimation.logs.records import Detection, Increment, Log, Pose, Record
 from trailmark.estimation.maps.log_map import map_log
 from trailmark.estimation.maps.map_settings import MapSettings
+from trailmark.estimation.scans.clouds import relative
 from trailmark.estimation.simulation.raycast import RayCaster
 from trailmark.estimation.simulation.virtual_sensors import Detector
 from trailmark.estimation.slam.ekf_slam import EkfSlam
@@ -26,7 +27,7 @@ from trailmark.exploration.alignment import Alignment, aligned
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.mapper import Intake
-from trailmark.exploration.record_checks import RecordChecks
+from trailmark.exploration.record_checks import CARRIED, RecordChecks
 from trailmark.se2 import FloatArray, difference, transform, wrap
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
@@ -168,7 +169,10 @@ class DetectionMapper:
         found = self._aligned(self._unplaced)
         if found is None or found.matched < (2 if self._sensor.identities else 3):
             return False
-        self._stand(found.pose, np.diag([0.1**2, 0.1**2, 0.05**2]))
+        # What no odometry has told: the log has it as a motion, so that it leads to the same map.
+        motion = relative(self.pose, found.pose)
+        t = self._unplaced[0].t
+        self._use([Increment(t, float(motion[0]), float(motion[1]), float(motion[2]), 4.0 * CARRIED)])
         self._strange = 0
         return True
 
@@ -249,13 +253,6 @@ class DetectionMapper:
         here = np.zeros(3)
         points = [self._sensors[detection.kind].inverse(here, detection.z).feature for detection in sweep]
         return np.array(points).reshape(-1, 2)
-
-    def _stand(self, pose: FloatArray, P: FloatArray) -> None:
-        """Put the robot elsewhere: its error has nothing to do with the map's any more."""
-        ekf = self._slam.filter
-        ekf.x[:3] = pose
-        ekf.P[:3], ekf.P[:, :3] = 0.0, 0.0
-        ekf.P[:3, :3] = P
 
     def _should_see(self) -> bool:
         """Return whether a disc stands so near that it would be seen."""

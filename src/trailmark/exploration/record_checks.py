@@ -10,10 +10,14 @@ import numpy as np
 from trailmark.estimation.logs.records import Detection, Increment, Odometry, Pose, Record, Scan
 from trailmark.estimation.slam.association import repeats
 
-__all__ = ["RecordChecks"]
+__all__ = ["CARRIED", "RecordChecks"]
 
 JUMP: Final = 0.5
 """Share of the sensor's range that a robot cannot drive from one record to the next: nothing would be seen again."""
+
+CARRIED: Final = np.diag([0.05**2, 0.05**2, 0.02**2])
+"""Covariance, in metres and radians, of the motion that a mapper writes down when a robot that was carried away is
+found again. As large a one may be a jump."""
 
 MOMENT: Final = 0.1
 """Seconds for which a velocity holds at least, until the next one."""
@@ -100,12 +104,14 @@ class RecordChecks:
         last = self._increment
         if last is not None and increment[:4] == last[:4]:
             return "expected a new one, got it again"
-        return self._problem_of_motion(math.hypot(increment.dx, increment.dy), increment.dtheta)
+        stated = increment.covariance
+        may_jump = stated is not None and bool((np.diag(stated) >= np.diag(CARRIED)).all())
+        return self._problem_of_motion(math.hypot(increment.dx, increment.dy), increment.dtheta, may_jump)
 
-    def _problem_of_motion(self, length: float, turn: float) -> str:
+    def _problem_of_motion(self, length: float, turn: float, may_jump: bool = False) -> str:
         if not (math.isfinite(length) and math.isfinite(turn)):
             return "expected finite numbers, got others"
-        if abs(length) > JUMP * self._range or abs(turn) > math.pi:
+        if not may_jump and (abs(length) > JUMP * self._range or abs(turn) > math.pi):
             return (
                 f"expected at most {JUMP * self._range:g} m and half a turn, got a jump of {abs(length):g} m, "
                 f"{abs(turn):g} rad"

@@ -22,7 +22,7 @@ from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import Intake
-from trailmark.exploration.record_checks import RecordChecks
+from trailmark.exploration.record_checks import CARRIED, RecordChecks
 from trailmark.se2 import FloatArray, compose, difference
 from trailmark.world import Robot, World
 
@@ -55,9 +55,6 @@ LEAST: Final = 0.01
 
 PLACES: Final = 20
 """Narrow places that a run leads through, over which the risk is spread."""
-
-FOUND: Final = np.diag([0.05**2, 0.05**2, 0.02**2])
-"""Covariance of a place that was found again in the map."""
 
 SPACING: Final = 0.25, 0.3
 """Metres and radians between scans by which the map is drawn anew: in between little else is seen."""
@@ -172,7 +169,7 @@ class ScanMapper:
             return False
         # What no odometry has told: the log has it as a motion, so that it leads to the same map.
         motion = relative(self.pose, pose)
-        carried = Increment(scan.t, float(motion[0]), float(motion[1]), float(motion[2]), FOUND)
+        carried = Increment(scan.t, float(motion[0]), float(motion[1]), float(motion[2]), CARRIED)
         self._reckoning.add(carried)
         self.records += [carried, scan]
         slam.place(scan, pose, self._reckoning.pose)

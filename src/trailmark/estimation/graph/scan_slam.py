@@ -152,6 +152,10 @@ class ScanSlam:
                 self._hold(last, pose)
                 return
         guess, noise = compose(self._keys.poses[last], step), self._noise(step)
+        if np.hypot(*step[:2]) > MAX_WINDOW.xy and np.hypot(*(self._keys.poses - guess)[:, :2].T).min() < MAX_WINDOW.xy:
+            # Carried away, and back to where it has been.
+            self.place(scan, guess, odometry)
+            return
         information = _inverse(noise)
         own = len(self._keys)
         if len(cloud.points) < MIN_POINTS:
