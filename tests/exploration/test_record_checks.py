@@ -63,11 +63,13 @@ def test_so_is_a_detection(record: Record, said: str) -> None:
 def test_what_may_be_is_let_through() -> None:
     checks = RecordChecks(Scan, 5.0)
     far = SCAN._replace(ranges=np.array([np.inf, np.nan, 0.0, 2.0, 5.0, 9.0, 1.0, 1.0]))
+    carried = STEP._replace(dx=40.0, covariance=CARRIED)
     good: list[Record] = [
         Odometry(0.0, 1.0, 0.1),
         Odometry(0.0, 0.5, 0.1),
         STEP,
         STEP._replace(dx=0.2),
+        carried,
         far,
         SCAN._replace(t=1.1),
     ]
