@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
-from trailmark import LandmarkPlanner, Robot, World
+from trailmark import LandmarkPlanner, Rectangle, Robot, World
+from trailmark.collision import StateChecker
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.exploration.reachability import NOWHERE, Reach
 from trailmark.exploration.survey import Memory, Survey, plan_to, survey
 from trailmark.exploration.views import sight
 
@@ -71,3 +73,33 @@ def test_lines_of_sight_are_those_of_shapely(seed: int) -> None:
         line = shapely.LineString([place, edge[0, :2]])
         free = line.intersection(blocked).length < 1e-9
         assert seen == (free and line.length <= 9.0 and place[1] < 5.0)
+
+
+def test_occupied_cells_are_no_proof_of_more_than_a_surface_in_them() -> None:
+    # A wall at an odd angle with a door hardly wider than the robot: all cells that the wall's outline goes through
+    # are occupied, and leave less than the robot's width free.
+    door, angle, cell = 0.42, 1.2, 0.04
+    along = np.array([np.cos(angle), np.sin(angle)])
+    walls = [
+        Rectangle(tuple((np.array([3.0, 2.0]) + side * along * (0.5 * door + 2.0)).tolist()), 4.0, 0.2, angle)
+        for side in (-1.0, 1.0)
+    ]
+    solid = shapely.union_all([wall.polygon().shapely() for wall in walls])
+    world = World("door", (0.0, 0.0, 6.0, 4.0), tuple(walls), ROBOT)
+    across = np.array([along[1], -along[0]])
+    ends = [np.append(np.array([3.0, 2.0]) + side * across, 0.0) for side in (-1.0, 1.0)]
+    assert StateChecker(world, ROBOT).motion_valid(*ends)
+    known = KnownMap(world.bounds, cell)
+    rows, columns = np.indices(known.state.shape)
+    corner = cell * np.stack([columns, rows], -1)
+    cells = shapely.box(corner[..., 0], corner[..., 1], corner[..., 0] + cell, corner[..., 1] + cell)
+    state = np.where(shapely.intersects(cells, solid.boundary), OCCUPIED, FREE)
+    state[shapely.contains_properly(solid, cells)] = UNKNOWN
+    been = np.zeros(state.shape, np.bool_)
+    been[known.cells_of(ends[0][None, :2])] = True
+    levels, _ = Reach(ROBOT, cell).levels(state.astype(np.uint8), been)
+    assert levels[known.cells_of(ends[1][None, :2])] > NOWHERE
+    # What is unknown stands in the way as a whole.
+    state[state == OCCUPIED] = UNKNOWN
+    levels, _ = Reach(ROBOT, cell).levels(state.astype(np.uint8), been)
+    assert levels[known.cells_of(ends[1][None, :2])] == NOWHERE

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from trailmark.collision.field import distance_transform
 from trailmark.collision.footprint import build_footprint
 from trailmark.compiled import njit
+from trailmark.exploration.known_map import FREE, OCCUPIED
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
@@ -27,8 +28,9 @@ class Reach:
     """Tells where a robot gets to among cells that are not free.
 
     What it calls NOWHERE rests on a flood over positions and headings: a cell of the map with one of HEADINGS intervals
-    of headings is passed unless discs inside the robot meet a cell that is not free, whatever configuration in it the
-    robot has. Motions of a robot that cannot move in every direction are among those that are flooded.
+    of headings is passed unless discs inside the robot meet an unknown cell, or contain an occupied one (a surface may
+    lie anywhere in it), whatever configuration in it the robot has. Motions of a robot that cannot move in every
+    direction are among those that are flooded.
 
     Attributes:
         rooms: number of the room of each cell, shape (rows, columns): within one the robot gets from everywhere to
@@ -56,26 +58,29 @@ class Reach:
         self.least = np.ascontiguousarray(left[order])
         self.rooms = np.empty((0, 0), np.int32)
         self._distance = np.empty((0, 0), np.float32)
+        self._solid = np.empty((0, 0), np.float32)
         self._known, self._passed = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint64)
 
-    def levels(self, free: NDArray[np.bool_], been: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    def levels(self, state: NDArray[np.uint8], been: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
         """Return what each cell is, from NOWHERE to CERTAIN, and around which cells that may have changed.
 
         Both have shape (rows, columns).
 
         Args:
-            free: which cells are free; what lies outside is not.
+            state: UNKNOWN, FREE or OCCUPIED; what lies outside is not free.
             been: cells where the robot's reference point is or was.
         """
         from scipy import ndimage
 
         # To the nearest centre of a cell that is not free.
-        distance = distance_transform(np.pad(~free, 1, constant_values=True), 1.0)[1:-1, 1:-1]
-        distance = np.ascontiguousarray(distance)
-        changed = self._forget(distance)
+        distance = _distance(state != FREE)
+        # Of an occupied cell all has to be met: without the disc around its middle, and half a diagonal farther.
+        beyond = 0.5 + 0.5 * sqrt(2.0)
+        solid = np.minimum(_distance((state != FREE) & (state != OCCUPIED)), distance + np.float32(beyond))
+        changed = self._forget(distance, solid)
         # Half a diagonal, since cells have corners, and as much for the way to the centres around.
         roomy = distance >= self.outer / self.cell + sqrt(2.0)
-        masks = flood(distance, roomy, been, self.offsets, self.least, self._known, self._passed)
+        masks = flood(solid, roomy, been, self.offsets, self.least, self._known, self._passed)
         levels = np.where(masks != 0, 1 + np.bitwise_count(masks) // 16, NOWHERE).astype(np.uint8)
         self.rooms = np.asarray(ndimage.label(roomy, np.ones((3, 3)))[0])
         levels[self.in_rooms_of(been)] = CERTAIN
@@ -88,16 +93,22 @@ class Reach:
         chosen[0] = False
         return np.asarray(np.take(chosen, self.rooms))
 
-    def _forget(self, distance: NDArray[np.float32]) -> NDArray[np.bool_]:
+    def _forget(self, distance: NDArray[np.float32], solid: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Forget which headings are free in cells near to where the distances are others now, and return those."""
         if distance.shape != self._distance.shape:
             self._known, self._passed = np.zeros(distance.shape, np.uint8), np.zeros(distance.shape, np.uint64)
             near = np.ones(distance.shape, np.bool_)
         else:
-            near = distance_transform(distance != self._distance, 1.0) <= self.outer / self.cell + 2.0
+            new = (distance != self._distance) | (solid != self._solid)
+            near = distance_transform(new, 1.0) <= self.outer / self.cell + 3.0
             self._known[near] = 0
-        self._distance = distance
+        self._distance, self._solid = distance, solid
         return np.asarray(near)
+
+
+def _distance(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return the distance from each cell's centre to the nearest in a mask, what lies outside included, in cells."""
+    return np.ascontiguousarray(distance_transform(np.pad(mask, 1, constant_values=True), 1.0)[1:-1, 1:-1])
 
 
 @njit(cache=True, nogil=True)
@@ -113,7 +124,8 @@ def flood(
     """Return the headings with which a robot perhaps gets to each cell, one for each bit, shape (rows, columns).
 
     Args:
-        distance: from each cell's centre to the nearest centre of a cell that is not free, in cells.
+        distance: from each cell's centre to the nearest centre of an unknown cell; of an occupied one, so much more as
+            it takes to contain it; in cells.
         roomy: cells where no heading meets anything.
         begin: cells where the robot is or was.
         offsets: from a cell's corner to the centres of n discs inside the robot in its middle, x, y, in cells, for each

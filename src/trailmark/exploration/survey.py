@@ -213,7 +213,7 @@ def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> 
     memory.been[known.cells_of(np.asarray(pose)[None, :2])] = True
     if memory.reach is None:
         memory.reach = Reach(robot, known.cell)
-    levels, changed = memory.reach.levels(known.state == FREE, memory.been)
+    levels, changed = memory.reach.levels(known.state, memory.been)
     memory.refused[changed | memory.reach.in_rooms_of(changed)] = 0
     return levels
 
