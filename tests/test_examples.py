@@ -73,6 +73,15 @@ def test_a_path_becomes_a_trajectory(checkout: Path) -> None:
     assert "</html>" in (checkout / "drive.html").read_text()
 
 
+@pytest.mark.slow
+def test_a_robot_of_ones_own_explores(checkout: Path) -> None:
+    found = run("explore_world.py", checkout, "worlds/office.yaml", "4", "map")
+    assert "m² known" in found
+    assert "time: the time limit of 4 s is used up" in found
+    assert (checkout / "map" / "world.yaml").exists()
+    assert "</html>" in (checkout / "map" / "exploration.html").read_text()
+
+
 def test_all_examples_are_run() -> None:
     text = Path(__file__).read_text()
     assert EXAMPLES
