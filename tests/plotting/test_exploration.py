@@ -56,15 +56,17 @@ def test_the_animation_reveals_the_map(tmp_path: Path) -> None:
     save_exploration_animation(file, made_exploration())
     require_replaceable(file)
     assert file.stat().st_size < 1_000_000
-    grey, seconds = [], 0.0
+    grey, aimed, seconds = [], 0, 0.0
     with Image.open(file) as film:
         for i in range(film.n_frames):  # type: ignore[attr-defined]
             film.seek(i)
             seconds += 1e-3 * film.info["duration"]
             pixels = np.asarray(film.convert("RGB"))[::3, ::3].astype(int)
+            aimed += bool((abs(pixels - (213, 94, 0)).max(axis=2) < 6).any())
             grey.append(int((abs(pixels - GREY).max(axis=2) < 6).sum()))
     assert len(grey) >= 80
     assert 8.0 < seconds < 15.0
+    assert aimed > 60, "the landmark that is driven to has its own colour"
     # Numbers beside landmarks and the robot hide some cells.
     assert grey[0] > 4 * grey[-1] > 0
     assert np.diff(grey).max() < 60

@@ -155,6 +155,9 @@ def save_exploration_animation(file: str | FilePath, result: ExplorationResult) 
     film = _Film(result)
     last = Image.fromarray(film.drawn(int(rows[-1])))
     palette = last.quantize(64, dither=Image.Dither.NONE)
+    # Of what is small, or not in the last frame, the colours would be some others.
+    own = [round(255.0 * part) for colour in (GOAL, PATH, LANDMARK) for part in to_rgb(colour)]
+    palette.putpalette([*(palette.getpalette() or [])[: 3 * 64], *own])
     pictures = [
         Image.fromarray(film.drawn(row)).quantize(palette=palette, dither=Image.Dither.NONE) for row in rows.tolist()
     ]
