@@ -13,6 +13,7 @@ from tests.support import exploration_faults as faults
 
 from trailmark import ConfigurationError, Rectangle, Robot, World
 from trailmark.estimation.logs.records import Record
+from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
 from trailmark.exploration.explorer import MAX_BLOCKED, MAX_STILL
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
@@ -71,6 +72,16 @@ def test_where_the_robot_does_not_fit_it_looks_through() -> None:
     assert truth[:, 0].max() < 3.0
     columns = result.known.cells_of(np.array([[3.5, 2.0]]))[1]
     assert (result.known.state[:, int(columns[0]) :] == FREE).any()
+    check_map(result, world)
+
+
+@pytest.mark.parametrize("field_of_view", [np.pi, 0.5 * np.pi])
+def test_what_lies_behind_the_robots_back_is_looked_at(field_of_view: float) -> None:
+    world = two_rooms(1.0)
+    result = explorer(world, sensor=Scanner(181, field_of_view, 3.0)).run()
+    assert result.status == "complete"
+    assert result.evaluation is not None
+    assert result.evaluation.seen > 0.99
     check_map(result, world)
 
 

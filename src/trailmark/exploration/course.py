@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError
+from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.mapper import Mapper
@@ -20,7 +21,7 @@ from trailmark.exploration.survey import Memory, Survey, plan_to, survey
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
-from trailmark.se2 import FloatArray
+from trailmark.se2 import FloatArray, wrap
 from trailmark.world import Robot, World
 
 __all__ = ["Course"]
@@ -45,7 +46,7 @@ class Course:
         mapper: says where the robot is, and what is known.
         robot: footprint and drive.
         start: where it began, shape (3,).
-        sensor_range: metres.
+        sensor: of the robot. One that does not see all around is turned around at landmarks.
         strategy: chooses the next landmark.
         settings: of the exploration.
         seed: of what is drawn.
@@ -64,7 +65,7 @@ class Course:
         mapper: Mapper,
         robot: Robot,
         start: FloatArray,
-        sensor_range: float,
+        sensor: Scanner | Detector,
         strategy: Strategy,
         settings: ExplorationSettings,
         seed: int,
@@ -74,7 +75,8 @@ class Course:
         self.follower: PathFollower | None = None
         self.landmarks, self.decisions = 0, list[float]()
         self.ended: tuple[Status, str] | None = None
-        self._mapper, self._robot, self._start, self._range = mapper, robot, start, sensor_range
+        self._mapper, self._robot, self._start, self._range = mapper, robot, start, sensor.max_range
+        self._sees_around = self._looked_around = sensor.field_of_view >= 2.0 * np.pi - 1e-9
         self._choose, self._settings, self._seed, self._name = strategy, settings, seed, name
         self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
         self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
@@ -120,6 +122,8 @@ class Course:
         here, escape = self._free(planner, self._mapper.pose)
         home = self._start if s.return_home else None
         events = list[str]()
+        # A sensor that does not see all around has done so where a path, with the turn at its end, was driven.
+        self._looked_around = self._sees_around or (self.follower is None and self._expected is not None)
         self.follower = self._expected = None
         while self.ended is None and self.follower is None:
             found = survey(
@@ -132,7 +136,8 @@ class Course:
                 s,
                 self._rng,
                 self._memory,
-                self._mapper.trajectory[:, 1:],
+                self._mapper.trajectory[:, 1:] if self._sees_around else None,
+                looked_around=self._looked_around,
             )
             if not len(found.outlook.landmarks):
                 self._go_home(found, planner, here, escape)
@@ -145,7 +150,7 @@ class Course:
                 if self._failed > MAX_FAILED:
                     self.ended = "stuck", f"no path to any of the last {MAX_FAILED} landmarks"
                 continue
-            self._follow(planned.path, escape, planner)
+            self._follow(planned.path, escape, planner, turn=not self._sees_around)
             self._failed, self._since, self._expected = 0, 0.0, found.expected[index]
             self.landmarks += 1
         self.decisions.append(perf_counter() - begin)
@@ -173,8 +178,13 @@ class Course:
         else:
             self._follow(planned.path, escape, planner)
 
-    def _follow(self, path: Path, escape: FloatArray, planner: LandmarkPlanner) -> None:
-        """Begin a path, after the way out of contact that leads to its first state."""
+    def _follow(self, path: Path, escape: FloatArray, planner: LandmarkPlanner, turn: bool = False) -> None:
+        """Begin a path, after the way out of contact that leads to its first state; with a turn at its end."""
+        if turn:
+            turned = np.repeat(path.states[-1:], 5, axis=0)
+            turned[:, 2] = wrap(turned[:, 2] + 0.5 * np.pi * np.arange(5))
+            if planner.checker.motions_valid(turned[:-1], turned[1:]).all():
+                path = Path(np.concatenate([path.states, turned[1:]]))
         if len(escape) > 1:
             path = Path(np.concatenate([escape[:-1], path.states]))
         self.follower = PathFollower(path, planner.robot)
@@ -185,7 +195,8 @@ class Course:
         result = planner.replan(pose, follower.target, follower.path, self._settings.planning_time, escape=True)
         if result.path is None:
             return [f"path given up: {result.reason}", *self._decide()]
-        self.follower = PathFollower(result.path, planner.robot)
+        turn = not self._sees_around and not result.kept and self._expected is not None
+        self._follow(result.path, pose[None], planner, turn)
         return [] if result.kept else [f"path replanned: {result.reason}"]
 
     def _pointless(self) -> bool:

@@ -114,7 +114,7 @@ class Explorer:
         self.mapper: Mapper = mapper_for(described, self.robot, self.start, bounds, self.settings, radii)
         self.sensor_range = described.max_range
         self._course = Course(
-            self.mapper, self.robot, self.start, self.sensor_range, choose, self.settings, self.seed, self.name
+            self.mapper, self.robot, self.start, described, choose, self.settings, self.seed, self.name
         )
         self._time, self._last_reading, self._distance = 0.0, 0.0, 0.0
         self._moved, self._blocked, self._still, self._stood = 0.0, 0, 0, self.start

@@ -117,6 +117,7 @@ def survey(
     rng: np.random.Generator,
     memory: Memory,
     sensed: FloatArray | None = None,
+    looked_around: bool = True,
 ) -> Survey:
     """Return what is left to be seen, after the robot has sensed where it is.
 
@@ -131,10 +132,12 @@ def survey(
         rng: draws the places that are clustered.
         memory: of the exploration.
         sensed: where the sensor was read so far, as is known now, in the order of time, shape (n, 3); None: here alone.
+        looked_around: whether the sensor has looked into all directions here.
     """
     state, cell = known.state, known.cell
     frontiers = frontiers_of(state, _large_enough(state, settings.min_area / cell**2), 0.5 * sensor_range / cell)
-    _note_looked(memory, known, frontiers, np.asarray(pose), sensor_range)
+    if looked_around:
+        _note_looked(memory, known, frontiers, np.asarray(pose), sensor_range)
     _note_passed(memory, known, frontiers, sensed, sensor_range)
     looked = memory.looked[frontiers.unknown[:, 0], frontiers.unknown[:, 1]]
     small = (np.bincount(frontiers.group, minlength=frontiers.groups) <= SMALL)[frontiers.group]
