@@ -65,6 +65,17 @@ def test_everything_is_written(shell: Shell, rooms: Path, tmp_path: Path, explor
     assert str(tmp_path / "run") in run.out
 
 
+def test_the_world_that_is_explored_is_not_replaced(
+    shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]
+) -> None:
+    shell("explore", rooms, *START, "--output", tmp_path / "run")
+    before = (tmp_path / "run" / "world.yaml").read_bytes()
+    run = shell("explore", tmp_path / "run" / "world.yaml", *START, "--output", tmp_path / "run")
+    assert (run.status, len(explorer.calls)) == (2, 1)
+    assert "is the same file as the input" in run.problem
+    assert (tmp_path / "run" / "world.yaml").read_bytes() == before
+
+
 def test_json_is_the_summary(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
     run = shell("explore", rooms, *START, "--output", tmp_path / "run", "--json")
     assert (run.status, run.err) == (0, "")
@@ -132,7 +143,7 @@ def test_an_interruption_keeps_all_and_is_gone_on_with(
         (["--output", "file"], "file: expected a folder, got a file"),
         (["--output", "no/run"], "no/run: cannot be written: the directory 'no' does not exist"),
         (["--output", "mine"], "mine/map.yaml: a file that trailmark did not write is there"),
-        (["--output", "."], "rooms.yaml"),
+        (["--output", "."], "world.yaml: a file that trailmark did not write is there"),
         (["--output", "run", "--robot", "disc:0"], "radius"),
         (["--output", "run", "--robot", "cat.yaml"], "cat.yaml: cannot be read"),
         (["--output", "run", "--start", "1,1"], "expected X,Y,T, finite numbers"),
@@ -171,7 +182,7 @@ def test_bad_input_is_told_in_one_line(
     Path("mine/map.yaml").write_text("image: mine.pgm\n")
     if words == ["--output", "."]:
         rooms.rename("world.yaml")
-        words, problem, rooms = [*words, *START], "is the same file as the input", Path("world.yaml")
+        words, rooms = [*words, *START], Path("world.yaml")
     run = shell("explore", rooms, *words)
     assert run.status == 2
     assert problem in run.problem
