@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
 
 from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.reachability import NOWHERE, Reach
+from trailmark.exploration.strategies import STRATEGIES
 from trailmark.exploration.survey import Memory, Survey, plan_to, survey
 from trailmark.exploration.views import sight
+from trailmark.se2 import FloatArray
 
 ROBOT = Robot.disc(0.2)
 
@@ -103,3 +109,141 @@ def test_occupied_cells_are_no_proof_of_more_than_a_surface_in_them() -> None:
     state[state == OCCUPIED] = UNKNOWN
     levels, _ = Reach(ROBOT, cell).levels(state.astype(np.uint8), been)
     assert levels[known.cells_of(ends[1][None, :2])] == NOWHERE
+
+
+BEAMS, STEPS_PER_CELL = 900, 4
+
+
+class Hidden:
+    """A hidden world of cells, a robot that senses in it without noise, and an exploration of it."""
+
+    def __init__(self, solid: NDArray[np.bool_], cell: float, robot: Robot, start: tuple[float, float]) -> None:
+        self.solid, self.robot, self.range = solid, robot, 4.0
+        self.known = KnownMap((0.0, 0.0, cell * solid.shape[1], cell * solid.shape[0]), cell)
+        self.state = self.known.state.copy()
+        self.start = self.pose = np.array([*start, 0.0])
+        self.sense(self.pose)
+        self.statuses = list[str]()
+
+    def sense(self, pose: FloatArray) -> None:
+        cell, (rows, columns) = self.known.cell, self.solid.shape
+        angle = (np.arange(BEAMS) + 0.5) * 2.0 * np.pi / BEAMS
+        far = np.arange(0.0, self.range / cell, 1.0 / STEPS_PER_CELL)
+        c = np.floor(pose[0] / cell + np.cos(angle)[:, None] * far).astype(int)
+        r = np.floor(pose[1] / cell + np.sin(angle)[:, None] * far).astype(int)
+        outside = (r < 0) | (c < 0) | (r >= rows) | (c >= columns)
+        r, c = np.clip(r, 0, rows - 1), np.clip(c, 0, columns - 1)
+        met = self.solid[r, c] | outside
+        clear = ~np.maximum.accumulate(met, axis=1)
+        first = met & (np.cumsum(met, axis=1) == 1) & ~outside
+        self.state[r[first], c[first]] = OCCUPIED
+        self.state[r[clear], c[clear]] = FREE
+
+    def explore(self, strategy: str, most: int = 80) -> Survey:
+        """Go from landmark to landmark until nothing is left."""
+        known, settings, rng = self.known, ExplorationSettings(), np.random.default_rng(0)
+        known.set_state(self.state.copy())
+        world = known.follow(World("hidden", known.bounds, robot=self.robot))
+        planner, memory = LandmarkPlanner(world, self.robot, seed=0), Memory(known)
+        for _ in range(most):
+            found = survey(known, planner, self.robot, self.pose, None, self.range, settings, rng, memory)
+            if found.ended:
+                return found
+            planned = plan_to(known, planner, found, STRATEGIES[strategy](found.outlook), settings, memory)
+            self.statuses.append(planned.status)
+            if planned.path is None:
+                continue
+            states = planned.path.states
+            for a, b in itertools.pairwise(states):
+                for share in np.linspace(0.0, 1.0, 2 + int(np.hypot(*(b - a)[:2]) / 0.3))[1:]:
+                    self.sense(a + share * (b - a))
+            self.pose = states[-1]
+            known.set_state(self.state.copy())
+            planner.update(known.follow(planner.world))
+        raise AssertionError(f"not at an end after {most} landmarks")
+
+    def unseen(self) -> int:
+        """Count the cells that stay unknown although a place where a disc robot gets to sees them, by shapely."""
+        cell, radius = self.known.cell, self.robot.circumradius
+        rows, columns = self.solid.shape
+        boxes = [shapely.box(c * cell, r * cell, (c + 1) * cell, (r + 1) * cell) for r, c in np.argwhere(self.solid)]
+        hall = shapely.box(0.0, 0.0, columns * cell, rows * cell)
+        walls = shapely.union_all([*boxes, hall.buffer(1.0).difference(hall)])
+        shapely.prepare(walls)
+        r, c = np.nonzero(~self.solid)
+        middles = shapely.points(cell * (c + 0.5), cell * (r + 0.5))
+        # What the map's resolution may take for blocked: a cell more than the robot.
+        fits = np.zeros(self.solid.shape, np.bool_)
+        fits[r, c] = shapely.distance(walls, middles) >= radius + cell
+        labels = ndimage.label(fits)[0]
+        here = tuple(int(v[0]) for v in self.known.cells_of(self.start[None, :2]))
+        places = np.argwhere(labels == labels[here])[::7]
+        left = np.argwhere((self.known.state == UNKNOWN) & ~self.solid)
+        if len(left) == 0:
+            return 0
+        ends = np.stack(np.broadcast_arrays(places[:, None], left[None]), axis=2)[..., ::-1] * cell + 0.5 * cell
+        lines = shapely.linestrings(ends)
+        near = shapely.length(lines) <= self.range - 2.0 * cell
+        return int((near & ~shapely.intersects(walls, lines)).any(axis=0).sum())
+
+
+def hall(rows: int = 60, columns: int = 80) -> NDArray[np.bool_]:
+    solid = np.zeros((rows, columns), np.bool_)
+    solid[[0, -1]] = solid[:, [0, -1]] = True
+    return solid
+
+
+def slot() -> NDArray[np.bool_]:
+    """Two rooms, and between them a slot through which the robot does not fit, but beams do."""
+    solid = hall()
+    solid[:, 40:44] = True
+    solid[28:32, 40:44] = False
+    return solid
+
+
+def slanted() -> NDArray[np.bool_]:
+    """A wall at an odd angle with a door in it that the robot just fits through."""
+    solid = hall()
+    r, c = np.indices(solid.shape)
+    along, across = 0.8 * (c - 40) + 0.6 * (r - 30), -0.6 * (c - 40) + 0.8 * (r - 30)
+    solid |= (np.abs(along) < 3.0) & (np.abs(across) > 7.0)
+    return solid
+
+
+def islands(seed: int) -> NDArray[np.bool_]:
+    """Blocks here and there, one of them hollow."""
+    rng, solid = np.random.default_rng(seed), hall()
+    for _ in range(8):
+        r, c = rng.integers(2, 50), rng.integers(14, 70)
+        solid[r : r + rng.integers(2, 9), c : c + rng.integers(2, 9)] = True
+    solid[40:52, 60:72] = True
+    solid[43:49, 63:69] = False
+    solid[:12, :12] = hall()[:12, :12]
+    return solid
+
+
+@pytest.mark.parametrize("strategy", ["nearest-frontier", "tour"])
+def test_beams_go_where_the_robot_does_not_fit(strategy: str) -> None:
+    hidden = Hidden(slot(), 0.05, Robot.disc(0.2), (0.5, 0.5))
+    found = hidden.explore(strategy)
+    assert found.status == "complete"
+    assert hidden.unseen() <= 0.01 * (hidden.known.state == FREE).sum()  # single cells, far behind the slot
+    # Through the slot, not only its own cells.
+    assert (hidden.known.state[:, 46:79] == FREE).sum() > 300
+    assert hidden.pose[0] < 2.0
+
+
+def test_a_door_that_just_fits_is_driven_through() -> None:
+    hidden = Hidden(slanted(), 0.05, Robot.rectangle(0.5, 0.3), (0.5, 0.5))
+    found = hidden.explore("tour")
+    assert found.status == "complete"
+    assert (hidden.known.state[hall() == hidden.solid] != UNKNOWN).mean() > 0.99
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_at_the_end_nothing_is_in_sight_from_where_the_robot_gets_to(seed: int) -> None:
+    hidden = Hidden(islands(seed), 0.05, Robot.disc(0.2), (0.42, 0.42))
+    found = hidden.explore("tour")
+    assert found.status == "complete"
+    assert hidden.unseen() <= 3
+    assert (hidden.known.state[43:49, 63:69] == UNKNOWN).all()  # nobody sees into what is closed

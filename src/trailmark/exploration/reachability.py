@@ -1,7 +1,5 @@
 """Where the robot can get to in the known map: certainly, perhaps, and provably not."""
 
-# Tested by tests/exploration/test_survey.py.
-
 from __future__ import annotations
 
 from math import floor, sqrt

@@ -19,7 +19,7 @@ from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.reachability import Reach
 from trailmark.exploration.result import Status
 from trailmark.exploration.travel import Travel
-from trailmark.exploration.views import expected_areas, sight
+from trailmark.exploration.views import expected_areas, nearest_looks
 from trailmark.goals import Goal
 from trailmark.planning.planner import LandmarkPlanner
 from trailmark.planning.result import PlanProgress, PlanResult
@@ -41,8 +41,11 @@ APART = 6.0
 MOST_PLACES = 60
 """Of them, since the last survey."""
 
-TRIES = 3
-"""Surveys from right beside a place that count as one from there: the robot does not get there to the hair."""
+TRIES = 2
+"""Landmarks that the robot came to in order to see a cell that stayed unknown, before it is given up."""
+
+ARRIVED = 2.0
+"""Cells from a landmark at which the robot has come to it."""
 
 MOSTLY = 0.6
 """Share of a frontier that has to be in sight for it to count as seen, if there is a landmark that sees as much."""
@@ -76,7 +79,8 @@ class Memory:
         sensed: readings of the sensor up to the last survey.
         been: cells where the robot's reference point was.
         looked: metres from which each cell was looked at and stayed unknown, infinite if never.
-        tries: surveys at places from right beside which a cell was in sight and stayed unknown.
+        tries: how often the robot came to a landmark to see a cell, and it stayed unknown.
+        aim: the last landmark, x, y, and rows and columns of the cells that it was to show.
         refused: how often no way to a cell was found since the map last changed around it.
         reach: tells where the robot gets to; None before the first survey.
     """
@@ -87,6 +91,7 @@ class Memory:
         self.been = np.zeros(shape, np.bool_)
         self.looked = np.full(shape, np.inf, np.float32)
         self.tries = np.zeros(shape, np.int32)
+        self.aim: tuple[FloatArray, tuple[NDArray[np.intp], NDArray[np.intp]]] | None = None
         self.refused = np.zeros(shape, np.uint8)
         self.reach: Reach | None = None
 
@@ -136,9 +141,7 @@ def survey(
     """
     state, cell = known.state, known.cell
     frontiers = frontiers_of(state, _large_enough(state, settings.min_area / cell**2), 0.5 * sensor_range / cell)
-    if looked_around:
-        _note_looked(memory, known, frontiers, np.asarray(pose), sensor_range)
-    _note_passed(memory, known, frontiers, sensed, sensor_range)
+    _note_looked(memory, known, frontiers, np.asarray(pose) if looked_around else None, sensed, sensor_range)
     looked = memory.looked[frontiers.unknown[:, 0], frontiers.unknown[:, 1]]
     small = (np.bincount(frontiers.group, minlength=frontiers.groups) <= SMALL)[frontiers.group]
     left = np.where(small, np.isinf(looked), looked > NEARER * sensor_range)
@@ -201,6 +204,7 @@ def plan_to(
             found.append(progress.cost)
 
     result = planner.plan(outlook.here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
+    memory.aim = None if result.path is None else (outlook.landmarks[index, :2], surveyed.expected[index])
     if result.path is None:
         # What is so for one place of a room is so for all of it.
         refused = np.zeros(known.state.shape, np.bool_)
@@ -243,37 +247,45 @@ def _large_enough(state: NDArray[np.uint8], least: float) -> NDArray[np.bool_]:
     return np.asarray(np.take(large, labels))
 
 
-def _note_looked(memory: Memory, known: KnownMap, frontiers: Frontiers, pose: FloatArray, sensor_range: float) -> None:
-    """Note the unknown cells that are in sight from here: they were looked at, and stayed unknown."""
-    here = (np.asarray(pose)[None, :2] - np.asarray(known.origin)) / known.cell
-    around = np.floor(here) + np.array([[i, j] for i in (-0.5, 0.5, 1.5) for j in (-0.5, 0.5, 1.5)])
-    rows, columns = known.state.shape
-    places = np.clip(np.concatenate([here, around]), 0.0, np.array([columns, rows]) - 1e-9)
-    edges, cells = frontiers.edges, frontiers.unknown
-    seen = sight(known.state, places, edges, np.full(len(edges), sensor_range / known.cell))
-    memory.tries[tuple(cells[seen.any(axis=0)].T)] += 1
-    looked = seen[0] | (seen.any(axis=0) & (memory.tries[cells[:, 0], cells[:, 1]] >= TRIES))
-    away = np.hypot(*(edges[looked, :2] - here).T) * known.cell
-    np.minimum.at(memory.looked, tuple(cells[looked].T), away.astype(np.float32))
-
-
-def _note_passed(
-    memory: Memory, known: KnownMap, frontiers: Frontiers, sensed: FloatArray | None, sensor_range: float
+def _note_looked(
+    memory: Memory,
+    known: KnownMap,
+    frontiers: Frontiers,
+    pose: FloatArray | None,
+    sensed: FloatArray | None,
+    sensor_range: float,
 ) -> None:
-    """Note likewise what was in sight from where the robot sensed since the last survey."""
-    if sensed is None:
-        return
-    places = (sensed[memory.sensed :, :2] - np.asarray(known.origin)) / known.cell
-    memory.sensed = len(sensed)
-    if len(places) == 0:
-        return
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(places, axis=0).T))])
-    chosen = np.unique(np.searchsorted(along, np.arange(0.0, along[-1], max(APART, along[-1] / MOST_PLACES))))
-    places, edges, cells = np.ascontiguousarray(places[chosen]), frontiers.edges, frontiers.unknown
-    seen = sight(known.state, places, edges, np.full(len(edges), sensor_range / known.cell))
-    for place, row in zip(places, seen, strict=True):
-        away = np.hypot(*(edges[row, :2] - place).T) * known.cell
-        np.minimum.at(memory.looked, tuple(cells[row].T), away.astype(np.float32))
+    """Note the unknown cells that were wholly in sight since the last survey: they were looked at, and stayed unknown.
+
+    So were those that the last landmark was to show, if the robot has come there as often as that.
+    """
+    here = np.empty((0, 2)) if pose is None else pose[None, :2]
+    places = here
+    if sensed is not None:
+        places = np.concatenate([_spaced(sensed[memory.sensed :, :2], known.cell), here])
+        memory.sensed = len(sensed)
+    cells = np.unique(frontiers.unknown, axis=0)
+    rows, columns = known.state.shape
+    places = np.clip((places - np.asarray(known.origin)) / known.cell, 0.0, np.array([columns, rows]) - 1e-9)
+    away = nearest_looks(
+        known.state, np.ascontiguousarray(places), np.ascontiguousarray(cells, np.int64), sensor_range / known.cell
+    )
+    np.minimum.at(memory.looked, tuple(cells.T), (away * known.cell).astype(np.float32))
+    if memory.aim is not None and pose is not None:
+        place, expected = memory.aim
+        if np.hypot(*(place - pose[:2])) <= ARRIVED * known.cell:
+            memory.tries[expected] += 1
+            memory.looked[memory.tries >= TRIES] = 0.0
+            memory.aim = None
+
+
+def _spaced(points: FloatArray, cell: float) -> FloatArray:
+    """Return some of the points along a way, about APART cells from one to the next, and no more than MOST_PLACES."""
+    if len(points) == 0:
+        return points
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    wanted = np.arange(0.0, along[-1], max(APART * cell, along[-1] / MOST_PLACES))
+    return np.asarray(points[np.unique(np.searchsorted(along, wanted))])
 
 
 def _free_path(state: NDArray[np.uint8]) -> float:

@@ -13,7 +13,7 @@ from trailmark.compiled import njit
 from trailmark.exploration.known_map import FREE, OCCUPIED
 from trailmark.se2 import FloatArray
 
-__all__ = ["expected_areas", "line_is_free", "places_in_sight", "sight"]
+__all__ = ["expected_areas", "line_is_free", "nearest_looks", "places_in_sight", "sight"]
 
 
 @njit(cache=True)
@@ -74,6 +74,40 @@ def sight(
             if dx * edges[j, 2] + dy * edges[j, 3] > 1e-9 and dx * dx + dy * dy <= farthest[j] ** 2:
                 seen[i, j] = line_is_free(state, places[i, 0], places[i, 1], edges[j, 0], edges[j, 1])
     return seen
+
+
+@njit(cache=True, nogil=True)
+def nearest_looks(
+    state: NDArray[np.uint8], places: FloatArray, cells: NDArray[np.int64], farthest: float
+) -> FloatArray:
+    """Return the distance from which each cell was wholly in sight, the least one, in cells; infinite if from none.
+
+    It is so from where the middles of its four quarters are in sight, through free cells and the cell itself.
+
+    Args:
+        state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+        places: x, y in cells from the grid's corner, shape (n, 2).
+        cells: rows and columns, shape (m, 2).
+        farthest: in cells.
+    """
+    nearest = np.full(len(cells), np.inf)
+    for j in range(len(cells)):
+        row, column = cells[j, 0], cells[j, 1]
+        before = state[row, column]
+        state[row, column] = FREE
+        for i in range(len(places)):
+            x, y = places[i, 0], places[i, 1]
+            away = hypot(column + 0.5 - x, row + 0.5 - y)
+            if away > farthest or away >= nearest[j]:
+                continue
+            whole = True
+            for quarter in range(4):
+                end_x, end_y = column + 0.25 + 0.5 * (quarter % 2), row + 0.25 + 0.5 * (quarter // 2)
+                whole = whole and line_is_free(state, x, y, end_x, end_y)
+            if whole:
+                nearest[j] = away
+        state[row, column] = before
+    return nearest
 
 
 @njit(cache=True, nogil=True)
