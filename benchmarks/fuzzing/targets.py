@@ -307,6 +307,7 @@ TARGETS: dict[str, Target] = {
     "Explore-Bench map": Target(
         _copy("explore/explorebench_room.yaml", "explore/explorebench_room.pgm"), "explorebench_room.yaml", _world
     ),
+    "ARiADNE map": Target(_copy("explore/ariadne_easy_img_1.png"), "ariadne_easy_img_1.png", _world),
     "MovingAI": Target(
         _copy("movingai/Berlin_0_256.map", "movingai/Berlin_0_256.map.scen"), "Berlin_0_256.map", _world
     ),
