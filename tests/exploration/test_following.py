@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trailmark import Path, Robot
+from trailmark import Disc, Path, Robot, World
+from trailmark.estimation.simulation.raycast import RayCaster
+from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.se2 import compose, difference
@@ -72,3 +74,19 @@ def test_what_was_free_and_is_not_any_more_endangers_it() -> None:
         state[row, column] = OCCUPIED
         known.set_state(state)
         assert follower.endangered(known) is expected
+
+
+def test_a_surface_that_is_larger_than_it_was_endangers_it() -> None:
+    # Two poles in one cell: the second one makes no cell occupied that was free.
+    known, sensor = KnownMap((-1.0, -2.0, 4.0, 2.0), 0.1), Scanner(2000, 2.0 * np.pi, 3.0, sigma=0.0)
+    poles = Disc((1.05, 0.37), 0.01), Disc((1.05, 0.33), 0.01)
+    for count in (1, 1, 2):
+        world = World("poles", known.bounds, poles[:count])
+        scan = sensor.sweep(0.0, np.zeros(3), RayCaster(world, bounds=True), np.random.default_rng(0))
+        before = known.state.copy()
+        known.add_scan(scan, np.zeros(3), 3.0)
+        if count == 1:
+            follower = PathFollower(Path(STATES[:2]), Robot.disc(0.3))
+            assert not follower.endangered(known)
+    assert not ((before == FREE) & (known.state == OCCUPIED)).any()
+    assert follower.endangered(known)

@@ -105,7 +105,9 @@ class Course:
         known = self._mapper.known
         if self.planner is None:
             world = known.follow(World(self._name, known.bounds, robot=self._robot))
-            self.planner = LandmarkPlanner(world, self._robot, seed=self._seed, clearance=self._mapper.margin)
+            # A path that touches something is none for a robot that may be beside it.
+            clearance = max(self._mapper.margin, ON_PATH)
+            self.planner = LandmarkPlanner(world, self._robot, seed=self._seed, clearance=clearance)
         elif (world := known.follow(self.planner.world)) is not self.planner.world:
             self.planner.update(world)
         return self.planner
@@ -188,6 +190,7 @@ class Course:
         if len(escape) > 1:
             path = Path(np.concatenate([escape[:-1], path.states]))
         self.follower = PathFollower(path, planner.robot)
+        self.follower.endangered(self._mapper.known)
 
     def _replan(self, follower: PathFollower) -> list[str]:
         """Lead the path around what has come into its way, or choose anew."""

@@ -36,7 +36,7 @@ class PathFollower:
         self._comes_back = robot.drive == "omnidirectional"
         self._rows = path.resample(STEP).states if len(path.states) > 1 else path.states
         self._at = 0
-        self._free: tuple[NDArray[np.intp], ...] | None = None
+        self._near: tuple[NDArray[np.intp], ...] | None = None
 
     @property
     def target(self) -> FloatArray:
@@ -89,14 +89,23 @@ class PathFollower:
         return np.asarray(relative(rows[0], rows))
 
     def endangered(self, known: KnownMap) -> bool:
-        """Return whether a cell near what is left of the path was free and is not any more, since the last call."""
-        if self._free is None:
+        """Return whether something is near the path that was not there at the first call, made when it was planned.
+
+        A surface that is larger than it was counts, too: a wall may have its corner in a cell that was occupied.
+        """
+        if self._near is None:
             rows, columns = known.cells_of(self._rows[:, :2])
             near = np.zeros(known.state.shape, dtype=bool)
             near[rows, columns] = True
-            self._free = np.nonzero(grown(near, self._reach + STEP, known.cell) & (known.state == FREE))
+            self._near = np.nonzero(grown(near, self._reach + STEP, known.cell))
+            self._free = known.state[self._near] == FREE
+            self._surfaces, self._revision = known.surfaces(*self._near), known.revision
+        if known.revision == self._revision:
             return False
-        return bool((known.state[self._free] != FREE).any())
+        self._revision = known.revision
+        now = known.surfaces(*self._near)
+        larger = (now[:, :2] < self._surfaces[:, :2]).any() or (now[:, 2:] > self._surfaces[:, 2:]).any()
+        return bool(larger or (known.state[self._near][self._free] != FREE).any())
 
 
 def grown(mask: BoolArray, radius: float, cell: float) -> BoolArray:

@@ -176,6 +176,13 @@ class KnownMap:
         place = np.floor((np.asarray(points) - np.asarray(self.origin)) / self.cell).astype(np.intp)
         return np.clip(place[..., 1], 0, rows - 1), np.clip(place[..., 0], 0, columns - 1)
 
+    def surfaces(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.int64]:
+        """Return the boxes of the surfaces in cells, shape (n, 4): x0, y0, x1, y1 in parts of it; x1 < x0 for none."""
+        box = self._cells.box[rows, columns].astype(np.int64)
+        found = np.column_stack([box[:, :2] * PARTS // 255, -(-box[:, 2:] * PARTS // 255)])
+        found[self.state[rows, columns] != OCCUPIED] = PARTS, PARTS, 0, 0
+        return found
+
     def centres(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> FloatArray:
         """Return the centres of cells, shape (n, 2), metres."""
         return np.asarray(np.asarray(self.origin) + self.cell * (np.column_stack([columns, rows]) + 0.5))
