@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.exploration.candidates import Search, middles_of
+from trailmark.exploration.candidates import NO_ROOM, Search, middles_of
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import Frontiers, frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
@@ -104,7 +104,8 @@ class Survey(NamedTuple):
     ended: str
     """Why nothing is left, in a sentence; empty as long as something is."""
     status: Status
-    """``complete`` where nothing is left: it is proven that nothing more can be seen, at the map's resolution."""
+    """``complete`` where nothing is left: nothing is in sight from the centre of any cell that the robot gets to, but
+    through gaps of a cell or two, and what stayed unknown although it was looked at."""
     expected: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
     """For each landmark, rows and columns of the unknown cells at the frontiers that are in sight from it."""
     any_heading: NDArray[np.bool_]
@@ -174,6 +175,11 @@ def survey(
         sensor_range=sensor_range,
     )
     ended = "" if n else "everything has been seen that can be seen from where the robot can get to"
+    undecided = float(((memory.refused > 0) & (memory.refused < NO_ROOM)).sum()) * cell**2
+    if ended and undecided > 0.0:
+        ended += (
+            f"; whether it gets to {undecided:.2g} m² more is undecided: no way was found there, nor always excluded"
+        )
     unknown = frontiers.unknown
     expected = tuple((unknown[row, 0], unknown[row, 1]) for row in sees)
     return Survey(outlook, ended, "complete", expected, np.isnan(found.headings))
