@@ -186,3 +186,15 @@ def test_with_the_margin_nothing_true_lies_where_the_map_is_free(seed: int) -> N
         assert free.area > 1.0
         assert free.intersection(around).area == 0.0
     assert ScanMapper(START, KnownMap(WORLD.bounds, 0.05), LASER, ROBOT, ExplorationSettings()).margin == 0.0
+
+
+def test_a_wall_where_the_range_ended_speaks_against_nothing() -> None:
+    known = KnownMap((-2.0, -2.0, 2.0, 2.0), 0.1)
+    beams = 120
+
+    def ring(far: float) -> Scan:
+        return Scan(0.0, np.full(beams, far), -math.pi, 2.0 * math.pi / beams, 1.0)
+
+    known.add_scan(ring(math.inf), np.zeros(3), 1.0)
+    assert known.agreement(ring(0.99), np.zeros(3), 1.0).new == 0
+    assert known.agreement(ring(0.5), np.zeros(3), 1.0).new == beams

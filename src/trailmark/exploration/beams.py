@@ -168,11 +168,14 @@ def agreement(cells, start, ends, kinds, tolerance):  # type: ignore[no-untyped-
             through += 1
         elif kinds[k] == MET and -1 <= last_i <= columns and -1 <= last_j <= rows:
             last_i, last_j, near = min(max(last_i, 0), columns - 1), min(max(last_j, 0), rows - 1), False
+            # Beams that ended right before a wall that is out of range have shown its cells as free, not what is behind.
+            amid = NEAR <= last_i < columns - NEAR and NEAR <= last_j < rows - NEAR
             for r in range(max(0, last_j - NEAR), min(rows, last_j + NEAR + 1)):
                 for c in range(max(0, last_i - NEAR), min(columns, last_i + NEAR + 1)):
                     near = near or cells.state[r, c] == OCCUPIED
+                    amid = amid and cells.state[r, c] == FREE
             if near:
                 met += 1
-            elif cells.state[last_j, last_i] == FREE:
+            elif amid:
                 new += 1
     return met, through, new
