@@ -168,7 +168,7 @@ def agreement(cells, start, ends, kinds, tolerance):  # type: ignore[no-untyped-
             through += 1
         elif kinds[k] == MET and -1 <= last_i <= columns and -1 <= last_j <= rows:
             last_i, last_j, near = min(max(last_i, 0), columns - 1), min(max(last_j, 0), rows - 1), False
-            # Beams that ended right before a wall that is out of range have shown its cells as free, not what is behind.
+            # Beams that ended right before a wall just out of range have shown its cells as free, not what is behind.
             amid = NEAR <= last_i < columns - NEAR and NEAR <= last_j < rows - NEAR
             for r in range(max(0, last_j - NEAR), min(rows, last_j + NEAR + 1)):
                 for c in range(max(0, last_i - NEAR), min(columns, last_i + NEAR + 1)):
