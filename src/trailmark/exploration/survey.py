@@ -175,14 +175,18 @@ def survey(
         sensor_range=sensor_range,
     )
     ended = "" if n else "everything has been seen that can be seen from where the robot can get to"
+    status: Status = "complete"
     undecided = float(((memory.refused > 0) & (memory.refused < NO_ROOM)).sum()) * cell**2
     if ended and undecided > 0.0:
-        ended += (
-            f"; whether it gets to {undecided:.2g} m² more is undecided: no way was found there, nor always excluded"
+        # No proof, so not complete.
+        status = "stuck"
+        ended = (
+            f"no way was found to {undecided:.2g} m² of free space, nor is it proven that there is none; what can be "
+            "seen from elsewhere has been seen"
         )
     unknown = frontiers.unknown
     expected = tuple((unknown[row, 0], unknown[row, 1]) for row in sees)
-    return Survey(outlook, ended, "complete", expected, np.isnan(found.headings))
+    return Survey(outlook, ended, status, expected, np.isnan(found.headings))
 
 
 def plan_to(
