@@ -9,9 +9,9 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from trailmark import Robot
-from trailmark.exploration.known_map import FREE, UNKNOWN
-from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach
+from trailmark import Rectangle, Robot, StateChecker, World
+from trailmark.exploration.known_map import FREE, UNKNOWN, KnownMap
+from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, connected_cells
 
 CELL = 0.1
 
@@ -124,3 +124,15 @@ def test_what_is_kept_from_call_to_call_is_what_is_found_anew() -> None:
         free = free.copy()
         r, c = int(rng.integers(0, 18)), int(rng.integers(8, 24))
         free[r, c] = ~free[r, c]
+
+
+def test_no_way_to_a_cell_is_none_to_those_that_motions_join_to_it() -> None:
+    wall = Rectangle((3.0, 2.0), 0.2, 4.0)
+    world = World("walls", (0.0, 0.0, 6.0, 4.0), (wall,), Robot.disc(0.2))
+    known = KnownMap(world.bounds, 0.1)
+    found = connected_cells(known, StateChecker(world), np.ones(known.state.shape, np.bool_), 20, 10)
+    x, y = known.centres(*np.nonzero(~found)).T
+    # All but the places on the other side of the wall where the disc fits.
+    assert len(x) == 25 * 36
+    assert x.min() == pytest.approx(3.35)
+    assert (y.min(), y.max()) == pytest.approx((0.25, 3.75))

@@ -71,10 +71,18 @@ def test_lines_of_sight_are_those_of_shapely(seed: int) -> None:
     rng = np.random.default_rng(seed)
     state = np.where(rng.random((12, 12)) < 0.2, OCCUPIED, FREE).astype(np.uint8)
     state[5, 5] = UNKNOWN
-    blocked = shapely.union_all([shapely.box(c, r, c + 1, r + 1) for r, c in np.argwhere(state != FREE).tolist()])
     places = rng.uniform(0.0, 12.0, (50, 2))
     edge = np.array([[5.5, 5.0, 0.0, 1.0]])
-    found = sight(state, places, edge, np.array([9.0]))[:, 0]
+    boxes = np.broadcast_to(np.array([0, 0, 255, 255], np.uint8), (12, 12, 4)).copy()
+    # Surfaces that fill a part of their cells.
+    boxes[state == OCCUPIED, 2 if seed % 2 else 1] = 100
+    blocked = shapely.union_all(
+        [
+            shapely.box(*(np.array([c, r, c, r]) + (boxes[r, c] / 255.0 if state[r, c] == OCCUPIED else [0, 0, 1, 1])))
+            for r, c in np.argwhere(state != FREE).tolist()
+        ]
+    )
+    found = sight(state, boxes, places, edge, np.array([9.0]))[:, 0]
     for place, seen in zip(places, found, strict=True):
         line = shapely.LineString([place, edge[0, :2]])
         free = line.intersection(blocked).length < 1e-9

@@ -110,7 +110,9 @@ class Search(NamedTuple):
         return k_means_landmarks(samples, k, radius=0.0, steps=STEPS, random_state=rng)[:, 1::-1].astype(np.intp)
 
     def _sees(self, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
-        return sight(self.known.state, middles_of(cells), self.frontiers.edges, self.farthest)
+        return sight(
+            self.known.state, self.known.surface_boxes(), middles_of(cells), self.frontiers.edges, self.farthest
+        )
 
     def _seeing(
         self, sees: NDArray[np.bool_], edges: int, spacing: float, refusals: int, *, until_settled: bool
@@ -128,7 +130,15 @@ class Search(NamedTuple):
         left = _some_of_each(np.flatnonzero(~np.isin(group, group[sees.any(axis=0)])), group, edges)
         while True:
             reached = np.where(self.refused <= refusals, self.levels, NOWHERE).astype(np.uint8)
-            found = places_in_sight(state, reached, self.frontiers.edges[left], self.farthest[left], DRAWS, spacing)
+            found = places_in_sight(
+                state,
+                self.known.surface_boxes(),
+                reached,
+                self.frontiers.edges[left],
+                self.farthest[left],
+                DRAWS,
+                spacing,
+            )
             places = np.unique(found[found >= 0])
             headings = self._headings(places)
             fits = ~np.isinf(headings)

@@ -192,6 +192,14 @@ class KnownMap:
         """Square metres of the cells that are free."""
         return float((self.state == FREE).sum()) * self.cell**2
 
+    def surface_boxes(self) -> NDArray[np.uint8]:
+        """Return the boxes of the surfaces in occupied cells, shape (rows, columns, 4).
+
+        They are xmin, ymin, xmax, ymax in 255ths of a cell's side: all of the cell where beams lay too far apart to
+        leave no other surface in it unseen.
+        """
+        return np.where((self._cells.level > WHOLE)[..., None], np.array([0, 0, 255, 255], np.uint8), self._cells.box)
+
     def follow(self, world: World) -> World:
         """Return the world with the obstacles of the tiles that changed since the last call replaced.
 

@@ -7,14 +7,15 @@ from math import floor, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.collision import StateChecker
 from trailmark.collision.field import distance_transform
 from trailmark.collision.footprint import build_footprint
 from trailmark.compiled import njit
-from trailmark.exploration.known_map import FREE, OCCUPIED
+from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
-__all__ = ["CERTAIN", "NOWHERE", "Reach"]
+__all__ = ["CERTAIN", "NOWHERE", "Reach", "connected_cells"]
 
 NOWHERE, CERTAIN = 0, 6
 """The robot's reference point provably cannot get to any place in a cell; it can get to its centre, with any heading.
@@ -104,6 +105,42 @@ class Reach:
             self._known[near] = 0
         self._distance, self._solid = distance, solid
         return np.asarray(near)
+
+
+def connected_cells(
+    known: KnownMap, checker: StateChecker, among: NDArray[np.bool_], row: int, column: int
+) -> NDArray[np.bool_]:
+    """Return the cells to which there is no way if there is none to one of them, shape (rows, columns).
+
+    Certified motions join their centres to that one's, or their centres are not valid themselves.
+
+    Args:
+        known: the map.
+        checker: of a robot whose heading makes no difference.
+        among: cells to ask for, shape (rows, columns).
+        row: of the cell.
+        column: of the cell.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    number = np.full(among.shape, -1)
+    cells = np.argwhere(among)
+    number[among] = np.arange(len(cells))
+    states = np.column_stack([known.centres(*cells.T), np.zeros(len(cells))])
+    pairs = np.concatenate(
+        [
+            np.column_stack([number[:-1].ravel(), number[1:].ravel()]),
+            np.column_stack([number[:, :-1].ravel(), number[:, 1:].ravel()]),
+        ]
+    )
+    pairs = pairs[(pairs >= 0).all(axis=1)]
+    pairs = pairs[np.asarray(checker.motions_valid(states[pairs[:, 0]], states[pairs[:, 1]]), dtype=bool)]
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(cells), len(cells)))
+    _, part = connected_components(graph, directed=False)
+    found = np.zeros(among.shape, np.bool_)
+    found[among] = (part == part[number[row, column]]) | ~np.asarray(checker.valid(states), dtype=bool)
+    return found
 
 
 def _distance(mask: NDArray[np.bool_]) -> NDArray[np.float32]:

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.exploration.candidates import NO_ROOM, Search, middles_of
+from trailmark.exploration.candidates import Search, middles_of
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import Frontiers, frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.outlook import Outlook
-from trailmark.exploration.reachability import Reach
+from trailmark.exploration.reachability import Reach, connected_cells
 from trailmark.exploration.result import Status
 from trailmark.exploration.travel import Travel
 from trailmark.exploration.views import expected_areas, nearest_looks
@@ -49,6 +49,9 @@ ARRIVED = 2.0
 
 MOSTLY = 0.6
 """Share of a frontier that has to be in sight for it to count as seen, if there is a landmark that sees as much."""
+
+EXCLUDED = 254
+"""In place of how often no way was found: it is proven that there is none."""
 
 MOST_TRIES = 2
 """Ways to a place are looked for as often, before it is left undecided whether there is one."""
@@ -176,7 +179,7 @@ def survey(
     )
     ended = "" if n else "everything has been seen that can be seen from where the robot can get to"
     status: Status = "complete"
-    undecided = float(((memory.refused > 0) & (memory.refused < NO_ROOM)).sum()) * cell**2
+    undecided = float(((memory.refused > 0) & (memory.refused <= MOST_TRIES)).sum()) * cell**2
     if ended and undecided > 0.0:
         # No proof, so not complete.
         status = "stuck"
@@ -222,7 +225,27 @@ def plan_to(
         if memory.reach is not None:
             refused |= memory.reach.in_rooms_of(refused)
         memory.refused[refused & (memory.refused < MOST_TRIES)] += 1
+        if result.status == "infeasible":
+            memory.refused[_excluded(known, planner, memory.refused > 0, row, column, surveyed, index)] = EXCLUDED
     return result
+
+
+def _excluded(
+    known: KnownMap,
+    planner: LandmarkPlanner,
+    among: NDArray[np.bool_],
+    row: int,
+    column: int,
+    surveyed: Survey,
+    index: int,
+) -> NDArray[np.bool_]:
+    """Return the cells to which there is no way since there is none to a landmark, shape (rows, columns)."""
+    if planner.checker.footprint.is_disc and planner.robot.drive != "car":
+        # Its heading makes no difference, and it comes back on any motion.
+        return connected_cells(known, planner.checker, among, row, column)
+    found = np.zeros(among.shape, np.bool_)
+    found[row, column] = surveyed.any_heading[index]
+    return found
 
 
 def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> NDArray[np.uint8]:
@@ -278,7 +301,11 @@ def _note_looked(
     rows, columns = known.state.shape
     places = np.clip((places - np.asarray(known.origin)) / known.cell, 0.0, np.array([columns, rows]) - 1e-9)
     away = nearest_looks(
-        known.state, np.ascontiguousarray(places), np.ascontiguousarray(cells, np.int64), sensor_range / known.cell
+        known.state,
+        known.surface_boxes(),
+        np.ascontiguousarray(places),
+        np.ascontiguousarray(cells, np.int64),
+        sensor_range / known.cell,
     )
     np.minimum.at(memory.looked, tuple(cells.T), (away * known.cell).astype(np.float32))
     if memory.aim is not None and pose is not None:

@@ -10,21 +10,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
-from trailmark.exploration.known_map import FREE, OCCUPIED
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.se2 import FloatArray
 
 __all__ = ["expected_areas", "line_is_free", "nearest_looks", "places_in_sight", "sight"]
 
 
 @njit(cache=True)
-def line_is_free(state: NDArray[np.uint8], x0: float, y0: float, x1: float, y1: float) -> bool:
-    """Return whether a line of sight leads through free cells alone.
+def _meets_surface(
+    box: NDArray[np.uint8], column: int, row: int, x0: float, y0: float, dx: float, dy: float, begin: float, end: float
+) -> bool:
+    """Return whether the part of a line from share begin to end of it meets the box of a cell's surface."""
+    for axis in range(2):
+        at, along, corner = (x0, dx, column) if axis == 0 else (y0, dy, row)
+        low, high = corner + box[axis] / 255.0, corner + box[axis + 2] / 255.0
+        if along == 0.0:
+            if not low <= at <= high:
+                return False
+            continue
+        first, last = (low - at) / along, (high - at) / along
+        begin, end = max(begin, min(first, last)), min(end, max(first, last))
+    return begin <= end
+
+
+@njit(cache=True)
+def line_is_free(
+    state: NDArray[np.uint8], boxes: NDArray[np.uint8], x0: float, y0: float, x1: float, y1: float
+) -> bool:
+    """Return whether a line of sight leads through cells that are free, or past the surfaces in occupied ones.
 
     Cells that it only touches in a corner do not count. Source of the walk from cell to cell: Amanatides & Woo, "A fast
     voxel traversal algorithm for ray tracing", Eurographics 1987.
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+        boxes: of the surfaces in occupied cells, xmin, ymin, xmax, ymax in 255ths, shape (rows, columns, 4).
         x0: where it begins, in cells from the grid's corner,
         y0: likewise.
         x1: where it ends; on a cell's edge, the cell on the other side of it does not count,
@@ -37,10 +57,16 @@ def line_is_free(state: NDArray[np.uint8], x0: float, y0: float, x1: float, y1: 
     each_x, each_y = (1.0 / abs(dx) if dx != 0.0 else np.inf), (1.0 / abs(dy) if dy != 0.0 else np.inf)
     next_x = ((column + 1 - x0) if dx > 0.0 else (x0 - column)) * each_x if dx != 0.0 else np.inf
     next_y = ((row + 1 - y0) if dy > 0.0 else (y0 - row)) * each_y if dy != 0.0 else np.inf
+    since = 0.0
     while True:
-        if state[row, column] != FREE:
+        if state[row, column] == UNKNOWN:
             return False
         nearest = min(next_x, next_y)
+        if state[row, column] == OCCUPIED and _meets_surface(
+            boxes[row, column], column, row, x0, y0, dx, dy, since, min(nearest, 1.0)
+        ):
+            return False
+        since = nearest
         if nearest >= 1.0 - 1e-9:
             return True
         if next_x <= nearest + 1e-12:
@@ -54,6 +80,7 @@ def line_is_free(state: NDArray[np.uint8], x0: float, y0: float, x1: float, y1: 
 @njit(cache=True, nogil=True)
 def sight(
     state: NDArray[np.uint8],
+    boxes: NDArray[np.uint8],
     places: FloatArray,
     edges: FloatArray,
     farthest: FloatArray,
@@ -62,6 +89,7 @@ def sight(
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+        boxes: as for :func:`line_is_free`.
         places: x, y in cells from the grid's corner, shape (n, 2).
         edges: middles, and the directions to the unknown cell, x, y, dx, dy, in cells, shape (m, 4).
         farthest: from which each edge is seen at most, in cells, shape (m,).
@@ -72,13 +100,17 @@ def sight(
             dx, dy = edges[j, 0] - places[i, 0], edges[j, 1] - places[i, 1]
             # From the free side only.
             if dx * edges[j, 2] + dy * edges[j, 3] > 1e-9 and dx * dx + dy * dy <= farthest[j] ** 2:
-                seen[i, j] = line_is_free(state, places[i, 0], places[i, 1], edges[j, 0], edges[j, 1])
+                seen[i, j] = line_is_free(state, boxes, places[i, 0], places[i, 1], edges[j, 0], edges[j, 1])
     return seen
 
 
 @njit(cache=True, nogil=True)
 def nearest_looks(
-    state: NDArray[np.uint8], places: FloatArray, cells: NDArray[np.int64], farthest: float
+    state: NDArray[np.uint8],
+    boxes: NDArray[np.uint8],
+    places: FloatArray,
+    cells: NDArray[np.int64],
+    farthest: float,
 ) -> FloatArray:
     """Return the distance from which each cell was wholly in sight, the least one, in cells; infinite if from none.
 
@@ -86,6 +118,7 @@ def nearest_looks(
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+        boxes: as for :func:`line_is_free`.
         places: x, y in cells from the grid's corner, shape (n, 2).
         cells: rows and columns, shape (m, 2).
         farthest: in cells.
@@ -103,7 +136,7 @@ def nearest_looks(
             whole = True
             for quarter in range(4):
                 end_x, end_y = column + 0.25 + 0.5 * (quarter % 2), row + 0.25 + 0.5 * (quarter // 2)
-                whole = whole and line_is_free(state, x, y, end_x, end_y)
+                whole = whole and line_is_free(state, boxes, x, y, end_x, end_y)
             if whole:
                 nearest[j] = away
         state[row, column] = before
@@ -113,6 +146,7 @@ def nearest_looks(
 @njit(cache=True, nogil=True)
 def places_in_sight(
     state: NDArray[np.uint8],
+    boxes: NDArray[np.uint8],
     reached: NDArray[np.uint8],
     edges: FloatArray,
     farthest: FloatArray,
@@ -125,6 +159,7 @@ def places_in_sight(
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+        boxes: as for :func:`line_is_free`.
         reached: 0 where the robot cannot get to; of the other cells, the higher the better; shape (rows, columns).
         edges: middles, and the directions to the unknown cell, x, y, dx, dy, in cells, shape (m, 4).
         farthest: from which each edge is seen at most, in cells, shape (m,).
@@ -147,9 +182,12 @@ def places_in_sight(
             far = 0.5
             while far < farthest[j] + 1.0:
                 column, row = floor(x0 + far * ux), floor(y0 + far * uy)
-                if row < 0 or column < 0 or row >= rows or column >= columns or state[row, column] != FREE:
+                if row < 0 or column < 0 or row >= rows or column >= columns or state[row, column] == UNKNOWN:
                     break
                 far += 0.7
+                if state[row, column] == OCCUPIED:
+                    # Perhaps past the surface in it: whether a place is in sight is looked at exactly.
+                    continue
                 place = row * columns + column
                 if reached[row, column] < best or tested[place] == j:
                     continue
@@ -167,7 +205,7 @@ def places_in_sight(
                     mixed = (mixed ^ (mixed >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
                     if mixed >= least[d] and reached[row, column] == best:
                         continue
-                    if not sure and not line_is_free(state, x, y, x0, y0):
+                    if not sure and not line_is_free(state, boxes, x, y, x0, y0):
                         break
                     sure = True
                     if reached[row, column] > best:
