@@ -256,3 +256,27 @@ def test_it_says_what_it_expects() -> None:
             explorer(world, **options)
     with pytest.raises(ConfigurationError, match="expected start= and bounds="):
         Explorer(Stalled(SimulatedRobot(world, ROBOT, START, laser_scanner(3.0, 0.1))), ROBOT)  # type: ignore[arg-type]
+
+
+class Careless(Stalled):
+    """A robot that returns what is no record, and no report."""
+
+    def __init__(self, robot: SimulatedRobot, sensed: object = None) -> None:
+        super().__init__(robot)
+        self.sensed = sensed
+
+    def sense(self) -> object:
+        return super().sense() if self.sensed is None else self.sensed
+
+    def drive(self, states: np.ndarray, seconds: float) -> object:
+        super().drive(states, seconds)
+        return None
+
+
+@pytest.mark.parametrize(
+    ("sensed", "message"),
+    [(None, "drive: expected"), (3, "sense: expected a sequence"), (["beep"], r"sense\[0\]: expected")],
+)
+def test_a_robot_has_to_say_what_is_asked_of_it(sensed: object, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        faulty(lambda robot: Careless(robot, sensed)).run()

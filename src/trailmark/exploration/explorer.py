@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from time import perf_counter
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
-from trailmark.arguments import brief, callback, one_of, whole
+from trailmark.arguments import brief, callback, each_of, one_of, whole
 from trailmark.errors import ConfigurationError, as_raised, expected_name
 from trailmark.estimation.logs.records import Detection, Log, Pose, Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
@@ -251,7 +251,7 @@ class Explorer:
     def _sense(self) -> Intake:
         """Take in what was sensed; end where the sensor is silent or a limit is reached."""
         s = self.settings
-        records = self._driver.sense()
+        records: tuple[Record, ...] = each_of(self._driver.sense(), get_args(Record), "sense")
         intake = self.mapper.take(records)
         if times := [record.t for record in records if np.isfinite(record.t)]:
             if self._began is None:
@@ -282,7 +282,7 @@ class Explorer:
         self._still += 1
         if max(np.hypot(*off[:2]), off[2]) >= STILL:
             self._still, self._stood = 0, pose
-        report = self._driver.drive(states, self.settings.sense_period)
+        report = one_of(self._driver.drive(states, self.settings.sense_period), DriveReport, "drive:")
         self._moved += report.distance
         self._distance += report.distance
         self._blocked = self._blocked + 1 if report.blocked else 0
