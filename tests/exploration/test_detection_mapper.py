@@ -135,7 +135,9 @@ def test_discs_need_no_names() -> None:
 
 
 @pytest.mark.parametrize(
-    "fault", [Impossible(math.inf), Impossible(math.nan), Impossible(-1.0), miscounted, silence], ids=str
+    "fault",
+    [Impossible(math.inf), Impossible(math.nan), Impossible(-1.0), miscounted, silence],
+    ids=["infinite", "nan", "negative", "miscounted", "silence"],
 )
 def test_impossible_readings_change_nothing(fault: Fault) -> None:
     robot, mapper = begun(1.0)

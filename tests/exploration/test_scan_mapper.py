@@ -103,7 +103,9 @@ def test_a_robot_whose_readings_fit_the_map_nowhere_is_not_found() -> None:
 
 
 @pytest.mark.parametrize(
-    "fault", [Impossible(math.inf), Impossible(math.nan), Impossible(-1.0), miscounted, silence], ids=str
+    "fault",
+    [Impossible(math.inf), Impossible(math.nan), Impossible(-1.0), miscounted, silence],
+    ids=["infinite", "nan", "negative", "miscounted", "silence"],
 )
 def test_impossible_readings_change_nothing(fault: Fault) -> None:
     robot, mapper = begun()
