@@ -15,8 +15,10 @@ from trailmark.benchmark.statistics import (
     EXACT_RUNS,
     bootstrap_log_means,
     holm,
+    least_probability,
     quantiles,
     rank_test,
+    runs_needed,
     shifted_geometric_mean,
     step_values,
     wilson,
@@ -192,3 +194,18 @@ def test_the_bootstrap_spreads_as_the_mean_does() -> None:
     assert means.mean() == pytest.approx(logs.mean(), abs=0.01)
     assert means.std() == pytest.approx(logs.std() / math.sqrt(40), rel=0.05)
     assert bootstrap_log_means([math.e], 3, generator).tolist() == [1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize("n", [1, 3, 9])
+def test_the_lowest_probability_is_that_of_two_orders_among_all(n: int) -> None:
+    assert least_probability([(n, n)]) == pytest.approx(2.0 / math.comb(2 * n, n))
+    assert least_probability([(n, n + 1)] * 2) == pytest.approx(2.0 / math.comb(2 * n + 1, n) ** 2)
+
+
+@pytest.mark.parametrize(("planners", "runs"), [(2, 4), (8, 7), (39, 9)])
+def test_runs_that_it_takes_for_any_difference_to_be_shown(planners: int, runs: int) -> None:
+    pairs = math.comb(planners, 2)
+    assert runs_needed(pairs, 1, 0.05) == runs
+    # Counted by hand: of all orders of n + n runs, two set the planners apart.
+    assert pairs * 2 / math.comb(2 * runs, runs) < 0.05 <= pairs * 2 / math.comb(2 * runs - 2, runs - 1)
+    assert runs_needed(pairs, 1000, 0.05) == 1

@@ -6,6 +6,7 @@ infinity, that is, as worse than every run that succeeded.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -20,8 +21,10 @@ __all__ = [
     "RankTest",
     "bootstrap_log_means",
     "holm",
+    "least_probability",
     "quantiles",
     "rank_test",
+    "runs_needed",
     "shifted_geometric_mean",
     "step_values",
     "wilson",
@@ -164,6 +167,29 @@ def holm(p: ArrayLike) -> FloatArray:
     adjusted = np.empty_like(array)
     adjusted[order] = np.minimum(steps, 1.0)
     return adjusted
+
+
+def least_probability(sizes: Sequence[tuple[int, int]]) -> float:
+    """Return the lowest probability :func:`rank_test` can give: every run of one planner beats all of the other.
+
+    Args:
+        sizes: for each problem, how many runs a and b have on it.
+    """
+    return rank_test([(np.arange(n), np.arange(n, n + m)) for n, m in sizes]).p
+
+
+def runs_needed(tests: int, problems: int, level: float) -> int:
+    """Return how many runs of each planner on each problem it takes for a difference to be shown at all.
+
+    With fewer, even the lowest probability is not below the level after Holm's correction, which multiplies the lowest
+    of them by the number of tests.
+
+    Args:
+        tests: that are adjusted together, 1 or more.
+        problems: that every test adds up, 1 or more.
+        level: of the adjusted probability, above 0.
+    """
+    return next(n for n in itertools.count(1) if tests * least_probability([(n, n)] * problems) < level)
 
 
 def bootstrap_log_means(values: ArrayLike, replicates: int, generator: np.random.Generator) -> FloatArray:

@@ -99,10 +99,24 @@ def test_refused_paths_are_reported_by_planner(tmp_path: Path) -> None:
 def test_warnings(tmp_path: Path) -> None:
     problems = {"one": {"A": [run(0, 0.1, 10.0), run(1, 0.1, 10.0)], "B": [run(0, 0.2, 10.0, time=1.5)]}}
     results = load_results(write_results(tmp_path / "r.db", problems))
-    unfinished, few, late = warnings_of(results, summarise(results))
+    unfinished, few, hopeless, late = warnings_of(results, summarise(results))
     assert "1 of the runs asked for" in unfinished
     assert "As few as 1 run " in few
+    assert hopeless.endswith("It takes 4 runs of each planner on each problem.")
     assert "(B 1)" in late
+
+
+@pytest.mark.parametrize(("problems", "runs", "told"), [(1, 6, "7 runs"), (1, 7, ""), (3, 6, "On 3 of 3 problems")])
+def test_where_no_test_can_succeed_it_says_so(tmp_path: Path, problems: int, runs: int, told: str) -> None:
+    rows = {f"P{i}": [run(k, 10.0**-i + 1e-4 * k, 10.0 + i + 0.01 * k) for k in range(runs)] for i in range(8)}
+    rows = dict(rows) if problems == 1 else {name: found[:5] for name, found in rows.items()}
+    made = {f"yard{p}": rows for p in range(problems)}
+    results = load_results(write_results(tmp_path / "r.db", made))
+    summary = summarise(results)
+    notes = " ".join(warnings_of(results, summary))
+    assert (told in notes) if told else notes == ""
+    # The note is true: all planners are apart, and just then no pair is called so.
+    assert any(pair.winner for pair in summary.times.values()) == (told != "7 runs")
 
 
 def test_curves(results: Results) -> None:

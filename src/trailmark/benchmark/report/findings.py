@@ -6,10 +6,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
-from trailmark.benchmark.report.data import Results
+from trailmark.benchmark.report.data import Problem, Results
 from trailmark.benchmark.report.digits import count, factor, percent, probability, seconds
-from trailmark.benchmark.report.summary import MIN_RUNS, Comparison, PlannerSummary, Summary
+from trailmark.benchmark.report.summary import LEVEL, MIN_RUNS, Comparison, PlannerSummary, Summary
+from trailmark.benchmark.statistics import least_probability, runs_needed
 
 __all__ = ["Finding", "findings", "warnings_of"]
 
@@ -54,6 +56,7 @@ def warnings_of(results: Results, summary: Summary) -> list[str]:
             f"As few as {fewest} run{'s' if fewest > 1 else ''} of a planner on a problem: intervals are wide, and few "
             "differences can be distinguished from chance."
         )
+    found += _hopeless(results)
     late = {
         name: n
         for name in results.planners
@@ -69,6 +72,38 @@ def warnings_of(results: Results, summary: Summary) -> list[str]:
             f"({_counts(late)}); their times stand as measured."
         )
     return found
+
+
+def _hopeless(results: Results) -> list[str]:
+    """Return which comparisons cannot succeed, whatever the runs are, and how many runs they would take."""
+    planners, problems = len(results.planners), results.problems
+    pairs = planners * (planners - 1) // 2
+    sizes = {tuple(_sizes(problems, a, b)) for a, b in combinations(results.planners, 2)}
+    found = []
+    if sizes and pairs * min(map(least_probability, sizes)) >= LEVEL:
+        found.append(
+            f"No planner can be shown to be ahead of another: with so few runs no test of {_plural(pairs, 'pair')} of "
+            f"planners falls below {LEVEL:g} after Holm's correction, however clear the difference. It takes "
+            f"{_plural(runs_needed(pairs, len(problems), LEVEL), 'run')} of each planner on each problem."
+        )
+    alone = [p for p in problems if len(p.runs) > 1 and _least_on(p) >= LEVEL]
+    if alone and len(problems) > 1:
+        most = max(len(p.runs) for p in alone) - 1
+        found.append(
+            f"On {len(alone):,} of {_plural(len(problems), 'problem')}, taken by itself, no planner can be shown to "
+            f"differ from the best: it takes {_plural(runs_needed(most, 1, LEVEL), 'run')} of each planner there."
+        )
+    return found
+
+
+def _sizes(problems: Sequence[Problem], a: str, b: str) -> list[tuple[int, int]]:
+    return [(len(p.runs[a]), len(p.runs[b])) for p in problems if a in p.runs and b in p.runs]
+
+
+def _least_on(problem: Problem) -> float:
+    """Return the lowest adjusted probability that a planner's test against the best can have on one problem."""
+    first, second = sorted(map(len, problem.runs.values()))[-2:]
+    return (len(problem.runs) - 1) * least_probability([(first, second)])
 
 
 def _soonest(summary: Summary) -> Finding:
@@ -168,3 +203,7 @@ def _some(names: Sequence[str], max_names: int = 4) -> str:
 
 def _counts(counts: Mapping[str, int]) -> str:
     return _some([f"{name} {n:,}" for name, n in counts.items()], max_names=6)
+
+
+def _plural(n: int, noun: str) -> str:
+    return f"{n:,} {noun}{'' if n == 1 else 's'}"
