@@ -255,3 +255,20 @@ def test_at_the_end_nothing_is_in_sight_from_where_the_robot_gets_to(seed: int) 
     assert found.status == "complete"
     assert hidden.unseen() <= 3
     assert (hidden.known.state[43:49, 63:69] == UNKNOWN).all()  # nobody sees into what is closed
+
+
+def test_ways_that_are_not_found_keep_nothing_else_from_being_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    # A long corridor that the robot may just fit into, and no time to find out: it is tried, put off, and the rest of
+    # the world is seen. The end is no proof then.
+    monkeypatch.setattr("trailmark.exploration.survey.FIRST", 1e-9)
+    monkeypatch.setattr("trailmark.exploration.survey.LAST", 1e-9)
+    solid = hall(60, 200)
+    solid[:, 100] = True
+    solid[20:29, 100] = False
+    solid[50, 3:100] = True
+    hidden = Hidden(solid, 0.05, Robot.disc(0.2), (3.0, 1.2))
+    found = hidden.explore("tour")
+    assert (hidden.state[2:58, 104:196] != UNKNOWN).all()
+    assert hidden.statuses.count("timeout") >= 2
+    assert found.status == "stuck"
+    assert "nor is it proven" in found.ended

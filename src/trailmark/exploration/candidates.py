@@ -101,7 +101,7 @@ class Search(NamedTuple):
     def _centres(self, sensor_range: float, rng: np.random.Generator) -> NDArray[np.intp]:
         """Return K-means centres of the places where the robot certainly gets to, rows and columns."""
         columns = self.levels.shape[1]
-        reached = np.flatnonzero(self.levels == CERTAIN)
+        reached = np.flatnonzero((self.levels == CERTAIN) & (self.refused == 0))
         if not len(reached):
             return np.empty((0, 2), np.intp)
         k = min(landmarks_for_area(float(len(reached)), sensor_range), MOST)

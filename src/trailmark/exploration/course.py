@@ -32,9 +32,6 @@ SEEN = 0.8
 LEAST_DRIVE = 0.2
 """Share of the sensor's range that is driven at least before that is asked: near a frontier each reading sees most."""
 
-MAX_FAILED = 20
-"""Landmarks in a row to which no path is found, before the robot is stuck."""
-
 ON_PATH = 2e-3
 """Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
 
@@ -80,7 +77,7 @@ class Course:
         self._choose, self._settings, self._seed, self._name = strategy, settings, seed, name
         self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
         self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
-        self._since, self._failed = 0.0, 0
+        self._since = 0.0
 
     def update(self, moved: float, redrawn: bool) -> list[str]:
         """See to it that there is a path to follow, as long as any landmark is left; return what happened.
@@ -148,12 +145,9 @@ class Course:
             planned = plan_to(known, planner, found, index, s, self._memory)
             if planned.path is None:
                 events.append(f"no path to a landmark: {planned.status}")
-                self._failed += 1
-                if self._failed > MAX_FAILED:
-                    self.ended = "stuck", f"no path to any of the last {MAX_FAILED} landmarks"
                 continue
             self._follow(planned.path, escape, planner, turn=not self._sees_around)
-            self._failed, self._since, self._expected = 0, 0.0, found.expected[index]
+            self._since, self._expected = 0.0, found.expected[index]
             self.landmarks += 1
         self.decisions.append(perf_counter() - begin)
         return events

@@ -16,7 +16,7 @@ from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import Frontiers, frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.outlook import Outlook
-from trailmark.exploration.reachability import Reach, connected_cells
+from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, connected_cells
 from trailmark.exploration.result import Status
 from trailmark.exploration.travel import Travel
 from trailmark.exploration.views import expected_areas, nearest_looks
@@ -57,7 +57,8 @@ MOST_TRIES = 2
 """Ways to a place are looked for as often, before it is left undecided whether there is one."""
 
 FIRST, LAST = 0.15, 4.0
-"""Of the planning time, where it is not certain that there is a way: at first, and when all else has been seen."""
+"""Of the planning time, where it is not certain that there is a way: at first, twice as long after each landmark in a
+row to which none was found, and when all else has been seen."""
 
 GAP = 0.02
 """Share by which a way may be longer than the shortest."""
@@ -66,7 +67,11 @@ PATIENCE = 0.05
 """Seconds after which a way is good enough, if one has been found."""
 
 REFUSED = 2
-"""Cells on all sides of one to which no way was found, to which none is looked for then either."""
+"""Cells on all sides of one to which no way was found, to which none is looked for then either; where it is not certain
+that there is a way, twice as many after each landmark in a row, so that what can be reached gets its turn."""
+
+FARTHEST = 8
+"""Times that this doubles: by then all of a map is refused."""
 
 RAYS = 180
 """By which expected areas are found."""
@@ -85,7 +90,9 @@ class Memory:
         tries: how often the robot came to a landmark to see a cell, and it stayed unknown.
         aim: the last landmark, x, y, and rows and columns of the cells that it was to show.
         refused: how often no way to a cell was found since the map last changed around it.
-        reach: tells where the robot gets to; None before the first survey.
+        failed: landmarks in a row to which no way was found.
+        levels: where the robot gets to, from NOWHERE to CERTAIN, as of the last survey.
+        reach: tells that; None before the first survey.
     """
 
     def __init__(self, known: KnownMap) -> None:
@@ -96,6 +103,8 @@ class Memory:
         self.tries = np.zeros(shape, np.int32)
         self.aim: tuple[FloatArray, tuple[NDArray[np.intp], NDArray[np.intp]]] | None = None
         self.refused = np.zeros(shape, np.uint8)
+        self.failed = 0
+        self.levels = np.full(shape, CERTAIN, np.uint8)
         self.reach: Reach | None = None
 
 
@@ -205,8 +214,8 @@ def plan_to(
     x, y, theta = outlook.landmarks[index].tolist()
     row, column = (int(place[0]) for place in known.cells_of(np.array([[x, y]])))
     goal = Goal(pose=(x, y)) if surveyed.any_heading[index] else Goal(pose=(x, y, theta))
-    last = memory.refused[row, column] > 0
-    seconds = settings.planning_time * (1.0 if surveyed.any_heading[index] else LAST if last else FIRST)
+    share = LAST if memory.refused[row, column] > 0 else min(FIRST * 2**memory.failed, LAST)
+    seconds = settings.planning_time * (1.0 if surveyed.any_heading[index] else share)
     found, begin = list[float](), perf_counter()
 
     def stop() -> bool:
@@ -218,33 +227,39 @@ def plan_to(
 
     result = planner.plan(outlook.here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
     memory.aim = None if result.path is None else (outlook.landmarks[index, :2], surveyed.expected[index])
-    if result.path is None:
-        # What is so for one place of a room is so for all of it.
-        refused = np.zeros(known.state.shape, np.bool_)
-        refused[max(row - REFUSED, 0) : row + REFUSED + 1, max(column - REFUSED, 0) : column + REFUSED + 1] = True
-        if memory.reach is not None:
-            refused |= memory.reach.in_rooms_of(refused)
-        memory.refused[refused & (memory.refused < MOST_TRIES)] += 1
-        if result.status == "infeasible":
-            memory.refused[_excluded(known, planner, memory.refused > 0, row, column, surveyed, index)] = EXCLUDED
+    if result.path is not None:
+        memory.failed = 0
+        return result
+    perhaps = (memory.levels > NOWHERE) & (memory.levels < CERTAIN)
+    refused = np.zeros(known.state.shape, np.bool_)
+    # What is so for one place of a room is so for all of it.
+    refused[_around(row, column, REFUSED)] = True
+    if memory.reach is not None:
+        refused |= memory.reach.in_rooms_of(refused)
+    around = _around(row, column, REFUSED * 2 ** min(memory.failed, FARTHEST))
+    refused[around] |= perhaps[around]
+    memory.refused[refused & (memory.refused < MOST_TRIES)] += 1
+    memory.failed += 1
+    if result.status == "infeasible":
+        theta_free = bool(surveyed.any_heading[index])
+        memory.refused[_excluded(known, planner, perhaps | refused, row, column, theta_free)] = EXCLUDED
     return result
 
 
+def _around(row: int, column: int, cells: int) -> tuple[slice, slice]:
+    """Return so many rows and columns to all sides of a cell."""
+    return slice(max(row - cells, 0), row + cells + 1), slice(max(column - cells, 0), column + cells + 1)
+
+
 def _excluded(
-    known: KnownMap,
-    planner: LandmarkPlanner,
-    among: NDArray[np.bool_],
-    row: int,
-    column: int,
-    surveyed: Survey,
-    index: int,
+    known: KnownMap, planner: LandmarkPlanner, among: NDArray[np.bool_], row: int, column: int, any_heading: bool
 ) -> NDArray[np.bool_]:
     """Return the cells to which there is no way since there is none to a landmark, shape (rows, columns)."""
     if planner.checker.footprint.is_disc and planner.robot.drive != "car":
         # Its heading makes no difference, and it comes back on any motion.
         return connected_cells(known, planner.checker, among, row, column)
     found = np.zeros(among.shape, np.bool_)
-    found[row, column] = surveyed.any_heading[index]
+    found[row, column] = any_heading
     return found
 
 
@@ -255,6 +270,7 @@ def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> 
         memory.reach = Reach(robot, known.cell)
     levels, changed = memory.reach.levels(known.state, memory.been)
     memory.refused[changed | memory.reach.in_rooms_of(changed)] = 0
+    memory.levels = levels
     return levels
 
 
