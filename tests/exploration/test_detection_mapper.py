@@ -20,7 +20,7 @@ from trailmark.estimation.scans.clouds import relative
 from trailmark.estimation.simulation.virtual_sensors import Detector
 from trailmark.exploration.detection_mapper import DetectionMapper
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.known_map import KnownMap
+from trailmark.exploration.known_map import FREE, KnownMap
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector
 from trailmark.se2 import compose
 from trailmark.shapes import Disc
@@ -74,7 +74,7 @@ def test_without_noise_no_disc_is_missed_and_none_is_wider_than_it_is() -> None:
     assert len(discs) >= 5
     for disc in discs:
         assert truth().buffer(2e-3).covers(disc.polygon(1e-4).shapely())
-    assert mapper.known.free_area > 60.0
+    assert (mapper.known.state == FREE).sum() * mapper.known.cell**2 > 60.0
 
 
 def test_with_noise_discs_are_grown_so_that_they_cover_the_true_ones() -> None:

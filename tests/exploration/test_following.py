@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trailmark import Disc, Path, Robot, World
+from trailmark import Disc, Path, Rectangle, Robot, World
+from trailmark.collision import StateChecker
+from trailmark.collision.footprint import build_footprint
 from trailmark.estimation.simulation.raycast import RayCaster
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.following import PathFollower
@@ -13,6 +15,10 @@ from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.se2 import compose, difference
 
 STATES = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 2.0], [1.0, 1.5, 3.0]])
+
+
+def follower_of(path: Path, robot: Robot) -> PathFollower:
+    return PathFollower(path, robot, build_footprint(robot))
 
 
 def driven(follower: PathFollower, pose: np.ndarray, step: float, offset: float = 0.0) -> np.ndarray:
@@ -36,7 +42,7 @@ def driven(follower: PathFollower, pose: np.ndarray, step: float, offset: float 
 
 def test_an_exact_robot_stays_on_its_path_to_the_end() -> None:
     path = Path(STATES)
-    follower = PathFollower(path, Robot.rectangle(0.6, 0.4))
+    follower = follower_of(path, Robot.rectangle(0.6, 0.4))
     poses = driven(follower, STATES[0], 0.13)
     assert np.abs(difference(poses[-1], STATES[-1])).max() < 1e-9
     dense = path.at(np.linspace(0.0, 1.0, 20_001))
@@ -47,7 +53,7 @@ def test_an_exact_robot_stays_on_its_path_to_the_end() -> None:
 
 
 def test_a_robot_that_moves_in_every_direction_comes_back_to_its_path() -> None:
-    follower = PathFollower(Path(STATES[:2]), Robot.disc(0.3))
+    follower = follower_of(Path(STATES[:2]), Robot.disc(0.3))
     start = np.array([0.0, 0.05, 0.0])
     assert follower.advance(start, 0.0) == pytest.approx(0.05)
     poses = driven(follower, start, 0.1)
@@ -56,7 +62,7 @@ def test_a_robot_that_moves_in_every_direction_comes_back_to_its_path() -> None:
 
 
 def test_others_follow_the_shape_from_where_they_are() -> None:
-    follower = PathFollower(Path(STATES[:2]), Robot.disc(0.3).differential())
+    follower = follower_of(Path(STATES[:2]), Robot.disc(0.3).differential())
     assert follower.advance(np.array([0.5, 0.05, 0.0]), 0.5) == pytest.approx(0.05)
     states = follower.command(np.array([0.5, 0.05, 0.0]))
     assert np.abs(states[:, 1]).max() < 1e-12
@@ -66,7 +72,7 @@ def test_others_follow_the_shape_from_where_they_are() -> None:
 def test_what_was_free_and_is_not_any_more_endangers_it() -> None:
     known = KnownMap((-1.0, -2.0, 4.0, 2.0), 0.1)
     known.set_state(np.full(known.state.shape, FREE, dtype=np.uint8))
-    follower = PathFollower(Path(STATES[:2]), Robot.disc(0.3))
+    follower = follower_of(Path(STATES[:2]), Robot.disc(0.3))
     assert not follower.endangered(known)
     for place, expected in (((1.0, 1.0), False), ((1.0, 0.25), True)):
         state = known.state.copy()
@@ -86,7 +92,33 @@ def test_a_surface_that_is_larger_than_it_was_endangers_it() -> None:
         before = known.state.copy()
         known.add_scan(scan, np.zeros(3), 3.0)
         if count == 1:
-            follower = PathFollower(Path(STATES[:2]), Robot.disc(0.3))
+            follower = follower_of(Path(STATES[:2]), Robot.disc(0.3))
             assert not follower.endangered(known)
     assert not ((before == FREE) & (known.state == OCCUPIED)).any()
     assert follower.endangered(known)
+
+
+@pytest.mark.parametrize("robot", [Robot.disc(0.3), Robot.rectangle(0.9, 0.3).keeping(0.04)], ids=["disc", "kept"])
+def test_what_does_not_endanger_it_is_not_met(robot: Robot) -> None:
+    rng, outcomes = np.random.default_rng(3), list[tuple[bool, bool]]()
+    for _ in range(150):
+        path = Path(rng.uniform((-0.5, -1.5, -np.pi), (3.5, 1.5, np.pi), (3, 3)))
+        known = KnownMap((-2.0, -3.0, 5.0, 3.0), 0.1)
+        state = np.full(known.state.shape, FREE, dtype=np.uint8)
+        known.set_state(state)
+        follower = follower_of(path, robot)
+        assert not follower.endangered(known)
+        at = path.at(rng.uniform())[:2] + rng.normal(0.0, 0.5, 2)
+        row, column = (int(place[0]) for place in known.cells_of(at[None]))
+        state[row, column] = OCCUPIED
+        known.set_state(state)
+        cell = Rectangle((-2.0 + 0.1 * (column + 0.5), -3.0 + 0.1 * (row + 0.5)), 0.1, 0.1)
+        checker = StateChecker(World("cell", known.bounds, (cell,)), robot)
+        free = bool(checker.motions_valid(path.states[:-1], path.states[1:]).all())
+        inside = bool(StateChecker(World("none", known.bounds), robot).valid(path.states).all())
+        outcomes.append((follower.endangered(known), free or not inside))
+    assert (False, False) not in outcomes
+    assert outcomes.count((True, False)) > 20
+    # Nor is it said to be without need, much.
+    assert outcomes.count((True, True)) < 0.15 * len(outcomes)
+    assert outcomes.count((False, True)) > 40

@@ -91,10 +91,10 @@ class Course:
         if follower is None:
             return self._decide()
         off = follower.advance(self._mapper.pose, moved)
-        if redrawn or off > self.tolerance or follower.endangered(known):
-            return self._replan(follower)
         if self._expected is not None and self._since >= LEAST_DRIVE * self._range and self._pointless():
             return self._decide()
+        if redrawn or off > self.tolerance or follower.endangered(known):
+            return self._replan(follower)
         return []
 
     def current_planner(self) -> LandmarkPlanner:
@@ -183,7 +183,7 @@ class Course:
                 path = Path(np.concatenate([path.states, turned[1:]]))
         if len(escape) > 1:
             path = Path(np.concatenate([escape[:-1], path.states]))
-        self.follower = PathFollower(path, planner.robot)
+        self.follower = PathFollower(path, planner.robot, planner.checker.footprint)
         self.follower.endangered(self._mapper.known)
 
     def _replan(self, follower: PathFollower) -> list[str]:

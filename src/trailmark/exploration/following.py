@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.collision.footprint import Footprint
 from trailmark.estimation.scans.clouds import relative
 from trailmark.exploration.known_map import FREE, KnownMap
 from trailmark.path import Path
-from trailmark.se2 import FloatArray, difference, interpolate
-from trailmark.world import Robot
+from trailmark.robot import Robot
+from trailmark.se2 import FloatArray, difference, interpolate, motion_bound
 
 __all__ = ["PathFollower"]
 
@@ -18,6 +19,9 @@ BoolArray = NDArray[np.bool_]
 STEP = 0.05
 """Metres between the rows of a command: cars follow their curves to 0.3 mm at a radius of 1 m."""
 
+HALF = 0.55
+"""Of the way from one row to the next, from its middle to either: a curve is longer than the line between its ends."""
+
 
 class PathFollower:
     """Where the robot is on its path.
@@ -25,14 +29,15 @@ class PathFollower:
     Args:
         path: certified, from where the robot is.
         robot: that follows it.
+        footprint: of the robot, dilated by the clearance that it keeps.
 
     Attributes:
         path: that is followed.
     """
 
-    def __init__(self, path: Path, robot: Robot) -> None:
-        self.path = path
-        self._reach = robot.circumradius + robot.clearance
+    def __init__(self, path: Path, robot: Robot, footprint: Footprint) -> None:
+        self.path, self._footprint = path, footprint
+        self._reach = footprint.circumradius
         self._comes_back = robot.drive == "omnidirectional"
         self._rows = path.resample(STEP).states if len(path.states) > 1 else path.states
         self._at = 0
@@ -89,9 +94,11 @@ class PathFollower:
         return np.asarray(relative(rows[0], rows))
 
     def endangered(self, known: KnownMap) -> bool:
-        """Return whether something is near the path that was not there at the first call, made when it was planned.
+        """Return whether the rest of the path may meet something that was not there at the first call.
 
-        A surface that is larger than it was counts, too: a wall may have its corner in a cell that was occupied.
+        The first call is made when the path was planned. A surface that is larger than it was counts as well: a wall
+        may have its corner in a cell that was occupied. False is a proof: whatever came to the planner's world since
+        (:meth:`KnownMap.follow`) is no nearer to the rest of the path than the robot's clearance.
         """
         if self._near is None:
             rows, columns = known.cells_of(self._rows[:, :2])
@@ -104,12 +111,39 @@ class PathFollower:
             return False
         self._revision = known.revision
         now = known.surfaces(*self._near)
-        larger = (now[:, :2] < self._surfaces[:, :2]).any() or (now[:, 2:] > self._surfaces[:, 2:]).any()
-        return bool(larger or (known.state[self._near][self._free] != FREE).any())
+        # What stands there as a disc has no surface.
+        now[self._free & (known.state[self._near] != FREE) & (now[:, 0] > now[:, 2])] = 0, 0, known.parts, known.parts
+        larger = (now[:, :2] < self._surfaces[:, :2]).any(axis=1) | (now[:, 2:] > self._surfaces[:, 2:]).any(axis=1)
+        if not larger.any():
+            return False
+        cells = np.column_stack([self._near[1], self._near[0]] * 2)[larger]
+        return self._meets(np.tile(known.origin, 2) + known.cell * (cells + now[larger] / known.parts))
+
+    def _meets(self, boxes: FloatArray) -> bool:
+        """Return whether the robot may meet one of some boxes, xmin, ymin, xmax, ymax, shape (n, 4), farther along."""
+        rows, cover = self._rows[self._at :], self._footprint.cover
+        between = motion_bound(rows[:-1], rows[1:], self._footprint.sweep_radius)
+        off = HALF * float(between.max(initial=0.0))
+        reach = self._reach + off
+        low, high = boxes[:, :2].min(axis=0) - reach, boxes[:, 2:].max(axis=0) + reach
+        rows = rows[((rows[:, :2] >= low) & (rows[:, :2] <= high)).all(axis=1)]
+        cos, sin = np.cos(rows[:, 2, None]), np.sin(rows[:, 2, None])
+        discs = np.stack([cos * cover[:, 0] - sin * cover[:, 1], sin * cover[:, 0] + cos * cover[:, 1]], axis=-1)
+        centres, radii = rows[:, None, :2] + discs, cover[:, 2] + off
+        for box in boxes:
+            gaps = np.maximum(np.maximum(box[:2] - centres, centres - box[2:]), 0.0)
+            if (np.hypot(gaps[..., 0], gaps[..., 1]) < radii).any():
+                return True
+        return False
 
 
 def grown(mask: BoolArray, radius: float, cell: float) -> BoolArray:
     """Return the cells within a distance of a mask's, shape of ``mask``, bool."""
     from scipy.ndimage import distance_transform_edt
 
-    return np.asarray(distance_transform_edt(~mask, sampling=cell) <= radius + cell)
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    beyond = int(np.ceil(radius / cell)) + 2
+    part = tuple(slice(max(0, at[0] - beyond), at[-1] + beyond + 1) for at in (rows, columns))
+    found = np.zeros_like(mask)
+    found[part] = distance_transform_edt(~mask[part], sampling=cell) <= radius + cell
+    return found

@@ -176,21 +176,25 @@ class KnownMap:
         place = np.floor((np.asarray(points) - np.asarray(self.origin)) / self.cell).astype(np.intp)
         return np.clip(place[..., 1], 0, rows - 1), np.clip(place[..., 0], 0, columns - 1)
 
+    @property
+    def parts(self) -> int:
+        """Of a cell's side, to which the boxes of surfaces are widened: no more than the noise lets tell apart."""
+        return 2 * max(1, min(PARTS, round(self.cell / max(2.0 * self.noise, 1e-9))) // 2)
+
     def surfaces(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.int64]:
         """Return the boxes of the surfaces in cells, shape (n, 4): x0, y0, x1, y1 in parts of it; x1 < x0 for none."""
-        box = self._cells.box[rows, columns].astype(np.int64)
-        found = np.column_stack([box[:, :2] * PARTS // 255, -(-box[:, 2:] * PARTS // 255)])
-        found[self.state[rows, columns] != OCCUPIED] = PARTS, PARTS, 0, 0
+        box, parts = self._cells.box[rows, columns].astype(np.int64), self.parts
+        # A surface along a cell's side has a thickness, too.
+        low = np.minimum(box[:, :2] * parts // 255, parts - 1)
+        high = np.maximum(-(-box[:, 2:] * parts // 255), low + 1)
+        found = np.column_stack([low, high])
+        none = (self.state[rows, columns] != OCCUPIED) | (box[:, 0] > box[:, 2])
+        found[none] = parts, parts, 0, 0
         return found
 
     def centres(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> FloatArray:
         """Return the centres of cells, shape (n, 2), metres."""
         return np.asarray(np.asarray(self.origin) + self.cell * (np.column_stack([columns, rows]) + 0.5))
-
-    @property
-    def free_area(self) -> float:
-        """Square metres of the cells that are free."""
-        return float((self.state == FREE).sum()) * self.cell**2
 
     def surface_boxes(self) -> NDArray[np.uint8]:
         """Return the boxes of the surfaces in occupied cells, shape (rows, columns, 4).
@@ -207,10 +211,10 @@ class KnownMap:
         quarters of cells that no beam passed, so that no valid path leads through what is not known.
         """
         remove, add = list[str](), dict[str, Shape]()
-        parts = 2 * max(1, min(PARTS, round(self.cell / max(2.0 * self.noise, 1e-9))) // 2)  # halves, or finer
+        parts = self.parts
         for i, j in np.argwhere(self._cells.changed).tolist():
             part = np.s_[i * TILE : (i + 1) * TILE, j * TILE : (j + 1) * TILE]
-            seen, boxes = self._cells.seen[part], self._boxes(part, parts)
+            seen, boxes = self._cells.seen[part], self._boxes(i * TILE, j * TILE)
             content = seen.tobytes() + boxes.tobytes()
             if self._drawn.get((i, j)) == content:
                 continue
@@ -237,15 +241,12 @@ class KnownMap:
         self._drawn_discs = dict(self._discs)
         return world.edited(add=add, remove=remove) if add or remove else world
 
-    def _boxes(self, part: tuple[slice, slice], parts: int) -> NDArray[np.int64]:
-        """Return the surfaces in the occupied cells of a tile, rows x0, y0, x1, y1, in parts of a cell."""
-        cells = self._cells
-        at = np.argwhere((cells.state[part] == OCCUPIED) & (cells.box[part][..., 0] <= cells.box[part][..., 2]))
-        box = cells.box[part][at[:, 0], at[:, 1]].astype(np.int64)
-        # A surface along a cell's side has a thickness, too.
-        low = np.minimum(box[:, :2] * parts // 255, parts - 1)
-        high = np.maximum(-(-box[:, 2:] * parts // 255), low + 1)
-        return np.column_stack([low + parts * at[:, ::-1], high + parts * at[:, ::-1]])
+    def _boxes(self, row: int, column: int) -> NDArray[np.int64]:
+        """Return the surfaces in the tile that begins at a cell, rows x0, y0, x1, y1, in parts of a cell."""
+        at = np.argwhere(self.state[row : row + TILE, column : column + TILE] == OCCUPIED)
+        found = self.surfaces(at[:, 0] + row, at[:, 1] + column)
+        found += self.parts * at[:, [1, 0, 1, 0]]
+        return found[found[:, 0] < found[:, 2]]
 
 
 def _unseen(seen: NDArray[np.uint8]) -> NDArray[np.bool_]:
