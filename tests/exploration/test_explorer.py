@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 from dataclasses import replace
+from threading import Event
 
 import numpy as np
 import pytest
@@ -12,12 +13,14 @@ import shapely
 from tests.support import exploration_faults as faults
 
 from trailmark import ConfigurationError, Rectangle, Robot, World
-from trailmark.estimation.logs.records import Record
+from trailmark.estimation.logs.records import Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
 from trailmark.exploration.explorer import MAX_BLOCKED, MAX_STILL
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
+from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
+from trailmark.planning.result import PlanResult
 
 ROBOT = Robot.disc(0.2)
 BOUNDS = (0.0, 0.0, 6.0, 4.0)
@@ -59,6 +62,28 @@ def test_all_that_can_be_seen_is_seen() -> None:
     assert free_area == pytest.approx(24.0 - 2 * 1.5 * 0.2, abs=3.0)  # cells along walls are occupied
     assert np.isfinite(result.first_known).sum() == (result.known.state != UNKNOWN).sum()
     check_map(result, world)
+
+
+def test_the_robot_stands_and_senses_while_a_way_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = Event()
+
+    def slowly(*arguments: object) -> PlanResult:
+        result = plan_to(*arguments)  # type: ignore[arg-type]  # as they were given
+        assert found.wait(60.0)
+        return result
+
+    monkeypatch.setattr("trailmark.exploration.course.plan_to", slowly)
+    exploring = explorer(two_rooms(1.0))
+    for scans in range(1, 6):
+        assert exploring.step().distance == 0.0
+        assert sum(isinstance(record, Scan) for record in exploring.log().records) == scans
+    assert exploring.history[-1].landmarks == 0
+    assert exploring.result().status == "interrupted"  # asked meanwhile, it ends nothing
+    found.set()
+    while exploring.history[-1].landmarks == 0:
+        exploring.step()
+    assert exploring.step().distance > 0.0
+    assert exploring.run().status == "complete"
 
 
 def test_where_the_robot_does_not_fit_it_looks_through() -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.exploration.known_map import FREE, UNKNOWN, KnownMap
-from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, connected_cells
+from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, excluded_with
 
 CELL = 0.1
 
@@ -130,7 +130,7 @@ def test_no_way_to_a_cell_is_none_to_those_that_motions_join_to_it() -> None:
     wall = Rectangle((3.0, 2.0), 0.2, 4.0)
     world = World("walls", (0.0, 0.0, 6.0, 4.0), (wall,), Robot.disc(0.2))
     known = KnownMap(world.bounds, 0.1)
-    found = connected_cells(known, StateChecker(world), np.ones(known.state.shape, np.bool_), 20, 10)
+    found = excluded_with(known, StateChecker(world), np.ones(known.state.shape, np.bool_), 20, 10)
     x, y = known.centres(*np.nonzero(~found)).T
     # All but the places on the other side of the wall where the disc fits.
     assert len(x) == 25 * 36

@@ -14,9 +14,10 @@ from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.reachability import NOWHERE, Reach
 from trailmark.exploration.strategies import STRATEGIES
-from trailmark.exploration.survey import Memory, Survey, plan_to, survey
+from trailmark.exploration.survey import Memory, Survey, survey
 from trailmark.exploration.views import sight
 from trailmark.se2 import FloatArray
 
@@ -260,8 +261,8 @@ def test_at_the_end_nothing_is_in_sight_from_where_the_robot_gets_to(seed: int) 
 def test_ways_that_are_not_found_keep_nothing_else_from_being_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     # A long corridor that the robot may just fit into, and no time to find out: it is tried, put off, and the rest of
     # the world is seen. The end is no proof then.
-    monkeypatch.setattr("trailmark.exploration.survey.FIRST", 1e-9)
-    monkeypatch.setattr("trailmark.exploration.survey.LAST", 1e-9)
+    monkeypatch.setattr("trailmark.exploration.landmark_ways.FIRST", 1e-9)
+    monkeypatch.setattr("trailmark.exploration.landmark_ways.LAST", 1e-9)
     solid = hall(60, 200)
     solid[:, 100] = True
     solid[20:29, 100] = False

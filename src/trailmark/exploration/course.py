@@ -4,7 +4,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import partial
+from threading import Event
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +19,15 @@ from trailmark.errors import ConfigurationError
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
+from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.mapper import Mapper
 from trailmark.exploration.outlook import Outlook, Strategy
 from trailmark.exploration.result import Status
-from trailmark.exploration.survey import Memory, Survey, plan_to, survey
+from trailmark.exploration.survey import Memory, Survey, survey
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
+from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.se2 import FloatArray, wrap
 from trailmark.world import Robot, World
 
@@ -32,12 +39,32 @@ SEEN = 0.8
 LEAST_DRIVE = 0.2
 """Share of the sensor's range that is driven at least before that is asked: near a frontier each reading sees most."""
 
+DECISION = 0.1
+"""Seconds after which a way that is being looked for is waited for no longer, and no other landmark is chosen, before
+the sensor has been read again."""
+
+WAIT = 0.05
+"""Seconds that it is waited for at least: most ways are found sooner."""
+
 ON_PATH = 2e-3
 """Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
 
 
+class Look(NamedTuple):
+    """A way that is being looked for, in a thread beside the sensing."""
+
+    future: Future[PlanResult]
+    """Tells what comes of it."""
+    then: Callable[[PlanResult], list[str]]
+    """To go on with; returns what happened."""
+    revision: int
+    """Of the map that it is looked for in."""
+
+
 class Course:
     """The choice of landmarks, and the path that is followed.
+
+    A way that is not found at once is looked for while the robot stands and senses.
 
     Args:
         mapper: says where the robot is, and what is known.
@@ -53,7 +80,7 @@ class Course:
         planner: plans in the map as it is known; None before the first choice.
         follower: of the path to the landmark; None where there is none.
         landmarks: how many were chosen.
-        decisions: seconds that each choice took.
+        decisions: seconds of each reading at which a landmark was chosen, or the way to it looked for.
         ended: why there is nowhere to go, in a word and in a sentence; None as long as there is.
     """
 
@@ -78,6 +105,9 @@ class Course:
         self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
         self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
         self._since = 0.0
+        self._look: Look | None = None
+        self._stopped = Event()
+        self._threads = ThreadPoolExecutor(1, "looking for a way")
 
     def update(self, moved: float, redrawn: bool) -> list[str]:
         """See to it that there is a path to follow, as long as any landmark is left; return what happened.
@@ -89,12 +119,12 @@ class Course:
         follower, known = self.follower, self._mapper.known
         self._since += moved
         if follower is None:
-            return self._decide()
+            return self._timed(self._decide if self._look is None else self._looked)
         off = follower.advance(self._mapper.pose, moved)
         if self._expected is not None and self._since >= LEAST_DRIVE * self._range and self._pointless():
-            return self._decide()
+            return self._timed(self._decide)
         if redrawn or off > self.tolerance or follower.endangered(known):
-            return self._replan(follower)
+            return self._replan(follower, perf_counter() + DECISION)
         return []
 
     def current_planner(self) -> LandmarkPlanner:
@@ -114,9 +144,21 @@ class Course:
         """Metres that the robot may be beside its path."""
         return max(0.5 * self._mapper.margin, ON_PATH)
 
-    def _decide(self) -> list[str]:
-        """Choose the next landmark and plan to it."""
-        begin, s = perf_counter(), self._settings
+    def stop(self) -> None:
+        """Look for no way any longer, once the exploration has ended."""
+        self._stopped.set()
+        self._threads.shutdown()
+
+    def _timed(self, decide: Callable[[float], list[str]]) -> list[str]:
+        """Return what happens in a decision, and keep how long it takes."""
+        begin = perf_counter()
+        events = decide(begin + DECISION)
+        self.decisions.append(perf_counter() - begin)
+        return events
+
+    def _decide(self, until: float) -> list[str]:
+        """Choose the next landmark and plan to it, or begin to."""
+        s = self._settings
         planner, known = self.current_planner(), self._mapper.known
         here, escape = self._free(planner, self._mapper.pose)
         home = self._start if s.return_home else None
@@ -124,7 +166,7 @@ class Course:
         # A sensor that does not see all around has done so where a path, with the turn at its end, was driven.
         self._looked_around = self._sees_around or (self.follower is None and self._expected is not None)
         self.follower = self._expected = None
-        while self.ended is None and self.follower is None:
+        while self.ended is None and self.follower is None and self._look is None:
             found = survey(
                 known,
                 planner,
@@ -139,18 +181,50 @@ class Course:
                 looked_around=self._looked_around,
             )
             if not len(found.outlook.landmarks):
-                self._go_home(found, planner, here, escape)
+                events += self._go_home(found, planner, here, escape, until)
                 break
             index = self._index(found.outlook)
-            planned = plan_to(known, planner, found, index, s, self._memory)
-            if planned.path is None:
-                events.append(f"no path to a landmark: {planned.status}")
-                continue
-            self._follow(planned.path, escape, planner, turn=not self._sees_around)
-            self._since, self._expected = 0.0, found.expected[index]
-            self.landmarks += 1
-        self.decisions.append(perf_counter() - begin)
+            plan = partial(plan_to, known, planner, found, index, s, self._memory, self._stopped.is_set)
+            events += self._look_for(plan, partial(self._begin, planner, escape, found.expected[index]), until)
+            if perf_counter() >= until:
+                break
         return events
+
+    def _look_for(
+        self, plan: Callable[[], PlanResult], then: Callable[[PlanResult], list[str]], until: float
+    ) -> list[str]:
+        """Look for a way, and go on by what comes of it: at once, or after further readings."""
+        self._look = Look(self._threads.submit(plan), then, self._mapper.known.revision)
+        return self._looked(until)
+
+    def _looked(self, until: float) -> list[str]:
+        """Go on by what comes of the way that is being looked for, if that is known soon."""
+        look = self._look
+        assert look is not None  # noqa: S101 # the caller has looked
+        wait([look.future], max(until - perf_counter(), WAIT))
+        if not look.future.done():
+            return []
+        self._look = None
+        events = look.then(look.future.result())
+        if self.follower is not None and self._mapper.known.revision != look.revision:
+            # It was planned before the last readings.
+            events += self._replan(self.follower, until)
+        return events
+
+    def _begin(
+        self,
+        planner: LandmarkPlanner,
+        escape: FloatArray,
+        expected: tuple[NDArray[np.intp], NDArray[np.intp]],
+        planned: PlanResult,
+    ) -> list[str]:
+        """Begin the way to a landmark that was chosen."""
+        if planned.path is None:
+            return [f"no path to a landmark: {planned.status}"]
+        self._follow(planned.path, escape, planner, turn=not self._sees_around)
+        self._since, self._expected = 0.0, expected
+        self.landmarks += 1
+        return []
 
     def _index(self, outlook: Outlook) -> int:
         """Return the strategy's choice."""
@@ -159,7 +233,9 @@ class Course:
             raise ConfigurationError(f"strategy: expected the index of one of {count} landmarks, got {brief(index)}")
         return int(index)
 
-    def _go_home(self, found: Survey, planner: LandmarkPlanner, here: FloatArray, escape: FloatArray) -> None:
+    def _go_home(
+        self, found: Survey, planner: LandmarkPlanner, here: FloatArray, escape: FloatArray, until: float
+    ) -> list[str]:
         """End, after the way home where that is asked for."""
         target = self._start
         if self._settings.return_home:
@@ -167,12 +243,16 @@ class Course:
         away = float(np.hypot(*(here - target)[:2]))
         if not self._settings.return_home or away <= self.tolerance:
             self.ended = self.ended or (found.status, found.ended)
-            return
-        planned = planner.plan(here, target, self._settings.planning_time, gap=0.05)
-        if planned.path is None:
-            self.ended = "stuck", f"{found.ended}; no path home was found"
-        else:
-            self._follow(planned.path, escape, planner)
+            return []
+
+        def then(planned: PlanResult) -> list[str]:
+            if planned.path is None:
+                self.ended = "stuck", f"{found.ended}; no path home was found"
+            else:
+                self._follow(planned.path, escape, planner)
+            return []
+
+        return self._look_for(partial(planner.plan, here, target, self._settings.planning_time, gap=0.05), then, until)
 
     def _follow(self, path: Path, escape: FloatArray, planner: LandmarkPlanner, turn: bool = False) -> None:
         """Begin a path, after the way out of contact that leads to its first state; with a turn at its end."""
@@ -186,15 +266,21 @@ class Course:
         self.follower = PathFollower(path, planner.robot, planner.checker.footprint)
         self.follower.endangered(self._mapper.known)
 
-    def _replan(self, follower: PathFollower) -> list[str]:
-        """Lead the path around what has come into its way, or choose anew."""
+    def _replan(self, follower: PathFollower, until: float) -> list[str]:
+        """Lead the path around what has come into its way, or give it up."""
         planner, pose = self.current_planner(), self._mapper.pose
-        result = planner.replan(pose, follower.target, follower.path, self._settings.planning_time, escape=True)
-        if result.path is None:
-            return [f"path given up: {result.reason}", *self._decide()]
-        turn = not self._sees_around and not result.kept and self._expected is not None
-        self._follow(result.path, pose[None], planner, turn)
-        return [] if result.kept else [f"path replanned: {result.reason}"]
+        self.follower = None
+
+        def then(result: PlanResult) -> list[str]:
+            assert isinstance(result, ReplanResult)  # noqa: S101 # of a replan
+            if result.path is None:
+                return [f"path given up: {result.reason}"]
+            turn = not self._sees_around and not result.kept and self._expected is not None
+            self._follow(result.path, pose[None], planner, turn)
+            return [] if result.kept else [f"path replanned: {result.reason}"]
+
+        plan = partial(planner.replan, pose, follower.target, follower.path, self._settings.planning_time, escape=True)
+        return self._look_for(plan, then, until)
 
     def _pointless(self) -> bool:
         """Return whether most of what the landmark was chosen for has been seen."""

@@ -191,6 +191,8 @@ class Explorer:
 
     def result(self) -> ExplorationResult:
         """Return what was found so far; building the final map takes a while."""
+        if self._ended is not None:
+            self._course.stop()
         status, reason = self._ended or ("interrupted", "not over")
         saved, known, evaluation = self.saved(), self.mapper.known, None
         nothing = not any(isinstance(record, Scan | Detection) for record in saved.log.records)

@@ -15,7 +15,7 @@ from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
-__all__ = ["CERTAIN", "NOWHERE", "Reach", "connected_cells"]
+__all__ = ["CERTAIN", "NOWHERE", "Reach", "excluded_with"]
 
 NOWHERE, CERTAIN = 0, 6
 """The robot's reference point provably cannot get to any place in a cell; it can get to its centre, with any heading.
@@ -107,7 +107,7 @@ class Reach:
         return np.asarray(near)
 
 
-def connected_cells(
+def excluded_with(
     known: KnownMap, checker: StateChecker, among: NDArray[np.bool_], row: int, column: int
 ) -> NDArray[np.bool_]:
     """Return the cells to which there is no way if there is none to one of them, shape (rows, columns).

@@ -74,7 +74,7 @@ class ExplorationResult:
         seed: of what was drawn.
         settings: with which it was run.
         seconds: time that it took, decisions included.
-        decisions: seconds that each choice of a landmark took, shape (n,).
+        decisions: seconds of each reading at which a landmark was chosen, or the way to it looked for, shape (n,).
         evaluation: by the simulator; None with a real robot.
         robot_state: of the simulated robot at the end, so that it can go on; None with a real one.
     """
