@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from benchmarks.made_results import random_results
 from tests.benchmark.conftest import experiment, solved
-from tests.benchmark.report.made_results import random_results
 from tests.cli.logs import recorded
 
 from trailmark.benchmark.errors import StoreError

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from benchmarks.made_results import random_results
 from PIL import Image
-from tests.benchmark.report.made_results import random_results
 from tests.cli.logs import recorded, write_mrclam
 
 from trailmark.estimation import save_log

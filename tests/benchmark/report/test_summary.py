@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.benchmark.report.made_results import run, write_results
+from benchmarks.made_results import run, write_results
 
-from trailmark.benchmark.report.curves import MOMENTS, cost_curves, overall_curves
+from trailmark.benchmark.report.curves import cost_quartiles, time_grid
 from trailmark.benchmark.report.data import Results, load_results
 from trailmark.benchmark.report.digits import count, milliseconds, number, percent, probability, seconds
 from trailmark.benchmark.report.findings import findings, warnings_of
@@ -120,26 +120,30 @@ def test_where_no_test_can_succeed_it_says_so(tmp_path: Path, problems: int, run
 
 
 def test_curves(results: Results) -> None:
-    curves = cost_curves(results.problems[0])
-    b = curves["B"]
-    assert b.times.shape == b.missing.shape == (MOMENTS,)
-    assert b.times[-1] == pytest.approx(1.0)
-    assert b.missing[0] == 1.0
-    assert b.missing[-1] == 0.5
-    assert b.quartiles[:, -1].tolist() == pytest.approx([20.4, math.inf, math.inf])
-    a = curves["A"].quartiles[1]
+    problem = results.problems[0]
+    times = time_grid([problem], 48)
+    b = cost_quartiles(problem.runs["B"], times)
+    assert b.shape == (3, 48)
+    assert times[-1] == pytest.approx(1.0)
+    assert b[:, 0].tolist() == [math.inf] * 3
+    assert b[:, -1].tolist() == pytest.approx([20.4, math.inf, math.inf])
+    a = cost_quartiles(problem.runs["A"], times)[1]
     assert a[-1] == pytest.approx(10.35)
-    early = int(np.searchsorted(b.times, 0.5))
+    early = int(np.searchsorted(times, 0.5))
     assert a[early] == pytest.approx(12.42)  # each run's first path costs 1.2 times its last, which comes at 0.9 s
-    assert overall_curves(results)["A"].quartiles[1][-1] == pytest.approx(1.035)
 
 
 def test_styles_tell_planners_apart() -> None:
-    names = ["landmark", "PRM", "PRM+certified", "native:PRM", "RRTstar", "my_module:plan"]
+    algorithms = [f"Planner{i}" for i in range(20)]
+    families = [form.format(name) for name in ("PRM", *algorithms) for form in ("{}", "{}+certified", "native:{}")]
+    own = ["landmark", "roadmap", "landmark k=200", *(f"landmark k={k}" for k in range(300, 500, 10))]
+    names = [*own, *families, "my_module:plan", "RRTConnect:range=2", "RRTConnect:range=4"]
     styles = styles_of(names)
-    assert len({(s.colour, s.dash, s.hollow, s.width) for s in styles.values()}) == len(names)
+    assert len({(s.colour, s.dash, s.mark) for s in styles.values()}) == len(names)
     assert styles["PRM"].colour == styles["PRM+certified"].colour == styles["native:PRM"].colour
-    assert [family_of(name) for name in names] == ["landmark", "discrete", "certified", "native", "discrete", "own"]
+    assert styles["PRM"].mark == styles["PRM+certified"].mark == styles["native:PRM"].mark
+    some = ["landmark k=200", "PRM", "PRM+certified", "native:PRM", "my_module:plan", "RRTConnect:range=2"]
+    assert [family_of(name) for name in some] == ["landmark", "discrete", "certified", "native", "own", "discrete"]
 
 
 def test_numbers_as_words() -> None:

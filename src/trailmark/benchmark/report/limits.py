@@ -25,6 +25,9 @@ def method() -> list[str]:
         f"rank sums. Two-sided; exact up to {EXACT_RUNS} runs of the two planners together, normal above. The "
         "probabilities are adjusted by Holm's method for all pairs of the table, and a planner is called ahead where "
         f"p < {LEVEL:g}.",
+        "Performance profiles are Dolan's and Moré's (2002), of each planner's median over its runs on a problem, a "
+        "failed run counting as infinite; they tell who is best, and compare two planners only where these two alone "
+        "are chosen.",
         f"Factors between planners have 95 % bootstrap intervals: {REPLICATES:,} resamples of the runs within each "
         "problem.",
     ]

@@ -1,42 +1,37 @@
-"""The page: one HTML file with everything in it, that asks for nothing else and runs no script."""
+"""The page: one HTML file with everything in it, that asks for nothing else and runs no script but its own."""
 
 # Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from html import escape
 
-from trailmark.benchmark.report.charts import legend_mark, legend_marks
-from trailmark.benchmark.report.conditions import conditions_table, hash_table, settings_table
-from trailmark.benchmark.report.data import Problem, Results
-from trailmark.benchmark.report.figures import Figures
+from trailmark.benchmark.report.conditions import conditions_table, settings_table
+from trailmark.benchmark.report.data import Results
+from trailmark.benchmark.report.details import details
 from trailmark.benchmark.report.findings import findings, warnings_of
 from trailmark.benchmark.report.limits import limitations, method
-from trailmark.benchmark.report.palette import FAMILIES, Style, family_of, styles_of
+from trailmark.benchmark.report.palette import Style, legend_marks, styles_of
+from trailmark.benchmark.report.payload import compressed, payload
+from trailmark.benchmark.report.script import policy, script
 from trailmark.benchmark.report.style import STYLE
 from trailmark.benchmark.report.summary import Summary, summarise
-from trailmark.benchmark.report.tables import effort_table, failure_table, overall_table, pair_table, problem_table
+from trailmark.benchmark.report.tables import overall_table, pair_table
 
 __all__ = ["html_report"]
 
-OPEN_PROBLEMS = 2
 OPEN_PAIRS = 8
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 def html_report(results: Results) -> str:
     """Return the report as HTML; the same database gives the same text."""
     summary = summarise(results)
     styles = styles_of(results.planners)
-    figures = Figures(results, summary, styles, itertools.count())
-    several = len(results.problems) > 1
     parts = [
         legend_marks(styles.values()),
         _head(results),
         _section("summary", "Summary", _summary(results, summary, styles)),
-        *([_section("all", "All problems together", _together(figures))] if several else []),
-        _section("problems", "Problems" if several else "The problem", _problems(results, figures, styles)),
+        _section("explore", "Charts: choose problems and planners", _explorer(results)),
         *([_section("ahead", "Who is ahead of whom", _pairs(summary, styles))] if len(results.planners) > 1 else []),
         _section("environment", "Environment", _environment(results, styles)),
         _section("limitations", "How to read this, and its limits", _limits(results)),
@@ -46,10 +41,14 @@ def html_report(results: Results) -> str:
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="generator" content="trailmark">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        # Whatever a database holds, the page asks for nothing and runs nothing.
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy()}">\n'
         '<link rel="icon" href="data:,">\n'
-        f"<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n" + "\n".join(parts) + "\n</body>\n</html>\n"
+        f"<title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n"
+        + "\n".join(parts)
+        # Of a type that no browser runs.
+        + f'\n<script type="text/plain" id="runs">{compressed(payload(results, styles))}</script>'
+        + f'\n<script type="text/plain" id="details">{compressed(details(results))}</script>'
+        + f"\n<script>{script()}</script>\n</body>\n</html>\n"
     )
 
 
@@ -58,12 +57,11 @@ def _head(results: Results) -> str:
     facts = results.problems[0].facts
     sizes = f"{_plural(problems, 'problem')} × {_plural(planners, 'planner')}, {_plural(results.runs, 'run')}"
     machine = " · ".join(escape(str(facts[name])) for name in ("version", "cpuinfo", "date") if facts.get(name))
-    several = '<a href="#all">All problems</a>' if problems > 1 else ""
     ahead = '<a href="#ahead">Who is ahead</a>' if planners > 1 else ""
     return (
         f"<header><h1>Motion planners compared: {escape(results.file.stem)}</h1>"
         f'<p class="sub">{sizes}<br>{machine}</p></header>'
-        f'<nav aria-label="Sections"><a href="#summary">Summary</a>{several}<a href="#problems">Problems</a>'
+        f'<nav aria-label="Sections"><a href="#summary">Summary</a><a href="#explore">Charts</a>'
         f'{ahead}<a href="#environment">Environment</a><a href="#limitations">Limits</a></nav>'
     )
 
@@ -82,7 +80,6 @@ def _summary(results: Results, summary: Summary, styles: Mapping[str, Style]) ->
         for f in findings(results, summary)
     ]
     yield f'<div class="cards">{"".join(cards)}</div>'
-    yield _legend(results.planners, styles)
     yield overall_table(summary, "All runs, the quickest planner first").html(styles)
     yield (
         '<p class="note">A path counts only if planner and referee agree on it. Times: to the first path, a failure as '
@@ -92,46 +89,41 @@ def _summary(results: Results, summary: Summary, styles: Mapping[str, Style]) ->
     )
 
 
-def _together(figures: Figures) -> Iterator[str]:
-    yield f'<div class="figures">{"".join(figures.overall_rows())}</div>'
-    for title, drawn in (
-        ("Time to the first path", list(figures.overall_ecdfs())),
-        ("Cost against time", list(figures.overall_costs())),
-    ):
-        if len(drawn) > 1:
-            yield f"<h3>{title}</h3>"
-        yield f'<div class="figures">{"".join(drawn)}</div>'
+def _explorer(results: Results) -> Iterator[str]:
+    """Yield what the page's script fills in: the choice, the charts of the chosen problems, and one problem."""
+    several = len(results.problems) > 1
     yield (
-        '<p class="note">Cost against time: the best path so far over the best known of its problem; medians (lines) '
-        "and quartiles (shaded) over all runs. A line begins where half of the runs have a path; the strip below shows "
-        "the share that have none.</p>"
+        '<noscript><p class="warning">The charts are drawn by the page’s own script: this browser runs none.'
+        "</p></noscript>"
+        '<p class="warning" id="failed" role="status"></p>'
     )
-
-
-def _problems(results: Results, figures: Figures, styles: Mapping[str, Style]) -> Iterator[str]:
-    for i, problem in enumerate(results.problems):
-        opened = " open" if len(results.problems) <= OPEN_PROBLEMS or i == 0 else ""
-        solved = sum(int(runs.success.sum()) for runs in problem.runs.values())
-        total = sum(len(runs) for runs in problem.runs.values())
-        note = f"{solved} of {_plural(total, 'run')} solved, limit {problem.time_limit:g} s"
-        body = "\n".join(_problem(problem, figures, styles))
-        yield (
-            f'<details class="problem"{opened}><summary>{escape(problem.name)} '
-            f'<span class="note">{escape(note)}</span></summary>\n{body}</details>'
+    clocks = "".join(
+        f'<label><input type="radio" name="clock" value="{value}"{checked}> {words}</label>'
+        for value, checked, words in (
+            ("call", " checked", "planning alone"),
+            ("file", "", "loading and building the checker too"),
         )
-
-
-def _problem(problem: Problem, figures: Figures, styles: Mapping[str, Style]) -> Iterator[str]:
-    yield f'<div class="figures">{"".join(figures.scenes(problem))}</div>'
-    yield problem_table(
-        problem, f"{problem.name}: p tells whether a planner differs from the best, adjusted by Holm"
-    ).html(styles)
-    yield f'<div class="figures">{"".join(figures.problem_charts(problem))}</div>'
-    effort = effort_table(problem, f"{problem.name}: what the runs took, medians over all runs").html(styles)
-    yield f"<details><summary>Effort: checks, graphs, memory</summary>{effort}</details>"
-    failures = failure_table(problem, f"{problem.name}: what failed or refused runs gave as the reason")
-    if failures is not None:
-        yield f"<details><summary>Reasons of failures</summary>{failures.html(styles)}</details>"
+    )
+    yield (
+        '<div class="explorer"><div id="choice">'
+        "<details><summary>Planners</summary>"
+        '<p class="note">A family’s name chooses all of it or none. Point at a planner to see it in all charts.</p>'
+        '<button type="button" id="all-planners">All or none</button><div id="planners"></div></details>'
+        f"<details{'' if several else ' hidden'}><summary>Problems</summary>"
+        '<p class="note">Ticked: together in the charts. A click on a name shows that problem.</p>'
+        '<input type="search" id="filter" placeholder="part of a name" aria-label="Problems with this in their name">'
+        '<button type="button" id="all-problems">All or none of these</button><div id="problems"></div></details>'
+        f'<fieldset id="clocks"><legend>Times include</legend>{clocks}</fieldset></div><div class="charts">'
+    )
+    if several:
+        yield '<h3>Chosen problems together</h3><p class="note" id="chosen"></p><div id="together"></div>'
+    hidden = "" if several else " hidden"
+    yield (
+        '<h3 id="one">One problem: <span id="name"></span></h3>'
+        f'<p><button type="button" id="before"{hidden}>Previous</button> '
+        f'<button type="button" id="after"{hidden}>Next</button> <span class="note" id="limit"></span></p>'
+        '<div id="single"></div></div></div>'
+    )
 
 
 def _pairs(summary: Summary, styles: Mapping[str, Style]) -> Iterator[str]:
@@ -150,8 +142,6 @@ def _environment(results: Results, styles: Mapping[str, Style]) -> Iterator[str]
     opened = "" if len(results.planners) > OPEN_PAIRS else " open"
     settings = settings_table(results).html(styles)
     yield f"<details{opened}><summary>Settings of the planners</summary>{settings}</details>"
-    opened = "" if len(results.problems) > OPEN_PAIRS else " open"
-    yield f"<details{opened}><summary>Problems and their hashes</summary>{hash_table(results).html(styles)}</details>"
 
 
 def _limits(results: Results) -> Iterator[str]:
@@ -159,18 +149,6 @@ def _limits(results: Results) -> Iterator[str]:
     yield f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in method())}</ul>"
     yield "<h3>What they do not say</h3>"
     yield f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in limitations(results))}</ul>"
-
-
-def _legend(planners: Sequence[str], styles: Mapping[str, Style]) -> str:
-    parts = []
-    for family, title in FAMILIES.items():
-        names = [name for name in planners if family_of(name) == family]
-        if names:
-            entries = "".join(f"<li>{legend_mark(styles[name])}{escape(name)}</li>" for name in names)
-            parts.append(
-                f'<ul class="legend" aria-label="{escape(title)}"><li class="note">{escape(title)}:</li>{entries}</ul>'
-            )
-    return "".join(parts)
 
 
 def _plural(n: int, noun: str) -> str:

@@ -7,7 +7,7 @@ STYLE = """
 :root { color-scheme: light; --ink: #16191d; --soft: #535a64; --line: #d5d9df; --pale: #f4f5f7; }
 * { box-sizing: border-box; }
 html { -webkit-text-size-adjust: 100%; scroll-behavior: smooth; }
-body { margin: 0 auto; padding: 0 clamp(12px, 3vw, 32px) 64px; max-width: 1240px; background: #fff; color: var(--ink);
+body { margin: 0 auto; padding: 0 clamp(12px, 3vw, 32px) 64px; max-width: 1440px; background: #fff; color: var(--ink);
   font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; }
 h1 { font-size: clamp(1.5rem, 4vw, 2.1rem); line-height: 1.2; margin: 28px 0 4px; overflow-wrap: anywhere; }
 h2 { font-size: 1.35rem; margin: 44px 0 8px; padding-top: 10px; border-top: 2px solid var(--ink); }
@@ -42,9 +42,9 @@ svg text.value, svg text.tick { font-variant-numeric: tabular-nums; }
 svg .halo { paint-order: stroke; stroke: #fff; stroke-width: 3px; }
 svg .grid { stroke: #e6e8ec; } svg .axis { stroke: #6b727c; }
 .share { stroke-width: 1.8; }
-.box { stroke-width: 1.4; }
+.box { stroke-width: 1.4; fill-opacity: .3; }
 .median { stroke-width: 3; }
-svg .line { stroke-linejoin: round; stroke-linecap: round; } svg .line:hover { stroke-width: 4.5; }
+svg .line { stroke-linejoin: round; stroke-linecap: round; }
 svg .halo-line { stroke: #fff; stroke-opacity: .85; stroke-linejoin: round; }
 .outside { fill: #e3e6ea; }
 .free { fill: #fff; stroke: #4a5059; }
@@ -57,8 +57,13 @@ svg .heading.goal { stroke: #16191d; }
 svg text.letter { fill: #000; font-weight: 700; font-size: 13px; paint-order: stroke; stroke: #fff;
   stroke-width: 4px; }
 .defs { position: absolute; width: 0; height: 0; }
-.scroll { overflow-x: auto; margin: 2px 0 18px; border-bottom: 1px solid var(--line);
-  -webkit-overflow-scrolling: touch; }
+.table { position: relative; margin: 2px 0 18px; }
+.scroll { overflow-x: auto; border-bottom: 1px solid var(--line); -webkit-overflow-scrolling: touch; }
+/* Both say that there is more: a bar that is always there, and a shadow on the side that is cut off. */
+.scroll::-webkit-scrollbar { height: 10px; } .scroll::-webkit-scrollbar-track { background: var(--pale); }
+.scroll::-webkit-scrollbar-thumb { background: #9aa1ab; border-radius: 5px; }
+.table.more::after { content: ""; position: absolute; inset: 0 0 10px auto; width: 30px; pointer-events: none;
+  background: linear-gradient(to right, transparent, rgb(22 25 29 / .3)); border-right: 2px solid #535a64; }
 table { border-collapse: collapse; font-size: .86rem; min-width: 100%; }
 .caption { margin: 18px 0 0; font-size: .92rem; }
 th, td { padding: 4px 10px; text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums;
@@ -69,8 +74,21 @@ tbody tr:nth-child(even) > * { background: var(--pale); }
 th.words, td.words, tbody th { text-align: left; }
 tbody th { font-weight: 550; position: sticky; left: 0; background: #fff; border-right: 1px solid var(--line); }
 td.words { max-width: 46em; white-space: normal; min-width: 26em; overflow-wrap: anywhere; }
-.legend { display: flex; flex-wrap: wrap; gap: 2px 18px; list-style: none; padding: 0; margin: 2px 0 8px;
-  font-size: .9rem; }
+button { font: inherit; font-size: .88rem; color: #004f86; background: #fff; border: 1px solid var(--line);
+  border-radius: 4px; padding: 3px 9px; cursor: pointer; }
+button:hover { background: var(--pale); }
+#choice label { display: flex; align-items: center; gap: 4px; padding: 2px; overflow-wrap: anywhere; min-width: 0; }
+#choice label .key, #choice input { flex: none; } #choice { font-size: .9rem; }
+.family { margin: 8px 0; } .family button { font-weight: 650; padding: 0; border: 0; color: var(--soft); }
+#filter { font: inherit; width: 100%; margin-bottom: 6px; padding: 3px 6px; }
+#problems { max-height: 24rem; overflow-y: auto; margin-top: 6px; }
+#problems div { display: flex; gap: 4px; align-items: baseline; }
+#problems button { border: 0; padding: 1px 2px; text-align: left; overflow-wrap: anywhere; min-width: 0; }
+#problems [aria-current] { font-weight: 650; color: var(--ink); }
+fieldset { border: 1px solid var(--line); border-radius: 4px; margin: 8px 0; }
+[hidden], #failed:empty, #explore:not(.ready) .explorer { display: none; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: 2px 14px; font-size: .9rem; }
+dd { margin: 0; overflow-wrap: anywhere; }
 details { margin: 8px 0; border: 1px solid var(--line); border-radius: 4px; padding: 0 12px; }
 details[open] { padding-bottom: 12px; }
 summary { cursor: pointer; padding: 9px 0; font-weight: 650; overflow-wrap: anywhere; }
@@ -79,17 +97,21 @@ summary .note { font-weight: 400; font-size: .9rem; }
   .scroll .key { display: none; } }
 @media (min-width: 601px) { wbr { display: none; } }
 @media (min-width: 800px) { figure.wide { grid-column: span 2; } }
+@media (min-width: 1000px) {
+  .explorer { display: grid; grid-template-columns: 250px minmax(0, 1fr); gap: 24px; align-items: start; }
+  #choice { position: sticky; top: 0; max-height: 100vh; overflow-y: auto; }
+}
 @media print {
   @page { margin: 14mm; }
   body { max-width: none; padding: 0; font-size: 10pt; }
-  nav { display: none; }
+  nav, #choice, button { display: none; } .explorer { display: block; }
   h2 { break-after: avoid; } h3, summary { break-after: avoid; }
   figure, .card, tr, .warning { break-inside: avoid; }
   .figures { grid-template-columns: 1fr 1fr; gap: 4mm 8mm; }
   .cards { grid-template-columns: 1fr 1fr; }
-  details { border: 0; padding: 0; } details.problem { break-before: page; }
+  details { border: 0; padding: 0; }
   details::details-content { content-visibility: visible; display: block; height: auto; }
-  .scroll { overflow: visible; } .scroll .key { display: none; }
+  .scroll { overflow: visible; } .table.more::after { display: none; } .scroll .key { display: none; }
   table { font-size: 6.3pt; min-width: 0; } th, td { padding: 1.2pt 2.2pt; white-space: normal; }
   thead th { min-width: 0; } tbody th { position: static; } wbr { display: inline; }
   td.words { min-width: 7em; max-width: 24em; overflow-wrap: anywhere; }

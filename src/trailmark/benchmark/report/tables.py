@@ -11,10 +11,9 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.benchmark.report.charts import legend_mark
 from trailmark.benchmark.report.data import Problem
 from trailmark.benchmark.report.digits import NOTHING, count, factor, milliseconds, number, percent, probability
-from trailmark.benchmark.report.palette import Style
+from trailmark.benchmark.report.palette import Style, legend_mark
 from trailmark.benchmark.report.summary import Comparison, PlannerSummary, Summary, summarise_runs
 from trailmark.benchmark.statistics import holm, quantiles, rank_test
 
@@ -54,7 +53,7 @@ class Table:
         table = f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"
         # Not a caption element: that would scroll away with a wide table.
         box = f'<div class="scroll" role="region" aria-label="{escape(self.caption)}" tabindex="0">{table}</div>'
-        return f'<p class="caption">{escape(self.caption)}</p>{box}'
+        return f'<p class="caption">{escape(self.caption)}</p><div class="table">{box}</div>'
 
     def markdown(self) -> str:
         """Return the table as Markdown whose columns line up as plain text too."""

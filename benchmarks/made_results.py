@@ -1,4 +1,4 @@
-"""Results databases made up for tests of the report: the schema is the benchmark's, the runs are drawn by chance."""
+"""Results databases made up for tests and benchmarks of the report: the benchmark's schema, runs drawn by chance."""
 
 from __future__ import annotations
 
