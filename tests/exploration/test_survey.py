@@ -13,6 +13,7 @@ from scipy import ndimage
 from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.exploration.exploration_settings import ExplorationSettings
+from trailmark.exploration.frontiers import frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.reachability import NOWHERE, Reach
@@ -118,6 +119,35 @@ def test_occupied_cells_are_no_proof_of_more_than_a_surface_in_them() -> None:
     state[state == OCCUPIED] = UNKNOWN
     levels, _ = Reach(ROBOT, cell).levels(state.astype(np.uint8), been)
     assert levels[known.cells_of(ends[1][None, :2])] == NOWHERE
+
+
+GAPS = {
+    "wall": ["......", "##??##", "??????"],
+    "staircase": ["......", "##....", "??#...", "???...", "????#.", "????##"],
+    "corner": ["......", "###?..", "???#..", "???#.."],
+    "inner corner": ["#....", "#....", "??###", "?????"],
+    "edge of the map": ["......", "....??"],
+}
+OPEN = {
+    "wall": ["......", "#???##", "??????"],
+    "corner": ["......", "##??..", "????..", "???#.."],
+    "side of a box": ["......", "####..", "???#..", "????..", "????..", "????.."],
+    "post": [".....", ".....", "..?..", ".....", "....."],
+}
+
+
+@pytest.mark.parametrize("rows", GAPS.values(), ids=GAPS)
+def test_gaps_of_two_cells_in_a_surface_are_no_frontiers(rows: list[str]) -> None:
+    state = known_of(rows).state
+    assert len(frontiers_of(state, state == UNKNOWN, 50.0).edges) == 0
+
+
+@pytest.mark.parametrize("rows", OPEN.values(), ids=OPEN)
+def test_wider_gaps_and_what_stands_alone_are_frontiers(rows: list[str]) -> None:
+    state = known_of(rows).state
+    frontiers = frontiers_of(state, state == UNKNOWN, 50.0)
+    assert len(frontiers.edges) > 0
+    assert (state[tuple(frontiers.unknown.T)] == UNKNOWN).all()
 
 
 BEAMS, STEPS_PER_CELL = 900, 4

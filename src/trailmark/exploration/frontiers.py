@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,10 @@ from trailmark.se2 import FloatArray
 __all__ = ["Frontiers", "frontiers_of"]
 
 GAP = 2
-"""Cells: as wide a gap in a wall, or a narrower one, is not looked through."""
+"""Cells: as wide a gap in a surface, or a narrower one, is not looked through."""
+
+AROUND = np.array([(-1, -1), (-1, 0), (-1, 1), (0, 1), (1, 1), (1, 0), (1, -1), (0, -1)])
+"""Rows and columns from a cell to those around it, in their order."""
 
 STEPS = 4
 """Of Lloyd's algorithm, by which a long frontier is divided."""
@@ -54,8 +57,8 @@ class Frontiers(NamedTuple):
 def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: float) -> Frontiers:
     """Return the frontiers of a map.
 
-    A gap of up to GAP cells between two occupied ones is none: beams that graze a wall leave such gaps out, and it is
-    below the resolution at which a map tells what is open.
+    A gap of up to GAP cells in a surface is none, be it in a wall or at a corner: beams that graze a surface leave such
+    gaps out, and it is below the resolution at which a map tells what is open.
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
@@ -66,7 +69,6 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
 
     unknown = (state == UNKNOWN) & wanted
     free = state == FREE
-    occupied = np.pad(state == OCCUPIED, GAP, constant_values=True)
     edges, cells = list[FloatArray](), list[NDArray[np.intp]]()
     for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
         # Free cells whose neighbour in this direction is unknown.
@@ -74,7 +76,7 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
         rows, columns = state.shape
         here = slice(max(-dy, 0), rows - max(dy, 0)), slice(max(-dx, 0), columns - max(dx, 0))
         there = slice(max(dy, 0), rows + min(dy, 0)), slice(max(dx, 0), columns + min(dx, 0))
-        beside[here] = free[here] & unknown[there] & ~_narrow(occupied, dy, dx)[here]
+        beside[here] = free[here] & unknown[there]
         r, c = np.nonzero(beside)
         way = np.broadcast_to(np.array([dx, dy], dtype=np.float64), (len(r), 2))
         edges.append(np.column_stack([c + 0.5 + 0.5 * dx, r + 0.5 + 0.5 * dy, way]))
@@ -83,25 +85,35 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
     mask = np.zeros_like(unknown)
     mask[cell[:, 0], cell[:, 1]] = True
     labels = ndimage.label(mask, np.ones((3, 3)))[0]
+    labels[_gaps(state, labels)] = 0
     group = labels[cell[:, 0], cell[:, 1]].astype(np.intp) - 1
-    return Frontiers(edge, cell, _divided(edge[:, :2], group, longest))
+    wide = group >= 0
+    edge = edge[wide]
+    return Frontiers(edge, cell[wide], _divided(edge[:, :2], group[wide], longest))
 
 
-def _narrow(occupied: NDArray[np.bool_], dy: int, dx: int) -> NDArray[np.bool_]:
-    """Return for each cell whether the gap between it and the next one in a direction is of GAP cells at most.
+def _gaps(state: NDArray[np.uint8], labels: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:
+    """Return the cells of gaps in surfaces: up to GAP together, each edge of free space beside which is occupied.
 
     Args:
-        occupied: with GAP more rows and columns on each side, shape (rows + 2 GAP, columns + 2 GAP).
-        dy: rows to the next cell,
-        dx: columns to it.
+        state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+        labels: numbers of connected unknown cells beside free ones, 0 for the other cells, shape (rows, columns).
     """
-    both = occupied | np.roll(occupied, (-dy, -dx), axis=(0, 1))
-    # How near something occupied is on either side.
-    narrow = np.zeros_like(both)
-    for one in range(1, GAP + 1):
-        for other in range(1, GAP + 2 - one):
-            narrow |= np.roll(both, one, axis=int(dx == 0)) & np.roll(both, -other, axis=int(dx == 0))
-    return narrow[GAP:-GAP, GAP:-GAP]
+    few = np.bincount(labels.ravel()) <= GAP
+    few[0] = False
+    cells = np.argwhere(np.take(few, labels))
+    closed = np.pad(state, 1, constant_values=OCCUPIED)
+    beside = cells[:, None] + AROUND + 1
+    touches = (closed[beside[..., 0], beside[..., 1]] == OCCUPIED).any(axis=1)
+    closed[cells[:, 0] + 1, cells[:, 1] + 1] = OCCUPIED
+    kinds = closed[beside[..., 0], beside[..., 1]]
+    after = np.roll(kinds, -1, axis=1)
+    # Free and unknown cells side by side.
+    is_open = ((np.minimum(kinds, after) == UNKNOWN) & (np.maximum(kinds, after) == FREE)).any(axis=1)
+    number = labels[cells[:, 0], cells[:, 1]]
+    few[number[is_open]] = False
+    few[np.setdiff1d(number, number[touches])] = False
+    return np.asarray(np.take(few, labels))
 
 
 def _divided(points: FloatArray, group: NDArray[np.intp], longest: float) -> NDArray[np.intp]:
