@@ -158,6 +158,7 @@ def test_who_is_pointed_at_stands_out(chromium: Browser, pages: dict[str, Path])
     opacity = "[...document.querySelectorAll('#together svg .s')].map(g => [g.dataset.s, getComputedStyle(g).opacity])"
     assert {o for _, o in chromium.run(opacity)} == {"1"}
     chromium.run("document.querySelector('label[data-s=\"3\"] input').focus()")
+    assert chromium.run("document.getElementById('pointed').textContent") == PLANNERS[3]
     assert set(map(tuple, chromium.run(opacity))) == {(str(i), "1" if i == 3 else "0.13") for i in range(len(PLANNERS))}
 
 

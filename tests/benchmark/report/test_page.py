@@ -128,7 +128,7 @@ def test_a_path_of_cost_nothing_is_no_trouble(tmp_path: Path) -> None:
 def test_markdown_tables_line_up(database: Path) -> None:
     text = markdown_report(load_results(database))
     tables = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
-    assert len(tables) == 3 + 3 + 3
+    assert len(tables) == 3 + 3 + 2 + 3
     for table in tables:
         lines = table.splitlines()
         assert len({len(line) for line in lines}) == 1

@@ -191,7 +191,7 @@ def _lead(
 
 
 def _interval(pair: Comparison) -> str:
-    spread = "" if pair.interval is None else f"factor {pair.interval.low:.3g} to {pair.interval.high:.3g}, 95 %; "
+    spread = "" if pair.interval is None else f"factor {pair.interval.low:.4g} to {pair.interval.high:.4g}, 95 %; "
     return f" ({spread}p {probability(pair.p)})"
 
 

@@ -3,6 +3,7 @@
 # Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
+from trailmark.benchmark.report.clock import clock_table, cold_table
 from trailmark.benchmark.report.conditions import conditions_table, hash_table, settings_table
 from trailmark.benchmark.report.data import Results
 from trailmark.benchmark.report.findings import findings, warnings_of
@@ -39,6 +40,8 @@ def markdown_report(results: Results) -> str:
             f"Limit {problem.time_limit:g} s.",
             problem_table(problem, "").markdown(),
         ]
+    parts += ["## What the clock measures", clock_table(results).markdown()]
+    parts += ["From the world's file on:", cold_table(results, summary).markdown()]
     parts += ["## Environment", conditions_table(results).markdown(), settings_table(results).markdown()]
     parts += [hash_table(results).markdown(), "## How the numbers are made", _list(method())]
     parts += ["## Limitations", _list(limitations(results))]

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from html import escape
 
+from trailmark.benchmark.report.clock import clock_table, cold_table
 from trailmark.benchmark.report.conditions import conditions_table, settings_table
 from trailmark.benchmark.report.data import Results
 from trailmark.benchmark.report.details import details
@@ -33,6 +34,7 @@ def html_report(results: Results) -> str:
         _section("summary", "Summary", _summary(results, summary, styles)),
         _section("explore", "Charts: choose problems and planners", _explorer(results)),
         *([_section("ahead", "Who is ahead of whom", _pairs(summary, styles))] if len(results.planners) > 1 else []),
+        _section("clock", "What the clock measures", _clock(results, summary, styles)),
         _section("environment", "Environment", _environment(results, styles)),
         _section("limitations", "How to read this, and its limits", _limits(results)),
     ]
@@ -62,7 +64,8 @@ def _head(results: Results) -> str:
         f"<header><h1>Motion planners compared: {escape(results.file.stem)}</h1>"
         f'<p class="sub">{sizes}<br>{machine}</p></header>'
         f'<nav aria-label="Sections"><a href="#summary">Summary</a><a href="#explore">Charts</a>'
-        f'{ahead}<a href="#environment">Environment</a><a href="#limitations">Limits</a></nav>'
+        f'{ahead}<a href="#clock">Clock</a><a href="#environment">Environment</a>'
+        '<a href="#limitations">Limits</a></nav>'
     )
 
 
@@ -122,7 +125,7 @@ def _explorer(results: Results) -> Iterator[str]:
         '<h3 id="one">One problem: <span id="name"></span></h3>'
         f'<p><button type="button" id="before"{hidden}>Previous</button> '
         f'<button type="button" id="after"{hidden}>Next</button> <span class="note" id="limit"></span></p>'
-        '<div id="single"></div></div></div>'
+        '<div id="single"></div></div></div><p id="pointed" aria-hidden="true"></p>'
     )
 
 
@@ -135,6 +138,11 @@ def _pairs(summary: Summary, styles: Mapping[str, Style]) -> Iterator[str]:
     for what, title in (("times", "Time to the first path"), ("costs", "Final cost (factors where both succeed)")):
         table = pair_table(summary, what, f"{title}: row against column").html(styles)
         yield f"<details{'' if many else ' open'}><summary>{title}</summary>{table}</details>"
+
+
+def _clock(results: Results, summary: Summary, styles: Mapping[str, Style]) -> Iterator[str]:
+    yield clock_table(results).html(styles)
+    yield cold_table(results, summary).html(styles)
 
 
 def _environment(results: Results, styles: Mapping[str, Style]) -> Iterator[str]:

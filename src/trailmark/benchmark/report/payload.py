@@ -40,7 +40,7 @@ def payload(results: Results, styles: Mapping[str, Style]) -> dict[str, Any]:
     ``problems`` has for each its name, its limit, its best known cost (null without any), and a cell for each planner:
     null, or the number of runs, how many of them the planner calls solved, and of those that are solved and correct
     the times to the first path, the same with what loading and building took (null where unknown), the costs, and
-    the median cost at each of ``moments`` (see :func:`stairs`).
+    the median cost at each of ``moments`` (see :func:`stairs`); last the median seconds of loading and building.
     """
     cells = sum(len(problem.runs) for problem in results.problems)
     moments = time_grid(results.problems, int(np.clip(MAX_CURVES // cells, *MOMENTS)))
@@ -92,12 +92,13 @@ def _problem(problem: Problem, planners: Sequence[str], moments: FloatArray) -> 
 
 
 def _cell(problem: Problem, runs: Runs, moments: FloatArray) -> list[Any]:
-    first, setup = runs.first_times[runs.success], runs["setup_time"][runs.success]
+    first, setup = runs.first_times[runs.success], runs["setup_time"]
     median = cost_steps(problem, cost_quartiles(runs, moments)[1])
-    cold = None if np.isnan(setup).any() else _sorted(_log(first + setup))
+    cold = None if np.isnan(setup).any() else _sorted(_log(first + setup[runs.success]))
     return [
         *(len(runs), int(runs.claimed.sum()), _sorted(_log(first)), cold),
         *(_sorted(cost_steps(problem, runs.costs)), stairs(median)),
+        None if cold is None else float(f"{np.median(setup):.4g}"),
     ]
 
 

@@ -81,12 +81,15 @@ button:hover { background: var(--pale); }
 #choice label .key, #choice input { flex: none; } #choice { font-size: .9rem; }
 .family { margin: 8px 0; } .family button { font-weight: 650; padding: 0; border: 0; color: var(--soft); }
 #filter { font: inherit; width: 100%; margin-bottom: 6px; padding: 3px 6px; }
-#problems { max-height: 24rem; overflow-y: auto; margin-top: 6px; }
+#planners { max-height: 26rem; overflow-y: auto; }
+#pointed { position: fixed; left: 12px; bottom: 12px; margin: 0; padding: 4px 10px; background: #fff; font-weight: 650;
+  border: 1px solid var(--ink); border-radius: 4px; pointer-events: none; max-width: calc(100vw - 24px); }
+#problems { max-height: 16rem; overflow-y: auto; margin-top: 6px; }
 #problems div { display: flex; gap: 4px; align-items: baseline; }
 #problems button { border: 0; padding: 1px 2px; text-align: left; overflow-wrap: anywhere; min-width: 0; }
 #problems [aria-current] { font-weight: 650; color: var(--ink); }
 fieldset { border: 1px solid var(--line); border-radius: 4px; margin: 8px 0; }
-[hidden], #failed:empty, #explore:not(.ready) .explorer { display: none; }
+[hidden], #failed:empty, #pointed:empty, #explore:not(.ready) .explorer { display: none; }
 dl { display: grid; grid-template-columns: max-content 1fr; gap: 2px 14px; font-size: .9rem; }
 dd { margin: 0; overflow-wrap: anywhere; }
 details { margin: 8px 0; border: 1px solid var(--line); border-radius: 4px; padding: 0 12px; }
@@ -94,7 +97,7 @@ details[open] { padding-bottom: 12px; }
 summary { cursor: pointer; padding: 9px 0; font-weight: 650; overflow-wrap: anywhere; }
 summary .note { font-weight: 400; font-size: .9rem; }
 @media (max-width: 600px) { body { font-size: 15px; } th, td { padding: 4px 7px; } tbody th { white-space: normal; }
-  .scroll .key { display: none; } }
+  .scroll .key { width: 22px; margin-right: 3px; } }
 @media (min-width: 601px) { wbr { display: none; } }
 @media (min-width: 800px) { figure.wide { grid-column: span 2; } }
 @media (min-width: 1000px) {
@@ -104,7 +107,7 @@ summary .note { font-weight: 400; font-size: .9rem; }
 @media print {
   @page { margin: 14mm; }
   body { max-width: none; padding: 0; font-size: 10pt; }
-  nav, #choice, button { display: none; } .explorer { display: block; }
+  nav, #choice, #pointed, button { display: none; } .explorer { display: block; }
   h2 { break-after: avoid; } h3, summary { break-after: avoid; }
   figure, .card, tr, .warning { break-inside: avoid; }
   .figures { grid-template-columns: 1fr 1fr; gap: 4mm 8mm; }

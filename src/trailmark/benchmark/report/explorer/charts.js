@@ -92,12 +92,13 @@ const rowChart = (rows, {label, axis, head, low, high, log = false, shown = tick
   return drawing(bottom + 40, label, parts, 'rows');
 };
 
-// A dot with its interval for the referee's share, a ring for the planner's own where it differs.
-const drawShare = ({planner: {colour}, share, interval, claimed}, x, y) => {
+// A mark with its interval for the referee's share, a ring for the planner's own where it differs.
+const drawShare = ({planner, share, interval, claimed}, x, y) => {
+  const {colour} = planner;
   const [a, b] = interval.map(x.at), ends = [a, b].map(v => path([[v, y - 3.5], [v, y + 3.5]], `class="share" stroke="${colour}"`));
   const ring = claimed === share ? '' : `<circle cx="${round(x.at(claimed))}" cy="${y}" r="4.2" fill="#fff" stroke="${colour}"/>`;
   return path([[a, y], [b, y]], `class="share mark" stroke="${colour}"`) + ends.join('') + ring
-    + `<circle cx="${round(x.at(share))}" cy="${y}" r="3.6" fill="${colour}"/>`;
+    + `<use href="#m${planner.number}" x="${round(x.at(share))}" y="${y}"/>`;
 };
 
 // Quartiles and median as a box, 5 and 95 % as whiskers; what lies beyond the axis runs off to the right.

@@ -105,6 +105,7 @@ const begin = async () => {
     const s = target.closest?.('[data-s]')?.dataset.s;
     lit.textContent = s === undefined ? '' : `#explore svg.chart .s{opacity:.13}#explore svg.chart .s[data-s="${s}"]{opacity:1}`
       + `#explore .s[data-s="${s}"] .line{stroke-width:4}#explore label.s[data-s="${s}"]{background:#e8edf5}`;
+    find('pointed').innerHTML = s === undefined ? '' : key(planners[s]) + escaped(planners[s].name);
   };
   for (const kind of ['pointerover', 'focusin']) find('explore').addEventListener(kind, light);
 

@@ -33,7 +33,7 @@ const rowFigures = (found, planners, where, clock) => {
     label: `Final cost over the best known, ${where}`, axis: 'final cost / best known', head: 'no path', low: 1,
     high: highestRatio(costs), draw: drawBox,
   });
-  return figure('Success rate', 'Dot: solved and correct, with its 95 % Wilson interval. Ring: the planner’s own claim, where it differs.', success)
+  return figure('Success rate', 'Mark: solved and correct, with its 95 % Wilson interval. Ring: the planner’s own claim, where it differs.', success)
     + figure('Time to the first path', `Counted ${CLOCKS[clock]}. Box: quartiles, median; whiskers: 5 and 95 % of all runs; arrow: the rest `
       + 'failed. Right: shifted geometric mean, failures at the limit.', time)
     + figure('Cost ratio to the best known', 'The same of the cost at the end of planning. Right: share of runs without a correct path.', cost);

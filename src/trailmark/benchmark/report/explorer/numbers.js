@@ -59,10 +59,10 @@ class Runs {
     }));
   }
 
-  cell([n, claimed, first, cold, cost, curve]) {
+  cell([n, claimed, first, cold, cost, curve, setup]) {
     const {steps, moments} = this.data;
     return {
-      n, claimed,
+      n, claimed, setup,
       call: values(first, steps), file: cold && values(cold, steps), cost: values(cost, steps),
       curve: falling(curve, moments.length, steps),
     };
@@ -76,7 +76,7 @@ class Runs {
     const times = joined(parts.map(([, c]) => c[clock])), costs = joined(parts.map(([, c]) => c.cost));
     const shift = this.data.shift;
     const logs = parts.map(([p, c]) => {
-      const failed = (c.n - c[clock].length) * Math.log(p.limit + shift);
+      const late = p.limit + (clock === 'file' ? c.setup : 0), failed = (c.n - c[clock].length) * Math.log(late + shift);
       return (sum(Array.from(c[clock], t => Math.log(t + shift))) + failed) / c.n;
     });
     return {
