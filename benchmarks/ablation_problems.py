@@ -9,9 +9,9 @@ import numpy as np
 
 from benchmarks.ahead_problems import FIRST_WORLD, Case, cases, random_cases
 from benchmarks.car import PROBLEMS as CARS
-from benchmarks.passages import passage_world
 from benchmarks.random_worlds import ROBOTS, random_world
 from trailmark.benchmark.problems import Problem
+from trailmark.benchmark.public.made_worlds import passage_world
 from trailmark.collision import StateChecker
 from trailmark.landmarks import free_samples
 from trailmark.world import Query, Robot

@@ -10,9 +10,8 @@ import numpy as np
 
 from benchmarks import suite
 from benchmarks.random_worlds import L_SHAPE, random_world
-from trailmark import se2
 from trailmark.benchmark.problems import Problem
-from trailmark.collision import StateChecker
+from trailmark.benchmark.public.made_worlds import corner_ends
 from trailmark.formats.movingai import read_scenarios
 from trailmark.world import Query, Robot, World
 
@@ -31,10 +30,6 @@ ROBOTS = {
 
 FIRST_WORLD = 100
 """Number of the first random world of each level: those below are the ones that the planner is developed on."""
-
-CORNERS = ((5.0, 5.0), (95.0, 95.0))
-TRIES, NEAR, STEP, FAR = 4000, 2.0, 0.02, 12.0
-"""An end is drawn around its corner, at first within NEAR metres along each axis, each try STEP wider, up to FAR."""
 
 
 @dataclass(frozen=True)
@@ -110,24 +105,7 @@ def random_cases(worlds: int, first: int = FIRST_WORLD) -> Iterator[Case]:
         for obstacles in CLUTTER:
             world = random_world(1000 * obstacles + number, obstacles)
             for name, robot in ROBOTS.items():
-                ends = _ends(StateChecker(world, robot), np.random.default_rng(number))
+                ends = corner_ends(replace(world, robot=robot), np.random.default_rng(number))
                 if ends is not None:
                     posed = replace(world, robot=robot, queries=(Query(name, *ends),))
                     yield Case("random", f"random {obstacles}, {name}", Problem(posed), None)
-
-
-def _ends(
-    checker: StateChecker, rng: np.random.Generator
-) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
-    """Return random valid configurations near the two corners; None if one is not found."""
-    found: list[tuple[float, float, float]] = []
-    for corner in CORNERS:
-        for i in range(TRIES):
-            xy = np.asarray(corner) + rng.uniform(-1.0, 1.0, 2) * min(FAR, NEAR + STEP * i)
-            q = se2.configurations([*xy, rng.uniform(-np.pi, np.pi)])
-            if checker.valid(q):
-                found.append((float(q[0]), float(q[1]), float(q[2])))
-                break
-        else:
-            return None
-    return found[0], found[1]

@@ -34,10 +34,10 @@ from ompl import util as ou
 from benchmarks import landmark_sampler_report
 from benchmarks.machine import describe_machine
 from benchmarks.oracle import Oracle
-from benchmarks.passages import passage_world
 from benchmarks.random_worlds import random_world
 from benchmarks.solve import path_is_right
 from benchmarks.suite import Problem
+from trailmark.benchmark.public.made_worlds import passage_world
 from trailmark.collision import StateChecker
 from trailmark.formats.files import write_atomically
 from trailmark.library import find_world

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from trailmark.cli import console
+from trailmark.cli.benchmark_problems import Wanted, posed_problems, print_suites, read_source
 from trailmark.cli.options import (
     ForwardOnlyOption,
     JsonOption,
     RobotOption,
     TurningRadiusOption,
     UsageError,
-    grown_for,
-    load_world,
     option,
     output_file,
     protect_inputs,
@@ -26,14 +25,11 @@ from trailmark.cli.options import (
     read_length,
     read_robot,
     read_turning_radius,
-    steered,
 )
 
 if TYPE_CHECKING:
-    from trailmark.benchmark.problems import Problem
     from trailmark.benchmark.runner import Benchmark, Tally
     from trailmark.benchmark.suites import Suite
-    from trailmark.world import Robot, World
 
 __all__ = ["benchmark"]
 
@@ -56,7 +52,17 @@ def benchmark(
         ),
     ] = None,
     output: Annotated[str | None, option("--output", "RESULTS.db", "The results database; it is added to.")] = None,
-    suite: Annotated[str | None, option("--suite", "FILE", "Worlds, planners and limits from a file.")] = None,
+    suite: Annotated[
+        str | None,
+        option("--suite", "NAME", "A public suite (see --list-suites), or a file with worlds, planners and limits."),
+    ] = None,
+    data: Annotated[str | None, option("--data", "DIR", "The folder with the public suite's files.")] = None,
+    count: Annotated[
+        str | None, option("--problems", "N", "So many problems, spread evenly over all; default: all.")
+    ] = None,
+    list_suites: Annotated[
+        bool, typer.Option("--list-suites", help="List the public suites and where they are published, and do no more.")
+    ] = False,
     runs: Annotated[str | None, option("--runs", "N", "Runs of each planner on each problem; default: 10.")] = None,
     time_limit: Annotated[
         str | None, option("--time-limit", "SECONDS", "Planning time of a run; default: 1.0.")
@@ -93,18 +99,26 @@ def benchmark(
     from trailmark.benchmark.planners import read_planners
     from trailmark.benchmark.runner import Benchmark
     from trailmark.benchmark.store import Store
-    from trailmark.benchmark.suites import read_suite
 
+    if list_suites:
+        print_suites()
+        return
     if workers is not None and scheduler is not None:
         raise UsageError(f"expected --workers or --scheduler, got both (--workers {workers!r})")
     if output is None:
         raise UsageError("--output is missing; expected --output RESULTS.db")
-    given = None if suite is None else read_suite(Path(suite))
+    given, public = read_source(suite, data)
     file = output_file(output, ())
     log_file = output_file(log, (".log",))
     with console.progress("loading worlds"):
-        car = read_turning_radius(turning_radius), forward_only
-        problems = _problems(worlds or [], given, robot, car, query or [])
+        wanted = Wanted(
+            robot=read_robot(robot),
+            turning_radius=read_turning_radius(turning_radius),
+            forward_only=forward_only,
+            queries=tuple(query or ()),
+            count=None if count is None else read_count(count, "--problems", 1, 1_000_000),
+        )
+        problems = posed_problems(worlds or [], given, public, wanted)
         plan = Benchmark(
             problems=problems,
             planners=read_planners(
@@ -119,7 +133,9 @@ def benchmark(
         )
         slots = read_count(workers or "1", "--workers", 1, 1024)
     assert file is not None  # noqa: S101  # --output was given
-    read = [source for problem in problems for source in problem.world.sources] + ([Path(suite)] if suite else [])
+    read = [source for problem in problems for source in problem.world.sources] + (
+        [Path(suite)] if given and suite else []
+    )
     protect_inputs(read, file, log_file)
     # The scheduler first: if it does not answer, no database is made.
     with _pool(slots, scheduler) as pool, Store(file) as store:
@@ -134,47 +150,6 @@ def benchmark(
 def _setting(suite: Suite | None, name: str) -> str:
     given = None if suite is None else getattr(suite, name)
     return DEFAULTS[name.replace("_", " ")] if given is None else str(given)
-
-
-def _problems(
-    worlds: list[str], suite: Suite | None, robot: str | None, car: tuple[float | None, bool], queries: list[str]
-) -> list[Problem]:
-    """Return the problems that the words and the suite name, each once.
-
-    Args:
-        worlds: files or names.
-        suite: further worlds.
-        robot: instead of the worlds' own.
-        car: turning radius (metres) instead of the robot's own, if not None, and whether it only drives forwards.
-        queries: their names; all if empty.
-
-    Raises:
-        UsageError: no world is named.
-    """
-    from dataclasses import replace
-
-    from trailmark.benchmark.problems import problems_of
-    from trailmark.library import shipped_worlds
-
-    def posed(world: World, body: Robot | None, names: list[str]) -> Iterator[Problem]:
-        if body := body or world.robot:
-            body = steered(body, *car)
-            world = grown_for(world, body)
-        return problems_of(world, body, names)
-
-    given = read_robot(robot)
-    found = [problem for text in worlds for problem in posed(load_world(text), given, queries)]
-    for entry in suite.entries if suite is not None else ():
-        if entry.missing:
-            console.note(f"left out, for it is not there: {entry.world}")
-            continue
-        world = load_world(entry.world)
-        names = [*entry.names, *(query.name for query in entry.queries)]
-        world = replace(world, queries=(*entry.queries, *world.queries))
-        found += posed(world, given or read_robot(entry.robot), queries or names)
-    if not found:
-        raise UsageError(f"no world given; expected files, or {', '.join(shipped_worlds())}, or --suite FILE")
-    return list({problem.key: problem for problem in found}.values())
 
 
 @contextmanager

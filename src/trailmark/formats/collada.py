@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError
-from trailmark.formats.files import read_bytes
+from trailmark.formats.xml_file import local_name, read_xml
 from trailmark.shapes import LIMIT
 
 __all__ = ["MAX_FACES", "Mesh", "read_collada"]
@@ -55,9 +55,9 @@ def read_collada(path: Path) -> Mesh:
         FormatError: the file is missing, not XML, has a document type (entities are never expanded), is not Collada,
             refers to what it does not hold, or holds no face.
     """
-    root = _parse(path)
-    if _tag(root) != "COLLADA":
-        raise FormatError(path, f"root element: expected <COLLADA>, got <{_tag(root)}>")
+    root = read_xml(path)
+    if local_name(root) != "COLLADA":
+        raise FormatError(path, f"root element: expected <COLLADA>, got <{local_name(root)}>")
     try:
         return _Reader(root).scene()
     except _ColladaError as error:
@@ -76,26 +76,6 @@ class _Group(NamedTuple):
     vertices: FloatArray
 
 
-class _NoDoctype(ElementTree.TreeBuilder):
-    # The parser calls this before it meets any entity, so that none is ever expanded.
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
-        raise _ColladaError(f"expected no document type and no entities, got document type {name!r}")
-
-
-def _parse(path: Path) -> ElementTree.Element:
-    data = read_bytes(path)
-    parser = ElementTree.XMLParser(target=_NoDoctype())  # noqa: S314  # entities are refused above, externals never read
-    try:
-        parser.feed(data)
-        root = parser.close()
-    except ElementTree.ParseError as error:
-        raise FormatError(path, f"not valid XML: {error.msg.partition(':')[0]}", error.position[0]) from None
-    except (_ColladaError, ValueError, LookupError) as error:  # the latter two: an encoding that is not known
-        raise FormatError(path, str(error)) from None
-    assert isinstance(root, ElementTree.Element)  # noqa: S101  # what a TreeBuilder returns
-    return root
-
-
 class _Reader:
     def __init__(self, root: ElementTree.Element) -> None:
         self.root = root
@@ -105,7 +85,7 @@ class _Reader:
 
     def scene(self) -> Mesh:
         """Return all groups that the scene places, each where its nodes put it."""
-        link = next((e for e in self.root.iter() if _tag(e) == "instance_visual_scene"), None)
+        link = next((e for e in self.root.iter() if local_name(e) == "instance_visual_scene"), None)
         if link is None:
             raise _ColladaError("expected an <instance_visual_scene>, got none")
         triangles, polygons, vertices = [], [], []
@@ -133,11 +113,11 @@ class _Reader:
             # A node's transforms stand before its content and apply from the last to the first.
             matrix = matrix @ _transform(child)
         for child in node:
-            if _tag(child) == "node":
+            if local_name(child) == "node":
                 yield from self._placed(child, matrix, depth + 1)
-            elif _tag(child) == "instance_node":
+            elif local_name(child) == "instance_node":
                 yield from self._placed(self._target(child), matrix, depth + 1)
-            elif _tag(child) == "instance_geometry":
+            elif local_name(child) == "instance_geometry":
                 for group in self._geometry(child):
                     yield matrix, group
 
@@ -147,7 +127,7 @@ class _Reader:
             raise _ColladaError(f"expected at most {MAX_FACES:,} nodes and faces placed, got more")
 
     def _upright(self) -> FloatArray:
-        axis = next((e.text for e in self.root.iter() if _tag(e) == "up_axis"), None)
+        axis = next((e.text for e in self.root.iter() if local_name(e) == "up_axis"), None)
         name = (axis or "Y_UP").strip()
         if name not in _UPRIGHT:
             raise _ColladaError(f"up_axis: expected {', '.join(_UPRIGHT)}, got {name!r}")
@@ -157,25 +137,25 @@ class _Reader:
         link = element.get(attribute, "")
         found = self.by_id.get(link.removeprefix("#"))
         if found is None:
-            raise _ColladaError(f"<{_tag(element)}> refers to {link!r}, which is not there")
+            raise _ColladaError(f"<{local_name(element)}> refers to {link!r}, which is not there")
         return found
 
     def _geometry(self, instance: ElementTree.Element) -> list[_Group]:
         url = instance.get("url", "")
         if url not in self.groups:
-            parts = [part for mesh in self._target(instance) if _tag(mesh) == "mesh" for part in mesh]
-            self.groups[url] = [self._group(part) for part in parts if _tag(part) in (*_FACES, *_LINES)]
+            parts = [part for mesh in self._target(instance) if local_name(mesh) == "mesh" for part in mesh]
+            self.groups[url] = [self._group(part) for part in parts if local_name(part) in (*_FACES, *_LINES)]
         return self.groups[url]
 
     def _group(self, element: ElementTree.Element) -> _Group:
-        inputs = [(_integer(e, "offset", 0), e) for e in element if _tag(e) == "input"]
+        inputs = [(_integer(e, "offset", 0), e) for e in element if local_name(e) == "input"]
         stride = 1 + max((offset for offset, _ in inputs), default=0)
         place = next((offset for offset, e in inputs if e.get("semantic") == "VERTEX"), None)
         if place is None:
-            raise _ColladaError(f"<{_tag(element)}> has no input VERTEX")
-        runs = [_numbers(e, np.int64) for e in element if _tag(e) == "p"]
+            raise _ColladaError(f"<{local_name(element)}> has no input VERTEX")
+        runs = [_numbers(e, np.int64) for e in element if local_name(e) == "p"]
         if any(len(run) % stride for run in runs):
-            raise _ColladaError(f"<{_tag(element)}> has a <p> whose length is no multiple of {stride}")
+            raise _ColladaError(f"<{local_name(element)}> has a <p> whose length is no multiple of {stride}")
         runs = [run.reshape(-1, stride) for run in runs if len(run)]
         if not runs:
             return _Group(np.empty((0, 3, 3)), [], np.empty((0, 3)))
@@ -184,7 +164,7 @@ class _Reader:
         # The positions lead, so that they are the first three columns of each vertex.
         data.sort(key=lambda named: named[0] != "POSITION")
         if data[0][0] != "POSITION" or data[0][1].shape[1] != 3:
-            raise _ColladaError(f"<{_tag(element)}> has no POSITION of three numbers")
+            raise _ColladaError(f"<{local_name(element)}> has no POSITION of three numbers")
         positions = data[0][1]
         vertices = np.unique(np.hstack([values for _, values in data]) + 0.0, axis=0)[:, :3]  # + 0.0 makes -0.0 0.0
         loops = [positions[loop] for loop in _loops(element, [len(run) for run in runs])]
@@ -193,17 +173,17 @@ class _Reader:
 
     def _columns(self, element: ElementTree.Element, index: NDArray[np.int64]) -> Iterator[tuple[str, FloatArray]]:
         target = self._target(element, "source")
-        if _tag(target) != "vertices":
+        if local_name(target) != "vertices":
             yield self._column(element, index)
             return
         for nested in target:
-            if _tag(nested) == "input":
+            if local_name(nested) == "input":
                 yield self._column(nested, index)
 
     def _column(self, element: ElementTree.Element, index: NDArray[np.int64]) -> tuple[str, FloatArray]:
         target = self._target(element, "source")
-        accessor = next((e for e in target.iter() if _tag(e) == "accessor"), None)
-        if _tag(target) != "source" or accessor is None:
+        accessor = next((e for e in target.iter() if local_name(e) == "accessor"), None)
+        if local_name(target) != "source" or accessor is None:
             raise _ColladaError(f"input {element.get('semantic')} has no <accessor>")
         stride, count, first = (_integer(accessor, *named) for named in (("stride", 1), ("count", 0), ("offset", 0)))
         numbers = _numbers(self._target(accessor, "source"), np.float64)
@@ -228,19 +208,21 @@ _UPRIGHT = {
 
 def _loops(element: ElementTree.Element, runs: list[int]) -> list[NDArray[np.int64]]:
     """Return the faces of a group as indices into its corners; ``runs`` counts the corners of each <p>."""
-    kind, total = _tag(element), sum(runs)
+    kind, total = local_name(element), sum(runs)
     spans = list(pairwise(np.concatenate([[0], np.cumsum(runs)])))
     if kind in _LINES:
         return []
     if kind == "triangles":
         return list(np.arange(total // 3 * 3).reshape(-1, 3))
     if kind == "polylist":
-        counts = next((_numbers(e, np.int64) for e in element if _tag(e) == "vcount"), np.empty(0, dtype=np.int64))
+        counts = next(
+            (_numbers(e, np.int64) for e in element if local_name(e) == "vcount"), np.empty(0, dtype=np.int64)
+        )
         if counts.sum() != total or (counts < 0).any():
             raise _ColladaError(f"<vcount> asks for {counts.sum()} corners, <p> has {total}")
         return [loop for loop in np.split(np.arange(total), np.cumsum(counts)[:-1]) if len(loop) > 2]
     if kind == "polygons":
-        if any(_tag(e) == "ph" for e in element):
+        if any(local_name(e) == "ph" for e in element):
             raise _ColladaError("expected polygons without holes, got <ph>")
         return [np.arange(a, b) for a, b in spans if b - a > 2]
     fan = kind == "trifans"
@@ -248,7 +230,7 @@ def _loops(element: ElementTree.Element, runs: list[int]) -> list[NDArray[np.int
 
 
 def _transform(element: ElementTree.Element) -> FloatArray:
-    kind, matrix = _tag(element), np.eye(4)
+    kind, matrix = local_name(element), np.eye(4)
     if kind in ("lookat", "skew"):
         raise _ColladaError(f"expected <matrix>, <translate>, <rotate>, <scale>, got <{kind}>")
     length = {"matrix": 16, "translate": 3, "rotate": 4, "scale": 3}.get(kind)
@@ -280,15 +262,11 @@ def _numbers(element: ElementTree.Element, kind: type[np.int64 | np.float64]) ->
     try:
         return np.array((element.text or "").split(), dtype=kind)
     except (ValueError, OverflowError):
-        raise _ColladaError(f"<{_tag(element)}> holds something other than numbers") from None
+        raise _ColladaError(f"<{local_name(element)}> holds something other than numbers") from None
 
 
 def _integer(element: ElementTree.Element, name: str, default: int) -> int:
     value = element.get(name, str(default)).strip()
     if not (value.isascii() and value.isdigit() and len(value) < 10):
-        raise _ColladaError(f"<{_tag(element)}> {name}: expected a whole number, 0 or more, got {value!r}")
+        raise _ColladaError(f"<{local_name(element)}> {name}: expected a whole number, 0 or more, got {value!r}")
     return int(value)
-
-
-def _tag(element: ElementTree.Element) -> str:
-    return str(element.tag).rpartition("}")[2]

@@ -22,7 +22,7 @@ from trailmark.formats.files import read_text
 from trailmark.formats.grid import check_size, grid_polygons
 from trailmark.world import Query, World
 
-__all__ = ["FREE", "Scenario", "parse_grid", "read_movingai", "read_scenarios"]
+__all__ = ["FREE", "Scenario", "parse_grid", "read_movingai", "read_scenarios", "scenario_query"]
 
 FREE = ".GS"
 BLOCKED = "@OTW"
@@ -76,7 +76,7 @@ def read_movingai(text: str, path: Path) -> World:
     for scen in (path.with_name(path.name + ".scen"), path.with_suffix(".scen")):
         if scen.exists():
             rows = _scenario_rows(scen, (width, height))
-            queries = tuple(_query(str(i), row, height) for i, (_, row) in enumerate(rows))
+            queries = tuple(scenario_query(row, str(i)) for i, (_, row) in enumerate(rows))
             sources.append(scen.absolute())
             break
     bounds = (0.0, 0.0, float(width), float(height))
@@ -124,6 +124,12 @@ def read_scenarios(path: Path) -> list[Scenario]:
         FormatError: the file cannot be read or a row breaks the format; the message has the line.
     """
     return [row for _, row in _scenario_rows(path, None)]
+
+
+def scenario_query(row: Scenario, name: str) -> Query:
+    """Return the query of a row: from the middle of its start's cell to that of its goal's, at heading 0."""
+    (sx, sy), (gx, gy) = row.start, row.goal
+    return Query(name, (sx + 0.5, row.height - sy - 0.5, 0.0), (gx + 0.5, row.height - gy - 0.5, 0.0))
 
 
 def _header(lines: list[str], path: Path) -> tuple[dict[str, int], int]:
@@ -187,8 +193,3 @@ def _scenario(line: str, path: Path, number: int) -> Scenario:
         raise FormatError(path, f"expected a finite number, 0 or more, got optimal length {fields[-1]!r}", number)
     start, goal = (whole["start x"], whole["start y"]), (whole["goal x"], whole["goal y"])
     return Scenario(whole["bucket"], fields[1], whole["width"], whole["height"], start, goal, length)
-
-
-def _query(name: str, row: Scenario, height: int) -> Query:
-    (sx, sy), (gx, gy) = row.start, row.goal
-    return Query(name, (sx + 0.5, height - sy - 0.5, 0.0), (gx + 0.5, height - gy - 0.5, 0.0))

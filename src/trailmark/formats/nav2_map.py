@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from trailmark.formats.schema import MapFile
 
-__all__ = ["free_cells", "occupancy", "pixels_of", "read_image", "read_nav2_map"]
+__all__ = ["free_cells", "occupancy", "pixels_of", "read_grid", "read_image", "read_nav2_map"]
 
 T = TypeVar("T", bound=np.generic)
 
@@ -55,6 +55,18 @@ def read_nav2_map(data: dict[str, Any], path: Path) -> World:
     file = validate(MapFile, data, path)
     image = path.parent / file.image
     return _world(image, file, path.stem, (path.absolute(), image.absolute()))
+
+
+def read_grid(data: dict[str, Any], path: Path) -> tuple[NDArray[np.bool_], MapFile]:
+    """Return which cells of a nav2 map are free, shape (rows, columns), row 0 with the smallest y, and its file.
+
+    Arguments and errors are those of :func:`read_nav2_map`.
+    """
+    from trailmark.formats.schema import MapFile
+    from trailmark.formats.validation import validate
+
+    file = validate(MapFile, data, path)
+    return pixels_of(path.parent / file.image, lambda pixels: free_cells(pixels, file))[::-1], file
 
 
 def read_image(path: Path, fields: dict[str, Any]) -> World:

@@ -1,0 +1,96 @@
+"""PublicSuite: what a public set has to tell, and how a part of it is chosen."""
+
+# Tested by tests/benchmark/public/test_catalogue.py.
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import ClassVar, TypeVar
+
+from trailmark.benchmark.errors import SuiteError
+from trailmark.world import Robot, World
+
+__all__ = ["Found", "PublicSuite", "evenly", "files_below", "in_order"]
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What lies in a folder.
+
+    Attributes:
+        problems: each a file and a number within it; the problems of a file lie side by side.
+        left_out: lines that tell what is there but cannot be planned for, and why.
+    """
+
+    problems: Sequence[tuple[Path, int]]
+    left_out: Sequence[str] = ()
+
+
+class PublicSuite(ABC):
+    """A public set of problems.
+
+    Attributes:
+        name: as ``--suite`` takes it.
+        contents: what it holds, in a line.
+        published: where, in a line; empty for what is made by trailmark itself.
+        robot: who plans by default, in words.
+        expected: what its folder holds, for messages.
+    """
+
+    name: ClassVar[str]
+    contents: ClassVar[str]
+    published: ClassVar[str]
+    robot: ClassVar[str]
+    expected: ClassVar[str]
+
+    @abstractmethod
+    def find(self, folder: Path) -> Found:
+        """Return the problems of a folder and of all folders below it."""
+
+    @abstractmethod
+    def world(self, folder: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
+        """Return the world of a file with its robot, and these of its problems as queries.
+
+        Args:
+            folder: as given to :meth:`find`.
+            file: one that :meth:`find` named.
+            numbers: of its problems.
+            robot: instead of the set's own.
+        """
+
+    def worlds(self, folder: Path, found: Found, count: int | None, robot: Robot | None) -> Iterator[World]:
+        """Yield worlds with ``count`` of the problems, spread evenly over all; with every one if it is None.
+
+        Raises:
+            SuiteError: there is none.
+            TrailmarkError: a file that cannot be read.
+        """
+        if not found.problems:
+            raise SuiteError(f"{folder}: suite {self.name}: expected {self.expected}, got none of it")
+        chosen = evenly(found.problems, count)
+        for file, group in groupby(chosen, key=lambda problem: problem[0]):
+            yield self.world(folder, file, [number for _, number in group], robot)
+
+
+def evenly(items: Sequence[T], count: int | None) -> list[T]:
+    """Return ``count`` of the items, spread evenly, in their order; all if there are no more, or for None."""
+    if count is None or count >= len(items):
+        return list(items)
+    return [items[(2 * i + 1) * len(items) // (2 * count)] for i in range(count)]
+
+
+def files_below(folder: Path, *suffixes: str) -> list[Path]:
+    """Return the files of a folder and of all below it whose names end so, numbers in order of their value."""
+    found = [file for file in folder.rglob("*") if file.name.lower().endswith(suffixes) and file.is_file()]
+    return sorted(found, key=lambda file: in_order(file.relative_to(folder).as_posix()))
+
+
+def in_order(name: str) -> list[tuple[int, str]]:
+    """Return what sorts names so that 9 comes before 10."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
