@@ -36,6 +36,15 @@ def test_one_of_them_is_enough(shell: Shell, results: Path, tmp_path: Path) -> N
     assert shell("report", results, "--html", tmp_path / "r.htm").status == 0
 
 
+def test_an_older_database_is_compared_with(shell: Shell, results: Path, tmp_path: Path) -> None:
+    old = random_results(tmp_path / "old.db", ["landmark", "PRM"], problems=1, runs=3, seed=1)
+    run = shell("report", results, "--against", old, "--markdown", tmp_path / "r.md")
+    assert (run.status, run.err) == (0, "")
+    assert "## Against old.db" in (tmp_path / "r.md").read_text()
+    run = shell("report", results, "--against", tmp_path / "none.db", "--html", tmp_path / "r.html")
+    assert (run.status, "none.db: does not exist" in run.problem) == (2, True)
+
+
 def test_bad_usage_is_one_line(shell: Shell, results: Path, tmp_path: Path) -> None:
     cases: list[tuple[list[object], str]] = [
         ([results], "expected --html, --markdown or both, got neither"),

@@ -8,9 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+from trailmark.benchmark.report.comparison import LEVEL, MIN_RUNS, Comparison
 from trailmark.benchmark.report.data import Problem, Results
 from trailmark.benchmark.report.digits import count, factor, percent, probability, seconds
-from trailmark.benchmark.report.summary import LEVEL, MIN_RUNS, Comparison, PlannerSummary, Summary
+from trailmark.benchmark.report.summary import PlannerSummary, Summary
 from trailmark.benchmark.statistics import least_probability, runs_needed
 
 __all__ = ["Finding", "findings", "warnings_of"]

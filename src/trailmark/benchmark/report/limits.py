@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from trailmark.benchmark.report.comparison import LEVEL, REPLICATES, SHIFT
 from trailmark.benchmark.report.conditions import setup_of
 from trailmark.benchmark.report.data import Results
 from trailmark.benchmark.report.palette import family_of
-from trailmark.benchmark.report.summary import LEVEL, REPLICATES, SHIFT
 from trailmark.benchmark.statistics import EXACT_RUNS
 
 __all__ = ["limitations", "method"]

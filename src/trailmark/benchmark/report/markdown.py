@@ -3,6 +3,7 @@
 # Tested by tests/benchmark/report/test_page.py.
 from __future__ import annotations
 
+from trailmark.benchmark.report.against import compare_results
 from trailmark.benchmark.report.clock import clock_table, cold_table
 from trailmark.benchmark.report.conditions import conditions_table, hash_table, settings_table
 from trailmark.benchmark.report.data import Results
@@ -17,8 +18,8 @@ MAX_PAIRS = 12
 """Most planners for which the tables of pairs are written: wider tables are not readable as text."""
 
 
-def markdown_report(results: Results) -> str:
-    """Return the tables with what it takes to read them; the same database gives the same text."""
+def markdown_report(results: Results, old: Results | None = None) -> str:
+    """Return the tables with what it takes to read them, compared with an older database if one is given."""
     summary = summarise(results)
     parts = [f"# Benchmark: {results.file.stem}", "Written by `trailmark report`; not to be changed by hand."]
     parts += [f"**Note.** {warning}" for warning in warnings_of(results, summary)]
@@ -28,6 +29,11 @@ def markdown_report(results: Results) -> str:
             for f in findings(results, summary)
         )
     )
+    if old is not None:
+        found = compare_results(results, old)
+        parts += [f"## Against {_escaped(old.file.name)}", _list([_escaped(s) for s in found.sentences()])]
+        tables = filter(None, (found.table() if found.times else None, found.problems()))
+        parts += [part for table in tables for part in (f"{table.caption}:", table.markdown())]
     parts += ["## All problems", overall_table(summary, "").markdown()]
     if 1 < len(summary.planners) <= MAX_PAIRS:
         parts.append("Time to the first path, row against column (▲ ahead, ▼ behind, ≈ no difference shown):")

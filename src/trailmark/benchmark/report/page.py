@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from html import escape
 
+from trailmark.benchmark.report.against import compare_results
 from trailmark.benchmark.report.clock import clock_table, cold_table
 from trailmark.benchmark.report.conditions import conditions_table, settings_table
 from trailmark.benchmark.report.data import Results
@@ -24,14 +25,15 @@ __all__ = ["html_report"]
 OPEN_PAIRS = 8
 
 
-def html_report(results: Results) -> str:
-    """Return the report as HTML; the same database gives the same text."""
+def html_report(results: Results, old: Results | None = None) -> str:
+    """Return the report as HTML, compared with an older database if one is given; the same databases, the same text."""
     summary = summarise(results)
     styles = styles_of(results.planners)
     parts = [
         legend_marks(styles.values()),
-        _head(results),
+        _head(results, compared=old is not None),
         _section("summary", "Summary", _summary(results, summary, styles)),
+        *([] if old is None else [_section("against", f"Against {old.file.name}", _against(results, old, styles))]),
         _section("explore", "Charts: choose problems and planners", _explorer(results)),
         *([_section("ahead", "Who is ahead of whom", _pairs(summary, styles))] if len(results.planners) > 1 else []),
         _section("clock", "What the clock measures", _clock(results, summary, styles)),
@@ -54,16 +56,17 @@ def html_report(results: Results) -> str:
     )
 
 
-def _head(results: Results) -> str:
+def _head(results: Results, *, compared: bool) -> str:
     problems, planners = len(results.problems), len(results.planners)
     facts = results.problems[0].facts
     sizes = f"{_plural(problems, 'problem')} × {_plural(planners, 'planner')}, {_plural(results.runs, 'run')}"
     machine = " · ".join(escape(str(facts[name])) for name in ("version", "cpuinfo", "date") if facts.get(name))
+    against = '<a href="#against">Against</a>' if compared else ""
     ahead = '<a href="#ahead">Who is ahead</a>' if planners > 1 else ""
     return (
         f"<header><h1>Motion planners compared: {escape(results.file.stem)}</h1>"
         f'<p class="sub">{sizes}<br>{machine}</p></header>'
-        f'<nav aria-label="Sections"><a href="#summary">Summary</a><a href="#explore">Charts</a>'
+        f'<nav aria-label="Sections"><a href="#summary">Summary</a>{against}<a href="#explore">Charts</a>'
         f'{ahead}<a href="#clock">Clock</a><a href="#environment">Environment</a>'
         '<a href="#limitations">Limits</a></nav>'
     )
@@ -90,6 +93,13 @@ def _summary(results: Results, summary: Summary, styles: Mapping[str, Style]) ->
         "the best known, medians over all runs, a failure as infinite (“none”: half of the runs or more failed). "
         "“Ahead of”: adjusted p &lt; 0.05.</p>"
     )
+
+
+def _against(results: Results, old: Results, styles: Mapping[str, Style]) -> Iterator[str]:
+    found = compare_results(results, old)
+    yield f"<ul>{''.join(f'<li>{escape(sentence)}</li>' for sentence in found.sentences())}</ul>"
+    for table in filter(None, (found.table() if found.times else None, found.problems())):
+        yield table.html(styles)
 
 
 def _explorer(results: Results) -> Iterator[str]:

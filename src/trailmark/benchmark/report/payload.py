@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.benchmark.report.comparison import SHIFT
 from trailmark.benchmark.report.curves import cost_quartiles, time_grid
 from trailmark.benchmark.report.data import Problem, Results, Runs
 from trailmark.benchmark.report.palette import FAMILIES, Style, family_of
-from trailmark.benchmark.report.summary import SHIFT
 
 __all__ = ["STEPS", "compressed", "cost_steps", "payload", "stairs"]
 

@@ -4,47 +4,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.benchmark.report.data import Problem, Results, Runs
-from trailmark.benchmark.statistics import (
-    Interval,
-    bootstrap_log_means,
-    holm,
-    quantiles,
-    rank_test,
-    shifted_geometric_mean,
-    wilson,
+from trailmark.benchmark.report.comparison import (
+    SHIFT,
+    Comparison,
+    Sample,
+    adjusted,
+    at_limit,
+    compare,
+    cost_sample,
+    over_best,
+    time_sample,
 )
+from trailmark.benchmark.report.data import Problem, Results, Runs
+from trailmark.benchmark.statistics import Interval, quantiles, shifted_geometric_mean, wilson
 
-__all__ = [
-    "LEVEL",
-    "MIN_RUNS",
-    "REPLICATES",
-    "SHIFT",
-    "Comparison",
-    "PlannerSummary",
-    "Summary",
-    "summarise",
-    "summarise_runs",
-]
+__all__ = ["PlannerSummary", "Summary", "summarise", "summarise_runs"]
 
 FloatArray = NDArray[np.float64]
 
-SHIFT = 0.01
-"""Seconds, of the shifted geometric means of times."""
-
-LEVEL = 0.05
-"""A planner is called ahead of another where the adjusted probability of the test is below this."""
-
 FIVE = (0.05, 0.25, 0.5, 0.75, 0.95)
-REPLICATES = 1000
-MIN_RUNS = 5  # of each planner on each problem, for a bootstrap interval
 
 
 @dataclass(frozen=True)
@@ -90,43 +75,6 @@ class PlannerSummary:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """One planner against another on the problems that both ran on.
-
-    Attributes:
-        a: a planner.
-        b: another.
-        problems: that both ran on.
-        factor: b's mean over a's: above 1, a is the better.
-        interval: 95 %, bootstrap over runs; None where the runs are too few.
-        p: of the rank test, adjusted by Holm for all pairs.
-        superiority: probability that a run of a beats one of b.
-    """
-
-    a: str
-    b: str
-    problems: int
-    factor: float
-    interval: Interval | None
-    p: float
-    superiority: float
-
-    @property
-    def winner(self) -> str | None:
-        """Who is ahead; None where the test cannot tell."""
-        if not self.p < LEVEL or self.superiority == 0.5:
-            return None
-        return self.a if self.superiority > 0.5 else self.b
-
-    def seen_from(self, planner: str) -> Comparison:
-        """Return the same comparison with ``planner`` as a."""
-        if planner == self.a:
-            return self
-        turned = None if self.interval is None else Interval(1.0 / self.interval.high, 1.0 / self.interval.low)
-        return Comparison(self.b, self.a, self.problems, 1.0 / self.factor, turned, self.p, 1.0 - self.superiority)
-
-
-@dataclass(frozen=True)
 class Summary:
     """A whole results database in numbers.
 
@@ -149,7 +97,7 @@ def summarise(results: Results) -> Summary:
     """Return the figures of all runs. The same database gives the same numbers: the bootstrap has a fixed seed."""
     planners = sorted((_overall(results, planner) for planner in results.planners), key=lambda s: s.first_mean)
     names = [s.planner for s in planners]
-    return Summary(planners, _compare(results, names, "first"), _compare(results, names, "cost"))
+    return Summary(planners, _compare(results, names, time_sample), _compare(results, names, cost_sample))
 
 
 def summarise_runs(problem: Problem, planner: str) -> PlannerSummary:
@@ -165,8 +113,8 @@ def _summary(planner: str, parts: Sequence[tuple[Problem, Runs]]) -> PlannerSumm
     runs = sum(len(r) for _, r in parts)
     success = sum(int(r.success.sum()) for _, r in parts)
     first_costs = [np.where(r.success, r["first_solution_length"], np.inf) for _, r in parts]
-    first_ratios = [_over_best(p, cost) for cost, (p, _) in zip(first_costs, parts, strict=True)]
-    ratios = [_over_best(p, r.costs) for p, r in parts]
+    first_ratios = [over_best(cost, p.best_cost) for cost, (p, _) in zip(first_costs, parts, strict=True)]
+    ratios = [over_best(r.costs, p.best_cost) for p, r in parts]
     endings: dict[str, int] = {}
     for _, r in parts:
         for how, n in r.endings().items():
@@ -179,8 +127,8 @@ def _summary(planner: str, parts: Sequence[tuple[Problem, Runs]]) -> PlannerSumm
         claimed=sum(int(r.claimed.sum()) for _, r in parts),
         success=success,
         interval=wilson(success, runs),
-        first_mean=_mean([_at_limit(p, r) for p, r in parts]),
-        cold_mean=_mean([_at_limit(p, r) + r["setup_time"] for p, r in parts]),
+        first_mean=_mean([at_limit(p, r) for p, r in parts]),
+        cold_mean=_mean([at_limit(p, r) + r["setup_time"] for p, r in parts]),
         first=quantiles(np.concatenate([r.first_times for _, r in parts]), FIVE),
         first_ratio=quantiles(np.concatenate(first_ratios), FIVE),
         ratio=quantiles(np.concatenate(ratios), FIVE),
@@ -194,65 +142,11 @@ def _mean(times: Sequence[FloatArray]) -> float:
     return shifted_geometric_mean([shifted_geometric_mean(some, SHIFT) for some in times], SHIFT)
 
 
-def _at_limit(problem: Problem, runs: Runs) -> FloatArray:
-    """Return the seconds to the first solution, a failure counting as the limit, whenever it happened."""
-    first = runs.first_times
-    return np.where(np.isinf(first), problem.time_limit, first)
-
-
-def _over_best(problem: Problem, costs: FloatArray) -> FloatArray:
-    """Return costs over the best known one; infinity for those not known, and for all but 0 if the best is 0."""
-    best = problem.best_cost
-    ratios = np.full(len(costs), np.inf)
-    known = np.isfinite(costs)
-    ratios[known] = costs[known] / best if best > 0.0 else np.where(costs[known] == 0.0, 1.0, np.inf)
-    return ratios
-
-
-def _compare(results: Results, names: Sequence[str], what: str) -> dict[frozenset[str], Comparison]:
+def _compare(results: Results, names: Sequence[str], sample: Callable[..., Sample]) -> dict[frozenset[str], Comparison]:
     generator = np.random.default_rng(6)
-    values: dict[str, dict[int, FloatArray]] = {name: {} for name in names}
-    logs: dict[str, dict[int, FloatArray]] = {name: {} for name in names}
+    samples: dict[str, dict[int, Sample]] = {name: {} for name in names}
     for problem in results.problems:
         for name, runs in problem.runs.items():
-            ranked = runs.first_times if what == "first" else runs.costs
-            values[name][problem.key] = ranked
-            if what == "first":
-                averaged = _at_limit(problem, runs) + SHIFT
-            else:
-                ratios = _over_best(problem, runs.costs)
-                averaged = ratios[np.isfinite(ratios)]
-            if len(averaged):
-                mean = float(np.log(averaged).mean())
-                few = len(averaged) < MIN_RUNS
-                spread = np.full(REPLICATES, np.nan) if few else bootstrap_log_means(averaged, REPLICATES, generator)
-                logs[name][problem.key] = np.concatenate([[mean], spread])
-    pairs = list(combinations(names, 2))
-    found = [_pair(a, b, values, logs, SHIFT if what == "first" else 0.0) for a, b in pairs]
-    adjusted = holm([c.p for c in found]) if found else np.empty(0)
-    return {
-        frozenset((c.a, c.b)): Comparison(c.a, c.b, c.problems, c.factor, c.interval, float(p), c.superiority)
-        for c, p in zip(found, adjusted, strict=True)
-    }
-
-
-def _pair(
-    a: str,
-    b: str,
-    values: Mapping[str, Mapping[int, FloatArray]],
-    logs: Mapping[str, Mapping[int, FloatArray]],
-    shift: float,
-) -> Comparison:
-    shared = [key for key in values[a] if key in values[b]]
-    test = rank_test([(values[a][key], values[b][key]) for key in shared])
-    both = [key for key in shared if key in logs[a] and key in logs[b]]
-    if not both:
-        return Comparison(a, b, len(shared), math.nan, None, test.p, test.superiority)
-    first, second = (np.exp(np.mean([logs[name][key] for key in both], axis=0)) - shift for name in (a, b))
-    # The shift may eat up a mean far below it.
-    ratios = np.maximum(second, 1e-9) / np.maximum(first, 1e-9)
-    interval = None
-    if np.isfinite(ratios[1:]).all():
-        low, high = quantiles(ratios[1:], (0.025, 0.975))
-        interval = Interval(float(low), float(high))
-    return Comparison(a, b, len(shared), float(ratios[0]), interval, test.p, test.superiority)
+            samples[name][problem.key] = sample(problem, runs, generator)
+    found = [compare(a, b, samples[a], samples[b]) for a, b in combinations(names, 2)]
+    return {frozenset((c.a, c.b)): c for c in adjusted(found)}

@@ -11,10 +11,11 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.benchmark.report.comparison import Comparison
 from trailmark.benchmark.report.data import Problem
 from trailmark.benchmark.report.digits import NOTHING, count, factor, milliseconds, number, percent, probability
 from trailmark.benchmark.report.palette import Style, legend_mark
-from trailmark.benchmark.report.summary import Comparison, PlannerSummary, Summary, summarise_runs
+from trailmark.benchmark.report.summary import PlannerSummary, Summary, summarise_runs
 from trailmark.benchmark.statistics import holm, quantiles, rank_test
 
 __all__ = ["Table", "effort_table", "failure_table", "overall_table", "pair_table", "problem_table"]
