@@ -42,6 +42,10 @@ class RunRecord:
         curve: (seconds, cost) of the best solution so far, in the order of time, a row for each better one.
         path: states [x, y, theta] of the returned path, also of an approximate one.
         simplified_path: states after the simplifier.
+        smoothness: radians that the direction of travel turns for each metre of ``path``, if that is correct; filled in
+            by the worker, as the next two; :class:`~trailmark.benchmark.measures.Measures` defines them.
+        max_curvature: its largest turn over the robot's inscribed radius (radians / metre).
+        min_clearance: its least distance to obstacles and bounds (metres).
         failure: one line that says why there is no answer, or why it was refused.
         correct_solution: whether the referee accepts ``path``; filled in by the worker.
         overhead: wall time of the job less ``time``, ``simplification_time`` and what preparing the problem took, if
@@ -68,6 +72,9 @@ class RunRecord:
     curve: list[tuple[float, float]] = field(default_factory=list)
     path: States | None = None
     simplified_path: States | None = None
+    smoothness: float | None = None
+    max_curvature: float | None = None
+    min_clearance: float | None = None
     failure: str | None = None
     correct_solution: bool = False
     overhead: float | None = None

@@ -92,22 +92,61 @@ class Referee:
                     return f"robot at ({_row(block[int(np.argmax(wrong))])}) {what}"
         return None
 
-    def _bound(self, a: FloatArray, b: FloatArray) -> float:
+    @property
+    def steering(self) -> Steering | None:
+        """Of a robot that is a car; None for one that moves straight."""
+        return self._steering
+
+    def clearance(self, states: FloatArray) -> FloatArray:
+        """Return the distance (metres) from the robot to what it may not meet, at states of shape (n, 3): shape (n,).
+
+        Obstacles, the boundary and the bounds count; 0 where the robot touches one, or is beyond it.
+        """
+        (xmin, ymin, xmax, ymax), radius = self._world.bounds, self._radius
+        if self._outline is None:
+            places = states[:, None, :2]
+            robots = shapely.points(places[:, 0])
+        else:
+            places = self._corners(states, self._outline)
+            robots = shapely.polygons(places)
+        low, high = places.min(axis=1), places.max(axis=1)
+        found = np.min([low - (xmin, ymin), (xmax, ymax) - high], axis=(0, 2))
+        if self._boundary is not None:
+            inside = shapely.covers(self._boundary, robots)
+            found = np.where(inside, np.minimum(found, shapely.distance(self._boundary.exterior, robots)), 0.0)
+        if len(self._solid.geometries):
+            index, apart = self._solid.query_nearest(robots, return_distance=True, all_matches=False)
+            found[index[0]] = np.minimum(found[index[0]], apart)
+        if len(self._radii):
+            # The disc in the nearest box bounds the distance within which the nearest disc's box lies.
+            for near in ("nearest", "within"):
+                if near == "nearest":
+                    which, disc = self._discs.query_nearest(robots, all_matches=False)
+                else:
+                    which, disc = self._discs.query(robots, predicate="dwithin", distance=np.maximum(found, 0.0))
+                apart = shapely.distance(robots[which], self._centers[disc]) - self._radii[disc]
+                np.minimum.at(found, which, apart)
+        return np.asarray(np.maximum(0.0, found - radius - TOUCHING))
+
+    def between(self, a: FloatArray, b: FloatArray, at: FloatArray) -> FloatArray:
+        """Return the states at parts ``at``, shape (n,), of the motion from a to b: shape (n, 3)."""
+        if self._steering is not None:
+            return self._steering.states(a, b, at * self._steering.lengths(a, b))
+        return np.asarray(a + at[:, None] * np.array([b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2])]))
+
+    def bound(self, a: FloatArray, b: FloatArray) -> float:
         """Return how far a motion moves any point of the robot at most (metres)."""
         if self._steering is not None:
             return float(self._steering.lengths(a, b)) * (1.0 + self._reach / self._steering.radius)
         return float(math.hypot(b[0] - a[0], b[1] - a[1]) + self._reach * abs(_wrapped(b[2] - a[2])))
 
     def _steps(self, states: FloatArray) -> int:
-        return sum(math.ceil(self._bound(a, b) / self.step) for a, b in pairwise(states))
+        return sum(math.ceil(self.bound(a, b) / self.step) for a, b in pairwise(states))
 
     def _between(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return the states along the motion from a to b, without a, no point moving more than a step to the next."""
-        n = max(1, math.ceil(self._bound(a, b) / self.step))
-        along = np.arange(1, n + 1) / n
-        if self._steering is not None:
-            return self._steering.states(a, b, along * self._steering.lengths(a, b))
-        return np.asarray(a + along[:, None] * np.array([b[0] - a[0], b[1] - a[1], _wrapped(b[2] - a[2])]))
+        n = max(1, math.ceil(self.bound(a, b) / self.step))
+        return self.between(a, b, np.arange(1, n + 1) / n)
 
     def _can_be_driven(self, states: FloatArray, goal: FloatArray, steering: Steering) -> bool:
         """Return whether a car can drive along dense states to the goal.

@@ -46,6 +46,8 @@ def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: P
     assert answer["simplified_solution_length"] < 1.05 * answer["solution_length"]
     for name in ("states_checked", "motions_checked", "graph_states", "graph_motions", "memory", "setup_time"):
         assert answer[name] > 0, name
+    for name in ("smoothness", "max_curvature", "min_clearance"):  # the way goes around a disc
+        assert answer[name] > 0.0, name
     if planner != "RRTConnect+certified":
         assert answer["time"] > 0.05
     assert 0.0 < answer["overhead"] < 5.0

@@ -24,6 +24,7 @@ from typing import IO, Any, NoReturn
 from trailmark.benchmark.isolation.child import answers
 from trailmark.benchmark.isolation.memory import address_space
 from trailmark.benchmark.isolation.prepared import Prepared
+from trailmark.benchmark.measures import measured
 from trailmark.benchmark.status import Status
 from trailmark.errors import TrailmarkError
 
@@ -151,7 +152,10 @@ class Zygote:
         answer["correct_solution"] = fault is None
         if fault is not None:
             answer["failure"] = f"refused: {fault}"
-        elif answer.get("simplified_path"):
+            return
+        scale = prepared.problem.robot.inscribed_disc.radius
+        answer |= measured(prepared.referee, answer["path"], scale)._asdict()
+        if answer.get("simplified_path"):
             fault = prepared.referee.fault(answer["simplified_path"], *prepared.ends)
             if fault is not None:
                 answer["simplified_solution_length"] = None

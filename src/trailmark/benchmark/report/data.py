@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.labels import differences
-from trailmark.benchmark.schema import APPLICATION, MEASURED, VERSION
+from trailmark.benchmark.schema import APPLICATION, LATER, MEASURED, VERSION
 from trailmark.benchmark.status import Status
 from trailmark.errors import FormatError, TrailmarkError
 
@@ -207,7 +207,9 @@ def _problem(db: sqlite3.Connection, row: tuple[Any, ...], names: Mapping[int, s
         if cost is not None:
             curves.setdefault(run, []).append((seconds, cost))
     by_planner: dict[str, list[tuple[Any, ...]]] = {}
-    wanted_columns = ", ".join(("plannerid", "id", "failure", *NUMBERS))
+    there = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
+    numbers = (name if name in there else f"NULL AS {name}" for name in NUMBERS)
+    wanted_columns = ", ".join(("plannerid", "id", "failure", *numbers))
     query = f"SELECT {wanted_columns} FROM runs WHERE experimentid = ? ORDER BY plannerid, seed, id"  # noqa: S608  # our own names
     for run_row in db.execute(query, (key,)):
         by_planner.setdefault(names.get(run_row[0], f"planner {run_row[0]}"), []).append(run_row[1:])
@@ -303,6 +305,6 @@ def _check_schema(db: sqlite3.Connection, file: Path) -> None:
     if missing:
         raise StoreError(f"{file}: the table {missing[0]!r} is missing; {ALLOWED}")
     columns = {row[1] for row in db.execute("PRAGMA table_info(runs)")}
-    absent = sorted({"id", "experimentid", "plannerid", *MEASURED} - columns)
+    absent = sorted({"id", "experimentid", "plannerid", *MEASURED} - columns - set(LATER))
     if absent:
         raise StoreError(f"{file}: the table 'runs' has no column {absent[0]!r}; {ALLOWED}")

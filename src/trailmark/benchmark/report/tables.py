@@ -148,7 +148,8 @@ def problem_table(problem: Problem, caption: str) -> Table:
 def effort_table(problem: Problem, caption: str) -> Table:
     """Return what each planner's runs on a problem took: medians of all runs, failed ones too."""
     columns = ["planner", "planning [ms]", "simplifying [ms]", "states checked", "motions checked", "graph states"]
-    columns += ["graph motions", "memory [MB]", "overhead [ms]", "set-up of the world [ms]", "seeds"]
+    columns += ["graph motions", "memory [MB]", "overhead [ms]", "set-up of the world [ms]", "turning [rad/m]"]
+    columns += ["sharpest [rad/m]", "least clearance [m]", "seeds"]
     rows = []
     for name, runs in problem.runs.items():
         middle = {column: _median(values) for column, values in runs.columns.items()}
@@ -157,10 +158,11 @@ def effort_table(problem: Problem, caption: str) -> Table:
                 *(name, milliseconds(middle["time"]), milliseconds(middle["simplification_time"])),
                 *(count(middle[c]) for c in ("states_checked", "motions_checked", "graph_states", "graph_motions")),
                 *(number(middle["memory"]), milliseconds(middle["overhead"]), milliseconds(middle["setup_time"])),
+                *(number(middle[c]) for c in ("smoothness", "max_curvature", "min_clearance")),
                 _seeds(runs["seed"]),
             ]
         )
-    return Table(caption, columns, rows, frozenset({10}))
+    return Table(caption, columns, rows, frozenset({13}))
 
 
 def failure_table(problem: Problem, caption: str) -> Table | None:
