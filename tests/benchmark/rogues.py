@@ -13,7 +13,9 @@ import numpy as np
 
 __all__ = [
     "abort",
+    "better",
     "crash",
+    "dawdle",
     "eat",
     "fail",
     "hang",
@@ -30,6 +32,21 @@ __all__ = [
 def honest(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
     """Go straight, as tests choose problems where that is right; take a while."""
     time.sleep(0.02)
+    return np.array([start, goal])
+
+
+def better(checker: Any, start: Any, goal: Any, limit: float, seed: int, report: Any) -> Any:
+    """Come by a detour, then by a shorter way, then by a worse one, and return the straight one."""
+    for height in (4.0, 2.0, 3.0):
+        report([start, [5.0, height, 0.0], goal])
+        time.sleep(0.01)
+    return np.array([start, goal])
+
+
+def dawdle(checker: Any, start: Any, goal: Any, limit: float, seed: int, report: Any) -> Any:
+    """Report a detour in time, and return the straight way when it is over."""
+    report([start, [5.0, 2.0, 0.0], goal])
+    time.sleep(limit + 0.2)
     return np.array([start, goal])
 
 

@@ -67,6 +67,40 @@ def test_a_function_of_the_users_own(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert read_planners(["my_planner:plan"]) == ["my_planner:plan"]
 
 
+def test_parameters_are_checked_and_named_as_given() -> None:
+    given = ["rrtconnect+CERTIFIED:range=2", "RRTstar:goal_bias=0.1,use_k_nearest=false", "Landmark:first_landmarks=50"]
+    assert read_planners(given) == [
+        "RRTConnect+certified:range=2",
+        "RRTstar:goal_bias=0.1,use_k_nearest=false",
+        "landmark:first_landmarks=50",
+    ]
+    assert "range=2, else default settings" in settings_of("RRTConnect+certified:range=2")
+    assert "first_landmarks=50" in settings_of("landmark:first_landmarks=50")
+
+
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("RRTConnect:rnge=2", r"planner RRTConnect: parameter: expected .*, range, got 'rnge' \(did you mean 'range'"),
+        ("RRTConnect:range=x", "planner RRTConnect: range: expected a finite number, 0 or more, got 'x'"),
+        ("RRTConnect:range=inf", "range: expected a finite number, 0 or more, got 'inf'"),
+        ("RRTstar:use_k_nearest=maybe", "use_k_nearest: expected true or false, got 'maybe'"),
+        ("PRM:max_nearest_neighbors=2.5", "expected a whole number, 0 or more, got '2.5'"),
+        ("RRT:range=1,range=2", "expected PLANNER:name=value,name=value, each once, got 'range=2'"),
+        ("RRT:range=1,", "expected PLANNER:name=value"),
+        ("landmark:first=1", "planner landmark: setting: expected .*, got 'first'"),
+        ("landmark:sweeps=0", "planner landmark: sweeps: expected a whole number, 1 or more, got 0"),
+        ("landmark:placement=samples", "setting: expected .*, got 'placement'"),
+        ("json:dumps:a=1", "expected no parameters, for 'json:dumps' takes none"),
+        ("PMR:range=1", "planner: expected AORRTC, .*, got 'PMR'"),
+    ],
+)
+def test_other_parameters_are_refused(name: str, problem: str) -> None:
+    with pytest.raises(SuiteError, match=problem) as caught:
+        read_planners([name])
+    assert "\n" not in str(caught.value)
+
+
 def test_settings_tell_the_baselines_apart() -> None:
     texts = {settings_of(name) for name in (*METHODS, "PRM", "PRM+certified", "native:PRM", "my:plan")}
     assert len(texts) == len(METHODS) + 4

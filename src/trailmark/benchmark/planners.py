@@ -6,14 +6,17 @@ import importlib.util
 import os
 import sys
 from collections.abc import Iterable
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
 
 from trailmark.benchmark.errors import SuiteError
-from trailmark.errors import expected_name
+from trailmark.benchmark.planner_name import CERTIFIED, PlannerName
+from trailmark.errors import ConfigurationError, expected_name
 
-__all__ = ["CERTIFIED", "known_planners", "read_planners", "settings_of"]
+if TYPE_CHECKING:
+    from trailmark.planning import PlannerSettings
 
-CERTIFIED = "+certified"
-"""Ends the name of one of OMPL's planners that plans with trailmark's certified motion validator."""
+__all__ = ["known_planners", "method_settings", "read_planners", "settings_of"]
 
 
 def known_planners() -> list[str]:
@@ -32,25 +35,29 @@ def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
 
     Args:
         given: names, in upper or lower case; ``all`` for all that are known; ``module:function`` for one of the user's
-            own.
+            own. Parameters of OMPL's planners and settings of trailmark's may follow: ``RRTConnect:range=2``.
         cars: whether some of the robots are cars, whose curves neither the native program nor a lattice knows.
 
     Raises:
-        SuiteError: a name that is none of them, or no name at all.
+        SuiteError: a name that is none of them, a parameter that the planner does not have, or no name at all.
     """
     known = [name for name in known_planners() if not (cars and _moves_straight(name))]
     spelt = {name.lower(): name for name in known}
     chosen: dict[str, None] = {}
-    for name in given:
-        if name == "all":
+    for text in given:
+        name, parameters = PlannerName.parse(text)
+        if text == "all":
             chosen |= dict.fromkeys(known)
         elif name.lower() in spelt:
-            chosen[spelt[name.lower()]] = None
+            named = PlannerName(spelt[name.lower()], parameters)
+            _require_parameters(named)
+            chosen[str(named)] = None
         elif cars and _moves_straight(name.lower()):
             raise SuiteError(f"planner: expected one that plans for cars, got {name!r}, which moves straight")
         elif name.startswith("native:") and not any(other.startswith("native:") for other in known):
             raise SuiteError(f"planner {name!r} given, but the native program is not built (see benchmarks/native)")
         elif ":" in name and not name.startswith("native:"):
+            _require_parameters(PlannerName(name, parameters))
             _require_module(name)
             chosen[name] = None
         else:
@@ -69,19 +76,66 @@ def settings_of(name: str, *, first: bool = False) -> str:
     """
     if first:
         return f"{settings_of(name)}; ends at its first path"
+    named = PlannerName.parse(name)
     if name.startswith("native:"):
         native = importlib.import_module("trailmark.benchmark.native")
         made = ", ".join(f"{what} {version}" for what, version in native.native_versions().items())
         return f"OMPL in C++, default settings; states and motions checked by FCL in C++, discretely; {made}"
-    if ":" in name:
+    if ":" in named.base:
         return "a function of the user's own"
     from trailmark.planning.methods import METHODS
 
-    if name in METHODS:
-        chosen = ", ".join(f"{setting}={value}" for setting, value in METHODS[name].to_dict().items())
-        return f"trailmark's LandmarkPlanner, method {name}; motions certified; {chosen}"
-    motions = "certified by trailmark" if name.endswith(CERTIFIED) else "discrete, at the experiment's resolution"
-    return f"OMPL from Python, default settings; states checked by trailmark; motions {motions}"
+    if named.base in METHODS:
+        chosen = ", ".join(f"{setting}={value}" for setting, value in method_settings(named).to_dict().items())
+        return f"trailmark's LandmarkPlanner, method {named.base}; motions certified; {chosen}"
+    motions = "certified by trailmark" if named.certified else "discrete, at the experiment's resolution"
+    given = ", ".join(f"{parameter}={value}" for parameter, value in named.parameters.items())
+    settings = f"{given}, else default settings" if given else "default settings"
+    return f"OMPL from Python, {settings}; states checked by trailmark; motions {motions}"
+
+
+def method_settings(name: PlannerName) -> PlannerSettings:
+    """Return the settings of one of trailmark's methods, with those that its name gives.
+
+    Raises:
+        SuiteError: a setting that there is not, or a value out of range.
+    """
+    from trailmark.planning.methods import METHODS
+
+    settings = METHODS[name.base]
+    known = [field.name for field in fields(settings) if field.name not in ("placement", "without")]
+    given: dict[str, Any] = {}
+    for setting, text in name.parameters.items():
+        if setting not in known:
+            raise SuiteError(f"planner {name.base}: setting: {expected_name(setting, known)}")
+        try:
+            given[setting] = int(text) if text.lstrip("+-").isdigit() else float(text)
+        except ValueError:
+            raise SuiteError(f"planner {name.base}: {setting}: expected a number, got {text!r}") from None
+    try:
+        return replace(settings, **given)
+    except ConfigurationError as error:
+        raise SuiteError(f"planner {name.base}: {error}") from None
+
+
+def _require_parameters(name: PlannerName) -> None:
+    """Raise SuiteError unless the planner has the parameters that its name gives, with such values."""
+    from trailmark.planning.methods import METHODS
+
+    if not name.parameters:
+        return
+    if ":" in name.base:
+        raise SuiteError(f"planner {str(name)!r}: expected no parameters, for {name.base!r} takes none")
+    if name.base in METHODS:
+        method_settings(name)
+        return
+    from trailmark.ompl_bridge.errors import PlannerNameError
+    from trailmark.ompl_bridge.parameters import set_parameters
+
+    try:
+        set_parameters(name.algorithm, name.parameters)
+    except PlannerNameError as error:
+        raise SuiteError(str(error)) from None
 
 
 def _moves_straight(name: str) -> bool:

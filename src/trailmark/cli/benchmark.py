@@ -47,7 +47,8 @@ def benchmark(
             "--planner",
             "NAME",
             "landmark, roadmap, roadmap-uniform, lattice, paper, one of OMPL's (PRM, RRTstar …), the same with "
-            "certified motions (PRM+certified), native:NAME, module:function of your own, or all; repeat it for more.",
+            "certified motions (PRM+certified), native:NAME, module:function of your own, or all; parameters may "
+            "follow (RRTConnect:range=2); repeat it for more.",
             "-p",
         ),
     ] = None,

@@ -7,7 +7,7 @@ cost; they are run in slices, between which their roadmap stays (:func:`_in_slic
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from math import inf, isfinite
 from time import perf_counter
@@ -22,6 +22,7 @@ from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker
 from trailmark.ompl_bridge.guard import planning
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
+from trailmark.ompl_bridge.parameters import set_parameters
 from trailmark.ompl_bridge.problem import SE2Problem
 from trailmark.ompl_bridge.states import path_to_ompl
 from trailmark.path import Path
@@ -88,6 +89,7 @@ def measure(
     name: str,
     limit: float,
     *,
+    parameters: Mapping[str, str] | None = None,
     on_step: Callable[[], None] | None = None,
     first: bool = False,
 ) -> Measurement:
@@ -97,11 +99,12 @@ def measure(
         problem: as set up; its checkers are replaced by ones that also read the best cost.
         name: of one of OMPL's planners.
         limit: seconds.
+        parameters: of the planner, by OMPL's names; the others keep their defaults.
         on_step: called now and then while it plans.
         first: whether the first exact solution ends the run, by OMPL's cost threshold, which AORRTC alone ignores.
 
     Raises:
-        PlannerNameError: the installed OMPL has no planner of that name.
+        PlannerNameError: the installed OMPL has no planner of that name, or it has no such parameter.
     """
     monitor = _Monitor(on_step)
     _monitor_checks(problem, monitor)
@@ -111,6 +114,8 @@ def measure(
     problem.setup.setOptimizationObjective(objective)
     monitor.begin = begin = perf_counter()
     planner = problem.set_planner(name)
+    if parameters:
+        set_parameters(type(planner).__name__, parameters)(planner)
     problem.setup.setup()
     monitor.cost = getattr(planner, "bestCost", None)
     solve = _in_slices if name in SLICED else _at_once

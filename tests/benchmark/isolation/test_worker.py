@@ -64,6 +64,31 @@ def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: P
         assert answer["simplified_path"] is None
 
 
+def test_planners_of_the_users_own_report_what_they_come_by(worker: Worker, ahead: Problem) -> None:
+    answer = worker.run(job(ahead, "tests.benchmark.rogues:better"))
+    detours = [2.0 * math.hypot(4.0, height - 1.0) for height in (4.0, 2.0)]
+    assert [cost for _, cost in answer["curve"]] == pytest.approx([*detours, 8.0])
+    check_curve(answer)
+    late = worker.run(job(ahead, "tests.benchmark.rogues:dawdle"))
+    assert late["correct_solution"], late
+    assert late["solution_length"] == pytest.approx(detours[1])
+    assert late["path"][1] == [5.0, 2.0, 0.0]
+
+
+def test_parameters_reach_the_planner(worker: Worker, ahead: Problem) -> None:
+    # Straight ahead: with motions of 0.5 m at most, the tree has the 16 pieces of 8 m; unlimited, one edge does.
+    short, default = (
+        worker.run(job(ahead, name)) for name in ("RRTConnect+certified:range=0.5", "RRTConnect+certified")
+    )
+    assert short["correct_solution"]
+    assert default["correct_solution"]
+    steps = np.hypot(*np.diff(np.array(short["path"])[:, :2], axis=0).T)
+    assert steps.max() <= 0.5 + 1e-9
+    assert len(default["path"]) < len(short["path"])
+    first = worker.run(job(ahead, "landmark:first_landmarks=2,sweeps=1"))
+    assert first["correct_solution"]
+
+
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 @pytest.mark.parametrize("planner", ["landmark", "roadmap", "RRTConnect", "BITstar+certified"])
 def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, around: Problem) -> None:

@@ -8,6 +8,7 @@ a crash in a later part (counting the graph, simplifying the path) does not take
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -17,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 from trailmark import se2
 from trailmark.benchmark.isolation.memory import MemoryPeak
 from trailmark.benchmark.isolation.prepared import CountingChecker, Prepared
+from trailmark.benchmark.planner_name import PlannerName
+from trailmark.benchmark.planners import method_settings
 from trailmark.benchmark.status import Status
 from trailmark.curves import CurvePath
 from trailmark.motion import kind_of
@@ -24,6 +27,8 @@ from trailmark.path import Path
 from trailmark.planning.methods import METHODS
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from trailmark.planning import PlanProgress
 
 __all__ = ["Answer", "answers", "latest"]
@@ -54,7 +59,7 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
         if not prepared.checker.valid(end):
             yield {"status": int(status), "time": 0.0, "failure": status.description.lower()}
             return
-    name = str(job["planner"])
+    name = PlannerName.parse(str(job["planner"])).base
     if name.startswith("native:"):
         yield _native(prepared, job)
         return
@@ -81,17 +86,18 @@ def _plan_small_problem(prepared: Prepared, job: Mapping[str, Any]) -> None:
     from trailmark.planning.warmup import ROBOTS, SMALL
 
     (world, (start, goal)), robot = SMALL, ROBOTS[kind_of(prepared.problem.robot)]
-    if settings := METHODS.get(str(job["planner"])):
+    planner_name = PlannerName.parse(str(job["planner"]))
+    if settings := METHODS.get(planner_name.base):
         planner = LandmarkPlanner(world, robot, seed=0, settings=settings, warm=False)
         planner.plan(start, goal, time_limit=1.0, max_iterations=1)
         return
     from trailmark.ompl_bridge import measured
     from trailmark.ompl_bridge.problem import SE2Problem
 
-    name, _, variant = str(job["planner"]).partition("+")
     measured.silence_ompl()
     measured.seed_ompl(int(job["seed"]))
-    measured.measure(SE2Problem(world, robot, (start, goal), certified=variant == "certified"), name, SMALL_LIMIT)
+    small = SE2Problem(world, robot, (start, goal), certified=planner_name.certified)
+    measured.measure(small, planner_name.algorithm, SMALL_LIMIT)
 
 
 def latest(time_limit: float) -> float:
@@ -103,7 +109,7 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
     from trailmark.ompl_bridge import measured
     from trailmark.ompl_bridge.problem import SE2Problem
 
-    name, _, variant = str(job["planner"]).partition("+")
+    name = PlannerName.parse(str(job["planner"]))
     measured.silence_ompl()
     measured.seed_ompl(int(job["seed"]))
     problem = SE2Problem(
@@ -111,11 +117,12 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
         prepared.problem.robot,
         prepared.ends,
         checker=prepared.checker,
-        certified=variant == "certified",
+        certified=name.certified,
         resolution=float(job["resolution"]),
     )
     peak = MemoryPeak()
-    run = measured.measure(problem, name, float(job["time_limit"]), first=bool(job.get("first")))
+    limit, first = float(job["time_limit"]), bool(job.get("first"))
+    run = measured.measure(problem, name.algorithm, limit, parameters=name.parameters, first=first)
     peak.measure()
     answer = {
         "status": run.status,
@@ -148,7 +155,7 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
 
     checker = CountingChecker(prepared.checker)
     begin = perf_counter()
-    settings = METHODS[str(job["planner"])]
+    settings = method_settings(PlannerName.parse(str(job["planner"])))
     seed = int(job["seed"])
     # By length, as OMPL's planners are measured, cars too.
     planner = LandmarkPlanner(
@@ -170,19 +177,37 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
 def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
     """Run a planner of the user's: a function ``plan(checker, start, goal, time_limit, seed)`` named module:function.
 
-    It returns a path's states, shape (n, 3), or None.
+    It returns a path's states, shape (n, 3), or None. One that takes ``report`` as well may call it with the states of
+    each path that it comes by: their costs are its curve, and the best one in time counts if it returns too late.
     """
     module, _, function = str(job["planner"]).partition(":")
     # Last, so that no file of the user's takes a library's place.
     sys.path.append(os.getcwd())  # noqa: PTH109  # sys.path holds strings
     plan = getattr(importlib.import_module(module), function)
     checker, peak = CountingChecker(prepared.checker), MemoryPeak()
+    reported: list[tuple[float, Path]] = []
+
+    def add(now: float, states: ArrayLike) -> None:
+        path = prepared.problem.path(states)
+        if not reported or path.cost < reported[-1][1].cost:
+            reported.append((now, path))
+
+    def report(states: ArrayLike) -> None:
+        add(perf_counter() - begin, states)
+
+    options = {"report": report} if "report" in inspect.signature(plan).parameters else {}
+    limit = float(job["time_limit"])
     begin = perf_counter()
-    found = plan(checker, *prepared.ends, float(job["time_limit"]), int(job["seed"]))
+    found = plan(checker, *prepared.ends, limit, int(job["seed"]), **options)
     time = perf_counter() - begin
-    path = None if found is None else prepared.problem.path(found)
+    in_time = [path for t, path in reported if t <= latest(limit)]
+    if found is not None and (time <= latest(limit) or not in_time):
+        path: Path | None = prepared.problem.path(found)
+        add(time, found)
+    else:
+        path = in_time[-1] if in_time else None
     status = Status.TIMEOUT if path is None else Status.EXACT_SOLUTION
-    curve = [] if path is None else [(time, path.cost)]
+    curve = [(t, each.cost) for t, each in reported]
     return _answer(prepared, status, time, curve, path, checker, peak), None
 
 
