@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,8 @@ from trailmark.exploration.reachability import NOWHERE, Reach
 from trailmark.exploration.strategies import STRATEGIES
 from trailmark.exploration.survey import Memory, Survey, survey
 from trailmark.exploration.views import sight
+from trailmark.goals import Goal
+from trailmark.planning.result import PlanResult
 from trailmark.se2 import FloatArray
 
 ROBOT = Robot.disc(0.2)
@@ -289,14 +293,19 @@ def test_at_the_end_nothing_is_in_sight_from_where_the_robot_gets_to(seed: int) 
 
 
 def test_ways_that_are_not_found_keep_nothing_else_from_being_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    # A long corridor that the robot may just fit into, and no time to find out: it is tried, put off, and the rest of
-    # the world is seen. The end is no proof then.
-    monkeypatch.setattr("trailmark.exploration.landmark_ways.FIRST", 1e-9)
-    monkeypatch.setattr("trailmark.exploration.landmark_ways.LAST", 1e-9)
+    # A corridor longer than the range, into which no way is found: it is put off, and the rest of the world is seen.
+    # The end is no proof then.
+    plan = LandmarkPlanner.plan
+
+    def nowhere(planner: LandmarkPlanner, start: FloatArray, goal: Goal, *rest: Any, **options: Any) -> PlanResult:
+        result = plan(planner, start, goal, *rest, **options)
+        return replace(result, status="timeout", path=None) if goal.pose and goal.pose[1] > 2.5 else result
+
+    monkeypatch.setattr(LandmarkPlanner, "plan", nowhere)
     solid = hall(60, 200)
     solid[:, 100] = True
-    solid[20:29, 100] = False
-    solid[50, 3:100] = True
+    solid[17:32, 100] = False
+    solid[50, 12:100] = True
     hidden = Hidden(solid, 0.05, Robot.disc(0.2), (3.0, 1.2))
     found = hidden.explore("tour")
     assert (hidden.state[2:58, 104:196] != UNKNOWN).all()

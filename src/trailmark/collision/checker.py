@@ -85,15 +85,19 @@ class StateChecker:
             raise WorldError(f"exact: expected 'kernel' or 'fcl', got {brief(exact)}")
         if cell is not None:
             cell = number(cell, "cell:", above=0.0, unit="m", error=WorldError)
-        world = self.world = with_keep_outs(world)
         self.robot: Robot = chosen
         self.exact = exact
         self._cell = cell
-        wanted = 0.2 * chosen.inscribed_disc.radius if cell is None else cell
-        self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted, 1.5 * chosen.inscribed_disc.radius))
-        self.field: ClearanceField = build_field(self.grid)
+        self._build(with_keep_outs(world))
         self.footprint: Footprint = build_footprint(chosen)
         self.bare_footprint = self.footprint if chosen.clearance == 0.0 else build_footprint(chosen.keeping(0.0))
+
+    def _build(self, world: World) -> None:
+        """Make all that depends on the world."""
+        self.world, radius = world, self.robot.inscribed_disc.radius
+        wanted = 0.2 * radius if self._cell is None else self._cell
+        self.grid: ObstacleGrid = build_grid(world, cell_size_for(world, wanted, 1.5 * radius))
+        self.field: ClearanceField = build_field(self.grid)
         self._cells: Cells | None = None
         self._scene: FclScene | None = None
 
@@ -114,14 +118,13 @@ class StateChecker:
         world = with_keep_outs(world)
         if world is self.world:
             return self
-        if not world.differs_in_obstacles_only(self.world):
-            return StateChecker(world, self.robot, exact=self.exact, cell=self._cell)
-        changes = [(item.before, item.after) for item in self.world.difference(world).items]
-        changes = [(before, after) for before, after in changes if before != after]
-        if MANY_CHANGES * len(changes) > len(world.obstacles) + 64:
-            return StateChecker(world, self.robot, exact=self.exact, cell=self._cell)
         _require_covered(world, self.robot)
-        new = copy(self)
+        new, comparable = copy(self), world.differs_in_obstacles_only(self.world)
+        items = self.world.difference(world).items if comparable else ()
+        changes = [(item.before, item.after) for item in items if item.before != item.after]
+        if not comparable or MANY_CHANGES * len(changes) > len(world.obstacles) + 64:
+            new._build(world)
+            return new
         new.world = world
         if self._cells is None:
             self._cells = Cells(self.world, self.grid, self.field)
@@ -260,8 +263,9 @@ class StateChecker:
 
     def fault(self, q: se2.FloatArray) -> str:
         """Return a clause that says why a configuration, shape (3,), is not valid."""
-        kept = self.robot.clearance
-        if kept > 0.0 and StateChecker(self.world, self.robot, clearance=0.0).valid(q):
+        kept, bare = self.robot.clearance, copy(self)
+        bare.robot, bare.footprint, bare._scene = self.robot.keeping(0.0), self.bare_footprint, None
+        if kept > 0.0 and bare.valid(q):
             return f"has a clearance of {self.clearance(q):.6g} m there, less than the {kept:g} m that it is to keep"
         return invalid_reason(self.world, self.robot, q)
 

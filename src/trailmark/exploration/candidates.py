@@ -151,11 +151,11 @@ class Search(NamedTuple):
     def _headings(self, places: NDArray[np.int64]) -> FloatArray:
         """Return a heading with which the robot fits at each place: not a number for any, infinite for none."""
         headings = np.where(self.levels.ravel()[places] == CERTAIN, np.nan, np.inf)
-        tight = np.flatnonzero(np.isinf(headings))
-        xy = self.known.centres(*np.divmod(places[tight], self.levels.shape[1]))
-        for theta in np.arange(TURNS) * 2.0 * np.pi / TURNS:
-            valid = self.checker.valid(np.column_stack([xy, np.full(len(xy), se2.wrap(theta))]))
-            headings[tight[valid & np.isinf(headings[tight])]] = se2.wrap(theta)
+        xy = self.known.centres(*np.divmod(places, self.levels.shape[1]))
+        for theta in se2.wrap(np.arange(TURNS) * 2.0 * np.pi / TURNS):
+            tight = np.flatnonzero(np.isinf(headings))
+            valid = self.checker.valid(np.column_stack([xy[tight], np.full(len(tight), theta)]))
+            headings[tight[valid]] = theta
         return headings
 
 

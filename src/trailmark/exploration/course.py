@@ -77,7 +77,7 @@ class Course:
         name: of the planner's world.
 
     Attributes:
-        planner: plans in the map as it is known; None before the first choice.
+        planner: plans in the map as it was known at the last choice.
         follower: of the path to the landmark; None where there is none.
         landmarks: how many were chosen.
         decisions: seconds of each reading at which a landmark was chosen, or the way to it looked for.
@@ -95,16 +95,18 @@ class Course:
         seed: int,
         name: str,
     ) -> None:
-        self.planner: LandmarkPlanner | None = None
         self.follower: PathFollower | None = None
         self.landmarks, self.decisions = 0, list[float]()
         self.ended: tuple[Status, str] | None = None
-        self._mapper, self._robot, self._start, self._range = mapper, robot, start, sensor.max_range
+        self._mapper, self._start, self._range = mapper, start, sensor.max_range
         self._sees_around = self._looked_around = sensor.field_of_view >= 2.0 * np.pi - 1e-9
-        self._choose, self._settings, self._seed, self._name = strategy, settings, seed, name
+        self._choose, self._settings = strategy, settings
         self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
         self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
         self._since = 0.0
+        world = mapper.known.follow(World(name, mapper.known.bounds, robot=robot))
+        # A path that touches something is none for a robot that may be beside it.
+        self.planner = LandmarkPlanner(world, robot, seed=seed, clearance=max(mapper.margin, ON_PATH))
         self._look: Look | None = None
         self._stopped = Event()
         self._threads = ThreadPoolExecutor(1, "looking for a way")
@@ -129,13 +131,7 @@ class Course:
 
     def current_planner(self) -> LandmarkPlanner:
         """Return the planner, its world as the map is."""
-        known = self._mapper.known
-        if self.planner is None:
-            world = known.follow(World(self._name, known.bounds, robot=self._robot))
-            # A path that touches something is none for a robot that may be beside it.
-            clearance = max(self._mapper.margin, ON_PATH)
-            self.planner = LandmarkPlanner(world, self._robot, seed=self._seed, clearance=clearance)
-        elif (world := known.follow(self.planner.world)) is not self.planner.world:
+        if (world := self._mapper.known.follow(self.planner.world)) is not self.planner.world:
             self.planner.update(world)
         return self.planner
 

@@ -138,8 +138,8 @@ class Explorer:
         return self._history
 
     @property
-    def planner(self) -> LandmarkPlanner | None:
-        """Plans in the map as it is known; None before the first reading."""
+    def planner(self) -> LandmarkPlanner:
+        """Plans in the map as it was known when a landmark was last chosen, or a path led around something."""
         return self._course.planner
 
     @as_raised

@@ -92,6 +92,7 @@ class KnownMap:
         self._drawn = dict[tuple[int, int], bytes]()
         self._count = 0
         self._discs, self._drawn_discs = dict[str, Disc](), dict[str, Disc]()
+        self._lines_of_sight: tuple[int, NDArray[np.uint8]] | None = None
 
     @property
     def state(self) -> NDArray[np.uint8]:
@@ -202,7 +203,11 @@ class KnownMap:
         They are xmin, ymin, xmax, ymax in 255ths of a cell's side: all of the cell where beams lay too far apart to
         leave no other surface in it unseen.
         """
-        return np.where((self._cells.level > WHOLE)[..., None], np.array([0, 0, 255, 255], np.uint8), self._cells.box)
+        if self._lines_of_sight is None or self._lines_of_sight[0] != self.revision:
+            whole = (self._cells.level > WHOLE)[..., None]
+            boxes = np.where(whole, np.array([0, 0, 255, 255], np.uint8), self._cells.box)
+            self._lines_of_sight = self.revision, boxes
+        return self._lines_of_sight[1]
 
     def follow(self, world: World) -> World:
         """Return the world with the obstacles of the tiles that changed since the last call replaced.

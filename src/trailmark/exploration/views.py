@@ -167,6 +167,8 @@ def places_in_sight(
         spacing: of rays where they end, in cells; 0.5 leaves out no cell.
     """
     rows, columns = state.shape
+    # Rays that leave cells out may as well leave some out along them.
+    step = max(0.7, 0.35 * spacing)
     found = np.full((len(edges), draws), -1, np.int64)
     tested = np.full(rows * columns, -1, np.int64)
     least = np.empty(draws, np.uint64)
@@ -184,7 +186,7 @@ def places_in_sight(
                 column, row = floor(x0 + far * ux), floor(y0 + far * uy)
                 if row < 0 or column < 0 or row >= rows or column >= columns or state[row, column] == UNKNOWN:
                     break
-                far += 0.7
+                far += step
                 if state[row, column] == OCCUPIED:
                     # Perhaps past the surface in it: whether a place is in sight is looked at exactly.
                     continue

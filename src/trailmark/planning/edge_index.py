@@ -20,8 +20,9 @@ __all__ = ["EdgeIndex", "closed"]
 RUN = 16
 """Consecutive edges of a ring that share a box in the tree."""
 
-MAX_ADDED = 64
-"""Runs beside the tree, which every query goes through: with more of them the tree is made anew."""
+MAX_ADDED, ADDED_SHARE = 64, 0.125
+"""Runs beside the tree, which every query goes through: with more of them the tree is made anew, which takes longer the
+more there are in it."""
 
 FIXED = -1
 """The owner of the edges of bounds and boundary."""
@@ -85,7 +86,8 @@ class EdgeIndex:
                 new._take_out(before)
         if come := [after for _, after in pairs if after is not None]:
             new._put_in(come)
-        if new._added.shape[1] > MAX_ADDED or 2 * np.count_nonzero(new._there) < len(new._there):
+        most = max(MAX_ADDED, ADDED_SHARE * len(new._there))
+        if new._added.shape[1] > most or 2 * np.count_nonzero(new._there) < len(new._there):
             new._make_tree()
         return new
 
@@ -196,13 +198,17 @@ def _edges_of(shapes: Sequence[Shape]) -> tuple[FloatArray, IntArray, IntArray]:
     """Return the edges of obstacles, (e, 5), where each run begins, (r + 1,), and of which obstacle it is, (r,)."""
     rectangles = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Rectangle)]
     owners = [i for i, _ in rectangles]
-    rings = _corners([shape for _, shape in rectangles])
+    corners = _corners([shape for _, shape in rectangles])
+    boxes = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2).reshape(-1, 4)
+    rings = list[FloatArray]()
     for i, shape in enumerate(shapes):
         if isinstance(shape, Polygon):
             rings += [shape.vertices, *shape.holes]
             owners += [i] * (1 + len(shape.holes))
     edges, runs = _edges_of_rings(rings)
-    per_ring = [-(-len(ring) // RUN) for ring in rings]
+    edges = np.concatenate([np.column_stack([boxes, np.zeros(len(boxes))]), edges])
+    runs = np.concatenate([4 * np.arange(len(rectangles)), len(boxes) + runs])
+    per_ring = [1] * len(rectangles) + [-(-len(ring) // RUN) for ring in rings]
     discs = [(i, shape) for i, shape in enumerate(shapes) if isinstance(shape, Disc)]
     rows = np.array([(*disc.center, *disc.center, disc.radius) for _, disc in discs]).reshape(-1, 5)
     return (
@@ -220,15 +226,13 @@ def _edges_of_rings(rings: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
     return np.hstack([edges, np.zeros((len(edges), 1))]), np.array([*runs, ends[-1]], np.int64)
 
 
-def _corners(rectangles: Sequence[Rectangle]) -> list[FloatArray]:
-    """Return the corners of each rectangle, shape (4, 2)."""
-    if not rectangles:
-        return []
-    rows = np.array([(*s.center, s.length, s.width, s.heading) for s in rectangles])
+def _corners(rectangles: Sequence[Rectangle]) -> FloatArray:
+    """Return the corners of each rectangle, shape (n, 4, 2)."""
+    rows = np.array([(*s.center, s.length, s.width, s.heading) for s in rectangles]).reshape(-1, 5)
     half = 0.5 * rows[:, None, 2:4] * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     c, s = np.cos(rows[:, 4, None]), np.sin(rows[:, 4, None])
     x, y = half[..., 0], half[..., 1]
-    return list(np.stack([rows[:, :1] + c * x - s * y, rows[:, 1:2] + s * x + c * y], axis=-1))
+    return np.stack([rows[:, :1] + c * x - s * y, rows[:, 1:2] + s * x + c * y], axis=-1)
 
 
 def _boxes_of(edges: FloatArray, runs: IntArray) -> FloatArray:
