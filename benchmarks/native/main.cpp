@@ -5,7 +5,7 @@
 //   trailmark_native check FILE [plain]           problem on standard input; FILE holds rows "x y theta"
 //
 // Options of plan: --resolution METRES --time-limit SECONDS --simplify-limit SECONDS --memory-limit MB
-// --cost-threshold METRES --seed N.
+// --cost-threshold METRES --seed N --parameter NAME=VALUE (as often as need be).
 // The answer is one JSON object on standard output. Bad input: one line on standard error, status 2.
 
 #include <chrono>
@@ -49,6 +49,14 @@ trailmark::Settings settings_of(const Words& words) {
     if (i + 1 == words.size()) {
       throw std::runtime_error(option + " given without a value");
     }
+    if (option == "--parameter") {
+      const std::size_t equals = words[i + 1].find('=');
+      if (equals == std::string::npos) {
+        throw std::runtime_error(option + " " + words[i + 1] + " given, allowed: NAME=VALUE");
+      }
+      settings.parameters.emplace_back(words[i + 1].substr(0, equals), words[i + 1].substr(equals + 1));
+      continue;
+    }
     const double value = positive(option, words[i + 1]);
     if (option == "--resolution") {
       settings.resolution = value;
@@ -64,14 +72,21 @@ trailmark::Settings settings_of(const Words& words) {
       settings.seed = static_cast<unsigned>(value);
     } else {
       throw std::runtime_error(option + " " + words[i + 1] + " given, allowed: --resolution, --time-limit, " +
-                               "--simplify-limit, --memory-limit, --cost-threshold, --seed (below 2^32)");
+                               "--simplify-limit, --memory-limit, --cost-threshold, --parameter, --seed (below 2^32)");
     }
   }
   return settings;
 }
 
 Json planners() {
-  return {{"planners", trailmark::planner_names()}, {"ompl", OMPL_VERSION_TEXT}, {"fcl", FCL_VERSION_TEXT}};
+  Json parameters = Json::object();
+  for (const std::string& name : trailmark::planner_names()) {
+    parameters[name] = trailmark::parameter_names(name);
+  }
+  return {{"planners", trailmark::planner_names()},
+          {"parameters", parameters},
+          {"ompl", OMPL_VERSION_TEXT},
+          {"fcl", FCL_VERSION_TEXT}};
 }
 
 Json plan(const Words& words) {

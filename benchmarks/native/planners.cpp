@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <map>
+#include <ompl/base/spaces/SE2StateSpace.h>
 #include <ompl/geometric/planners/informedtrees/AITstar.h>
 #include <ompl/geometric/planners/informedtrees/BITstar.h>
 #include <ompl/geometric/planners/prm/LazyPRMstar.h>
@@ -55,6 +56,13 @@ ob::PlannerPtr make_planner(const std::string& name, const ob::SpaceInformationP
     throw std::runtime_error("planner '" + name + "' given, allowed: " + allowed);
   }
   return found->second(information);
+}
+
+std::vector<std::string> parameter_names(const std::string& name) {
+  const auto information = std::make_shared<ob::SpaceInformation>(std::make_shared<ob::SE2StateSpace>());
+  std::vector<std::string> names;
+  make_planner(name, information)->params().getParamNames(names);
+  return names;
 }
 
 }  // namespace trailmark

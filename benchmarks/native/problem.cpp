@@ -10,7 +10,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr int kVersion = 1;
+constexpr int kVersion = 2;
 
 std::vector<Triangle> triangles_of(const Json& rows) {
   std::vector<Triangle> triangles;
@@ -40,6 +40,8 @@ Robot robot_of(const Json& entry) {
   }
   robot.circumradius = entry.at("circumradius").get<double>();
   robot.inscribed = disc_of(entry.at("inscribed"));
+  robot.turning_radius = entry.at("turning_radius").get<double>();
+  robot.reverse = entry.at("reverse").get<bool>();
   return robot;
 }
 
@@ -49,7 +51,7 @@ Problem read_problem(std::istream& stream) {
   try {
     const Json entry = Json::parse(stream);
     if (entry.at("trailmark_native") != kVersion) {
-      throw std::runtime_error("version " + entry.at("trailmark_native").dump() + " given, allowed: 1");
+      throw std::runtime_error("version " + entry.at("trailmark_native").dump() + " given, allowed: " + std::to_string(kVersion));
     }
     Problem problem;
     problem.bounds = entry.at("bounds").get<std::array<double, 4>>();

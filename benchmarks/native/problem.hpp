@@ -24,6 +24,8 @@ struct Robot {
   std::vector<Point> hull;          // corners of the footprint's convex hull; empty for a disc
   double circumradius;              // largest distance of the footprint from the reference point
   Disc inscribed;                   // a disc inside the eroded footprint
+  double turning_radius;            // of a car, metres; 0 for a robot that moves straight in every direction
+  bool reverse;                     // whether the car drives backwards too
 };
 
 struct Problem {

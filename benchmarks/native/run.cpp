@@ -4,8 +4,12 @@
 #include <chrono>
 #include <cmath>
 #include <new>
+#include <stdexcept>
+#include <string>
 #include <ompl/base/PlannerData.h>
 #include <ompl/base/objectives/PathLengthOptimizationObjective.h>
+#include <ompl/base/spaces/DubinsStateSpace.h>
+#include <ompl/base/spaces/ReedsSheppStateSpace.h>
 #include <ompl/base/spaces/SE2StateSpace.h>
 #include <ompl/geometric/PathGeometric.h>
 #include <ompl/geometric/SimpleSetup.h>
@@ -25,6 +29,8 @@ using Json = nlohmann::json;
 using SE2 = ob::SE2StateSpace;
 
 constexpr double kPi = 3.14159265358979323846;
+constexpr double kPiece = 0.05;         // of the turning radius, between two states of a car's path
+constexpr double kMostStates = 50000.0;
 
 class Validity final : public ob::StateValidityChecker {
  public:
@@ -40,9 +46,20 @@ class Validity final : public ob::StateValidityChecker {
   const Checker& checker_;
 };
 
+// Cars plan on OMPL's own curves: Reeds-Shepp's, or Dubins' for those that only drive forwards.
+std::shared_ptr<SE2> space_of(const Robot& robot) {
+  if (robot.turning_radius <= 0.0) {
+    return std::make_shared<SE2>();
+  }
+  if (robot.reverse) {
+    return std::make_shared<ob::ReedsSheppStateSpace>(robot.turning_radius);
+  }
+  return std::make_shared<ob::DubinsStateSpace>(robot.turning_radius);
+}
+
 std::shared_ptr<og::SimpleSetup> simple_setup(const Problem& problem, const Checker& checker,
                                               const Settings& settings) {
-  auto space = std::make_shared<SE2>();
+  const std::shared_ptr<SE2> space = space_of(problem.robot);
   ob::RealVectorBounds bounds(2);
   for (unsigned axis = 0; axis < 2; ++axis) {
     bounds.setLow(axis, problem.bounds[axis]);
@@ -69,7 +86,14 @@ std::shared_ptr<og::SimpleSetup> simple_setup(const Problem& problem, const Chec
   return setup;
 }
 
-Json states_of(og::PathGeometric& path) {
+// A car's path as states so near one another that there is one shortest curve from each to the next: between distant ones
+// OMPL may have taken another than whoever reads the path.
+Json states_of(const og::PathGeometric& found, const Robot& robot) {
+  og::PathGeometric path(found);
+  if (robot.turning_radius > 0.0) {
+    const double pieces = path.length() / (kPiece * robot.turning_radius);
+    path.interpolate(static_cast<unsigned>(std::min(pieces, kMostStates)) + 2);
+  }
   Json rows = Json::array();
   for (const ob::State* state : path.getStates()) {
     const auto* q = state->as<SE2::StateType>();
@@ -79,16 +103,28 @@ Json states_of(og::PathGeometric& path) {
 }
 
 // OMPL's own simplification with all its defaults, as a C++ user calls it; ended after `limit` seconds.
-void simplify(og::SimpleSetup& setup, double limit, Json& record) {
+void simplify(og::SimpleSetup& setup, const Robot& robot, double limit, Json& record) {
   og::PathGeometric path(setup.getSolutionPath());
   const auto begin = std::chrono::steady_clock::now();
   setup.getPathSimplifier()->simplify(path, limit);
   record["simplification_time"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   record["simplified_solution_length"] = path.length();
-  record["simplified_path"] = states_of(path);
+  record["simplified_path"] = states_of(path, robot);
 }
 
-void solve(og::SimpleSetup& setup, const ob::PlannerPtr& planner, const Checker& checker, double limit, Json& record) {
+void set_parameter(ob::Planner& planner, const std::string& name, const std::string& value) {
+  bool done = false;
+  try {
+    done = planner.params().hasParam(name) && planner.params().setParam(name, value);
+  } catch (const std::exception&) {  // which OMPL throws for some values, and answers others with false
+  }
+  if (!done) {
+    throw std::runtime_error("parameter " + name + "=" + value + " given, allowed: a name and a value of the planner's");
+  }
+}
+
+void solve(og::SimpleSetup& setup, const ob::PlannerPtr& planner, const Checker& checker, const Robot& robot,
+           double limit, Json& record) {
   const double memory = restart_memory_peak();
   Progress progress(setup.getProblemDefinition(), planner, limit);
   setup.setup();
@@ -107,7 +143,7 @@ void solve(og::SimpleSetup& setup, const ob::PlannerPtr& planner, const Checker&
   if (setup.haveSolutionPath()) {
     og::PathGeometric& path = setup.getSolutionPath();
     record["solution_difference"] = setup.getProblemDefinition()->getSolutionDifference();
-    record["path"] = states_of(path);
+    record["path"] = states_of(path, robot);
     if (exact) {
       record["solution_length"] = path.length();
       progress.note(path.length(), time);
@@ -128,6 +164,9 @@ Json run(const Problem& problem, const Checker& checker, const Settings& setting
   ompl::RNG::setSeed(settings.seed);
   const auto setup = simple_setup(problem, checker, settings);
   const ob::PlannerPtr planner = make_planner(settings.planner, setup->getSpaceInformation());
+  for (const auto& [name, value] : settings.parameters) {
+    set_parameter(*planner, name, value);
+  }
   setup->setPlanner(planner);
   Json record = {{"seed", settings.seed}, {"solved", false}};
   if (settings.memory_limit > 0.0) {
@@ -135,13 +174,13 @@ Json run(const Problem& problem, const Checker& checker, const Settings& setting
   }
   const auto begin = std::chrono::steady_clock::now();
   try {
-    solve(*setup, planner, checker, settings.time_limit, record);
+    solve(*setup, planner, checker, problem.robot, settings.time_limit, record);
     ob::PlannerData data(setup->getSpaceInformation());
     planner->getPlannerData(data);
     record["graph_states"] = data.numVertices();
     record["graph_motions"] = data.numEdges();
     if (setup->haveExactSolutionPath()) {
-      simplify(*setup, settings.simplify_limit, record);
+      simplify(*setup, problem.robot, settings.simplify_limit, record);
     }
   } catch (const std::bad_alloc&) {
     if (record.contains("status")) {

@@ -3,6 +3,8 @@
 
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "checker.hpp"
 #include "problem.hpp"
@@ -17,10 +19,11 @@ struct Settings {
   double memory_limit = 0.0;    // MB above what is mapped when planning begins; 0: none
   double cost_threshold = 0.0;  // metres; a solution below ends the planning
   unsigned seed = 1;            // above 0, as OMPL asks
+  std::vector<std::pair<std::string, std::string>> parameters;  // of the planner, by OMPL's names
 };
 
 // Returns the fields of trailmark.benchmark.record.RunRecord, set-up time left out.
-// Throws std::runtime_error for a planner that is not there.
+// Throws std::runtime_error for a planner that is not there, or a parameter that it does not have.
 nlohmann::json run(const Problem& problem, const Checker& checker, const Settings& settings);
 
 }  // namespace trailmark

@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 
 from trailmark.benchmark import native
 from trailmark.benchmark.export import problem_text
-from trailmark.benchmark.native import NativeError, native_planners, native_program, native_versions, run_native
+from trailmark.benchmark.native import (
+    NativeError,
+    native_parameters,
+    native_planners,
+    native_program,
+    native_versions,
+    run_native,
+)
 from trailmark.benchmark.problems import Problem
 from trailmark.benchmark.record import RunRecord
 from trailmark.benchmark.referee import Referee
@@ -166,6 +173,32 @@ def test_paths_and_figures_of_every_planner(name: str) -> None:
 
 
 @built
+@pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
+@pytest.mark.parametrize("name", ["RRTConnect", "RRTstar"])
+def test_cars_drive_the_curves_that_were_checked(name: str, reverse: bool) -> None:
+    problem = Problem(ROOM.with_robot(Robot.rectangle(0.6, 0.4).steered(0.5, reverse)))
+    record = RunRecord.from_json(run_native(problem, JOB | {"planner": f"native:{name}", "time_limit": 1.0}))
+    assert record.solved, "an open room takes every planner a few milliseconds"
+    small = Robot.rectangle(0.6 - 2.5 * RESOLUTION, 0.4 - 2.5 * RESOLUTION).steered(0.5, reverse)
+    referee, (query,) = Referee(ROOM, small), ROOM.queries
+    for states, cost in (
+        (record.path, record.solution_length),
+        (record.simplified_path, record.simplified_solution_length),
+    ):
+        assert states is not None
+        assert referee.fault(states, query.start, query.goal) is None
+        assert cost == pytest.approx(problem.path(states).cost, rel=1e-3)
+
+
+@built
+def test_parameters_reach_the_planner() -> None:
+    job = JOB | {"planner": "native:RRTConnect:range=0.3"}
+    states = np.array(run_native(Problem(ROOM), job)["path"])
+    assert np.hypot(*np.diff(states[:, :2], axis=0).T).max() <= 0.3 + 1e-9
+    assert native_parameters("native:RRTConnect") == ["intermediate_states", "range"]
+
+
+@built
 def test_the_same_seed_gives_the_same_path() -> None:
     runs = [run_native(Problem(ROOM), JOB | {"planner": "native:RRTConnect", "seed": seed}) for seed in (0, 0, 1)]
     assert runs[0]["path"] == runs[1]["path"] != runs[2]["path"]
@@ -204,10 +237,16 @@ def test_planners_and_versions_are_named() -> None:
     [
         (["plan", "PRM"], "{}", "problem: "),
         (["plan", "PRM"], "\n[", "problem: "),
-        (["plan", "PRM"], '{"trailmark_native": 2}', "version 2 given, allowed: 1"),
+        (["plan", "PRM"], '{"trailmark_native": 9}', "version 9 given, allowed: 2"),
         (["plan", "XYZ"], None, "planner 'XYZ' given, allowed: AITstar"),
         (["plan", "PRM", "--seed", "0"], None, "--seed 0 given"),
         (["plan", "PRM", "--time-limit"], None, "--time-limit given without a value"),
+        (["plan", "PRM", "--parameter", "a"], None, "--parameter a given, allowed: NAME=VALUE"),
+        (
+            ["plan", "RRTConnect", "--parameter", "range=x"],
+            None,
+            "parameter range=x given, allowed: a name and a value",
+        ),
         (["plan", "PRM", "--speed", "1"], None, "--speed 1 given, allowed: --resolution"),
         (["check", "/no/such/file"], None, "cannot be read"),
         ([], None, "arguments: allowed are planners"),
@@ -225,7 +264,7 @@ def test_bad_input_is_one_line(arguments: list[str], text: str | None, message: 
 def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
     """Make a shell script the native program: it knows one planner and does ``body`` when it is to plan."""
     script = folder / "program"
-    names = '{"planners": ["PRM"], "ompl": "1", "fcl": "2"}'
+    names = '{"planners": ["PRM"], "parameters": {}, "ompl": "1", "fcl": "2"}'
     script.write_text(
         f"#!/bin/sh\nif [ \"$1\" = planners ]; then echo '{names}'; exit 0; fi\ncat > /dev/null\n{body}\n"
     )

@@ -106,12 +106,22 @@ def test_settings_tell_the_baselines_apart() -> None:
     assert len(texts) == len(METHODS) + 4
 
 
-def test_the_native_program_and_lattices_do_not_plan_for_cars(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = SimpleNamespace(native_planners=lambda: ["native:PRM"], __spec__=SimpleNamespace())
-    monkeypatch.setitem(sys.modules, "trailmark.benchmark.native", module)
-    assert "native:PRM" in read_planners(["all"])
-    assert "native:PRM" not in read_planners(["all"], cars=True)
-    for name in ("native:PRM", "lattice"):
-        with pytest.raises(SuiteError, match=f"expected one that plans for cars, got '{name}'"):
-            read_planners([name], cars=True)
+def test_lattices_do_not_plan_for_cars() -> None:
+    assert "lattice" in read_planners(["all"])
+    assert "lattice" not in read_planners(["all"], cars=True)
+    with pytest.raises(SuiteError, match="expected one that plans for cars, got 'lattice'"):
+        read_planners(["lattice"], cars=True)
     assert read_planners(["roadmap", "paper"], cars=True) == ["roadmap", "paper"]
+
+
+def test_parameters_of_native_planners_are_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    names = {"native:PRM": ["max_nearest_neighbors"]}
+    module = SimpleNamespace(
+        native_planners=lambda: list(names), native_parameters=names.__getitem__, __spec__=SimpleNamespace()
+    )
+    monkeypatch.setitem(sys.modules, "trailmark.benchmark.native", module)
+    assert read_planners(["native:prm:max_nearest_neighbors=3"]) == ["native:PRM:max_nearest_neighbors=3"]
+    with pytest.raises(SuiteError, match="planner native:PRM: parameter: expected max_nearest_neighbors, got 'range'"):
+        read_planners(["native:PRM:range=1"])
+    with pytest.raises(SuiteError, match="max_nearest_neighbors: expected a number, true or false, got 'x'"):
+        read_planners(["native:PRM:max_nearest_neighbors=x"])

@@ -22,7 +22,7 @@ from trailmark.world import Query, Robot, World
 
 __all__ = ["VERSION", "problem_text"]
 
-VERSION = 1
+VERSION = 2
 """Of the format: the native program refuses others."""
 
 MARGIN = 1.0
@@ -38,7 +38,7 @@ def problem_text(world: World, robot: Robot, query: Query) -> str:
     ``tolerance`` (metres that the robot may reach beyond them); ``triangles`` (rows x1, y1, x2, y2, x3, y3,
     counter-clockwise) and ``discs`` (rows x, y, radius); ``robot`` in its own frame: ``shape`` (disc or polygon),
     ``radius`` or ``triangles`` and ``hull`` (the corners of its convex hull), ``circumradius``, ``inscribed`` (x, y,
-    radius); ``start`` and ``goal`` (x, y, theta).
+    radius), ``turning_radius`` (metres; 0 if it is no car) and ``reverse``; ``start`` and ``goal`` (x, y, theta).
     """
     ends = {"start": list(query.start), "goal": list(query.pose())}
     # The obstacles' part is cached as text: queries of one world differ in their last two fields only.
@@ -71,6 +71,8 @@ def _robot(robot: Robot) -> Json:
     common = {
         "circumradius": robot.circumradius,
         "inscribed": [*inscribed.center, _less_touching(inscribed.radius)],
+        "turning_radius": robot.turning_radius or 0.0,
+        "reverse": robot.reverse,
     }
     if isinstance(robot.footprint, Disc):
         return {"shape": "disc", "radius": _less_touching(robot.footprint.radius), **common}

@@ -15,13 +15,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trailmark.benchmark.errors import BenchmarkError
+from trailmark.benchmark.planner_name import PlannerName
 from trailmark.benchmark.status import Status
 from trailmark.errors import expected_name
 
 if TYPE_CHECKING:
     from trailmark.benchmark.problems import Problem
 
-__all__ = ["PREFIX", "NativeError", "native_planners", "native_program", "native_versions", "run_native"]
+__all__ = [
+    "PREFIX",
+    "NativeError",
+    "native_parameters",
+    "native_planners",
+    "native_program",
+    "native_versions",
+    "run_native",
+]
 
 PREFIX = "native:"
 """Begins the names of the program's planners."""
@@ -59,6 +68,13 @@ def native_planners() -> list[str]:
     return [] if file is None else [PREFIX + name for name in _description(file, file.stat().st_mtime)["planners"]]
 
 
+def native_parameters(name: str) -> list[str]:
+    """Return the names of the parameters of one of the program's planners, such as ``native:PRM``."""
+    file = _require_program()
+    described = _description(file, file.stat().st_mtime)
+    return [str(parameter) for parameter in described["parameters"][name.removeprefix(PREFIX)]]
+
+
 def native_versions() -> dict[str, str]:
     """Return the versions of the libraries that the program was built with; empty where it is not built."""
     file = native_program()
@@ -73,8 +89,8 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
 
     Args:
         problem: world, robot and query.
-        job: planner (with ``native:``), seed, time_limit (s), memory_limit (MB), resolution (m) and perhaps
-            first, as :class:`trailmark.benchmark.problems.Job` holds them.
+        job: planner (with ``native:``, and perhaps parameters), seed, time_limit (s), memory_limit (MB), resolution (m)
+            and perhaps first, as :class:`trailmark.benchmark.problems.Job` holds them.
 
     Returns:
         Fields of :class:`trailmark.benchmark.record.RunRecord`. ``setup_time`` is the program's own, for reading the
@@ -86,7 +102,7 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
     from trailmark.benchmark.export import problem_text
 
     file = _require_program()
-    name, limit = str(job["planner"]), float(job["time_limit"])
+    (name, parameters), limit = PlannerName.parse(str(job["planner"])), float(job["time_limit"])
     names = native_planners()
     if name not in names:
         raise NativeError(f"planner: {expected_name(name, names)}")
@@ -95,6 +111,8 @@ def run_native(problem: Problem, job: Mapping[str, Any]) -> Answer:
     command += ["--seed", str(int(job["seed"]) + 1), "--resolution", repr(float(job["resolution"]))]
     command += ["--time-limit", repr(limit), "--memory-limit", repr(float(job["memory_limit"]))]
     command += ["--simplify-limit", repr(SIMPLIFY_LIMIT)]
+    for parameter, value in parameters.items():
+        command += ["--parameter", f"{parameter}={value}"]
     if job.get("first"):
         command += ["--cost-threshold", repr(ANY_COST)]
     text = problem_text(problem.world, problem.robot, problem.query)
@@ -140,6 +158,7 @@ def _description(file: Path, changed: float) -> Answer:
         done = subprocess.run([str(file), "planners"], capture_output=True, text=True, timeout=20.0, check=True)  # noqa: S603  # our own program, no shell
         described: Answer = json.loads(done.stdout)
         described["planners"] = [str(name) for name in described["planners"]]
+        described["parameters"] = dict(described["parameters"])
     except (OSError, subprocess.SubprocessError, ValueError, KeyError, TypeError):
         raise NativeError(f"{file.name}: does not name its planners, as the native program would") from None
     return described

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import sys
 from collections.abc import Iterable
 from dataclasses import fields, replace
@@ -36,7 +37,7 @@ def read_planners(given: Iterable[str], *, cars: bool = False) -> list[str]:
     Args:
         given: names, in upper or lower case; ``all`` for all that are known; ``module:function`` for one of the user's
             own. Parameters of OMPL's planners and settings of trailmark's may follow: ``RRTConnect:range=2``.
-        cars: whether some of the robots are cars, whose curves neither the native program nor a lattice knows.
+        cars: whether some of the robots are cars, whose curves a lattice does not know.
 
     Raises:
         SuiteError: a name that is none of them, a parameter that the planner does not have, or no name at all.
@@ -80,7 +81,7 @@ def settings_of(name: str, *, first: bool = False) -> str:
     if name.startswith("native:"):
         native = importlib.import_module("trailmark.benchmark.native")
         made = ", ".join(f"{what} {version}" for what, version in native.native_versions().items())
-        return f"OMPL in C++, default settings; states and motions checked by FCL in C++, discretely; {made}"
+        return f"OMPL in C++, {_given(named)}; states and motions checked by FCL in C++, discretely; {made}"
     if ":" in named.base:
         return "a function of the user's own"
     from trailmark.planning.methods import METHODS
@@ -89,9 +90,13 @@ def settings_of(name: str, *, first: bool = False) -> str:
         chosen = ", ".join(f"{setting}={value}" for setting, value in method_settings(named).to_dict().items())
         return f"trailmark's LandmarkPlanner, method {named.base}; motions certified; {chosen}"
     motions = "certified by trailmark" if named.certified else "discrete, at the experiment's resolution"
-    given = ", ".join(f"{parameter}={value}" for parameter, value in named.parameters.items())
-    settings = f"{given}, else default settings" if given else "default settings"
-    return f"OMPL from Python, {settings}; states checked by trailmark; motions {motions}"
+    return f"OMPL from Python, {_given(named)}; states checked by trailmark; motions {motions}"
+
+
+def _given(name: PlannerName) -> str:
+    """Return what the results say about the parameters of one of OMPL's planners."""
+    given = ", ".join(f"{parameter}={value}" for parameter, value in name.parameters.items())
+    return f"{given}, else default settings" if given else "default settings"
 
 
 def method_settings(name: PlannerName) -> PlannerSettings:
@@ -124,6 +129,15 @@ def _require_parameters(name: PlannerName) -> None:
 
     if not name.parameters:
         return
+    if name.base.startswith("native:"):
+        native = importlib.import_module("trailmark.benchmark.native")
+        known = native.native_parameters(name.base)
+        for parameter, text in name.parameters.items():
+            if parameter not in known:
+                raise SuiteError(f"planner {name.base}: parameter: {expected_name(parameter, known)}")
+            if not re.fullmatch(r"true|false|\d+(\.\d*)?(e[-+]?\d+)?", text):
+                raise SuiteError(f"planner {name.base}: {parameter}: expected a number, true or false, got {text!r}")
+        return
     if ":" in name.base:
         raise SuiteError(f"planner {str(name)!r}: expected no parameters, for {name.base!r} takes none")
     if name.base in METHODS:
@@ -140,7 +154,7 @@ def _require_parameters(name: PlannerName) -> None:
 
 def _moves_straight(name: str) -> bool:
     """Return whether a planner knows no motions but straight ones."""
-    return name.startswith("native:") or name == "lattice"
+    return name == "lattice"
 
 
 def _native() -> list[str]:
