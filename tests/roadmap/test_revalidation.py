@@ -10,6 +10,7 @@ from trailmark import StateChecker
 from trailmark.landmarks import free_samples
 from trailmark.motion import motion_of
 from trailmark.roadmap import Roadmap
+from trailmark.roadmap.reach import MANY, few_boxes
 from trailmark.roadmap.revalidation import revalidated
 from trailmark.roadmap.store import EdgeStatus
 from trailmark.shapes import Shape
@@ -66,3 +67,15 @@ def test_what_no_change_comes_near_is_not_looked_at() -> None:
     motion = motion_of(StateChecker(world.edited(add=[come]), roadmap.checker.robot))
     found = revalidated(roadmap, motion, boxes(), boxes(come))
     assert 0 < found.checked + found.lost <= np.count_nonzero(~far)
+
+
+@pytest.mark.parametrize("count", [MANY, 1000])
+def test_few_boxes_hold_all(count: int) -> None:
+    low = np.random.default_rng(count).uniform(0.0, 50.0, (count, 2))
+    many = np.hstack([low, low + 0.3])
+    few = few_boxes(many)
+    assert len(few) <= 2 * MANY
+    inside = (many[:, None, :2] >= few[:, :2]).all(axis=2) & (many[:, None, 2:] <= few[:, 2:]).all(axis=2)
+    assert inside.any(axis=1).all()
+    assert np.array_equal(few_boxes(few[:MANY]), few[:MANY])
+    assert np.array_equal(few_boxes(np.repeat(many[:1], 99, axis=0)), many[:1])

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from math import hypot
+from math import hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +12,26 @@ from numpy.typing import NDArray
 from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["edges_near", "nodes_near"]
+__all__ = ["edges_near", "few_boxes", "nodes_near"]
+
+MANY = 32
+"""Boxes from which on some that lie together are taken for one: each is compared with every edge."""
 
 SLACK = 1e-6
 """Metres, and share of a length, by which distances may be wrong; counted as near."""
+
+
+def few_boxes(boxes: FloatArray) -> FloatArray:
+    """Return about :data:`MANY` boxes at most that hold all of some boxes, shape (b, 4), xmin, ymin, xmax, ymax."""
+    if len(boxes) <= MANY:
+        return boxes
+    low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
+    place = np.floor(sqrt(MANY) * (boxes[:, :2] - low) / np.maximum(high - low, 1e-9))
+    group = np.unique(place, axis=0, return_inverse=True)[1].ravel()
+    found = np.tile([np.inf, np.inf, -np.inf, -np.inf], (int(group.max()) + 1, 1))
+    np.minimum.at(found[:, :2], group, boxes[:, :2])
+    np.maximum.at(found[:, 2:], group, boxes[:, 2:])
+    return found
 
 
 @njit(cache=True, inline="always")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.motion import Motion
-from trailmark.roadmap.reach import edges_near, nodes_near
+from trailmark.roadmap.reach import edges_near, few_boxes, nodes_near
 from trailmark.roadmap.roadmap import Roadmap
 from trailmark.roadmap.store import EdgeStatus
 from trailmark.se2 import FloatArray
@@ -53,6 +53,7 @@ def revalidated(roadmap: Roadmap, motion: Motion, removed: FloatArray, added: Fl
     q, edges, lengths, status = roadmap.rows()
     q, edges, lengths, status = q.copy(), edges.copy(), lengths.copy(), status.copy()
     reach = float(motion.checker.robot.circumradius)
+    removed, added = few_boxes(removed), few_boxes(added)
     invalid = nodes_near(q, reach, added)
     near = np.flatnonzero(invalid)
     invalid[near] = ~motion.checker.states_free(q[near])
