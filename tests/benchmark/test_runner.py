@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sqlite3
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
@@ -16,6 +17,7 @@ from trailmark.benchmark.environment import versions
 from trailmark.benchmark.errors import StoreError, WorkerError
 from trailmark.benchmark.isolation.executors import Pool
 from trailmark.benchmark.problems import Problem
+from trailmark.benchmark.resolution import Resolution
 from trailmark.benchmark.runner import Benchmark, Tally
 from trailmark.benchmark.store import Store
 
@@ -26,9 +28,11 @@ class AtOnce(Executor):
     def __init__(self, answer: Callable[[dict[str, Any]], dict[str, Any]]) -> None:
         self.answer = answer
         self.given: list[tuple[str, str, int]] = []
+        self.resolutions: list[float] = []
 
     def submit(self, _: Any, /, job: dict[str, Any]) -> Future[dict[str, Any]]:  # type: ignore[override]  # ours alone
         self.given.append((job["problem"], job["planner"], job["seed"]))
+        self.resolutions.append(job["resolution"])
         future: Future[dict[str, Any]] = Future()
         try:
             future.set_result(self.answer(job))
@@ -108,7 +112,12 @@ def test_runs_to_the_first_path_are_another_setting_of_the_planner(tmp_path: Pat
 
 def test_other_limits_are_another_experiment(tmp_path: Path, ahead: Problem) -> None:
     file = tmp_path / "results.db"
-    changes: list[dict[str, Any]] = [{}, {"time_limit": 1.0}, {"memory_limit": 64.0}, {"resolution": 0.01}]
+    changes: list[dict[str, Any]] = [
+        {},
+        {"time_limit": 1.0},
+        {"memory_limit": 64.0},
+        {"resolutions": [Resolution(0.01, share=False)]},
+    ]
     for limits in changes:
         assert make(file, plan(ahead, **limits), AtOnce(well)).made == 4
     with closing(sqlite3.connect(file)) as db:
@@ -118,6 +127,19 @@ def test_other_limits_are_another_experiment(tmp_path: Path, ahead: Problem) -> 
             (0.5, 64.0),
             (0.5, 512.0),
         ]
+
+
+def test_each_planner_has_its_own_resolution_unless_one_is_given(tmp_path: Path, ahead: Problem) -> None:
+    done = AtOnce(well)
+    make(tmp_path / "own.db", plan(ahead, planners=["PRM", "native:PRM"], runs=1), done)
+    assert done.resolutions == pytest.approx([0.02, 0.01], rel=1e-5)
+    sweep = AtOnce(well)
+    shares = [Resolution(0.5, share=True), Resolution(0.03, share=False)]
+    make(tmp_path / "sweep.db", plan(ahead, planners=["PRM", "native:PRM"], runs=1, resolutions=shares), sweep)
+    assert sweep.resolutions == pytest.approx([0.1, 0.1, 0.03, 0.03], rel=1e-5)
+    with closing(sqlite3.connect(tmp_path / "sweep.db")) as db:
+        setups = [json.loads(row[0]) for row in db.execute("SELECT setup FROM experiments ORDER BY id")]
+    assert [setup["facts"]["resolution_share"] for setup in setups] == pytest.approx([0.5, 0.15], rel=1e-5)
 
 
 def test_another_version_is_refused(tmp_path: Path, ahead: Problem, monkeypatch: pytest.MonkeyPatch) -> None:

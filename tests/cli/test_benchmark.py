@@ -142,7 +142,7 @@ def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path:
         ),
         (
             ["YARD", "-p", "PRM", "--resolution", "0"],
-            "expected a finite number of metres above 0, got --resolution '0'",
+            "--resolution: expected metres above 0, or a share of the inscribed radius such as 10%, got '0'",
         ),
         (["YARD", "-p", "PRM", "--workers", "0"], "expected an integer from 1 to 1024, got --workers '0'"),
         (

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trailmark.benchmark.resolution import DEFAULT
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import FormatError, WorldError
 from trailmark.path import Path
@@ -76,8 +77,8 @@ class Problem:
         return Path(rows) if self.steering is None else CurvePath(rows, self.steering)
 
     def resolution(self) -> float:
-        """Metres between the states that the discrete baseline checks: half the robot's inscribed radius."""
-        return 0.5 * self.robot.inscribed_disc.radius
+        """Metres between the states that the discrete baseline checks if nobody says another distance."""
+        return DEFAULT.metres(self.robot)
 
 
 @dataclass(frozen=True)

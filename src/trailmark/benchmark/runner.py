@@ -19,6 +19,7 @@ from trailmark.benchmark.native import native_versions
 from trailmark.benchmark.planners import settings_of
 from trailmark.benchmark.problems import Job, Problem
 from trailmark.benchmark.record import RunRecord
+from trailmark.benchmark.resolution import OWN, Resolution, resolution_of
 from trailmark.benchmark.store import Experiment, Store
 
 __all__ = ["Benchmark", "Tally"]
@@ -72,7 +73,8 @@ class Benchmark:
         time_limit: seconds a run.
         memory_limit: MB a run.
         seed: of the first run; the next ones count up.
-        resolution: metres, of the discrete baseline; None for each problem's own.
+        resolutions: of the discrete baseline; several make each problem an experiment at each of them. None is each
+            planner's own, at which refusals are rare.
         first: those of the planners whose runs end at their first path, which nothing shortens then.
     """
 
@@ -82,7 +84,7 @@ class Benchmark:
     time_limit: float
     memory_limit: float
     seed: int = 0
-    resolution: float | None = None
+    resolutions: Sequence[Resolution | None] = (None,)
     first: Collection[str] = ()
     _spent: dict[str, list[float]] = field(default_factory=dict, repr=False)
 
@@ -125,18 +127,18 @@ class Benchmark:
         """Return the runs to be made, problem by problem, and in each seed by seed through all planners."""
         planners = {name: store.planner(name, settings_of(name, first=name in self.first)) for name in self.planners}
         missing: deque[_Run] = deque()
-        tally = Tally(total=len(self.problems) * len(planners) * self.runs)
-        for problem in self.problems:
-            experiment = store.experiment(self._experiment(problem))
+        tally = Tally(total=len(self.problems) * len(self.resolutions) * len(planners) * self.runs)
+        for problem, resolution in itertools.product(self.problems, self.resolutions):
+            experiment = store.experiment(self._experiment(problem, resolution))
             finished = store.finished(experiment)
             for seed, name in itertools.product(range(self.seed, self.seed + self.runs), planners):
                 if (planners[name], seed) in finished:
                     tally.done += 1
                 else:
-                    missing.append(_Run(experiment, planners[name], self._job(problem, name, seed)))
+                    missing.append(_Run(experiment, planners[name], self._job(problem, resolution, name, seed)))
         return missing, tally
 
-    def _job(self, problem: Problem, planner: str, seed: int) -> Job:
+    def _job(self, problem: Problem, resolution: Resolution | None, planner: str, seed: int) -> Job:
         return Job(
             problem=problem.key,
             text=problem.text,
@@ -144,21 +146,21 @@ class Benchmark:
             seed=seed,
             time_limit=self.time_limit,
             memory_limit=self.memory_limit,
-            resolution=self._resolution(problem),
+            resolution=(resolution or resolution_of(planner)).metres(problem.robot),
             first=planner in self.first,
         )
 
-    def _resolution(self, problem: Problem) -> float:
-        return problem.resolution() if self.resolution is None else self.resolution
-
-    def _experiment(self, problem: Problem) -> Experiment:
+    def _experiment(self, problem: Problem, resolution: Resolution | None) -> Experiment:
+        robot = problem.robot
+        metres = None if resolution is None else resolution.metres(robot)
+        share = {} if metres is None else {"resolution_share": round(metres / robot.inscribed_disc.radius, 9)}
         found, cpu, query = versions() | native_versions(), cpu_name(), problem.query
         return Experiment(
             name=problem.name,
             identity={
                 "problem": problem.key,
                 "objective": problem.objective,
-                "resolution": self._resolution(problem),
+                "resolution": OWN if metres is None else metres,
                 "time_limit": self.time_limit,
                 "memory_limit": self.memory_limit,
             },
@@ -168,7 +170,8 @@ class Benchmark:
                 "query": query.name,
                 "start": list(query.start),
                 "goal": list(query.pose()),
-                "robot": problem.robot.describe(),
+                "robot": robot.describe(),
+                **share,
                 "text": problem.text,
                 "system": system(),
                 "source": source_digest(),

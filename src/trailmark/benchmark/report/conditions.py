@@ -14,7 +14,19 @@ __all__ = ["conditions_table", "hash_table", "settings_table", "setup_of", "worl
 
 _WORDS = {"cpuinfo": "processor", "hostname": "machine", "date": "first begun"}
 _OWN = frozenset(
-    {"world", "query", "start", "goal", "robot", "text", "problem", "processor", "time_limit", "memory_limit"}
+    {
+        "world",
+        "query",
+        "start",
+        "goal",
+        "robot",
+        "text",
+        "problem",
+        "processor",
+        "time_limit",
+        "memory_limit",
+        "resolution_share",
+    }
 )
 MAX_VALUES = 6  # values of one condition that are listed
 

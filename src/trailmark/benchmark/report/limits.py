@@ -67,16 +67,19 @@ def limitations(results: Results) -> list[str]:
         "The referee judges the path at the end of a run; costs before that, in the curves, have the planner's word.",
         "The best known cost is that of the best path in this database, of any planner, simplified or not: it is not "
         "the optimum. More runs may lower it and raise every ratio.",
-        "Intervals and tests speak of chance between runs on these very problems, not of other worlds. All planners "
-        "have their default settings; tuning may turn the order round.",
+        "Intervals and tests speak of chance between runs on these very problems, not of other worlds. Planners "
+        "have their default settings, but for those in their names; tuning may turn the order round.",
         "Runs side by side share the machine's memory bandwidth, caches and clock rate.",
     ]
 
 
 def _states(results: Results) -> str:
     setups = map(setup_of, results.problems)
-    found = sorted({float(r) for s in setups if isinstance(r := s.get("resolution"), int | float)})
-    return f"a state every {_span(found, 'm')}" if found else "at the stated resolution"
+    given = [s.get("resolution") for s in setups]
+    found = sorted({float(r) for r in given if isinstance(r, int | float)})
+    words = sorted({r for r in given if isinstance(r, str)})
+    every = [*([_span(found, "m")] if found else []), *words]
+    return f"a state every {' or '.join(every)}" if every else "at the stated resolution"
 
 
 def _span(values: Sequence[float], unit: str) -> str:

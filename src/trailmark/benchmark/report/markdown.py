@@ -10,6 +10,7 @@ from trailmark.benchmark.report.data import Results
 from trailmark.benchmark.report.findings import findings, warnings_of
 from trailmark.benchmark.report.limits import limitations, method
 from trailmark.benchmark.report.summary import summarise
+from trailmark.benchmark.report.sweep import sweep_table
 from trailmark.benchmark.report.tables import overall_table, pair_table, problem_table
 
 __all__ = ["markdown_report"]
@@ -46,6 +47,8 @@ def markdown_report(results: Results, old: Results | None = None) -> str:
             f"Limit {problem.time_limit:g} s.",
             problem_table(problem, "").markdown(),
         ]
+    if (sweep := sweep_table(results)) is not None:
+        parts += ["## Speed against refusals", sweep.caption, sweep.markdown()]
     parts += ["## What the clock measures", clock_table(results).markdown()]
     parts += ["From the world's file on:", cold_table(results, summary).markdown()]
     parts += ["## Environment", conditions_table(results).markdown(), settings_table(results).markdown()]

@@ -18,6 +18,7 @@ from trailmark.benchmark.report.payload import compressed, payload
 from trailmark.benchmark.report.script import policy, script
 from trailmark.benchmark.report.style import STYLE
 from trailmark.benchmark.report.summary import Summary, summarise
+from trailmark.benchmark.report.sweep import sweep_table
 from trailmark.benchmark.report.tables import overall_table, pair_table
 
 __all__ = ["html_report"]
@@ -29,6 +30,7 @@ def html_report(results: Results, old: Results | None = None) -> str:
     """Return the report as HTML, compared with an older database if one is given; the same databases, the same text."""
     summary = summarise(results)
     styles = styles_of(results.planners)
+    sweep = sweep_table(results)
     parts = [
         legend_marks(styles.values()),
         _head(results, compared=old is not None),
@@ -36,6 +38,7 @@ def html_report(results: Results, old: Results | None = None) -> str:
         *([] if old is None else [_section("against", f"Against {old.file.name}", _against(results, old, styles))]),
         _section("explore", "Charts: choose problems and planners", _explorer(results)),
         *([_section("ahead", "Who is ahead of whom", _pairs(summary, styles))] if len(results.planners) > 1 else []),
+        *([_section("sweep", "Speed against refusals", iter([sweep.html(styles)]))] if sweep else []),
         _section("clock", "What the clock measures", _clock(results, summary, styles)),
         _section("environment", "Environment", _environment(results, styles)),
         _section("limitations", "How to read this, and its limits", _limits(results)),
