@@ -27,6 +27,9 @@ SAMPLES = 1000
 MOST = 40
 """Landmarks of the free space at most: a decision has to be quick."""
 
+GROUPS = 60
+"""Groups of frontiers that no landmark sees, the nearest ones, for which places are looked for while there are any."""
+
 EDGES = 4
 """Of a group that no landmark sees: places are looked for that see one of them; of all, before the end is proven."""
 
@@ -74,6 +77,8 @@ class Search(NamedTuple):
     """What is to be seen."""
     farthest: FloatArray
     """From which each edge is looked at, in cells, shape (m,)."""
+    here: FloatArray
+    """Where the robot is, x, y in cells, shape (2,)."""
 
     def candidates(self, sensor_range: float, rng: np.random.Generator) -> Candidates:
         """Return places from which all frontiers are seen that can be seen from where the robot can get to.
@@ -127,7 +132,10 @@ class Search(NamedTuple):
             until_settled: draw again until one of the places drawn is one where the robot fits, or none is left.
         """
         group, state = self.frontiers.group, self.known.state
-        left = _some_of_each(np.flatnonzero(~np.isin(group, group[sees.any(axis=0)])), group, edges)
+        left = np.flatnonzero(~np.isin(group, group[sees.any(axis=0)]))
+        if not until_settled:
+            left = left[self._among_nearest(left)]
+        left = _some_of_each(left, group, edges)
         while True:
             reached = np.where(self.refused <= refusals, self.levels, NOWHERE).astype(np.uint8)
             found = places_in_sight(
@@ -147,6 +155,13 @@ class Search(NamedTuple):
                 break
         chosen = _middles(found, np.isin(found, places[fits]), group[left], state.shape[1])
         return np.column_stack(np.divmod(chosen, state.shape[1])), headings[np.searchsorted(places, chosen)]
+
+    def _among_nearest(self, edges: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return which of some edges are of the groups that have the nearest ones."""
+        away = np.hypot(*(self.frontiers.edges[edges, :2] - self.here).T)
+        nearest = np.full(self.frontiers.groups, np.inf)
+        np.minimum.at(nearest, self.frontiers.group[edges], away)
+        return np.asarray(np.isin(self.frontiers.group[edges], np.argsort(nearest, kind="stable")[:GROUPS]))
 
     def _headings(self, places: NDArray[np.int64]) -> FloatArray:
         """Return a heading with which the robot fits at each place: not a number for any, infinite for none."""

@@ -141,7 +141,8 @@ def survey(
     frontiers, looked, small = frontiers.subset(left), looked[left].astype(np.float64), small[left]
     away = np.minimum(np.where(small, NEARER, 1.0) * sensor_range, NEARER * looked) / cell
     levels = _levels(known, robot, pose, memory)
-    search = Search(known, planner.checker, levels, memory.refused, frontiers, away)
+    here = (np.asarray(pose)[:2] - np.asarray(known.origin)) / cell
+    search = Search(known, planner.checker, levels, memory.refused, frontiers, away, here)
     found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
     frontiers, sees = frontiers.subset(np.asarray(seen)), found.sees[:, seen]
