@@ -47,9 +47,12 @@ class Problem:
         """World and query, without blanks: the name of the experiment."""
         return "-".join(f"{self.world.name}-{self.query.name}".split())
 
-    @cached_property
+    @property
     def text(self) -> str:
-        """The whole problem as the text of a world file: what workers get, and what the results keep."""
+        """The whole problem as the text of a world file: what workers get, and what the results keep.
+
+        Made anew each time: of a map with thousands of queries, each problem's text is megabytes.
+        """
         from trailmark.formats.world_yaml import world_text
 
         return world_text(self.world)

@@ -54,11 +54,14 @@ class Tally:
 
 @dataclass
 class _Run:
-    """A run to be made: its place in the database, and its job."""
+    """A run to be made: its place in the database, and what its job is made of."""
 
     experiment: int
     planner: int
-    job: Job
+    problem: Problem
+    resolution: Resolution | None
+    name: str
+    seed: int
     tries: int = 0
 
 
@@ -87,6 +90,7 @@ class Benchmark:
     resolutions: Sequence[Resolution | None] = (None,)
     first: Collection[str] = ()
     _spent: dict[str, list[float]] = field(default_factory=dict, repr=False)
+    _last: tuple[str, str] = field(default=("", ""), repr=False)
 
     def run(self, store: Store, pool: Pool, on_progress: Callable[[Tally], None] = lambda tally: None) -> Tally:
         """Make the runs that are missing and return the tally.
@@ -105,14 +109,14 @@ class Benchmark:
                 while missing and len(pending) < 2 * pool.slots():
                     run = missing.popleft()
                     run.tries += 1
-                    pending[pool.executor.submit(run_job, run.job.to_dict())] = run
+                    pending[pool.executor.submit(run_job, self._job(run).to_dict())] = run
                 done, _ = wait(pending, timeout=REPORT_PERIOD, return_when=FIRST_COMPLETED)
                 for future in done:
                     if not self._store_result(store, future, pending[future], tally):
                         missing.append(pending[future])
                     # Only now: an interrupt before leaves it to be stored below.
                     del pending[future]
-                waiting = Counter(run.job.planner for run in itertools.chain(missing, pending.values()))
+                waiting = Counter(run.name for run in itertools.chain(missing, pending.values()))
                 tally.left = self._time_left(waiting, pool.slots())
                 on_progress(tally)
         except BaseException:
@@ -135,19 +139,22 @@ class Benchmark:
                 if (planners[name], seed) in finished:
                     tally.done += 1
                 else:
-                    missing.append(_Run(experiment, planners[name], self._job(problem, resolution, name, seed)))
+                    missing.append(_Run(experiment, planners[name], problem, resolution, name, seed))
         return missing, tally
 
-    def _job(self, problem: Problem, resolution: Resolution | None, planner: str, seed: int) -> Job:
+    def _job(self, run: _Run) -> Job:
+        key = run.problem.key
+        if self._last[0] != key:  # runs on a problem follow one another
+            self._last = (key, run.problem.text)
         return Job(
-            problem=problem.key,
-            text=problem.text,
-            planner=planner,
-            seed=seed,
+            problem=key,
+            text=self._last[1],
+            planner=run.name,
+            seed=run.seed,
             time_limit=self.time_limit,
             memory_limit=self.memory_limit,
-            resolution=(resolution or resolution_of(planner)).metres(problem.robot),
-            first=planner in self.first,
+            resolution=(run.resolution or resolution_of(run.name)).metres(run.problem.robot),
+            first=run.name in self.first,
         )
 
     def _experiment(self, problem: Problem, resolution: Resolution | None) -> Experiment:
@@ -196,16 +203,16 @@ class Benchmark:
         except (Exception, CancelledError) as error:  # executors report a lost worker in different ways
             if run.tries >= MAX_TRIES:
                 raise WorkerError(
-                    f"planner {run.job.planner}, seed {run.job.seed}: lost {MAX_TRIES} times with its worker: {error}"
+                    f"planner {run.name}, seed {run.seed}: lost {MAX_TRIES} times with its worker: {error}"
                 ) from None
             return False
         if store.add(run.experiment, run.planner, record):
             tally.done += 1
             tally.made += 1
             tally.failed += not record.correct_solution
-            tally.latest = run.job.planner
+            tally.latest = run.name
             parts = (record.time, record.simplification_time, record.overhead)
-            self._spent.setdefault(run.job.planner, []).append(sum(part or 0.0 for part in parts))
+            self._spent.setdefault(run.name, []).append(sum(part or 0.0 for part in parts))
         return True
 
     def _time_left(self, waiting: Counter[str], slots: int) -> float:
