@@ -7,7 +7,7 @@ themselves when they are made.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -159,11 +159,12 @@ class Polygon:
             raise ShapeError(f"polygon: expected an area above 0, got {region.area}")
 
     @classmethod
-    def unchecked(cls, vertices: FloatArray) -> Polygon:
-        """Return a polygon without holes over vertices, shape (n, 2), known to be finite, in range and simple."""
+    def unchecked(cls, vertices: FloatArray, holes: Sequence[FloatArray] = ()) -> Polygon:
+        """Return a polygon over rings of shape (n, 2) that are known to be finite, in range, and valid together."""
         polygon = object.__new__(cls)
-        vertices.flags.writeable = False
-        polygon.__dict__.update(vertices=vertices, holes=())
+        for ring in (vertices, *holes):
+            ring.flags.writeable = False
+        polygon.__dict__.update(vertices=vertices, holes=tuple(holes))
         return polygon
 
     @property

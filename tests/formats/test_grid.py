@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 from numpy.typing import NDArray
 
-from trailmark.errors import WorldError
+from trailmark.errors import ShapeError, WorldError
 from trailmark.formats import grid
 from trailmark.formats.grid import check_size, grid_polygons
 from trailmark.shapes import Polygon, signed_area
@@ -94,6 +94,28 @@ def test_corners_that_touch(picture: list[str], polygons: int, holes: int) -> No
     found = grid_polygons(np.array([[c == "#" for c in row] for row in picture]))
     assert len(found) == polygons
     assert sum(len(polygon.holes) for polygon in found) == holes
+
+
+def test_polygons_need_no_check_where_the_grids_lines_keep_their_order() -> None:
+    rng = np.random.default_rng(9)
+    occupied = rng.random((40, 60)) < 0.5
+    for cell, origin in ((0.05, (-3.7, 11.1, 0.0)), (1.0, (0.0, 0.0, 0.0)), (1e-7, (0.1, 0.1, 0.0))):
+        found = grid_polygons(occupied, cell, origin)
+        assert found == tuple(Polygon(polygon.vertices, polygon.holes) for polygon in found)
+        assert not any(ring.flags.writeable for polygon in found for ring in polygon.rings()[:1])
+
+
+@pytest.mark.parametrize(
+    ("cell", "origin"),
+    [
+        pytest.param(1e-9, (9e7, 0.0, 0.0), id="lines-fall-together"),
+        pytest.param(1e300, (0.0, 0.0, 0.0), id="out-of-range"),
+        pytest.param(1.0, (1e300, 0.0, 0.0), id="far-away"),
+    ],
+)
+def test_lines_that_rounding_joins_are_refused(cell: float, origin: tuple[float, float, float]) -> None:
+    with pytest.raises(ShapeError):
+        grid_polygons(np.eye(3, dtype=bool), cell, origin)
 
 
 def test_a_rectangle_has_four_vertices() -> None:
