@@ -152,7 +152,7 @@ def test_odometry_that_stands_still_is_not_trusted_for_long() -> None:
 def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path) -> None:
     robot, mapper = begun(noise)
     drive(robot, mapper, 30, (0.1, 0.0, 0.04))
-    log = Log("room", tuple(mapper.records), np.empty((0, 3)))
+    log = mapper.finished_log(Log("room", tuple(mapper.records), np.empty((0, 3))))
     made = mapper.finished_map(log)
     write_jsonl(tmp_path / "log.jsonl", log)
     again = map_log(load_log(tmp_path / "log.jsonl"), robot=ROBOT).world

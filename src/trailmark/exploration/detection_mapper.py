@@ -176,6 +176,10 @@ class DetectionMapper:
         self._strange = 0
         return True
 
+    def finished_log(self, log: Log) -> Log:
+        """Return the log as it is: EKF-SLAM over it comes to the same."""
+        return log
+
     def finished_map(self, log: Log) -> World:
         """Return the world that ``trailmark map`` makes of the log, its discs as large as they are known to be."""
         mapped = map_log(log, replace(self._model, radius=self._largest), robot=self._robot)

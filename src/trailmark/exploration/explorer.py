@@ -195,6 +195,7 @@ class Explorer:
             self._course.stop()
         status, reason = self._ended or ("interrupted", "not over")
         saved, known, evaluation = self.saved(), self.mapper.known, None
+        log = self.mapper.finished_log(saved.log)
         nothing = not any(isinstance(record, Scan | Detection) for record in saved.log.records)
         empty = World(self.name, known.bounds, robot=self.robot)
         if isinstance(self._driver, SimulatedRobot):
@@ -202,11 +203,11 @@ class Explorer:
         return ExplorationResult(
             status=status,
             reason=reason,
-            world=empty if nothing else self.mapper.finished_map(saved.log),
+            world=empty if nothing else self.mapper.finished_map(log),
             known=known,
             first_known=saved.first_known,
             roadmap=self._course.current_planner().roadmap,
-            log=saved.log,
+            log=log,
             history=saved.history,
             strategy=self.strategy,
             seed=self.seed,

@@ -62,5 +62,8 @@ class Mapper(Protocol):
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
 
+    def finished_log(self, log: Log) -> Log:
+        """Return a log of all that was recorded, with what was found out since about where it was."""
+
     def finished_map(self, log: Log) -> World:
-        """Return the world that ``trailmark map`` makes of the log: obstacles with covariances."""
+        """Return the world that ``trailmark map`` makes of the finished log: obstacles with covariances."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.graph_settings import GraphSettings
@@ -15,7 +16,7 @@ from trailmark.estimation.graph.submaps import MIN_POINTS
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.log_map import map_log
 from trailmark.estimation.scans.clouds import joined, point_cloud, relative
-from trailmark.estimation.scans.local_map import SIGMA, local_map
+from trailmark.estimation.scans.local_map import local_map
 from trailmark.estimation.scans.matching import Window, refine, search
 from trailmark.estimation.scans.scan_poses import DeadReckoning
 from trailmark.estimation.simulation.virtual_sensors import Scanner
@@ -44,6 +45,9 @@ EXACT: Final = 0.05, 0.03
 ALIKE: Final = 0.9
 """Share of the best place's fit from which on another place fits as well."""
 
+SLIPPING: Final = 1.5
+"""Times the standard deviation of a step that odometry states, for matching: what it does not know of."""
+
 MATCHED: Final = 0.008, 0.002
 """Metres and radians: standard deviation of a matched pose in the map around it, as measured against the truth."""
 
@@ -57,7 +61,7 @@ PLACES: Final = 20
 """Narrow places that a run leads through, over which the risk is spread."""
 
 SPACING: Final = 0.25, 0.3
-"""Metres and radians between scans by which the map is drawn anew: in between little else is seen."""
+"""Metres and radians between scans by which the map is drawn anew, or from the log: in between little else is seen."""
 
 POINTS: Final = 200
 """End points of a scan, at most, by which odometry is checked."""
@@ -90,8 +94,6 @@ class ScanMapper:
         known.noise = sensor.sigma
         self._start, self._sensor = np.asarray(start, dtype=np.float64), sensor
         self._robot, self._settings = robot, settings
-        # Matching takes end points to scatter by SIGMA, whatever the scanner; errors are as much smaller as they do.
-        self._scale = (max(sensor.sigma, LEAST) / SIGMA) ** 2
         self._checks, self._reckoning = RecordChecks(Scan, sensor.max_range), DeadReckoning(self._start)
         self._slam: ScanSlam | None = None  # None as long as odometry is taken as exact
         self._scans = list[tuple[Scan, FloatArray]]()  # with their poses by odometry
@@ -108,7 +110,7 @@ class ScanMapper:
     @property
     def covariance(self) -> FloatArray:
         """Of the pose, shape (3, 3), relative to the map around the robot."""
-        return np.zeros((3, 3)) if self._slam is None else self._scale * self._slam.covariance
+        return np.zeros((3, 3)) if self._slam is None else self._slam.covariance
 
     @property
     def trajectory(self) -> FloatArray:
@@ -119,7 +121,7 @@ class ScanMapper:
     @property
     def covariances(self) -> FloatArray:
         """Of the trajectory's poses, shape (n, 3, 3), in the world's axes."""
-        return np.zeros((len(self._scans), 3, 3)) if self._slam is None else self._scale * self._slam.covariances()
+        return np.zeros((len(self._scans), 3, 3)) if self._slam is None else self._slam.covariances()
 
     @property
     def margin(self) -> float:
@@ -180,6 +182,24 @@ class ScanMapper:
         self.known.add_scan(scan, self._pose, self._sensor.max_range)
         return True
 
+    def finished_log(self, log: Log) -> Log:
+        """Return the log with the poses of its scans, found from all of them together, and those that lie apart alone.
+
+        With exact odometry it is as it was.
+        """
+        if self._slam is None:
+            return log
+        found = self._slam.finish(np.array([pose for _, pose in self._scans])).poses
+        kept = np.flatnonzero(_apart(found))
+        poses = {self._scans[i][0].t: tuple(found[i].tolist()) for i in kept.tolist()}
+        records = list[Record]()
+        for record in log.records:
+            if not isinstance(record, Scan):
+                records.append(record)
+            elif record.t in poses:
+                records.append(record._replace(pose=poses[record.t]))
+        return log._replace(records=tuple(records))
+
     def finished_map(self, log: Log) -> World:
         """Return the world that ``trailmark map`` makes of the log: obstacles with covariances."""
         return map_log(log, robot=self._robot).world
@@ -192,20 +212,35 @@ class ScanMapper:
             covariance = np.asarray(record.covariance)
             self._errors += max(covariance[0, 0], covariance[1, 1]), covariance[2, 2]
             self._driven += float(np.hypot(record.dx, record.dy) + abs(record.dtheta))
-        if self._slam is None and (self._errors > np.square(TRUSTED) * max(self._driven, 1.0) / 10.0).any():
+        if self._slam is None and not self._states_exactness:
             self._match_from_now_on()
+
+    @property
+    def _states_exactness(self) -> bool:
+        return bool((self._errors <= np.square(TRUSTED) * max(self._driven, 1.0) / 10.0).all())
 
     def _match_from_now_on(self) -> ScanSlam:
         """Match scans from now on, and those so far with them."""
         if self._slam is None:
-            reach = min(GraphSettings.max_range, self._sensor.max_range)
-            self._slam = ScanSlam(replace(GraphSettings(), max_range=reach))
+            self._slam = ScanSlam(self._graph_settings())
             for scan, pose in self._scans:
                 self._slam.add(scan, pose)
             if self._scans:
                 self._at, self._pose = self._scans[-1][1], self._slam.pose
                 self._draw_if_moved()
         return self._slam
+
+    def _graph_settings(self) -> GraphSettings:
+        """Return how to match scans: by what the scanner and the odometry say of their noise."""
+        s = GraphSettings()
+        s = replace(s, max_range=min(s.max_range, self._sensor.max_range), scatter=max(self._sensor.sigma, LEAST))
+        if self._states_exactness:
+            return s  # scans say otherwise
+        # Of a step from node to node, with something for wheels that slip.
+        place, heading = SLIPPING * np.sqrt(self._errors / max(self._driven, s.key_distance / CHECK) * s.key_distance)
+        floor = min(float(place), s.odometry_floor[0]), min(float(heading), s.odometry_floor[1])
+        grown = min(floor[0] / s.key_distance, s.odometry[0]), min(floor[1] / s.key_distance, s.odometry[1])
+        return replace(s, odometry=grown, odometry_floor=floor)
 
     def _is_exact(self, scan: Scan) -> bool:
         """Return whether a scan lies, among those of a while ago, where odometry has it."""
@@ -274,11 +309,18 @@ class ScanMapper:
         if np.hypot(*(poses - np.array(self._drawn))[:, :2].T).max() <= MOVED * self.known.cell:
             return False
         self.known.clear()
-        drawn, last = poses[0], len(self._scans) - RECENT
-        for i, ((scan, _), pose) in enumerate(zip(self._scans, poses, strict=True)):
-            off = np.abs(difference(drawn, pose))
-            if i == 0 or i >= last or np.hypot(off[0], off[1]) > SPACING[0] or off[2] > SPACING[1]:
-                self.known.add_scan(scan, pose, self._sensor.max_range)
-                drawn = pose
+        for i in np.flatnonzero(_apart(poses)).tolist():
+            self.known.add_scan(self._scans[i][0], poses[i], self._sensor.max_range)
         self._drawn, self._moved = list(poses), True
         return True
+
+
+def _apart(poses: FloatArray) -> NDArray[np.bool_]:
+    """Return which scans, by their poses of shape (m, 3), lie apart from the ones before, and the last ones."""
+    chosen, last = np.zeros(len(poses), np.bool_), 0
+    for i, pose in enumerate(poses):
+        off = np.abs(difference(poses[last], pose))
+        if i == 0 or np.hypot(off[0], off[1]) > SPACING[0] or off[2] > SPACING[1]:
+            chosen[i], last = True, i
+    chosen[-RECENT:] = True
+    return chosen

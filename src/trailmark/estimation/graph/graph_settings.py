@@ -7,8 +7,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from trailmark.checked import Count, NonNegative, Positive, Probability, Share, checked_fields
 from trailmark.estimation.errors import EstimationError
+from trailmark.se2 import FloatArray
 
 __all__ = ["GraphSettings"]
 
@@ -34,6 +37,9 @@ class GraphSettings:
     max_nodes: Count = 3000
     """Nodes from which on a scan where the graph has one already gets none of its own: memory is bounded by the places
     that were seen, not by the time of the drive."""
+    scatter: Positive = 0.1
+    """Metres by which end points lie off the surfaces that they belong to, one standard deviation: the scanner's noise,
+    and what moves, leans or is not flat. As sure is a match; in a world of walls it is the scanner's noise alone."""
     window: tuple[Positive, Positive] = (0.5, math.radians(20.0))
     """How far from what odometry says a match is searched for at least: metres along x and y each, radians."""
     odometry: tuple[NonNegative, NonNegative] = (0.1, 0.1)
@@ -53,3 +59,10 @@ class GraphSettings:
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)
+
+    def odometry_noise(self, step: FloatArray) -> FloatArray:
+        """Return the covariance of a step by odometry, x, y and theta, shape (3,), as of shape (3, 3)."""
+        (place, heading), (floor, floor_theta) = self.odometry, self.odometry_floor
+        length = float(np.hypot(*step[:2]))
+        xy = floor**2 + (place * length) ** 2
+        return np.diag([xy, xy, floor_theta**2 + (0.5 * heading * length) ** 2 + (heading * step[2]) ** 2])

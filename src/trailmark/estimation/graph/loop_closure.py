@@ -24,7 +24,8 @@ MAX_WINDOW = Window(10.0, math.pi)
 """The largest window that is searched."""
 
 OPEN = 0.01
-"""Square metres: what is farther open than that along a corridor is held by odometry."""
+"""Square metres: what is farther open than that along a corridor is held by odometry, or where that is better, by four
+times its variance."""
 
 MAX_CANDIDATES = 6
 """Earlier places, at most, that one scan is compared with."""
@@ -37,7 +38,7 @@ class LoopFinder:
         self._keys = keys
         self._s = settings
         self._pending: list[Relation] = []
-        self._drift = Drift()
+        self._drift = Drift(settings)
         self._read = 0  # relations
         self._ends = np.empty((0, 2), dtype=np.intp)
         self._gate = float(chi_square_quantile(settings.outlier_gate, 3))
@@ -112,7 +113,7 @@ class LoopFinder:
         if search(area, query.points, guess, window, coarseness=2, min_score=limit, apart_from=found.pose):
             return None
         found = refine(area, query, found.pose)
-        covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose)
+        covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
         return None if is_open else keys.related(place, k, found.pose, covariance, certain=False)
 
     def _agree(self, one: Relation, other: Relation) -> bool:
@@ -144,18 +145,28 @@ class Drift:
     """How errors grow along consecutive scans.
 
     They add up as a random walk: the heading's variance grows with the distance L, and with it the place's by the
-    heading's rate times L³/3. The rates are those of the relations that are certain.
+    heading's rate times L³/3. The rates are those of the relations that are certain; where odometry and a match relate
+    the same two scans, of both together.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, settings: GraphSettings) -> None:
         self._length, self._place, self._heading = 1e-9, 0.0, 0.0
+        self._open = min(OPEN, 4.0 * float(settings.odometry_noise(np.array([settings.key_distance, 0.0, 0.0]))[0, 0]))
+        self._last = -1, -1  # the scans of the last relation
+        self._own = np.zeros(3)  # what it added
 
     def add(self, relation: Relation) -> None:
         """Count a relation, if it is certain."""
-        if relation.certain:
-            self._length += float(np.hypot(*relation.pose[:2]))
-            self._place += 0.5 * float(np.minimum(np.diag(relation.covariance)[:2], OPEN).sum())
-            self._heading += float(relation.covariance[2, 2])
+        if not relation.certain:
+            return
+        place = 0.5 * float(np.minimum(np.diag(relation.covariance)[:2], self._open).sum())
+        own = np.array([float(np.hypot(*relation.pose[:2])), place, float(relation.covariance[2, 2])])
+        again = (relation.a, relation.b) == self._last
+        if again:
+            own[1:] = 1.0 / (1.0 / own[1:] + 1.0 / self._own[1:])
+            own -= self._own
+        self._length, self._place, self._heading = self._length + own[0], self._place + own[1], self._heading + own[2]
+        self._last, self._own = (relation.a, relation.b), own + self._own if again else own
 
     def sigma(self, distances: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the standard deviations of place (metres) and heading (radians) over distances in metres."""

@@ -46,7 +46,7 @@ def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]
             shift = relative(keys.poses[k], match.pose)
             if match.score < s.loop_score or np.hypot(*shift[:2]) > MAX_SHIFT[0] or abs(shift[2]) > MAX_SHIFT[1]:
                 continue
-            covariance, _ = match_covariance(area, cloud.points, match.pose)
+            covariance, _ = match_covariance(area, cloud.points, match.pose, scatter=s.scatter)
             place = int(own[np.hypot(*(keys.poses[own, :2] - match.pose[:2]).T).argmin()])
             found.append(keys.related(place, k, match.pose, covariance, certain=False))
     return found

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from trailmark.estimation.graph.revisits import revisit_relations
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, point_cloud, relative
-from trailmark.estimation.scans.local_map import LocalMap
+from trailmark.estimation.scans.local_map import SIGMA, LocalMap
 from trailmark.estimation.scans.matching import Window, match_covariance, refine, search
 from trailmark.se2 import FloatArray, compose
 
@@ -99,6 +100,9 @@ class ScanSlam:
     def __init__(self, settings: GraphSettings | None = None) -> None:
         self._s = settings = settings or GraphSettings()
         self.corrections = 0
+        self._weight = (
+            settings.scatter / SIGMA
+        ) ** 2  # of a guess, among end points that are taken to scatter by SIGMA
         self._keys = KeyScans()
         self._loops = LoopFinder(self._keys, settings)
         self._area: LocalMap | None = None
@@ -144,14 +148,14 @@ class ScanSlam:
         if np.hypot(*step[:2]) < s.key_distance and abs(step[2]) < s.key_angle:
             # Too little has changed for a node of its own, unless the odometry hides it.
             guess = compose(self._keys.poses[last], step)
-            match = refine(self._area, cloud, guess, information=_inverse(self._noise(step)))
+            match = refine(self._area, cloud, guess, information=self._weight * _inverse(s.odometry_noise(step)))
             pose = relative(self._keys.poses[last], match.pose)
             if len(cloud.points) < MIN_POINTS or (
                 match.score >= 0.5 * s.loop_score and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
             ):
                 self._hold(last, pose)
                 return
-        guess, noise = compose(self._keys.poses[last], step), self._noise(step)
+        guess, noise = compose(self._keys.poses[last], step), s.odometry_noise(step)
         if np.hypot(*step[:2]) > MAX_WINDOW.xy and np.hypot(*(self._keys.poses - guess)[:, :2].T).min() < MAX_WINDOW.xy:
             # Carried away, and back to where it has been.
             self.place(scan, guess, odometry)
@@ -176,11 +180,11 @@ class ScanSlam:
                 step, information = relative(here, guess), _inverse(noise)
         self._keys.relations.append(Relation(last, own, step, noise))
         start = guess if found is None else found.pose
-        pose = refine(self._area, cloud, start, information=information, guess=guess).pose
+        pose = refine(self._area, cloud, start, information=self._weight * information, guess=guess).pose
         if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
             self._keys.relations.pop()
             return
-        self._covariance, _ = match_covariance(self._area, points, pose)
+        self._covariance, _ = match_covariance(self._area, points, pose, scatter=s.scatter)
         self._keys.relations.append(self._keys.related(last, own, pose, self._covariance, certain=True))
         self._add_key(pose, cloud, odometry)
         closures = self._loops.find(own)
@@ -209,7 +213,7 @@ class ScanSlam:
         self._chain, self._last = keys.chain(node, 2.0 * s.local_length, s.local_scans), node
         cloud, area = point_cloud(scan, s.max_range), self._renew_area()
         pose = refine(area, cloud, pose).pose
-        covariance, _ = match_covariance(area, cloud.points, pose)
+        covariance, _ = match_covariance(area, cloud.points, pose, scatter=s.scatter)
         keys.relations.append(keys.related(node, own, pose, covariance, certain=True))
         self._add_key(pose, cloud, odometry)
 
@@ -232,8 +236,9 @@ class ScanSlam:
         return np.array(found).reshape(-1, 3)
 
     def finish(self, odometry: FloatArray) -> ScanPoses:
-        """Return the poses of all scans."""
-        keys, s = self._keys, self._s
+        """Return the poses of all scans; more of them may be taken in afterwards as if nothing had been asked."""
+        keys, s = copy(self._keys), self._s
+        keys.relations = list(keys.relations)
         keys.poses, _ = optimise(keys.relations, keys.poses, s.outlier_gate)
         held = len(keys.relations)
         for _ in range(s.rounds):
@@ -243,16 +248,10 @@ class ScanSlam:
         covariances = relative_covariances(relations, keys.poses)
         own = np.array([key for key, _ in self._scans])
         rejected = int((~counts).sum())
+        poses = compose(keys.poses[own], np.array([pose for _, pose in self._scans]).reshape(-1, 3))
         return ScanPoses(
-            self.poses, covariances[own], odometry, np.array(self._own), tuple(relations), self._closures, rejected
+            poses, covariances[own], odometry, np.array(self._own), tuple(relations), self._closures, rejected
         )
-
-    def _noise(self, step: FloatArray) -> FloatArray:
-        """Return the covariance of a step by odometry, shape (3, 3)."""
-        (place, heading), (floor, floor_theta) = self._s.odometry, self._s.odometry_floor
-        length = float(np.hypot(*step[:2]))
-        xy = floor**2 + (place * length) ** 2
-        return np.diag([xy, xy, floor_theta**2 + (0.5 * heading * length) ** 2 + (heading * step[2]) ** 2])
 
     def _add_key(self, pose: FloatArray, cloud: PointCloud, odometry: FloatArray) -> None:
         s, own = self._s, len(self._keys)
@@ -266,7 +265,7 @@ class ScanSlam:
         self._hold(own, np.zeros(3))
         area = self._renew_area()
         if own == 0 and len(cloud.points):
-            self._covariance, _ = match_covariance(area, cloud.points, pose)
+            self._covariance, _ = match_covariance(area, cloud.points, pose, scatter=s.scatter)
 
     def _return_to_node(self, pose: FloatArray, cloud: PointCloud, odometry: FloatArray) -> bool:
         """Hold a scan by a node that stands where it does, and return whether there is one whose map it fits."""

@@ -23,6 +23,10 @@ MIN_POINTS = 10
 THIN = 0.1
 """Metres: a cloud of several scans has one point for each square of this side."""
 
+REVISITED = 0.003, 0.001
+"""Metres and radians by which the maps of two visits to a place disagree, each with the errors of its own scans, which
+all matches between the two have in common."""
+
 MAX_POINTS = 300
 """Points of such a cloud, at most: more make a search slower, and hardly surer."""
 
@@ -92,4 +96,6 @@ class KeyScans:
         """
         c, s = np.cos(pose[2]), np.sin(pose[2])
         turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        if not certain:
+            covariance = covariance + np.diag([REVISITED[0] ** 2, REVISITED[0] ** 2, REVISITED[1] ** 2])
         return Relation(a, b, relative_pose(self.poses[a], pose), turn @ covariance @ turn.T, certain)

@@ -119,7 +119,7 @@ def refine(
 
 
 def match_covariance(
-    area: LocalMap, points: FloatArray, pose: FloatArray, half: float = 0.5
+    area: LocalMap, points: FloatArray, pose: FloatArray, half: float = 0.5, scatter: float = SIGMA
 ) -> tuple[FloatArray, bool]:
     """Return the covariance of a match by the correlation surface, and whether a direction is left open.
 
@@ -130,6 +130,7 @@ def match_covariance(
         points: shape (n, 2).
         pose: the match, shape (3,).
         half: metres to either side that the surface is looked at.
+        scatter: metres by which end points lie off the map's surfaces, one standard deviation: the map takes SIGMA.
 
     Returns:
         Shape (3, 3), of x, y (in the map's axes), theta; and whether the map leaves the place along some direction
@@ -141,6 +142,7 @@ def match_covariance(
     )
     covariance += np.diag([area.cell**2, area.cell**2, step**2]) / 12.0
     values, vectors = np.linalg.eigh(covariance[:2, :2])
+    covariance *= (scatter / SIGMA) ** 2
     # Wider than half of a surface that is level from one end to the other.
     if values[1] <= half**2 / 6.0:
         return covariance, False
