@@ -46,6 +46,21 @@ def test_each_resolution_of_planners_with_discrete_checks_has_its_row(tmp_path: 
     assert "## Speed against refusals" in markdown_report(results)
 
 
+def test_planners_of_a_family_are_counted_together(tmp_path: Path) -> None:
+    file = tmp_path / "r.db"
+    with Store(file) as store:
+        for share in (0.5, 0.1):
+            identity = {"problem": "a", "resolution": share}
+            row = store.experiment(experiment(identity=identity, facts={"resolution_share": share}))
+            for name in ("PRM", "RRT", "landmark"):
+                for seed in range(3):
+                    store.add(row, store.planner(name, "default"), solved(seed, correct_solution=name != "RRT"))
+    table = sweep_table(load_results(file))
+    assert table is not None
+    assert [row[0] for row in table.rows[::2]] == ["PRM", "RRT", "all: OMPL, discrete checks"]
+    assert [row[3:6] for row in table.rows[4:]] == [["6", "6", "50.0 %"]] * 2
+
+
 def test_one_resolution_is_no_sweep(tmp_path: Path) -> None:
     results = swept(tmp_path / "r.db", {"a": [0.5], "b": [0.1]})
     assert sweep_table(results) is None

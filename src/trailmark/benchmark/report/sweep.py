@@ -11,7 +11,7 @@ from trailmark.benchmark.report.comparison import SHIFT, at_limit
 from trailmark.benchmark.report.conditions import setup_of
 from trailmark.benchmark.report.data import Problem, Results
 from trailmark.benchmark.report.digits import NOTHING, milliseconds, percent
-from trailmark.benchmark.report.palette import family_of
+from trailmark.benchmark.report.palette import FAMILIES, family_of
 from trailmark.benchmark.report.tables import Table
 from trailmark.benchmark.statistics import shifted_geometric_mean, wilson
 
@@ -19,9 +19,9 @@ __all__ = ["sweep_table"]
 
 
 def sweep_table(results: Results) -> Table | None:
-    """Return a row for each planner with discrete checks and each resolution; None without a sweep.
+    """Return a row for each planner with discrete checks and each resolution, and for all of a family together.
 
-    Only problems that were run at all of the resolutions of the sweep count.
+    Only problems that were run at all of the resolutions of the sweep count. None without a sweep.
     """
     by_problem: dict[str, dict[float, Problem]] = {}
     for problem in results.problems:
@@ -35,9 +35,12 @@ def sweep_table(results: Results) -> Table | None:
     if not shares or not whole:
         return None
     rows = []
-    for planner in results.planners:
-        if family_of(planner) in ("discrete", "native"):
-            rows += [_row(planner, share, [found[share] for found in whole]) for share in shares]
+    for family in ("discrete", "native"):
+        planners = [name for name in results.planners if family_of(name) == family]
+        groups = [(name, [name]) for name in planners]
+        groups += [(f"all: {FAMILIES[family]}", planners)] if len(planners) > 1 else []
+        for label, names in groups:
+            rows += [_row(label, names, share, [found[share] for found in whole]) for share in shares]
     if not rows:
         return None
     columns = [
@@ -59,8 +62,8 @@ def sweep_table(results: Results) -> Table | None:
     return Table(caption, columns, rows, frozenset({6}))
 
 
-def _row(planner: str, share: float, problems: list[Problem]) -> list[str]:
-    parts = [(p, p.runs[planner]) for p in problems if planner in p.runs]
+def _row(label: str, planners: list[str], share: float, problems: list[Problem]) -> list[str]:
+    parts = [(p, p.runs[name]) for p in problems for name in planners if name in p.runs]
     runs = sum(len(found) for _, found in parts)
     claimed = sum(int(found.claimed.sum()) for _, found in parts)
     refused = sum(found.refused for _, found in parts)
@@ -68,7 +71,7 @@ def _row(planner: str, share: float, problems: list[Problem]) -> list[str]:
     metres = sorted({_metres(setup_of(p)) for p in problems})
     low, high = wilson(refused, claimed)
     return [
-        planner,
+        label,
         f"{100.0 * share:.3g} %",
         f"{metres[0]:.3g}" if len(metres) == 1 else f"{metres[0]:.3g} to {metres[-1]:.3g}",
         f"{runs:,}",
