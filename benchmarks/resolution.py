@@ -70,7 +70,7 @@ def main() -> int:
             Benchmark(problems(), planners, runs, limit, MEMORY, resolutions=resolutions).run(store, pool)
         table = sweep_table(load_results(file))
     assert table is not None
-    how = f"Written by `python -m benchmarks.resolution`: {options.runs} runs of {options.time_limit:g} s on each problem."
+    how = f"Written by `python -m benchmarks.resolution`: {runs} runs of {limit:g} s of each planner on each problem."
     lines = ["# Speed against refusals", "", how, "", table.caption, ""]
     text = "\n".join([*lines, table.markdown(), "", describe_machine(), ""])
     (ROOT / "benchmarks" / "results" / "resolution.md").write_text(text, encoding="utf-8")
