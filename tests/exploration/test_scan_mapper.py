@@ -20,7 +20,7 @@ from trailmark.exploration.known_map import FREE, KnownMap
 from trailmark.exploration.mapper import Intake
 from trailmark.exploration.scan_mapper import ScanMapper
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
-from trailmark.se2 import compose
+from trailmark.se2 import FloatArray, compose, difference
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
@@ -63,6 +63,30 @@ def test_noisy_odometry_is_set_right_by_scans() -> None:
     assert len(mapper.trajectory) == len(mapper.covariances) == 61
     inside = mapper.known.state[mapper.known.cells_of(np.array([[6.0, 2.0], [3.0, 6.0]]))]
     assert (inside != FREE).all()
+
+
+def test_streets_that_look_alike_are_not_joined_and_covariances_are_those_of_the_errors() -> None:
+    blocks = tuple(Rectangle((3.0 + 4.4 * i, 3.0 + 4.4 * j), 3.0, 3.0) for i in range(3) for j in range(3))
+    streets = World("streets", (0.0, 0.0, 14.8, 14.8), blocks)
+    errors, stated = list[FloatArray](), list[FloatArray]()
+    for seed in (0, 1):
+        start, reach = np.array([0.75, 0.75, 0.0]), laser_scanner(5.0, 0.05)
+        robot = SimulatedRobot(streets, ROBOT, start, reach, seed=seed)
+        mapper = ScanMapper(start, KnownMap(streets.bounds, 0.05), reach, ROBOT, ExplorationSettings())
+        mapper.take(robot.sense())
+        corners = [(5.2, 0.75), (5.2, 14.0), (9.6, 14.0), (9.6, 5.2), (0.75, 5.2), (0.75, 0.75), (5.2, 0.75)]
+        for corner in corners:
+            while (away := math.hypot(*(np.array(corner) - robot.pose[:2]))) > 0.2:
+                ahead = relative(robot.pose, np.array([*corner, robot.pose[2]])) * min(1.0, 0.2 / away)
+                robot.drive(np.array([np.zeros(3), ahead]), 1.0)
+                mapper.take(robot.sense())
+        at = np.searchsorted(robot.truth[:, 0], mapper.trajectory[:, 0] - 1e-9)
+        errors.append(difference(robot.truth[at, 1:], mapper.trajectory[:, 1:])[1:])
+        stated.append(mapper.covariances[1:])
+    error, covariance = np.concatenate(errors), np.concatenate(stated)
+    assert np.hypot(*error[:, :2].T).max() < 0.05
+    nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error).mean()
+    assert 0.1 < nees < 6.0  # errors along a drive are alike: two drives are but a few samples
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])
