@@ -116,6 +116,24 @@ def _path_files(folder: Path) -> None:
         write_path(folder / f"path{suffix}", states)
 
 
+def _maze(folder: Path) -> None:
+    lines = ("m 1,2 3,0 0,4 -3,0 z", "M 8 2 h 3.5 v 2 l -1,1e0 z")
+    paths = "".join(f'<path id="p{i}" d="{line}" />' for i, line in enumerate(lines))
+    (folder / "maze.svg").write_text(f'<svg xmlns="http://www.w3.org/2000/svg"><g>{paths}</g></svg>')
+
+
+def _public(name: str, robot: Robot | None) -> Callable[[Path], None]:
+    """Return a reader of a public suite's file."""
+
+    def read(path: Path) -> None:
+        from trailmark.benchmark.public.catalogue import PUBLIC
+
+        world = PUBLIC[name].world(path.parent, path, [0], robot)
+        assert len(world.queries) == 1
+
+    return read
+
+
 def _robots(folder: Path) -> None:
     """Write a robot as world files have it, and as nav2's parameters have it."""
     (folder / "robot.yaml").write_text("robot: {shape: rectangle, length: 0.6, width: 0.4, turning_radius: 1.0}\n")
@@ -336,6 +354,11 @@ TARGETS: dict[str, Target] = {
     "bag of ROS 1": Target(_bag("ros1"), "drive.bag", _log),
     "bag of ROS 2": Target(_bag("sqlite3"), "drive", _log),
     "bag as MCAP": Target(_bag("mcap"), "drive", _log),
+    "Gazebo world": Target(_copy("barn/world_0.world"), "world_0.world", _public("barn", None)),
+    "SVG maze": Target(_maze, "maze.svg", _public("bench-mr", Robot.disc(0.2))),
+    "nav2 map with pairs": Target(
+        _copy("nav2/tb3_sandbox.yaml", "nav2/tb3_sandbox.pgm"), "tb3_sandbox.yaml", _public("nav2", Robot.disc(0.1))
+    ),
     "suite": Target(_shipped("benchmarks/suites/quick.yaml"), "quick.yaml", _suite),
     "results": Target(_database, "results.db", _results),
     "store": Target(_database, "results.db", _store),

@@ -163,8 +163,9 @@ def _rings(following: list[int], across: int) -> list[list[int]]:
 
 def _place(corners: NDArray[np.int64], cell: float, origin: tuple[float, float, float]) -> Vertices:
     x0, y0, yaw = origin
-    grid = corners * cell
-    if yaw == 0.0:  # exactly on the lines of the grid
-        return np.asarray(grid + np.array([x0, y0]), dtype=np.float64)
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.column_stack([x0 + cos * grid[:, 0] - sin * grid[:, 1], y0 + sin * grid[:, 0] + cos * grid[:, 1]])
+    with np.errstate(over="ignore", invalid="ignore"):  # polygons refuse what is no number after that
+        grid = corners * cell
+        if yaw == 0.0:  # exactly on the lines of the grid
+            return np.asarray(grid + np.array([x0, y0]), dtype=np.float64)
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        return np.column_stack([x0 + cos * grid[:, 0] - sin * grid[:, 1], y0 + sin * grid[:, 0] + cos * grid[:, 1]])

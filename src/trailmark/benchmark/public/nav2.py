@@ -37,5 +37,6 @@ class Nav2(PublicSuite):
     def world(self, folder: Path, file: Path, numbers: Sequence[int], robot: Robot | None) -> World:
         """Return the map with pairs of ends for the robot."""
         robot = robot or Robot.disc(RADIUS)
+        made = load_world(file)  # refuses maps that are none
         pairs = Places(file, robot).pairs(max(numbers) + 1)
-        return replace(load_world(file), robot=robot, queries=tuple(Query(f"pair-{i}", *pairs[i]) for i in numbers))
+        return replace(made, robot=robot, queries=tuple(Query(f"pair-{i}", *pairs[i]) for i in numbers))
