@@ -79,22 +79,40 @@ def write_results(file: Path, problems: Mapping[str, Mapping[str, Sequence[Run]]
 
 
 def random_results(
-    file: Path, planners: Sequence[str], problems: int, runs: int, seed: int = 0, texts: Sequence[str] = (WORLD,)
+    file: Path,
+    planners: Sequence[str],
+    problems: int,
+    runs: int,
+    seed: int = 0,
+    texts: Sequence[str] = (WORLD,),
+    states: int = 5,
 ) -> Path:
-    """Write a database of any size; planners later in the list are slower and fail more often."""
+    """Write a database of any size; planners later in the list are slower and fail more often.
+
+    Args:
+        file: to be made.
+        planners: names.
+        problems: how many.
+        runs: of each planner on each problem.
+        seed: of all that is drawn.
+        texts: world files that the problems take turns with.
+        states: of each path.
+    """
     generator = np.random.default_rng(seed)
     made: dict[str, dict[str, list[Run]]] = {}
     for p in range(problems):
         hard, best = generator.uniform(0.5, 3.0), generator.uniform(10.0, 12.0)
         made[f"world{p}-across"] = {
-            name: [_random_run(generator, i, k, len(planners), hard, best, name == "landmark") for k in range(runs)]
+            name: [
+                _random_run(generator, i, k, len(planners), hard, best, name == "landmark", states) for k in range(runs)
+            ]
             for i, name in enumerate(planners)
         }
     return write_results(file, made, texts=list(texts))
 
 
 def _random_run(
-    generator: np.random.Generator, rank: int, seed: int, of: int, hard: float, best: float, quick: bool
+    generator: np.random.Generator, rank: int, seed: int, of: int, hard: float, best: float, quick: bool, states: int
 ) -> Run:
     place = rank / max(1, of - 1)
     first = float(0.01 * hard * 10 ** (1.8 * place + generator.normal(0.0, 0.2)))
@@ -112,7 +130,11 @@ def _random_run(
     times = np.geomspace(first, 1.0, 12)
     costs = final + (start - final) * np.linspace(1.0, 0.0, 12) ** 2
     bend = float(generator.normal(0.0, 0.25))
-    way = [START, [3.0, 1.2 + bend, 0.3], [5.0, 1.3 + bend, 0.2], [6.6, 3.0 + 0.5 * bend, 0.9], GOAL]
+    way = np.array([START, [3.0, 1.2 + bend, 0.3], [5.0, 1.3 + bend, 0.2], [6.6, 3.0 + 0.5 * bend, 0.9], GOAL])
+    if states > len(way):
+        along = np.linspace(0.0, 4.0, states)
+        way = np.column_stack([np.interp(along, range(5), column) for column in way.T])
+        way[1:-1] += generator.normal(0.0, 0.05, (states - 2, 3))
     return run(
         seed,
         first,
@@ -121,7 +143,7 @@ def _random_run(
         simplified_solution_length=final * 0.995,
         simplification_time=0.02,
         curve=list(zip(times.tolist(), costs.tolist(), strict=True)),
-        path=way,
+        path=way.round(4).tolist(),
         states_checked=int(1e4 * (1 + place)),
         motions_checked=int(2e3 * (1 + place)),
         graph_states=900,

@@ -19,12 +19,14 @@ def differences(experiments: Iterable[tuple[int, str, str | None]]) -> dict[int,
         experiments: id, name, and the column ``setup``, whose ``identity`` tells problem and limits.
     """
     rows = [(key, name, _identity(setup)) for key, name, setup in experiments]
+    alike: dict[str, list[Mapping[str, Any]]] = {}
+    for _, name, own in rows:
+        alike.setdefault(name, []).append(own)
     found: dict[int, str] = {}
     for key, name, own in rows:
-        alike = [(other, identity) for other, called, identity in rows if called == name]
-        fields = [f for f in _WORDS if len({json.dumps(identity.get(f)) for _, identity in alike}) > 1]
+        fields = [f for f in _WORDS if len({json.dumps(identity.get(f)) for identity in alike[name]}) > 1]
         words = ", ".join(_WORDS[f].format(_value(own.get(f))) for f in fields)
-        same = sum(all(identity.get(f) == own.get(f) for f in _WORDS) for _, identity in alike)
+        same = sum(all(identity.get(f) == own.get(f) for f in _WORDS) for identity in alike[name])
         number = f"no. {key}" if same > 1 else ""
         found[key] = ", ".join(filter(None, [words, number]))
     return found

@@ -31,6 +31,8 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
+Ranks = dict[tuple[int, int], FloatArray]
+"""For each pair of numbers of runs, n of a and m of b, the ranks on each problem with so many, shape (s, n + m)."""
 
 EXACT_RUNS = 40
 """Up to so many runs in all, a rank test counts every permutation; above, it takes the normal distribution."""
@@ -151,12 +153,18 @@ def rank_test(pairs: Sequence[tuple[ArrayLike, ArrayLike]]) -> RankTest:
     strata = [(a, b) for a, b in strata if len(a) and len(b)]
     if not strata:
         return RankTest(1.0, 0.5)
-    ranks = [stats.rankdata(np.concatenate([a, b])) for a, b in strata]
-    sizes = [(len(a), len(b)) for a, b in strata]
-    wins = [1.0 - (rank[:n].sum() - n * (n + 1) / 2.0) / (n * m) for rank, (n, m) in zip(ranks, sizes, strict=True)]
-    weights = [n * m / (n + m + 1) for n, m in sizes]
-    p = _exact(ranks, sizes)
-    return RankTest(_normal(ranks, sizes) if p is None else p, float(np.average(wins, weights=weights)))
+    # Problems with the same numbers of runs are ranked at once: there may be thousands.
+    alike: dict[tuple[int, int], list[FloatArray]] = {}
+    for a, b in strata:
+        alike.setdefault((len(a), len(b)), []).append(np.concatenate([a, b]))
+    ranks = {sizes: np.asarray(stats.rankdata(np.array(values), axis=1)) for sizes, values in alike.items()}
+    wins = weight = 0.0
+    for (n, m), rows in ranks.items():
+        share = n * m / (n + m + 1)
+        wins += share * float((1.0 - (rows[:, :n].sum(axis=1) - n * (n + 1) / 2.0) / (n * m)).sum())
+        weight += share * len(rows)
+    p = _exact(ranks)
+    return RankTest(_normal(ranks) if p is None else p, wins / weight)
 
 
 def holm(p: ArrayLike) -> FloatArray:
@@ -204,29 +212,29 @@ def bootstrap_log_means(values: ArrayLike, replicates: int, generator: np.random
     return np.asarray(logs[generator.integers(len(logs), size=(replicates, len(logs)))].mean(axis=1))
 
 
-def _normal(ranks: list[FloatArray], sizes: list[tuple[int, int]]) -> float:
+def _normal(ranks: Ranks) -> float:
     difference = variance = 0.0
-    for rank, (n, m) in zip(ranks, sizes, strict=True):
+    for (n, m), rows in ranks.items():
         weight = 1.0 / (n + m + 1)
-        difference += weight * (rank[:n].sum() - n * (n + m + 1) / 2.0)
-        if n + m > 1:
-            # Of a sum of n ranks drawn without putting back: with ties it is smaller than without.
-            variance += weight**2 * n * m / (n + m) * rank.var(ddof=1)
+        difference += weight * float((rows[:, :n].sum(axis=1) - n * (n + m + 1) / 2.0).sum())
+        # Of a sum of n ranks drawn without putting back: with ties it is smaller than without.
+        variance += weight**2 * n * m / (n + m) * float(rows.var(axis=1, ddof=1).sum())
     if variance <= 0.0:
         return 1.0
     # A rank sum goes in steps of half a rank with ties, of one without: half a step of slack for one problem.
-    slack = 0.5 / (sum(sizes[0]) + 1) if len(ranks) == 1 else 0.0
+    (n, m), rows = next(iter(ranks.items()))
+    slack = 0.5 / (n + m + 1) if len(ranks) == len(rows) == 1 else 0.0
     return math.erfc(max(0.0, abs(difference) - slack) / math.sqrt(2.0 * variance))
 
 
-def _exact(ranks: list[FloatArray], sizes: list[tuple[int, int]]) -> float | None:
+def _exact(ranks: Ranks) -> float | None:
     """Return the exact probability, or None where there are too many ways to count."""
-    if sum(map(len, ranks)) > EXACT_RUNS:
+    if sum(rows.size for rows in ranks.values()) > EXACT_RUNS:
         return None
-    common = math.lcm(*(n + m + 1 for n, m in sizes))
+    common = math.lcm(*(n + m + 1 for n, m in ranks))
     whole = np.ones(1)
     observed = 0
-    for rank, (n, m) in zip(ranks, sizes, strict=True):
+    for n, m, rank in ((n, m, rank) for (n, m), rows in ranks.items() for rank in rows):
         step = common // (n + m + 1)
         doubled = np.round(2.0 * rank).astype(np.int64)  # midranks are halves
         counts = _rank_sums(doubled, n)

@@ -142,8 +142,8 @@ def test_styles_tell_planners_apart() -> None:
     assert len({(s.colour, s.dash, s.mark) for s in styles.values()}) == len(names)
     assert styles["PRM"].colour == styles["PRM+certified"].colour == styles["native:PRM"].colour
     assert styles["PRM"].mark == styles["PRM+certified"].mark == styles["native:PRM"].mark
-    some = ["landmark k=200", "PRM", "PRM+certified", "native:PRM", "my_module:plan", "RRTConnect:range=2"]
-    assert [family_of(name) for name in some] == ["landmark", "discrete", "certified", "native", "own", "discrete"]
+    some = ["landmark:samples=9", "PRM+certified:a=1", "native:PRM:range=2", "my_module:plan:a=1", "RRTConnect:range=2"]
+    assert [family_of(name) for name in some] == ["landmark", "certified", "native", "own", "discrete"]
 
 
 def test_numbers_as_words() -> None:

@@ -83,8 +83,8 @@ class Sample:
 
     Attributes:
         ranked: what ranks them, shape (n,); infinity for failures.
-        logs: the mean logarithm of what is averaged and, where the runs suffice, of its bootstrap replicates (else
-            NaN), shape (1 + REPLICATES,); None where nothing can be averaged.
+        logs: the mean logarithm of what is averaged and, where the runs suffice, of its bootstrap replicates, shape
+            (1 + REPLICATES,) or (1,); None where nothing can be averaged.
         shift: what was added before taking logarithms.
     """
 
@@ -126,11 +126,13 @@ def compare(a: str, b: str, first: Mapping[int, Sample], second: Mapping[int, Sa
     if not pairs:
         return Comparison(a, b, len(shared), math.nan, None, test.p, test.superiority)
     shift = first[shared[0]].shift
-    ours, theirs = (np.exp(np.mean(logs, axis=0)) - shift for logs in zip(*pairs, strict=True))
+    # Where the runs on one problem are too few for replicates, there is no interval.
+    size = min(len(logs) for pair in pairs for logs in pair)
+    ours, theirs = (np.exp(np.mean([x[:size] for x in logs], axis=0)) - shift for logs in zip(*pairs, strict=True))
     # The shift may eat up a mean far below it.
     ratios = np.maximum(theirs, 1e-9) / np.maximum(ours, 1e-9)
     interval = None
-    if np.isfinite(ratios[1:]).all():
+    if size > 1:
         low, high = quantiles(ratios[1:], (0.025, 0.975))
         interval = Interval(float(low), float(high))
     return Comparison(a, b, len(shared), float(ratios[0]), interval, test.p, test.superiority)
@@ -144,6 +146,7 @@ def adjusted(found: Sequence[Comparison]) -> list[Comparison]:
 def _logs(averaged: FloatArray, generator: np.random.Generator) -> FloatArray | None:
     if len(averaged) == 0:
         return None
-    few = len(averaged) < MIN_RUNS
-    spread = np.full(REPLICATES, np.nan) if few else bootstrap_log_means(averaged, REPLICATES, generator)
-    return np.concatenate([[float(np.log(averaged).mean())], spread])
+    mean = [float(np.log(averaged).mean())]
+    if len(averaged) < MIN_RUNS:
+        return np.array(mean)
+    return np.concatenate([mean, bootstrap_log_means(averaged, REPLICATES, generator)])

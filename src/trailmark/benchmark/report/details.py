@@ -34,22 +34,22 @@ def details(results: Results) -> dict[str, Any]:
     worlds: dict[str, int] = {}
     found: list[dict[str, Any] | None] = []
     size = 0
-    for problem, facts in zip(results.problems, hash_table(results).rows, strict=True):
+    known = hash_table(results)
+    for problem, facts in zip(results.problems, known.rows, strict=True):
         if size > MAX_BYTES:
             found.append(None)
             continue
         before = len(worlds)
-        shown = _detail(results, problem, facts, worlds)
+        shown = _detail(results, problem, worlds) | {"facts": list(zip(known.columns[1:], facts[1:], strict=True))}
         size += len(zlib.compress(json.dumps([shown, list(worlds)[before:]]).encode()))
         found.append(shown)
     return {"problems": found, "worlds": list(worlds)}
 
 
-def _detail(results: Results, problem: Problem, facts: Sequence[str], worlds: dict[str, int]) -> dict[str, Any]:
+def _detail(results: Results, problem: Problem, worlds: dict[str, int]) -> dict[str, Any]:
     where = problem.name
     failures = failure_table(problem, f"{where}: what failed or refused runs gave as the reason")
     return {
-        "facts": list(zip(hash_table(results).columns[1:], facts[1:], strict=True)),
         "table": _plain(problem_table(problem, f"{where}: p tells whether a planner differs from the best (Holm)")),
         "effort": _plain(effort_table(problem, f"{where}: what the runs took, medians over all runs")),
         "failures": None if failures is None else _plain(failures),

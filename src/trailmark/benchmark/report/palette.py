@@ -71,7 +71,8 @@ def family_of(planner: str) -> str:
         return "native"
     if re.split("[ :]", planner)[0] in OWN:
         return "landmark"
-    if ":" in planner and "=" not in planner:  # module:function, not planner:setting=value
+    base, _, last = planner.rpartition(":")
+    if ":" in (base if "=" in last else planner):  # module:function, perhaps with parameters: …:name=value
         return "own"
     return "certified" if "+certified" in planner else "discrete"
 

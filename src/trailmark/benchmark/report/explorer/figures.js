@@ -177,7 +177,7 @@ const single = (runs, details, chosen, p, clock, byName) => {
     curves = costFigure(drawn, times, problem.best, 'cost [m]', caption, problem.name);
   }
   return `<div class="figures">${picture}</div>${table(only(detail.table), byName)}<div class="figures">${rows}${share}${curves}</div>`
-    + folded('Effort: checks, graphs, memory', table(only(detail.effort), byName))
+    + folded('Effort and shape: checks, graphs, memory, turning, clearance', table(only(detail.effort), byName))
     + (detail.failures ? folded('Reasons of failures', table(only(detail.failures), byName)) : '')
     + folded('How to pose it again', `<dl>${detail.facts.map(([k, v]) => `<dt>${escaped(k)}</dt><dd>${escaped(v)}</dd>`).join('')}</dl>`);
 };

@@ -11,12 +11,12 @@ const unpacked = async id => {
 // Differences of whole steps of the logarithm, ascending: the values.
 const values = (differences, steps) => {
   let sum = 0;
-  return Float64Array.from(differences, d => Math.exp((sum += d) / steps));
+  return differences.map(d => Math.exp((sum += d) / steps));
 };
 
 // A curve that only falls: how many moments are without a value, the first one, and by how much it falls.
 const falling = (stairs, count, steps) => {
-  const found = new Float64Array(count).fill(Infinity);
+  const found = new Array(count).fill(Infinity);
   for (let i = stairs[0], k = 1, sum = 0; i < count; i++, k++) {
     sum += k === 1 ? stairs[1] : -(stairs[k] ?? 0);
     found[i] = Math.exp(sum / steps);
@@ -40,7 +40,7 @@ const sum = list => list.reduce((a, b) => a + b, 0);
 const joined = lists => {
   const found = new Float64Array(sum(lists.map(l => l.length)));
   let at = 0;
-  for (const list of lists) { found.set(list, at); at += list.length; }
+  for (const list of lists) for (const value of list) found[at++] = value;
   return found.sort();
 };
 
@@ -77,7 +77,7 @@ class Runs {
     const shift = this.data.shift;
     const logs = parts.map(([p, c]) => {
       const late = p.limit + (clock === 'file' ? c.setup : 0), failed = (c.n - c[clock].length) * Math.log(late + shift);
-      return (sum(Array.from(c[clock], t => Math.log(t + shift))) + failed) / c.n;
+      return (sum(c[clock].map(t => Math.log(t + shift))) + failed) / c.n;
     });
     return {
       planner, n, problems: parts.length, times, costs,
