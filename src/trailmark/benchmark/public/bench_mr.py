@@ -51,7 +51,7 @@ class BenchMR(PublicSuite):
     """Ten problems in every maze."""
 
     name = "bench-mr"
-    contents = "polygon mazes (parking1 to 3, warehouse): the published ends and 9 random pairs each, for a car"
+    contents = "polygon mazes for a car: 10 problems each, the published one (but of parking2) and random pairs"
     published = "github.com/robot-motion/bench-mr, bin/polygon_mazes; E. Heiden et al., RA-L 2021"
     robot = f"the drawn car.svg or warehouse_robot.svg, turning radius {TURNING_RADIUS:g} m"
     expected = "Bench-MR's mazes and robots (.svg)"
