@@ -83,13 +83,13 @@ class Browser:
             self._ask(f"{domain}.enable")
         self._ask("Emulation.setFocusEmulationEnabled", enabled=True)
 
-    def open(self, page: Path, width: int, height: int = 900) -> None:
-        """Open a file in a window of a size in pixels, as a phone's if it is narrow, and wait until it is loaded."""
+    def open(self, page: Path | str, width: int, height: int = 900) -> None:
+        """Open a file or address in a window (pixels), a phone's if it is narrow, and wait until it is loaded."""
         self._ask(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
         )
         self._events.clear()
-        self._ask("Page.navigate", url=page.resolve().as_uri())
+        self._ask("Page.navigate", url=page if isinstance(page, str) else page.resolve().as_uri())
         while "Page.loadEventFired" not in self._events:
             self._take(time.monotonic() + LIMIT)
 
@@ -103,6 +103,39 @@ class Browser:
         if "exceptionDetails" in done:
             raise RuntimeError(json.dumps(done["exceptionDetails"]))
         return done["result"].get("value")
+
+    def wait(self, script: str, seconds: float = LIMIT) -> Any:
+        """Return what an expression comes to once it is true; one that fails is not true yet.
+
+        Raises:
+            TimeoutError: it is not.
+        """
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            if value := self.run(f"(() => {{ try {{ return {script}; }} catch {{ return null; }} }})()"):
+                return value
+            time.sleep(0.02)
+        raise TimeoutError(f"expected {script} within {seconds:g} s; complaints: {self.complaints}")
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], steps: int = 10, pause: float = 0.016) -> None:
+        """Drag the mouse from one place of the window to another, in so many steps, with seconds between them."""
+        held = {"button": "left", "clickCount": 1}
+        self._mouse("mouseMoved", start)
+        self._mouse("mousePressed", start, buttons=1, **held)
+        for i in range(1, steps + 1):
+            at = (start[0] + (end[0] - start[0]) * i / steps, start[1] + (end[1] - start[1]) * i / steps)
+            self._mouse("mouseMoved", at, buttons=1, **held)
+            time.sleep(pause)
+        self._mouse("mouseReleased", end, **held)
+
+    def key(self, key: str, code: str = "", modifiers: int = 0) -> None:
+        """Press a key and let it go; of the modifiers, 2 is Ctrl and 8 is Shift."""
+        text = {"text": key} if len(key) == 1 and not modifiers & 2 else {}
+        for kind, more in (("keyDown", text), ("keyUp", {})):
+            self._ask("Input.dispatchKeyEvent", type=kind, key=key, code=code, modifiers=modifiers, **more)
+
+    def _mouse(self, kind: str, place: tuple[float, float], **options: Any) -> None:
+        self._ask("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], **options)
 
     def picture(self, file: Path, *, whole: bool = False) -> None:
         """Write what the window shows, or the whole page, as PNG."""

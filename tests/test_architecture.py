@@ -39,7 +39,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"sketch"}),
     frozenset({"exploration", "ompl_bridge"}),
     frozenset({"benchmark"}),
-    frozenset({"plotting"}),
+    frozenset({"plotting", "live"}),
     frozenset({"cli"}),
 )
 """From the bottom up: a part imports from layers below its own, and from its own layer only as PEERS allows."""

@@ -73,7 +73,10 @@ def test_version(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
-        ([], "Missing command; expected plan, check, landmarks, map, explore, roadmap, benchmark, report, worlds"),
+        (
+            [],
+            "Missing command; expected plan, check, landmarks, map, explore, live, roadmap, benchmark, report, worlds",
+        ),
         (["paln"], "No such command 'paln'"),
         (["--verison"], "No such option: --verison"),
         (["plan"], "Missing argument 'WORLD' (see 'trailmark plan --help')"),

@@ -20,7 +20,20 @@ from typing import Annotated, Any
 import typer
 
 import trailmark
-from trailmark.cli import benchmark, check, console, explore, landmarks, map, plan, report, roadmap, warmup, worlds  # noqa: A004 # a command's file has its name
+from trailmark.cli import (
+    benchmark,
+    check,
+    console,
+    explore,
+    landmarks,
+    live,
+    map,  # noqa: A004 # a command's file has its name
+    plan,
+    report,
+    roadmap,
+    warmup,
+    worlds,
+)  # a command's file has its name
 from trailmark.cli.options import UsageError
 from trailmark.errors import InternalErrorWarning, TrailmarkError
 
@@ -40,6 +53,7 @@ app.command("check")(check.check)
 app.command("landmarks")(landmarks.landmarks)
 app.command("map")(map.map_log)
 app.command("explore")(explore.explore)
+app.command("live")(live.live)
 app.command("roadmap")(roadmap.roadmap)
 app.command("benchmark")(benchmark.benchmark)
 app.command("report")(report.report)

@@ -15,7 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Fiel
 
 from trailmark.arguments import angle
 
-__all__ = ["ANGLE", "POINT", "Angle", "MapFile", "Pose", "RobotFile", "WorldFile"]
+__all__ = ["ANGLE", "POINT", "Angle", "MapFile", "ObstacleList", "Pose", "RobotFile", "WorldFile"]
 
 
 def _in_radians(value: Any) -> Any:
@@ -53,6 +53,7 @@ _ESTIMATE = "a mapping {mean, covariance, share}"
 _ID = "a text that is not empty and names no other obstacle (quote it if it looks like a number)"
 _MOTION = "a mapping {velocity, until}"
 _ZONES = "a list of mappings with the key kind: cost, keep-out, one-way or speed"
+_OBSTACLES = "a list of mappings with the key shape: disc, rectangle or polygon"
 _HOLES = "a list of rings, each of " + _RING
 
 
@@ -150,6 +151,15 @@ class RectangleObstacle(RectangleShape, _Obstacle):
 
 class PolygonObstacle(PolygonShape, _Obstacle):
     """A simple polygon, convex or not."""
+
+
+ObstacleEntry = Annotated[DiscObstacle | RectangleObstacle | PolygonObstacle, Field(discriminator="shape")]
+
+
+class ObstacleList(_Strict):
+    """Obstacles by themselves, as an edit of a world has them."""
+
+    obstacles: list[ObstacleEntry] = Field(description=_OBSTACLES)
 
 
 class RiskEntry(_Strict):
@@ -255,9 +265,7 @@ class WorldFile(_Strict):
         default=None, description=_KIND
     )
     boundary: Ring | None = Field(default=None, description=_RING)
-    obstacles: (
-        list[Annotated[DiscObstacle | RectangleObstacle | PolygonObstacle, Field(discriminator="shape")]] | None
-    ) = Field(default=None, description="a list of mappings with the key shape: disc, rectangle or polygon")
+    obstacles: list[ObstacleEntry] | None = Field(default=None, description=_OBSTACLES)
     queries: list[QueryEntry] | None = Field(default=None, description="a list of mappings {name, start, goal}")
     zones: list[Annotated[ZoneEntry, Field(discriminator="kind")]] | None = Field(default=None, description=_ZONES)
     risk: RiskEntry | None = Field(default=None, description="a mapping {confidence, pose_covariance, reach}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import replace
 from itertools import repeat
 from pathlib import Path
@@ -19,10 +18,19 @@ from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 if TYPE_CHECKING:
     from trailmark.formats import schema
 
-__all__ = ["robot_from_entry", "world_from_data", "world_text"]
+__all__ = [
+    "obstacles_from_data",
+    "query_from_data",
+    "robot_data",
+    "robot_from_entry",
+    "world_data",
+    "world_from_data",
+    "world_text",
+]
 
 _HEADER = "# A trailmark world. Metres and radians; y up, theta counter-clockwise; configurations are [x, y, theta].\n"
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?: [A-Za-z0-9_.-]+)*")
+_LISTS = frozenset(("obstacles", "zones", "queries"))  # one line for each entry
 # Words that YAML readers of any version take for something other than text.
 _RESERVED = frozenset(("null", "true", "false", "yes", "no", "on", "off", "y", "n"))
 
@@ -76,30 +84,34 @@ def world_text(world: World) -> str:
     Raises:
         OutputError: a name that UTF-8 cannot hold.
     """
-    lines = [
-        "trailmark: 1",
-        f"name: {_text(world.name)}",
-        f"bounds: {_numbers(world.bounds)}",
-    ]
-    if world.robot is not None:
-        lines.append(f"robot: {_robot_text(world.robot)}")
-    if world.boundary is not None:
-        lines.append(f"boundary: {_points(world.boundary.vertices.tolist())}")
-    if world.risk is not None:
-        lines.append(f"risk: {_risk_text(world.risk)}")
-    if world.obstacles:
-        lines.append("obstacles:")
-        columns = (column or repeat(None) for column in (world.ids, world.estimates, world.moving))
-        lines += [f"  - {_obstacle_text(*row)}" for row in zip(world.obstacles, *columns, strict=False)]
-    if world.zones:
-        lines += ["zones:", *(f"  - {_zone_text(zone)}" for zone in world.zones)]
-    if world.queries:
-        lines.append("queries:")
-        lines += [
-            f"  - {{name: {_text(query.name)}, start: {_numbers(query.start)}, goal: {_goals_text(query)}}}"
-            for query in world.queries
-        ]
+    lines = list[str]()
+    for key, value in world_data(world).items():
+        if key in _LISTS:
+            lines += [f"{key}:", *(f"  - {_flow(entry)}" for entry in value)]
+        else:
+            lines.append(f"{key}: {_flow(value)}")
     return _HEADER + "\n".join(lines) + "\n"
+
+
+def world_data(world: World) -> dict[str, Any]:
+    """Return the world as a world file's content: mappings, lists, texts and numbers, which JSON holds too."""
+    data: dict[str, Any] = {"trailmark": 1, "name": world.name, "bounds": list(map(float, world.bounds))}
+    if world.robot is not None:
+        data["robot"] = robot_data(world.robot)
+    if world.boundary is not None:
+        data["boundary"] = world.boundary.vertices.tolist()
+    if world.risk is not None:
+        data["risk"] = _risk_data(world.risk)
+    if world.obstacles:
+        columns = (column or repeat(None) for column in (world.ids, world.estimates, world.moving))
+        data["obstacles"] = [_obstacle_data(*row) for row in zip(world.obstacles, *columns, strict=False)]
+    if world.zones:
+        data["zones"] = [_zone_data(zone) for zone in world.zones]
+    if world.queries:
+        data["queries"] = [
+            {"name": query.name, "start": list(query.start), "goal": _goals_data(query)} for query in world.queries
+        ]
+    return data
 
 
 def _build(path: Path, where: str, make: Any, entry: Any) -> Any:
@@ -128,6 +140,38 @@ def _obstacle(entry: schema.DiscShape | schema.RectangleShape | schema.PolygonSh
     if entry.shape == "rectangle":
         return Rectangle((entry.center[0], entry.center[1]), entry.length, entry.width, entry.heading)
     return Polygon(entry.vertices, entry.holes)  # type: ignore[arg-type]  # it turns lists into arrays itself
+
+
+def obstacles_from_data(entries: list[Any], where: str) -> list[tuple[str | None, Shape | Moving]]:
+    """Return the ids and obstacles that entries of a world file's ``obstacles`` describe.
+
+    Raises:
+        FormatError: one of them is none, or has an estimate; the message begins with ``where``.
+    """
+    from trailmark.formats.schema import ObstacleList
+    from trailmark.formats.validation import validate
+
+    path = Path(where)
+    found = validate(ObstacleList, {"obstacles": entries}, path).obstacles
+    for i, entry in enumerate(found):
+        if entry.estimate is not None:
+            raise FormatError(path, f"obstacles[{i}].estimate: expected none in an edit, got one")
+    return [(entry.id, _build(path, f"obstacles[{i}]", _any_obstacle, entry)) for i, entry in enumerate(found)]
+
+
+def query_from_data(data: dict[str, Any], where: str) -> Query:
+    """Return the query that an entry of a world file's ``queries`` describes; its goal may also be a point [x, y].
+
+    Raises:
+        FormatError: it describes none; the message begins with ``where``.
+    """
+    from trailmark.formats.schema import QueryEntry
+    from trailmark.formats.validation import validate
+
+    goal = data.get("goal")
+    if isinstance(goal, list) and len(goal) == 2 and not isinstance(goal[0], dict):
+        data = {**data, "goal": {"pose": goal}}
+    return _build(Path(where), "query", _query, validate(QueryEntry, data, Path(where)))  # type: ignore[no-any-return]
 
 
 def _any_obstacle(entry: schema.DiscObstacle | schema.RectangleObstacle | schema.PolygonObstacle) -> Shape | Moving:
@@ -168,83 +212,83 @@ def _zone(entry: schema.ZoneEntry) -> Zone:
     return SpeedZone(region, entry.limit) if entry.kind == "speed" else KeepOutZone(region)
 
 
-def _shape(shape: Shape, placed: bool) -> str:
+def _shape_data(shape: Shape, placed: bool) -> dict[str, Any]:
     if isinstance(shape, Polygon):
-        return f"{{shape: polygon, {_rings(shape)}}}"
-    center = f"center: {_numbers(shape.center)}, " if placed else ""
+        return {"shape": "polygon", **_rings(shape)}
+    center = {"center": list(shape.center)} if placed else {}
     if isinstance(shape, Disc):
-        return f"{{shape: disc, {center}radius: {_number(shape.radius)}}}"
-    size = f"length: {_number(shape.length)}, width: {_number(shape.width)}"
-    heading = f", heading: {_number(shape.heading)}" if shape.heading else ""
-    return f"{{shape: rectangle, {center}{size}{heading}}}"
+        return {"shape": "disc", **center, "radius": shape.radius}
+    heading = {"heading": shape.heading} if shape.heading else {}
+    return {"shape": "rectangle", **center, "length": shape.length, "width": shape.width, **heading}
 
 
-def _robot_text(robot: Robot) -> str:
-    text = _shape(robot.footprint, placed=False)
+def robot_data(robot: Robot) -> dict[str, Any]:
+    """Return the robot as a world file's ``robot``."""
+    data = _shape_data(robot.footprint, placed=False)
     if robot.drive == "differential":
-        return f"{text[:-1]}, drive: differential{', reverse: true' if robot.reverse else ''}}}"
-    if robot.turning_radius is None:
-        return text
-    reverse = "" if robot.reverse else ", reverse: false"
-    return f"{text[:-1]}, turning_radius: {_number(robot.turning_radius)}{reverse}}}"
+        data |= {"drive": "differential"} | ({"reverse": True} if robot.reverse else {})
+    elif robot.turning_radius is not None:
+        data |= {"turning_radius": robot.turning_radius} | ({} if robot.reverse else {"reverse": False})
+    return data
 
 
-def _obstacle_text(shape: Shape, name: str | None, estimate: ObstacleEstimate | None, moving: Moving | None) -> str:
-    text = _shape(shape if moving is None else moving.shape, placed=True)
-    fields = "" if name is None else f", id: {_text(name)}"
+def _obstacle_data(
+    shape: Shape, name: str | None, estimate: ObstacleEstimate | None, moving: Moving | None
+) -> dict[str, Any]:
+    data = _shape_data(shape if moving is None else moving.shape, placed=True)
+    if name is not None:
+        data["id"] = name
     if estimate is not None:
-        share = "" if estimate.share is None else f", share: {_number(estimate.share)}"
-        mean, covariance = _shape(estimate.mean, placed=True), _points(estimate.covariance.tolist())
-        fields += f", estimate: {{mean: {mean}, covariance: {covariance}{share}}}"
+        mean = _shape_data(estimate.mean, placed=True)
+        share = {} if estimate.share is None else {"share": estimate.share}
+        data["estimate"] = {"mean": mean, "covariance": estimate.covariance.tolist(), **share}
     if moving is not None:
-        fields += f", motion: {{velocity: {_numbers(moving.velocity)}, until: {_number(moving.until)}}}"
-    return f"{text[:-1]}{fields}}}"
+        data["motion"] = {"velocity": list(moving.velocity), "until": moving.until}
+    return data
 
 
-def _zone_text(zone: Zone) -> str:
+def _zone_data(zone: Zone) -> dict[str, Any]:
+    fields = dict[str, Any]()
     if isinstance(zone, CostZone):
-        fields = f", factor: {_number(zone.factor)}"
+        fields = {"factor": zone.factor}
     elif isinstance(zone, OneWayZone):
-        fields = f", heading: {_number(zone.heading)}, tolerance: {_number(zone.tolerance)}"
-    else:
-        fields = f", limit: {_number(zone.limit)}" if isinstance(zone, SpeedZone) else ""
-    return f"{{kind: {zone.kind}{fields}, {_rings(zone.region)}}}"
+        fields = {"heading": zone.heading, "tolerance": zone.tolerance}
+    elif isinstance(zone, SpeedZone):
+        fields = {"limit": zone.limit}
+    return {"kind": zone.kind, **fields, **_rings(zone.region)}
 
 
-def _rings(polygon: Polygon) -> str:
-    holes = f", holes: [{', '.join(_points(hole.tolist()) for hole in polygon.holes)}]" if polygon.holes else ""
-    return f"vertices: {_points(polygon.vertices.tolist())}{holes}"
+def _rings(polygon: Polygon) -> dict[str, Any]:
+    holes = {"holes": [hole.tolist() for hole in polygon.holes]} if polygon.holes else {}
+    return {"vertices": polygon.vertices.tolist(), **holes}
 
 
-def _risk_text(risk: RiskBound) -> str:
-    fields = f"confidence: {_number(risk.confidence)}"
+def _risk_data(risk: RiskBound) -> dict[str, Any]:
+    data: dict[str, Any] = {"confidence": risk.confidence}
     if risk.pose_covariance is not None:
-        fields += f", pose_covariance: {_points(risk.pose_covariance.tolist())}"
-    return f"{{{fields}, reach: {_number(risk.reach)}}}" if risk.reach else f"{{{fields}}}"
+        data["pose_covariance"] = risk.pose_covariance.tolist()
+    return data | ({"reach": risk.reach} if risk.reach else {})
 
 
-def _goals_text(query: Query) -> str:
+def _goals_data(query: Query) -> Any:
     goals = query.goals
     if len(goals) == 1 and query.goal != goals:
-        return _numbers(query.pose())
-    text = ", ".join(map(_goal_text, goals))
-    return text if len(goals) == 1 else f"[{text}]"
+        return list(query.pose())
+    data = [goal.to_dict() for goal in goals]
+    return data[0] if len(data) == 1 else data
 
 
-def _goal_text(goal: Goal) -> str:
-    fields = []
-    for name, value in goal.to_dict().items():
-        text = _points(value) if name == "region" else _numbers(value) if name == "pose" else _number(value)
-        fields.append(f"{name}: {text}")
-    return f"{{{', '.join(fields)}}}"
-
-
-def _points(points: Iterable[Iterable[float]]) -> str:
-    return f"[{', '.join(map(_numbers, points))}]"
-
-
-def _numbers(values: Iterable[float]) -> str:
-    return f"[{', '.join(map(_number, values))}]"
+def _flow(value: Any) -> str:
+    """Return plain data in YAML's flow style."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {_flow(part)}' for key, part in value.items())}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_flow, value))}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return _text(value)
+    return str(value) if isinstance(value, int) else _number(value)
 
 
 def _number(value: float) -> str:

@@ -1,0 +1,88 @@
+"""``trailmark live``: a world in the browser, whose certified path follows what is dragged."""
+
+# Tested by tests/live/test_server.py.
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from typing import Annotated
+from urllib.parse import quote
+
+import typer
+
+from trailmark.cli import console
+from trailmark.cli.options import (
+    RobotOption,
+    SeedOption,
+    UsageError,
+    load_world,
+    option,
+    read_count,
+    read_robot,
+    robot_of,
+)
+
+__all__ = ["live"]
+
+
+def live(
+    world: Annotated[
+        str,
+        typer.Argument(metavar="WORLD", help="Any file that plan reads, or a shipped world's name."),
+    ] = "office",
+    robot: RobotOption = None,
+    host: Annotated[
+        str, option("--host", "ADDRESS", "To listen at; another than this machine needs a token.", default=True)
+    ] = "127.0.0.1",
+    port: Annotated[str, option("--port", "N", "To listen at; 0 takes a free one.", default=True)] = "8765",
+    token: Annotated[str | None, option("--token", "TEXT", "Without which nobody is answered.")] = None,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Print the address, and open nothing.")] = False,
+    seed: SeedOption = "0",
+) -> None:
+    """Show a world in the browser: drag start, goal and obstacles, and the certified path follows.
+
+    Prints one line with the address once it listens; Ctrl-C ends it. Needs the extra 'live'.
+    """
+    number, place, given = read_count(seed, "--seed", 0), read_count(port, "--port", 0, 65535), read_robot(robot)
+    if token is not None and (not token.isascii() or not token.isprintable() or not 8 <= len(token) <= 200):
+        raise UsageError(f"expected 8 to 200 letters, digits and signs, got --token {token!r}")
+    try:
+        import starlette  # noqa: F401  # asked for before anything else is done
+        import uvicorn  # noqa: F401
+    except ImportError:
+        raise UsageError(
+            "trailmark live needs starlette, uvicorn and websockets: pip install 'trailmark[live]'"
+        ) from None
+    from trailmark.live.server import listen, live_app, serve
+    from trailmark.planning import LandmarkPlanner
+
+    with listen(host, place, token) as listening:
+        with console.progress("loading") as progress:
+            loaded = load_world(world)
+            body = robot_of(loaded, given)
+            progress.stage("preparing (compiles on first use)")
+            # Loads what is compiled, and says what is wrong with the world before anybody is answered.
+            LandmarkPlanner(loaded, body, seed=number)
+        address = f"http://{f'[{host}]' if ':' in host else host}:{listening.getsockname()[1]}/"
+        if token is not None:
+            address += f"?token={quote(token, safe='')}"
+
+        def ready() -> None:
+            console.say(f"trailmark live: {loaded.name} at {address} (Ctrl-C ends it)")
+            sys.stdout.flush()
+            if not no_browser:
+                _open(address)
+
+        with suppress(KeyboardInterrupt):
+            serve(live_app(loaded, body, token, number), listening, ready)
+
+
+def _open(address: str) -> None:
+    """Open the address in a browser, if there is one with a window."""
+    import webbrowser
+
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY") and not os.environ.get("WAYLAND_DISPLAY"):
+        return
+    webbrowser.open(address)

@@ -1,0 +1,1 @@
+"""The live page: a world in the browser, whose certified path follows what is dragged."""

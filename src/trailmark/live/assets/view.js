@@ -1,0 +1,150 @@
+// The view: which part of the plane is shown, and what is drawn there. Pictures that change seldom are kept.
+
+class View {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.brush = canvas.getContext("2d");
+    this.centre = [0, 0];
+    this.scale = 50;  // pixels a metre
+    this.kept = new Map();
+  }
+
+  resize() {
+    const ratio = window.devicePixelRatio || 1, {clientWidth: width, clientHeight: height} = this.canvas;
+    if (this.canvas.width !== Math.round(width * ratio) || this.canvas.height !== Math.round(height * ratio)) {
+      this.canvas.width = Math.round(width * ratio);
+      this.canvas.height = Math.round(height * ratio);
+      this.forget();
+    }
+    this.ratio = ratio;
+    this.width = width;
+    this.height = height;
+  }
+
+  fit([xmin, ymin, xmax, ymax]) {
+    this.resize();
+    this.centre = [(xmin + xmax) / 2, (ymin + ymax) / 2];
+    this.scale = 0.94 * Math.min(this.width / (xmax - xmin), this.height / (ymax - ymin));
+    this.forget();
+  }
+
+  toScreen(x, y) {
+    return [this.width / 2 + (x - this.centre[0]) * this.scale, this.height / 2 - (y - this.centre[1]) * this.scale];
+  }
+
+  toWorld(px, py) {
+    return [this.centre[0] + (px - this.width / 2) / this.scale, this.centre[1] - (py - this.height / 2) / this.scale];
+  }
+
+  zoom(factor, px, py) {
+    const [x, y] = this.toWorld(px, py);
+    this.scale = Math.min(1e5, Math.max(1e-3, this.scale * factor));
+    const [nx, ny] = this.toWorld(px, py);
+    this.centre = [this.centre[0] + x - nx, this.centre[1] + y - ny];
+    this.forget();
+  }
+
+  pan(dx, dy) {
+    this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
+    this.forget();
+  }
+
+  // Lets a picture that is kept be drawn anew; all of them without a name.
+  forget(name) {
+    if (name === undefined) this.kept.clear();
+    else this.kept.delete(name);
+  }
+
+  clear() {
+    this.brush.setTransform(1, 0, 0, 1, 0, 0);
+    this.brush.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    this.metres(this.brush);
+  }
+
+  // From here on a brush draws in metres, y up.
+  metres(brush) {
+    const k = this.scale * this.ratio;
+    brush.setTransform(k, 0, 0, -k, (this.width / 2) * this.ratio - this.centre[0] * k,
+      (this.height / 2) * this.ratio + this.centre[1] * k);
+    brush.lineJoin = brush.lineCap = "round";
+  }
+
+  // Draws a picture by a function once, and from then on as it is, until it is forgotten.
+  keep(name, draw) {
+    let picture = this.kept.get(name);
+    if (!picture) {
+      picture = new OffscreenCanvas(this.canvas.width, this.canvas.height);
+      const brush = picture.getContext("2d");
+      this.metres(brush);
+      draw(brush, 1 / this.scale);
+      this.kept.set(name, picture);
+    }
+    this.brush.setTransform(1, 0, 0, 1, 0, 0);
+    this.brush.drawImage(picture, 0, 0);
+    this.metres(this.brush);
+  }
+}
+
+function traceShape(brush, shape) {
+  if (shape.shape === "disc") {
+    brush.moveTo(shape.center[0] + shape.radius, shape.center[1]);
+    brush.arc(shape.center[0], shape.center[1], shape.radius, 0, TURN);
+  }
+  for (const ring of ringsOf(shape)) traceLine(brush, ring, true);
+}
+
+function traceLine(brush, points, closed = false) {
+  points.forEach(([x, y], i) => (i ? brush.lineTo(x, y) : brush.moveTo(x, y)));
+  if (closed) brush.closePath();
+}
+
+function drawRobot(brush, robot, [x, y, theta], pixel, {fill, stroke, width = 2}) {
+  brush.beginPath();
+  const outline = footprintOf(robot);
+  if (outline) traceLine(brush, placed(outline, [x, y, theta]), true);
+  else brush.arc(x, y, robot.radius, 0, TURN);
+  if (fill) {
+    brush.fillStyle = fill;
+    brush.fill();
+  }
+  brush.strokeStyle = stroke;
+  brush.lineWidth = width * pixel;
+  brush.stroke();
+  // Where it looks.
+  const reach = reachOf(robot);
+  brush.beginPath();
+  brush.moveTo(x, y);
+  brush.lineTo(x + reach * Math.cos(theta), y + reach * Math.sin(theta));
+  brush.stroke();
+}
+
+// Cells of a picture, bytes from the server, row 0 lowest, in one colour that grows with the value.
+function pictureOfCells({rows, columns, cells}, [r, g, b], opacity) {
+  const bytes = Uint8Array.from(atob(cells), (c) => c.charCodeAt(0));
+  const image = new ImageData(columns, rows);
+  for (let row = 0; row < rows; row++) {
+    for (let column = 0; column < columns; column++) {
+      const at = 4 * ((rows - 1 - row) * columns + column);
+      image.data.set([r, g, b, opacity * bytes[row * columns + column]], at);
+    }
+  }
+  const canvas = new OffscreenCanvas(columns, rows);
+  canvas.getContext("2d").putImageData(image, 0, 0);
+  return canvas;
+}
+
+function drawCells(brush, picture, {origin, size, rows, columns}) {
+  brush.save();
+  brush.translate(origin[0], origin[1] + rows * size);
+  brush.scale(size, -size);
+  brush.imageSmoothingEnabled = false;
+  brush.drawImage(picture, 0, 0, columns, rows);
+  brush.restore();
+}
+
+function colourParts(colour) {
+  const probe = new OffscreenCanvas(1, 1).getContext("2d");
+  probe.fillStyle = colour;
+  probe.fillRect(0, 0, 1, 1);
+  return [...probe.getImageData(0, 0, 1, 1).data].slice(0, 3);
+}

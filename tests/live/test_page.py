@@ -1,0 +1,213 @@
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from benchmarks.chromium import Browser, browser
+from tests.benchmark.report.browser import require_chromium
+
+from trailmark import World, check_path
+
+READY = "window.trailmark.scene.path && document.getElementById('verdict').textContent.startsWith('path found')"
+
+
+@pytest.fixture(scope="module")
+def tab() -> Iterator[Browser]:
+    """Return a browser."""
+    require_chromium()
+    with browser() as found:
+        yield found
+
+
+def show(tab: Browser, address: str, width: int = 1400) -> None:
+    """Open the page, and wait until its first path is found."""
+    tab.complaints.clear()
+    tab.open("about:blank", width)  # else an address that differs in its fragment alone would load nothing
+    tab.open(address, width, 850)
+    tab.wait(READY)
+
+
+def on_screen(tab: Browser, point: str) -> tuple[float, float]:
+    """Return where an expression's point of the world is in the window."""
+    box = "document.getElementById('map').getBoundingClientRect()"
+    place = f"const b = {box}, p = trailmark.view.toScreen(...{point}); return [p[0] + b.left, p[1] + b.top];"
+    x, y = tab.run(f"(() => {{ {place} }})()")
+    return float(x), float(y)
+
+
+def world_of(tab: Browser, tmp_path: Path) -> World:
+    """Return the world as the page has it."""
+    file = tmp_path / "world.yaml"
+    file.write_text(tab.run("JSON.stringify(trailmark.scene.content())"))
+    return World.load(file)
+
+
+def settled(tab: Browser) -> list[list[float]]:
+    """Wait until nothing is asked for, and return the path's states."""
+    time.sleep(0.2)
+    tab.wait("trailmark.inFlight.size === 0")
+    states: list[list[float]] = tab.wait("trailmark.scene.path && trailmark.scene.path.states")
+    return states
+
+
+def test_what_is_dragged_is_followed_by_a_certified_path(tab: Browser, address: str, tmp_path: Path) -> None:
+    show(tab, address)
+    goal, start = (
+        on_screen(tab, "trailmark.scene.goal.slice(0, 2)"),
+        on_screen(tab, "trailmark.scene.start.slice(0, 2)"),
+    )
+    tab.drag(goal, on_screen(tab, "[6.0, 6.0]"), steps=40)
+    states = settled(tab)
+    assert states[-1] == tab.run("trailmark.scene.goal")
+    assert states[-1][:2] == pytest.approx([6.0, 6.0], abs=0.1)
+    assert tab.run("trailmark.latencies.length") > 3
+    # An obstacle into its way: the path leads around it.
+    x, y = states[len(states) // 2][:2]
+    tab.run("document.querySelector('[data-tool=disc]').click()")
+    middle = on_screen(tab, f"[{x}, {y}]")
+    tab.drag(middle, (middle[0] + 12, middle[1]), steps=4)
+    tab.run("document.querySelector('[data-tool=move]').click()")
+    around = settled(tab)
+    world = world_of(tab, tmp_path)
+    assert len(world.obstacles) == len(World.load("office").obstacles) + 1
+    assert check_path(world, world.robot, around).free
+    assert not check_path(world, world.robot, states).free
+    # And away with it.
+    tab.key("Delete", "Delete")
+    settled(tab)
+    assert len(world_of(tab, tmp_path).obstacles) == len(World.load("office").obstacles)
+    tab.key("z", "KeyZ", modifiers=2)
+    tab.wait(f"trailmark.scene.obstacles.size === {len(world.obstacles)}")
+    tab.drag(start, (start[0] + 30, start[1]), steps=5)
+    settled(tab)
+    assert tab.complaints == []
+
+
+def test_keys_do_what_the_mouse_does(tab: Browser, address: str) -> None:
+    show(tab, address)
+    tab.run("document.getElementById('map').focus()")
+    before = tab.run("[trailmark.scene.start, trailmark.scene.goal]")
+    for key in ("ArrowLeft", "ArrowDown", "["):
+        tab.key(key, key)
+    x, y, theta = tab.run("trailmark.scene.goal")
+    assert x < before[1][0]
+    assert y < before[1][1]
+    assert theta > before[1][2]
+    tab.key("n")
+    assert tab.run("document.getElementById('selected').value") == "o0"
+    tab.key("N", modifiers=8)
+    tab.key("N", modifiers=8)
+    tab.key("ArrowRight", "ArrowRight")
+    assert tab.run("trailmark.scene.start")[0] > before[0][0]
+    for _ in range(4):
+        tab.key("z", "KeyZ", modifiers=2)
+    assert tab.run("[trailmark.scene.start, trailmark.scene.goal]") == before
+    # Everything can be reached, and has a name.
+    unnamed = tab.run(
+        "[...document.querySelectorAll('button, select, input, canvas')].filter(e => !(e.labels?.length"
+        " || e.textContent.trim() || e.getAttribute('aria-label'))).map(e => e.id || e.outerHTML)"
+    )
+    assert unnamed == []
+    tab.key(" ", "Space")
+    tab.wait("document.getElementById('play').textContent === 'Stop'")
+    tab.key(" ", "Space")
+    assert tab.complaints == []
+
+
+CONTRAST = """(() => {
+  const light = (c) => { const f = (v) => (v /= 255) <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+    return 0.2126 * f(c[0]) + 0.7152 * f(c[1]) + 0.0722 * f(c[2]); };
+  const parts = (text) => text.match(/[\\d.]+/g).map(Number);
+  const behind = (e) => { for (; e; e = e.parentElement) { const c = parts(getComputedStyle(e).backgroundColor);
+    if (c.length < 4 || c[3] > 0) return c; } return [255, 255, 255]; };
+  const bad = [];
+  for (const e of document.querySelectorAll('body *')) {
+    const own = [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim());
+    if (!own || e.disabled || !e.getClientRects().length || ['SCRIPT', 'STYLE', 'OPTION'].includes(e.tagName)) continue;
+    const a = light(parts(getComputedStyle(e).color)), b = light(behind(e));
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    if (ratio < 4.5) bad.push([e.tagName, e.textContent.trim().slice(0, 30), ratio]);
+  }
+  return bad;
+})()"""
+
+
+@pytest.mark.parametrize("width", [1400, 390])
+def test_it_fits_and_can_be_read(tab: Browser, address: str, width: int) -> None:
+    show(tab, address, width)
+    assert tab.run("document.documentElement.scrollWidth") <= width
+    assert tab.run("document.getElementById('map').clientHeight") > 250
+    assert tab.run("document.querySelector('aside').scrollWidth - document.querySelector('aside').clientWidth") <= 0
+    for _ in range(2):
+        assert tab.run(CONTRAST) == []
+        tab.run("document.getElementById('theme').click()")
+    assert tab.complaints == []
+
+
+def test_files_are_read_in_the_browser(tab: Browser, address: str, tmp_path: Path) -> None:
+    show(tab, address)
+    drop = """(files) => { const data = new DataTransfer();
+      for (const [name, text] of files) data.items.add(new File([text], name));
+      document.dispatchEvent(new DragEvent('drop', {dataTransfer: data, bubbles: true, cancelable: true})); }"""
+    nav2 = "image: m.pgm\nresolution: 0.5\norigin: [-1.0, -2.0, 0.0]\nfree_thresh: 0.19\n"
+    rows = ["255 255 255 255 255 255 255 255 255 255"] * 9 + ["0 0 255 255 255 255 205 255 255 255"]
+    pgm = "P2\n# made by hand\n10 10\n255\n" + "\n".join(rows) + "\n"
+    tab.run(f"({drop})({json.dumps([['m.yaml', nav2], ['m.pgm', pgm]])})")
+    tab.wait("trailmark.scene.world.name === 'm'")
+    assert tab.run("trailmark.scene.world.bounds") == [-1.0, -2.0, 4.0, 3.0]
+    shapes = [(s["center"], s["length"], s["width"]) for s in tab.run("[...trailmark.scene.obstacles.values()]")]
+    assert sorted(shapes) == [([-0.5, -1.75], 1.0, 0.5), ([2.25, -1.75], 0.5, 0.5)]
+    settled(tab)
+    disc = "obstacles:\n  - shape: disc\n    center: [2, 1]\n    radius: 0.3\n"
+    text = f"trailmark: 1\nname: dropped\nbounds: [0, 0, 4, 3]\n{disc}"
+    tab.run(f"({drop})({json.dumps([['w.yaml', text]])})")
+    tab.wait("trailmark.scene.world.name === 'dropped'")
+    settled(tab)
+    tab.run(f"({drop})({json.dumps([['x.yaml', 'trailmark: 1' + chr(10) + 'bounds: 3']])})")
+    tab.wait("document.getElementById('error').textContent.includes('bounds')")
+    tab.run(f"({drop})({json.dumps([['x.exe', 'MZ']])})")
+    tab.wait("document.getElementById('error').textContent.includes('expected a world')")
+    assert tab.run("trailmark.scene.world.name") == "dropped"
+    # The address holds the world: a page that is opened by it shows the same.
+    tab.run("document.getElementById('share').click()")
+    shared = tab.wait("location.hash.length > 10 && location.href")
+    show(tab, shared)
+    assert tab.run("trailmark.scene.world.name") == "dropped"
+    assert tab.complaints == []
+
+
+def test_a_world_without_a_way_shows_why(tab: Browser, address: str) -> None:
+    show(tab, address)
+    wall = {"shape": "rectangle", "center": [10.0, 6.0], "length": 0.3, "width": 12.0, "id": "wall"}
+    tab.run(f"edit({{add: [{json.dumps(wall)}]}})")
+    tab.wait("document.getElementById('verdict').textContent.startsWith('proven')", 60.0)
+    tab.wait("trailmark.layers.get('reachable')?.picture != null")
+    tab.run("document.getElementById('undo').click(), edit({remove: ['wall']})")
+    tab.wait(READY)
+    assert tab.complaints == []
+
+
+def test_layers_comparison_driving_and_exploring(tab: Browser, address: str) -> None:
+    show(tab, address)
+    tab.run("document.querySelectorAll('[data-layer]').forEach(box => box.click())")
+    tab.wait("['field', 'lattice', 'c-obstacle', 'reachable'].every(name => trailmark.layers.get(name)?.picture)")
+    tab.wait("trailmark.layers.get('roadmap')?.nodes.length > 10")
+    tab.run("document.getElementById('compare').click()")
+    tab.wait("document.getElementById('others').textContent.includes('free by the referee')", 90.0)
+    tab.run("document.getElementById('speed').value = 20, document.getElementById('play').click()")
+    tab.wait("document.getElementById('play').textContent === 'Stop'")
+    tab.wait("document.getElementById('play').textContent === 'Play'")
+    tab.run("document.getElementById('explore').click()")
+    tab.wait("Number(document.getElementById('scrub').max) > 5", 60.0)
+    tab.run("document.getElementById('explore').click()")
+    tab.wait("document.getElementById('explore').textContent === 'Close'", 60.0)
+    tab.run(
+        "(() => { const s = document.getElementById('scrub'); s.value = 2; s.dispatchEvent(new Event('input')); })()"
+    )
+    assert "m² known" in tab.run("document.getElementById('verdict').textContent")
+    tab.run("document.getElementById('explore').click()")
+    tab.wait(READY)
+    assert tab.complaints == []

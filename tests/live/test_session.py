@@ -1,0 +1,282 @@
+from __future__ import annotations
+
+import base64
+from threading import Event
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from trailmark import Disc, Polygon, Rectangle, Robot, World
+from trailmark.errors import TrailmarkError
+from trailmark.live.layer_data import LAYERS
+from trailmark.live.messages import FIELDS, Message
+from trailmark.live.session import MAX_OBSTACLES, Session
+from trailmark.planning import PlanResult
+
+WALL = Rectangle((5.0, 3.0), 0.4, 6.0)
+WORLD = World("room", (0.0, 0.0, 10.0, 8.0), (WALL, Disc((8.0, 2.0), 0.5)), ids=("wall", None))
+ROBOT = Robot.rectangle(0.6, 0.4)
+START, GOAL = [1.0, 1.0, 0.0], [9.0, 1.0, 0.0]
+
+
+class Client:
+    """A session, and what it told."""
+
+    def __init__(self, world: World = WORLD, robot: Robot = ROBOT) -> None:
+        self.told: list[dict[str, Any]] = []
+        self.session = Session(world, robot, self.told.append)
+
+    def ask(self, kind: str, stop: Event | None = None, **fields: Any) -> list[dict[str, Any]]:
+        """Return the answers to a message."""
+        for name, value in fields.items():
+            assert FIELDS[kind][name].allows(value)
+        before = len(self.told)
+        self.session.handle(Message(kind, 7, fields), stop or Event())
+        answers = self.told[before:]
+        assert all(answer["id"] == 7 for answer in answers)
+        return answers
+
+    def states(self) -> np.ndarray[Any, Any]:
+        """Return the states of the path from START to GOAL."""
+        answers = self.ask("plan", start=START, goal=GOAL, time_limit=0.3)
+        assert [answer["final"] for answer in answers] == [False] * (len(answers) - 1) + [True]
+        assert answers[-1]["status"] == "solved"
+        return np.array(answers[-1]["states"])
+
+
+def swept(states: np.ndarray[Any, Any]) -> Any:
+    """Return about what the robot's middle covers: its inscribed disc along the path."""
+    return shapely.LineString(states[:, :2]).buffer(0.19)
+
+
+def test_the_world_is_told_with_an_id_for_each_obstacle() -> None:
+    (answer,) = Client().ask("hello")
+    assert answer["type"] == "world"
+    assert [shape["id"] for shape in answer["world"]["obstacles"]] == ["wall", "o1"]
+    assert answer["world"]["robot"] == {"shape": "rectangle", "length": 0.6, "width": 0.4}
+    assert "office" in answer["worlds"]
+
+
+def test_a_plan_answers_at_once_and_ends_with_the_record_of_the_shell() -> None:
+    client = Client()
+    answers = client.ask("plan", start=START, goal=GOAL, time_limit=0.5)
+    record = set(PlanResult("timeout", None, 0, None, None, None, 0, 0).to_dict(world="room"))
+    for answer in answers:
+        assert record | {"type", "id", "final"} <= set(answer)
+        assert answer["type"] == "path"
+        assert answer["status"] == "solved"
+        assert answer["states"][0] == START
+        assert answer["states"][-1] == GOAL
+    costs = [answer["cost"] for answer in answers]
+    assert costs == sorted(costs, reverse=True)
+    assert answers[-1]["final"]
+    assert answers[-1]["lower_bound"] <= answers[-1]["cost"]
+    assert not swept(np.array(answers[-1]["states"])).intersects(shapely.box(4.8, 0.0, 5.2, 6.0))
+
+
+def test_edits_change_what_is_planned_in() -> None:
+    client = Client()
+    above = client.states()
+    assert above[:, 1].max() > 6.0
+    (moved,) = client.ask("edit", move={"wall": [0.0, 2.0]})
+    assert moved["type"] == "world"
+    assert client.states()[:, 1].max() < 2.0
+    client.ask("edit", remove=["wall"])
+    assert len(client.states()) == 2
+    (added,) = client.ask(
+        "edit",
+        add=[
+            {"shape": "polygon", "vertices": [[4.8, -0.5], [5.2, -0.5], [5.2, 5.0], [4.8, 5.0]], "id": "new wall"},
+            {"shape": "disc", "center": [1.0, 6.0], "radius": 0.2},
+        ],
+        remove=[0],
+    )
+    assert added["added"][0] == "new wall"
+    assert added["obstacles"] == 2
+    assert [type(shape) for shape in client.session.world.obstacles] == [Polygon, Disc]
+    assert client.states()[:, 1].max() > 5.0
+
+
+def test_an_index_may_come_as_a_key() -> None:
+    client = Client()
+    client.ask("edit", move={"1": [0.5, 0.0]})
+    moved = client.session.world.obstacles[1]
+    assert isinstance(moved, Disc)
+    assert moved.center == (8.5, 2.0)
+    client.ask("edit", remove=[0])
+    assert client.session.world.ids == ("o1",)
+
+
+BAD_EDITS: dict[str, dict[str, Any]] = {
+    "unknown id": {"remove": ["nobody"]},
+    "index too large": {"remove": [2]},
+    "negative index key": {"move": {"-1": [0.0, 0.0]}},
+    "no number": {"move": {"wall": ["a", 0.0]}},
+    "twice": {"remove": ["wall"], "move": {"wall": [1.0, 0.0]}},
+    "taken": {"add": [{"shape": "disc", "center": [1.0, 1.0], "radius": 0.1, "id": "wall"}]},
+    "the same twice": {"add": [{"shape": "disc", "center": [1.0, 1.0], "radius": 0.1, "id": "new"}] * 2},
+    "no shape": {"add": [{"shape": "blob"}]},
+    "no mapping": {"add": [3]},
+    "crossing itself": {"add": [{"shape": "polygon", "vertices": [[0, 0], [1, 1], [1, 0], [0, 1]]}]},
+    "half right": {"move": {"wall": [0.0, 1.0]}, "add": [{"shape": "disc", "center": [1.0, 1.0], "radius": -1.0}]},
+    "an estimate": {
+        "add": [
+            {
+                "shape": "disc",
+                "center": [1.0, 1.0],
+                "radius": 0.1,
+                "estimate": {
+                    "mean": {"shape": "disc", "center": [1.0, 1.0], "radius": 0.1},
+                    "covariance": [[1e-4, 0.0], [0.0, 1e-4]],
+                },
+            }
+        ]
+    },
+    "a list for an id": {"remove": [["wall"]]},
+}
+
+
+@pytest.mark.parametrize("name", BAD_EDITS)
+def test_a_bad_edit_changes_nothing(name: str) -> None:
+    client = Client()
+    before = client.states()
+    world = client.session.world
+    with pytest.raises(TrailmarkError):
+        client.ask("edit", **BAD_EDITS[name])
+    assert client.session.world is world
+    assert client.session.planner.world is world
+    assert client.states()[:, 1].max() == pytest.approx(before[:, 1].max(), abs=0.3)
+
+
+def test_a_world_has_a_most() -> None:
+    client = Client()
+    disc = {"shape": "disc", "center": [1.0, 6.0], "radius": 0.01}
+    with pytest.raises(TrailmarkError, match="at most 20,000 obstacles"):
+        client.ask("edit", add=[disc] * (MAX_OBSTACLES - 1))
+
+
+def test_a_world_that_cannot_be_planned_in_leaves_the_old_one() -> None:
+    client = Client()
+    client.states()
+    content = client.ask("hello")[0]["world"]
+    bad: list[dict[str, Any]] = [
+        {**content, "bounds": [0, 0, 0, 0]},
+        {**content, "robot": {"shape": "disc", "radius": 0}},
+        {**content, "more": 1},
+        {**content, "trailmark": 2},
+    ]
+    for world in bad:
+        with pytest.raises(TrailmarkError):
+            client.ask("world", world=world)
+    client.states()
+    (answer,) = client.ask("world", world={**content, "robot": {"shape": "disc", "radius": 0.2}}, clearance=0.1)
+    assert answer["world"]["robot"] == {"shape": "disc", "radius": 0.2}
+    final = client.ask("plan", start=START, goal=GOAL, time_limit=0.2)[-1]
+    assert final["min_clearance"] >= 0.1 - 1e-9
+
+
+def test_goals_as_a_world_file_has_them() -> None:
+    client = Client()
+    final = client.ask("plan", start=START, goal=GOAL[:2], time_limit=0.2)[-1]
+    assert final["states"][-1][:2] == GOAL[:2]
+    region = {"region": [[8.5, 6.0], [9.5, 6.0], [9.5, 7.0], [8.5, 7.0]]}
+    final = client.ask("plan", start=START, goal=region, time_limit=0.2)[-1]
+    assert final["states"][-1][1] >= 6.0
+
+
+def test_a_stopped_plan_ends_with_what_it_has() -> None:
+    client, stop = Client(), Event()
+    stop.set()
+    answers = client.ask("plan", stop, start=START, goal=GOAL, time_limit=30.0)
+    assert answers[-1]["final"]
+
+
+def test_what_was_never_begun_is_told_as_a_record() -> None:
+    client = Client()
+    answer = client.session.not_planned(Message("plan", 9, {}))
+    assert answer["final"]
+    assert (answer["id"], answer["status"], answer["states"]) == (9, "timeout", [])
+
+
+def test_the_path_that_is_followed_is_kept_or_led_around() -> None:
+    client = Client()
+    states = client.states()
+    here = states[0] + 0.3 * (states[1] - states[0])
+    (kept,) = client.ask("replan", start=here.tolist(), goal=GOAL, time_limit=0.3)
+    assert kept["kept"]
+    x, y = states[len(states) // 2, :2]
+    client.ask("edit", add=[{"shape": "disc", "center": [float(x), float(y) + 0.1], "radius": 0.2}])
+    (around,) = client.ask("replan", start=here.tolist(), goal=GOAL, time_limit=0.5)
+    assert not around["kept"]
+    assert around["status"] == "solved"
+    assert around["reason"]
+
+
+def test_the_text_that_is_saved_is_the_world() -> None:
+    client = Client()
+    client.ask("edit", remove=["wall"])
+    (saved,) = client.ask("save", start=START, goal=GOAL)
+    other = Client()
+    (opened,) = other.ask("open", text=saved["text"])
+    assert opened["type"] == "world"
+    assert opened["world"]["obstacles"] == [{"shape": "disc", "center": [8.0, 2.0], "radius": 0.5, "id": "o1"}]
+    assert opened["world"]["queries"] == [{"name": "live", "start": START, "goal": GOAL}]
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"text": "image: x.pgm"}, {"text": "- 1"}, {"text": "{"}, {"name": "../office"}, {}],
+    ids=["a map", "a list", "no YAML", "a path", "nothing"],
+)
+def test_what_is_opened_is_a_world_file_or_a_shipped_name(fields: dict[str, Any]) -> None:
+    client = Client()
+    with pytest.raises(TrailmarkError, match="expected"):
+        client.ask("open", **fields)
+
+
+@pytest.mark.parametrize("name", LAYERS)
+def test_layers(name: str) -> None:
+    client = Client()
+    client.states()
+    (layer,) = client.ask("layer", name=name, heading=0.0)
+    if name == "roadmap":
+        nodes, edges = np.array(layer["nodes"]).reshape(-1, 3), np.array(layer["edges"]).reshape(-1, 2)
+        assert len(nodes) == len(client.session.planner.roadmap)
+        lines = [shapely.LineString(nodes[edge, :2]) for edge in edges]
+        assert not any(line.intersects(shapely.box(4.85, 0.0, 5.15, 6.0)) for line in lines)
+        return
+    grid = np.frombuffer(base64.b64decode(layer["cells"]), np.uint8).reshape(layer["rows"], layer["columns"])
+
+    def at(x: float, y: float) -> int:
+        column, row = ((v - o) / layer["size"] for v, o in zip((x, y), layer["origin"], strict=True))
+        return int(grid[int(row), int(column)])
+
+    if name == "c-obstacle":
+        assert at(5.0, 3.0) == at(4.6, 3.0) == at(0.2, 4.0) == 255  # within half a length of the wall and the bound
+        assert at(4.4, 3.0) == at(0.4, 4.0) == 0
+    elif name == "reachable":
+        assert at(5.0, 3.0) == 0
+        assert at(9.0, 1.0) == 255
+    elif name == "lattice":
+        assert at(1.0, 1.0) > at(5.0, 7.0) > at(9.0, 3.0) > 0
+        assert at(5.0, 3.0) == 0
+    else:
+        assert at(5.0, 3.0) == 0
+        assert at(2.5, 4.0) * layer["most"] / 255.0 == pytest.approx(2.3, abs=0.2)
+
+
+def test_a_disc_cannot_get_past_a_wall_all_through() -> None:
+    client = Client(robot=Robot.disc(0.3))
+    client.ask("edit", add=[{"shape": "rectangle", "center": [5.0, 7.0], "length": 0.4, "width": 2.0}])
+    assert client.ask("plan", start=START, goal=GOAL, time_limit=1.0)[-1]["status"] == "infeasible"
+    (layer,) = client.ask("layer", name="reachable")
+    grid = np.frombuffer(base64.b64decode(layer["cells"]), np.uint8).reshape(layer["rows"], layer["columns"])
+    assert grid[:, layer["columns"] // 2 + 5 :].max() == 0
+    assert grid[:, : layer["columns"] // 2 - 5].max() == 255
+
+
+def test_no_such_layer() -> None:
+    with pytest.raises(TrailmarkError, match="expected c-obstacle, field"):
+        Client().ask("layer", name="walls")
