@@ -24,6 +24,7 @@ PIXELS = {"resolution": 1.0, "origin": [0.0, 0.0, 0.0], "occupied_thresh": 0.5, 
 """Brighter than half is free, as ``planning_python`` reads them."""
 
 START, GOAL = (0.5, 0.5, 0.0), (SIZE - 0.5, SIZE - 0.5, 0.0)
+"""The middles of pixels (0, 0) and (200, 200), the ends in the authors' ``SaIL/examples``."""
 
 
 class Families(PublicSuite):
