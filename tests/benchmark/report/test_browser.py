@@ -15,6 +15,7 @@ from tests.benchmark.report.browser import draw, require_chromium
 
 from trailmark.benchmark.report import html_report, load_results
 from trailmark.benchmark.report.data import Results
+from trailmark.benchmark.report.digits import percent
 from trailmark.benchmark.report.summary import summarise, summarise_runs
 
 PLANNERS = ["landmark", "native:RRTConnect", "RRTConnect+certified", "RRTConnect", "PRM+certified", "PRM", "RRTstar"]
@@ -98,6 +99,7 @@ def test_the_charts_figures_are_the_tables(chromium: Browser, pages: dict[str, P
     assert [row[0] for row in rows] == [s.planner for s in summary.planners]
     for row, s in zip(rows, summary.planners, strict=True):
         assert [int(row[1]), int(row[2])] == [s.problems, s.runs]
+        assert row[3] == percent(s.success / s.runs)
         assert float(row[4]) == pytest.approx(1e3 * s.first_mean, rel=6e-3)
         assert (row[6] == "none") == (not np.isfinite(s.ratio[2]))
         if row[6] != "none":

@@ -20,7 +20,7 @@ from trailmark.benchmark.report.comparison import (
     time_sample,
 )
 from trailmark.benchmark.report.data import Problem, Results
-from trailmark.benchmark.report.digits import NOTHING, factor, milliseconds, percent, probability
+from trailmark.benchmark.report.digits import NOTHING, factor, milliseconds, number, percent, probability
 from trailmark.benchmark.report.tables import Table
 from trailmark.benchmark.statistics import least_probability, runs_needed, shifted_geometric_mean
 
@@ -215,7 +215,7 @@ def _p(pair: Comparison) -> str:
 
 
 def _interval(pair: Comparison) -> str:
-    return NOTHING if pair.interval is None else f"{pair.interval.low:.3g} to {pair.interval.high:.3g}"
+    return NOTHING if pair.interval is None else f"{number(pair.interval.low)} to {number(pair.interval.high)}"
 
 
 def _plural(n: int, noun: str) -> str:

@@ -73,7 +73,7 @@ thead th { border-bottom: 2px solid var(--ink); white-space: normal; min-width: 
 tbody tr:nth-child(even) > * { background: var(--pale); }
 th.words, td.words, tbody th { text-align: left; }
 tbody th { font-weight: 550; position: sticky; left: 0; background: #fff; border-right: 1px solid var(--line); }
-td.words { max-width: 46em; white-space: normal; min-width: 26em; overflow-wrap: anywhere; }
+td.long { max-width: 46em; white-space: normal; min-width: 26em; overflow-wrap: anywhere; }
 button { font: inherit; font-size: .88rem; color: #004f86; background: #fff; border: 1px solid var(--line);
   border-radius: 4px; padding: 3px 9px; cursor: pointer; }
 button:hover { background: var(--pale); }
@@ -117,7 +117,7 @@ summary .note { font-weight: 400; font-size: .9rem; }
   .scroll { overflow: visible; } .table.more::after { display: none; } .scroll .key { display: none; }
   table { font-size: 6.3pt; min-width: 0; } th, td { padding: 1.2pt 2.2pt; white-space: normal; }
   thead th { min-width: 0; } tbody th { position: static; } wbr { display: inline; }
-  td.words { min-width: 7em; max-width: 24em; overflow-wrap: anywhere; }
+  td.long { min-width: 7em; max-width: 24em; overflow-wrap: anywhere; }
   tbody tr:nth-child(even) > *, svg * { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
 }
 """

@@ -22,6 +22,7 @@ __all__ = ["Table", "effort_table", "failure_table", "overall_table", "pair_tabl
 
 FloatArray = NDArray[np.float64]
 
+LONG = 45  # letters of a cell from which on its column's words are broken into lines
 MAX_REASONS, MAX_REASON_LENGTH = 12, 200  # rows, and letters of each, of a table of failures
 
 
@@ -73,7 +74,10 @@ class Table:
         return "\n".join([lines[0], f"|{rule}|", *lines[1:]])
 
     def _class(self, column: int) -> str:
-        return ' class="words"' if column == 0 or column in self.texts else ""
+        if column == 0 or column in self.texts:
+            long = column and max((len(row[column]) for row in self.rows), default=0) > LONG
+            return ' class="words long"' if long else ' class="words"'
+        return ""
 
 
 def overall_table(summary: Summary, caption: str) -> Table:

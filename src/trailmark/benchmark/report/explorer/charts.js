@@ -26,7 +26,10 @@ const percent = share => {
   const shown = 100 * share;
   if (shown > 0 && shown < 0.1) return '< 0.1 %';
   if (shown > 99.9 && shown < 100) return '> 99.9 %';
-  return shown === 0 || shown === 100 ? `${shown} %` : `${shown.toFixed(1)} %`;
+  if (shown === 0 || shown === 100) return `${shown} %`;
+  // Halves to even, as in the tables.
+  const tenths = 10 * shown, even = tenths % 1 === 0.5 ? 2 * Math.round(tenths / 2) : Math.round(tenths);
+  return `${(even / 10).toFixed(1)} %`;
 };
 const tick = v => String(Number(v.toPrecision(6)));
 

@@ -102,7 +102,8 @@ const costFigure = (curves, times, best, axis, caption, where) => {
 };
 
 const table = ({caption, columns, rows, texts = []}, byName) => {
-  const kind = i => !i || texts.includes(i) ? ' class="words"' : '';
+  const long = i => i && rows.some(r => r[i].length > 45);
+  const kind = i => !i || texts.includes(i) ? ` class="words${long(i) ? ' long' : ''}"` : '';
   const row = cells => {
     const planner = byName.get(cells[0]);
     const mark = planner ? `<svg class="key" viewBox="0 0 28 14" aria-hidden="true"><use href="#k${planner.number}"/></svg>` : '';
