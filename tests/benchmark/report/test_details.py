@@ -13,7 +13,7 @@ from benchmarks.made_results import GOAL, START, WORLD, random_results, run, wri
 import trailmark.benchmark.report.details as details_module
 from trailmark.benchmark.report import load_results
 from trailmark.benchmark.report.details import details
-from trailmark.benchmark.report.worlds import scene_of
+from trailmark.benchmark.report.worlds import Worlds, scene_of
 
 
 def test_problems_in_one_world_share_its_picture(tmp_path: Path) -> None:
@@ -26,6 +26,36 @@ def test_problems_in_one_world_share_its_picture(tmp_path: Path) -> None:
         assert {row[0] for row in shown["table"]["rows"]} == set(planners)
         assert dict(shown["facts"])["limit [s]"] == "1"
         assert len(shown["curves"]["cells"]) == 2
+
+
+def test_a_world_is_read_once_for_all_its_queries() -> None:
+    worlds = Worlds()
+    other = WORLD.replace("start: [1.0, 1.0, 0.0]", "start: [1.0, 5.0, 0.0]").replace("across", "down")
+    (first, a), (second, b) = worlds.scene(WORLD), worlds.scene(other)  # type: ignore[misc]  # both can be drawn
+    assert a == b == 0
+    assert len(first.problem.world.obstacles) == 3
+    assert len(second.problem.world.obstacles) == 0, "the second time only what is not in the picture is read"
+    whole = scene_of(other)
+    assert whole is not None
+    assert second.ends() == whole.ends()
+    assert second.line(np.array([START, GOAL])) == whole.line(np.array([START, GOAL]))
+
+
+def test_other_obstacles_are_another_world() -> None:
+    worlds = Worlds()
+    # Also where the queries are not the last, and where lists are written in one line.
+    head, _, rest = WORLD.partition("obstacles:")
+    obstacles, _, queries = rest.partition("queries:")
+    turned = f"{head}queries:{queries}obstacles:{obstacles}"
+    flow = f"{head}obstacles: [{{shape: disc, center: [5, 3], radius: 1}}]\nqueries:{queries}"
+    texts = [WORLD, WORLD.replace("radius: 1.0", "radius: 0.5"), turned, turned.replace("radius: 1.0", "radius: 0.5")]
+    texts += [flow, flow.replace("radius: 1}", "radius: 2}")]
+    for text in [*texts, *texts]:
+        found = worlds.scene(text)
+        assert found is not None
+        whole = scene_of(text)
+        assert whole is not None
+        assert worlds.pictures[found[1]] == whole.background()
 
 
 def test_what_does_not_fit_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,7 @@ from trailmark.benchmark.report.curves import cost_quartiles, time_grid
 from trailmark.benchmark.report.data import FloatArray, Problem, Results
 from trailmark.benchmark.report.payload import cost_steps, stairs
 from trailmark.benchmark.report.tables import Table, effort_table, failure_table, problem_table
-from trailmark.benchmark.report.worlds import scene_of
+from trailmark.benchmark.report.worlds import Worlds
 
 __all__ = ["MAX_BYTES", "details"]
 
@@ -31,7 +31,7 @@ def details(results: Results) -> dict[str, Any]:
 
     Problems in one world share its picture.
     """
-    worlds: dict[str, int] = {}
+    worlds = Worlds()
     found: list[dict[str, Any] | None] = []
     size = 0
     known = hash_table(results)
@@ -39,14 +39,14 @@ def details(results: Results) -> dict[str, Any]:
         if size > MAX_BYTES:
             found.append(None)
             continue
-        before = len(worlds)
+        before = len(worlds.pictures)
         shown = _detail(results, problem, worlds) | {"facts": list(zip(known.columns[1:], facts[1:], strict=True))}
-        size += len(zlib.compress(json.dumps([shown, list(worlds)[before:]]).encode()))
+        size += len(zlib.compress(json.dumps([shown, worlds.pictures[before:]]).encode()))
         found.append(shown)
-    return {"problems": found, "worlds": list(worlds)}
+    return {"problems": found, "worlds": worlds.pictures}
 
 
-def _detail(results: Results, problem: Problem, worlds: dict[str, int]) -> dict[str, Any]:
+def _detail(results: Results, problem: Problem, worlds: Worlds) -> dict[str, Any]:
     where = problem.name
     failures = failure_table(problem, f"{where}: what failed or refused runs gave as the reason")
     return {
@@ -81,20 +81,20 @@ def _curves(problem: Problem, planners: Sequence[str]) -> dict[str, Any] | None:
     return {"times": [float(f"{t:.4g}") for t in times], "cells": cells}
 
 
-def _scene(results: Results, problem: Problem, worlds: dict[str, int]) -> dict[str, Any] | None:
+def _scene(results: Results, problem: Problem, worlds: Worlds) -> dict[str, Any] | None:
     """Return the world with the path of each planner's middle run; None where it cannot be drawn."""
     text = world_text_of(problem)
-    scene = scene_of(text) if text else None
-    if scene is None:
+    drawn = worlds.scene(text) if text else None
+    if drawn is None:
         return None
+    scene, world = drawn
     middle = {name: int(runs.ids[i]) for name, runs in problem.runs.items() if (i := _middle(runs.costs)) is not None}
     wrong = [int(i) for runs in problem.runs.values() for i in runs.ids[runs.claimed & ~runs.success]][:REFUSED]
     best = _best(problem)
     paths = results.paths([*middle.values(), *wrong, *([] if best is None else [best])])
     lines = {key: scene.line(states) for key, states in paths.items()}
-    background = scene.background()
     return {
-        "world": worlds.setdefault(background, len(worlds)),
+        "world": world,
         "size": [round(length, 1) for length in scene.size],
         "ends": scene.ends(),
         "paths": [lines.get(middle[name]) if name in middle else None for name in results.planners],

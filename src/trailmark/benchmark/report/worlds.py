@@ -3,7 +3,9 @@
 # Tested by tests/benchmark/report/test_details.py.
 from __future__ import annotations
 
+import hashlib
 import math
+import re
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +17,7 @@ from trailmark.keep_out import with_keep_outs
 from trailmark.sketch.frame import FloatArray, Frame, inside_of
 from trailmark.sketch.svg import element, points, text
 
-__all__ = ["Scene", "scene_of"]
+__all__ = ["Scene", "Worlds", "scene_of"]
 
 WIDTH, TALLEST = 400.0, 520.0
 MAX_CHARACTERS = 60_000.0  # of a world's outlines, and of its discs
@@ -102,6 +104,40 @@ class Scene:
         below = min(max(y - aside * sin + 4.0, 13.0), frame.size[1] - 4.0)
         parts.append(text(place, below, letter, class_=f"letter {kind}", text_anchor="middle"))
         return parts
+
+
+class Worlds:
+    """Pictures of the worlds of many problems, each drawn once: reading a large one takes seconds.
+
+    Attributes:
+        pictures: what :meth:`Scene.background` returned, in the order in which they were needed.
+    """
+
+    def __init__(self) -> None:
+        self.pictures: list[str] = []
+        self._numbers: dict[bytes, int] = {}
+
+    def scene(self, text: str) -> tuple[Scene, int] | None:
+        """Return a problem's scene, for all but its background, and the number of its world's picture.
+
+        None where the text is no problem that can be drawn.
+        """
+        # The same but for the queries: the same world.
+        key = hashlib.sha256(_without("queries", text).encode()).digest()
+        if key not in self._numbers:
+            scene = scene_of(text)
+            if scene is None:
+                return None
+            self._numbers[key] = len(self.pictures)
+            self.pictures.append(scene.background())
+        else:
+            scene = scene_of(_without("obstacles", text)) or scene_of(text)
+        return None if scene is None else (scene, self._numbers[key])
+
+
+def _without(name: str, text: str) -> str:
+    """Return a world file's text without one of its lists; whole where it is written otherwise than a line an item."""
+    return re.sub(rf"^{name}:\n(?:[ -].*\n?)*", "", text, flags=re.MULTILINE)
 
 
 def scene_of(text_of_world: str) -> Scene | None:
