@@ -13,6 +13,7 @@ from benchmarks.made_results import Run, run, write_results
 
 from trailmark.benchmark.report import html_report, load_results, markdown_report
 from trailmark.benchmark.report.against import Against, compare_results
+from trailmark.benchmark.report.digits import factor
 
 
 def rows(seed: int, time: float, cost: float = 10.0, runs: int = 10) -> list[Run]:
@@ -35,6 +36,8 @@ def test_who_is_faster_and_who_is_slower(tmp_path: Path) -> None:
     said = found.sentences()
     assert said[:3] == ["Faster beyond chance: A.", "Cheaper beyond chance: none.", "Slower beyond chance: B."]
     assert "van Elteren" in said[4]
+    middle = sorted(pair.factor for pair in found.times.values())[1]
+    assert f"The middle planner is {factor(middle)} as fast" in said[5]
     assert [row[0] for row in found.table().rows] == ["A", "B", "C"]
     single = found.problems()
     assert single is not None

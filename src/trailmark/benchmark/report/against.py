@@ -65,6 +65,13 @@ class Against:
             f"Over {_plural(len(self.pairs), 'problem')} that both have: {self.test}, two-sided, adjusted by Holm for "
             f"{_plural(len(self.times), 'planner')}; a difference counts where p < {LEVEL:g}. Failed runs rank last."
         )
+        factors = [pair.factor for pair in self.times.values() if math.isfinite(pair.factor)]
+        if factors:
+            found.append(
+                f"The middle planner is {factor(float(np.median(factors)))} as fast as it was. The tests know the chance "
+                "between runs, not that between two days of one machine (its load, its clock rate): a planner that did "
+                "not change, measured both times, tells how much of a difference is the machine's."
+            )
         return found + self._cautions()
 
     @property
