@@ -68,8 +68,8 @@ class Against:
         factors = [pair.factor for pair in self.times.values() if math.isfinite(pair.factor)]
         if factors:
             found.append(
-                f"The middle planner is {factor(float(np.median(factors)))} as fast as it was. The tests know the chance "
-                "between runs, not that between two days of one machine (its load, its clock rate): a planner that did "
+                f"The middle planner is {factor(float(np.median(factors)))} as fast as it was. The tests know the "
+                "chance between runs, not that between two days of one machine (its load, its clock rate): a planner that did "
                 "not change, measured both times, tells how much of a difference is the machine's."
             )
         return found + self._cautions()
