@@ -69,8 +69,8 @@ class Against:
         if factors:
             found.append(
                 f"The middle planner is {factor(float(np.median(factors)))} as fast as it was. The tests know the "
-                "chance between runs, not that between two days of one machine (its load, its clock rate): a planner that did "
-                "not change, measured both times, tells how much of a difference is the machine's."
+                "chance between runs, not that between two days of one machine (its load, its clock rate): a planner "
+                "that did not change, measured both times, tells how much of a difference is the machine's."
             )
         return found + self._cautions()
 

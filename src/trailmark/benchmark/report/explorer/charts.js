@@ -108,7 +108,8 @@ const drawShare = ({planner, share, interval, claimed}, x, y) => {
 const drawBox = ({planner: {colour}, five}, x, y) => {
   if (!Number.isFinite(five[0])) return text(x.begin + 4, y + 4, 'no path', 'tick');
   const [first, lower, middle, upper, last] = five.map(x.at), end = x.end + 5;
-  const box = `<rect x="${round(lower)}" y="${y - 6}" width="${round(Math.max(0.8, upper - lower))}" height="12" class="box mark" fill="${colour}" stroke="${colour}"/>`;
+  const box = `<rect x="${round(lower)}" y="${y - 6}" width="${round(Math.max(0.8, upper - lower))}" height="12"`
+    + ` class="box mark" fill="${colour}" stroke="${colour}"/>`;
   return path([[first, y], [last, y]], `class="mark" stroke="${colour}"`) + box
     + (five[2] <= x.high ? path([[middle, y - 6], [middle, y + 6]], `class="median" stroke="${colour}"`) : '')
     + (five[4] > x.high ? path([[end - 5, y - 4], [end, y], [end - 5, y + 4]], `fill="${colour}"`) : '');
