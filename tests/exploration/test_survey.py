@@ -72,6 +72,31 @@ def test_a_door_is_seen_from_a_landmark_to_which_a_path_leads() -> None:
     assert result.status == "solved"
 
 
+@pytest.mark.parametrize("behind", ["?", "#"], ids=["unknown", "walls"])
+def test_what_is_not_reachable_yet_is_told_from_what_never_is(behind: str) -> None:
+    # A room with a window that the robot does not fit through; around it and at its end nothing is known, or there are
+    # walls.
+    room = ["#######", *["#......"] * 5, ".......", *["#......"] * 5, "#######"]
+    inner = [f"{'.' * 12}{row}{behind * 6}" for row in room]
+    outer = [f"{'.' * 12}{behind * 13}"] * 6
+    known = known_of([*outer, *inner, *outer])
+    world = known.follow(World("hall", known.bounds, robot=ROBOT))
+    planner, memory = LandmarkPlanner(world, ROBOT, seed=0), Memory(known)
+    outlook = look(known, (0.5, 0.9, 0.0))[0].outlook
+    inside = np.array([[1.6, 1.3, 0.0]])
+    row, column = (int(at[0]) for at in known.cells_of(inside[:, :2]))
+    found = Survey(outlook._replace(landmarks=inside), "", "complete", ((),), np.array([True]))  # type: ignore[arg-type]
+    result = plan_to(known, planner, found, 0, ExplorationSettings(), memory)
+    assert result.status == "infeasible"
+    assert memory.refused[row, column] > 100
+    assert memory.never[row, column] == (behind == "#")
+    assert memory.refusal.startswith("not reachable at all" if behind == "#" else "not reachable yet")
+    # It is not tried again before the end, and is then, if something has changed.
+    memory.again |= memory.never
+    done = look(known, (0.5, 0.9, 0.0), memory)[0]
+    assert not memory.never.any() or len(done.outlook.landmarks)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_lines_of_sight_are_those_of_shapely(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -216,7 +216,7 @@ class Course:
     ) -> list[str]:
         """Begin the way to a landmark that was chosen."""
         if planned.path is None:
-            return [f"no path to a landmark: {planned.status}"]
+            return [f"no path to a landmark: {self._memory.refusal}"]
         self._follow(planned.path, escape, planner, turn=not self._sees_around)
         self._since, self._expected = 0.0, expected
         self.landmarks += 1

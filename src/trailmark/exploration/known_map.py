@@ -28,7 +28,10 @@ from trailmark.se2 import FloatArray, compose
 from trailmark.shapes import Disc, Rectangle, Shape
 from trailmark.world import World
 
-__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "Agreement", "KnownMap"]
+__all__ = ["FREE", "OCCUPIED", "UNKNOWN", "UNKNOWN_ID", "Agreement", "KnownMap"]
+
+UNKNOWN_ID = "unknown-"
+"""Begins the ids of obstacles in the planner's world that stand for what is not known."""
 
 PARTS = 8
 """Parts of a cell's side, at most, to which the box of its surface is widened: with fewer, fewer change."""
@@ -224,7 +227,7 @@ class KnownMap:
             if self._drawn.get((i, j)) == content:
                 continue
             self._drawn[i, j] = content
-            shapes = {("unknown", *box) for box in (parts * rectangles(_unseen(seen)) // 2).tolist()}
+            shapes = {(UNKNOWN_ID[:-1], *box) for box in (parts * rectangles(_unseen(seen)) // 2).tolist()}
             shapes |= {("occupied", *box) for box in joined(boxes)}
             old = self._obstacles.get((i, j), {})
             self._obstacles[i, j] = new = {shape: old[shape] for shape in old if shape in shapes}

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.known_map import KnownMap
+from trailmark.exploration.known_map import UNKNOWN_ID, KnownMap
 from trailmark.exploration.reachability import CERTAIN, NOWHERE, excluded_with
 from trailmark.exploration.survey import EXCLUDED, MOST_TRIES, Memory, Survey
 from trailmark.goals import Goal
 from trailmark.planning.planner import LandmarkPlanner
 from trailmark.planning.result import PlanProgress, PlanResult
+from trailmark.se2 import FloatArray
 
 __all__ = ["plan_to"]
 
@@ -88,10 +89,37 @@ def plan_to(
     refused[around] |= perhaps[around]
     memory.refused[refused & (memory.refused < MOST_TRIES)] += 1
     memory.failed += 1
+    memory.refusal = "none was found in time"
     if result.status == "infeasible":
         theta_free = bool(surveyed.any_heading[index])
-        memory.refused[_excluded(known, planner, perhaps | refused, row, column, theta_free)] = EXCLUDED
+        excluded = _excluded(known, planner, perhaps | refused, row, column, theta_free)
+        memory.refused[excluded] = EXCLUDED
+        memory.refusal = "not reachable yet, which is proven: what is unknown would have to be free"
+        if _is_never_reached(planner, outlook.here, goal, seconds, stopped):
+            memory.refusal = "not reachable at all, which is proven by the surfaces that are known"
+            cells = np.argwhere(excluded)
+            places = np.column_stack([known.centres(*cells.T), np.full(len(cells), theta)])
+            memory.never[tuple(cells[np.asarray(planner.checker.valid(places), dtype=bool)].T)] = True
     return result
+
+
+def _is_never_reached(
+    planner: LandmarkPlanner, here: FloatArray, goal: Goal, seconds: float, stopped: Callable[[], bool]
+) -> bool:
+    """Return whether it is proven that no way would lead to a goal even if all that is unknown were free."""
+    names = [name for name in planner.world.ids if name is not None and name.startswith(UNKNOWN_ID)]
+    if not names:
+        return True
+    world = planner.world.edited(remove=names)
+    found = list[float]()
+    result = LandmarkPlanner(world, planner.robot, seed=planner.seed).plan(
+        here,
+        goal,
+        seconds,
+        stop=lambda: stopped() or bool(found),
+        on_progress=lambda progress: None if progress.cost is None else found.append(progress.cost),
+    )
+    return result.status == "infeasible"
 
 
 def _around(row: int, column: int, cells: int) -> tuple[slice, slice]:

@@ -70,6 +70,9 @@ class Memory:
         tries: how often the robot came to a landmark to see a cell, and it stayed unknown.
         aim: the last landmark, x, y, and rows and columns of the cells that it was to show.
         refused: how often no way to a cell was found since the map last changed around it.
+        never: cells to which no way leads whatever is where nothing is known yet, as the surfaces known then go.
+        again: of these, cells around which the map has changed since.
+        refusal: why there is no way to the last landmark, in words.
         failed: landmarks in a row to which no way was found.
         levels: where the robot gets to, from NOWHERE to CERTAIN, as of the last survey.
         reach: tells that; None before the first survey.
@@ -83,6 +86,8 @@ class Memory:
         self.tries = np.zeros(shape, np.int32)
         self.aim: tuple[FloatArray, tuple[NDArray[np.intp], NDArray[np.intp]]] | None = None
         self.refused = np.zeros(shape, np.uint8)
+        self.never, self.again = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+        self.refusal = ""
         self.failed = 0
         self.levels = np.full(shape, CERTAIN, np.uint8)
         self.reach: Reach | None = None
@@ -144,6 +149,11 @@ def survey(
     here = (np.asarray(pose)[:2] - np.asarray(known.origin)) / cell
     search = Search(known, planner.checker, levels, memory.refused, frontiers, away, here)
     found = search.candidates(sensor_range / cell, rng)
+    if not len(found.cells) and memory.again.any():
+        # Surfaces may have gone since: the end is proven for the map as it is.
+        memory.refused[memory.again] = 0
+        memory.never[:] = memory.again[:] = False
+        found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
     frontiers, sees = frontiers.subset(np.asarray(seen)), found.sees[:, seen]
     n = len(found.cells)
@@ -188,7 +198,9 @@ def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> 
     if memory.reach is None:
         memory.reach = Reach(robot, known.cell)
     levels, changed = memory.reach.levels(known.state, memory.been)
-    memory.refused[changed | memory.reach.in_rooms_of(changed)] = 0
+    changed |= memory.reach.in_rooms_of(changed)
+    memory.refused[changed & ~memory.never] = 0
+    memory.again |= changed & memory.never
     memory.levels = levels
     return levels
 

@@ -27,7 +27,7 @@ from trailmark.planning.roadmap_lookup import RoadmapLookup
 from trailmark.planning.shortening import shorten
 from trailmark.planning.single_query import GAP, answer_query
 from trailmark.planning.world_model import WorldModel
-from trailmark.se2 import FloatArray
+from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["GoalSearch", "answer_goals"]
 
@@ -84,6 +84,10 @@ def answer_goals(
     search.try_others()
     search.polish()
     return search.best.result()
+
+
+EIGHTHS = 8
+"""Motions that make up a turn all around."""
 
 
 class GoalSearch:
@@ -240,10 +244,23 @@ class GoalSearch:
             self.best.bounds[i] = max(self.best.bounds[i], bound)
         if result.status != "timeout":
             self.candidates.attempts[k] = np.inf
+        if result.status == "infeasible" and self._turns_in_place(i):
+            self.best.bounds[i] = np.inf
         if result.path is not None:
             self.best.settle(vertices_of(self.motion, result.path), i, end)
         elif self.best.nearest is None:
             self.best.nearest = result.nearest
+
+    def _turns_in_place(self, i: int) -> bool:
+        """Return whether the robot may turn all around at a goal: no way to one of its headings is none to any."""
+        goal = self.goals[i]
+        if goal.pose is None or goal.position_tolerance > 0.0 or goal.headings is not None:
+            return False
+        turned = np.column_stack([np.tile(goal.pose[:2], (EIGHTHS, 1)), np.arange(EIGHTHS) * (2.0 * np.pi / EIGHTHS)])
+        turned[:, 2] = wrap(turned[:, 2])
+        return self.motion.moves_anywhere and bool(
+            self.motion.motions_between_valid(turned, np.roll(turned, -1, axis=0)).all()
+        )
 
     def _answer(self, end: FloatArray, i: int, seconds: float, known: FloatArray | None, gap: float) -> PlanResult:
         """Return the answer to the query for one configuration, and note how its paths got better."""

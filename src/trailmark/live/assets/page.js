@@ -186,7 +186,7 @@ function plan(now) {
   const id = send(playing ? "replan" : "plan",
     {start: from, goal: scene.goal, time_limit: settled ? SETTLED : patience});
   inFlight.set(id, {since, settled});
-  if (settled) ["lattice", "reachable", "roadmap"].filter((name) => layers.has(name)).forEach(requestLayer);
+  if (settled) ["lattice", "reachable"].filter((name) => layers.has(name)).forEach(requestLayer);
 }
 
 function receivePath(message) {
@@ -196,6 +196,7 @@ function receivePath(message) {
     if (!asked.settled) drawn.push(asked.since);
   }
   if (message.final) inFlight.delete(message.id);
+  if (message.final && layers.has("roadmap")) requestLayer("roadmap");  // it has grown
   if (asked && !asked.settled && message.final) {
     const found = message.status === "solved" ? message.time.first_solution : null;
     patience = Math.min(LONGEST, Math.max(SHORTEST, found === null ? 2 * patience : Math.min(patience, 4 * found)));
