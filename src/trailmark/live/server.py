@@ -89,9 +89,12 @@ def listen(host: str, port: int, token: str | None) -> socket.socket:
     if token is None and not is_loopback(host):
         raise ConfigurationError(f"--host: expected a loopback address, or --token with it, got {host!r}")
     try:
-        return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        listening = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except OSError as error:
         raise ConfigurationError(f"expected an address that is free, got {host}:{port} ({error.strerror})") from None
+    # Connections inherit it: else a path waits up to 40 ms until the one before is acknowledged (Nagle's algorithm).
+    listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return listening
 
 
 def serve(app: Starlette, listening: socket.socket, on_ready: Callable[[], None]) -> None:

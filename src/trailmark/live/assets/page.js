@@ -7,7 +7,7 @@ const LAYERS = {roadmap: "roadmap and landmarks", field: "clearance field", latt
   "c-obstacle": "C-obstacle at the heading", reachable: "not reachable"};
 const PLANNERS = ["RRTConnect", "PRM", "PRMstar", "RRTstar", "InformedRRTstar", "BITstar", "KPIECE1", "roadmap", "lattice",
   "RRTConnect+certified", "PRM+certified"];
-const SHORTEST = 0.016, LONGEST = 0.5, SETTLED = 2.0;  // seconds that a plan may take: while dragging, and after it
+const SHORTEST = 0.004, LONGEST = 0.5, SETTLED = 2.0;  // seconds that a plan may take: while dragging, and after it
 const CHANGED_WITHIN = 300;  // milliseconds of rest after which the plan that takes longer is asked for
 
 let socket, colours, nextId = 1, ready = false;
@@ -134,7 +134,7 @@ async function restore(before) {
 }
 
 // Changes obstacles here and there.
-function edit(change) {
+function edit(change, at) {
   for (const id of change.remove ?? []) scene.obstacles.delete(id);
   for (const [id, by] of Object.entries(change.move ?? {})) scene.obstacles.set(id, displaced(scene.obstacles.get(id), ...by));
   for (const shape of change.add ?? []) scene.obstacles.set(shape.id, shape);
@@ -150,7 +150,7 @@ function edit(change) {
     else pending.move.set(id, (pending.move.get(id) ?? [0, 0, 0]).map((v, i) => v + (by[i] ?? 0)));
   }
   for (const shape of change.add ?? []) pending.add.set(shape.id, shape);
-  changed();
+  changed(at);
 }
 
 function sendEdits() {
@@ -642,7 +642,8 @@ canvas.addEventListener("pointerdown", (event) => {
   dirty = true;
 });
 
-canvas.addEventListener("pointermove", (event) => {
+// Where the browser tells of moves as they come, a path is on its way before the frame that shows the move.
+canvas.addEventListener("onpointerrawupdate" in canvas ? "pointerrawupdate" : "pointermove", (event) => {
   if (!pointers.has(event.pointerId)) return;
   const [px, py] = place(event), [x, y] = view.toWorld(px, py);
   pointers.set(event.pointerId, [px, py]);
@@ -675,7 +676,7 @@ function moveDragged(px, py, x, y, at) {
     const [ex, ey] = scene[drag.end];
     scene[drag.end] = [ex, ey, Math.atan2(y - ey, x - ex)];
     if (layers.has("c-obstacle")) requestLayer("c-obstacle");
-  } else edit({move: {[drag.id]: [dx, dy, 0]}});
+  } else edit({move: {[drag.id]: [dx, dy, 0]}}, at);
   if (drag.kind !== "obstacle") changed(at);
   plan(performance.now());  // at once: the next frame is a while off
   showSelected();
