@@ -1,9 +1,9 @@
 """How soon the live page shows a certified path after a drag, and what else issue and users ask of it.
 
 Writes results/live.{json,md}. In headless Chromium, with a server of its own for each world: an end is dragged through
-free space, then an obstacle to and fro; from each of the mouse's moves to the frame that shows the path for it, or for a
-newer one. Then frames while an end is dragged with thousands of landmarks drawn, the page's size, its first paint, and
-minutes of random drags by several clients at once: complaints, and memory of server and page.
+free space, then an obstacle to and fro; times are from a move of the mouse to the frame in which the path for it, or
+for a newer one, is drawn. Then frames while an end is dragged with thousands of landmarks drawn, the page's first paint,
+and minutes of random drags by several clients at once: complaints, and memory of server and page.
 
     python -m benchmarks.live [--minutes 10] [--clients 5] [--report]
 """
@@ -81,7 +81,7 @@ def free_way(world: World, robot: Robot, seed: int) -> tuple[np.ndarray[Any, Any
     while True:
         q = rng.uniform((xmin, ymin, -np.pi), (xmax, ymax, np.pi))
         angle = rng.uniform(-np.pi, np.pi)
-        other = q + (reach * np.cos(angle), reach * np.sin(angle), 0.0)
+        other = q + np.array([reach * np.cos(angle), reach * np.sin(angle), 0.0])
         if checker.valid(np.array([q, other])).all() and checker.motions_valid(q[None], other[None])[0]:
             return q, other
 
@@ -117,8 +117,8 @@ def drags(tab: Browser, address: str, world: World, robot: Robot) -> dict[str, A
         assert a is not None
         assert b is not None
         places = on_screen(tab, a[0], a[1]), on_screen(tab, b[0], b[1])
-        tab.drag(*places, steps=MOVES, pause=PAUSE)
-        tab.drag(*reversed(places), steps=MOVES, pause=PAUSE)
+        tab.drag(places[0], places[1], steps=MOVES, pause=PAUSE)
+        tab.drag(places[1], places[0], steps=MOVES, pause=PAUSE)
         time.sleep(1.0)
         found[name] = quantiles(tab.run(FIGURES) or [float("inf")])
     return found
@@ -212,7 +212,8 @@ def main() -> None:
                 with server(world, robot) as (address, _):
                     figures = found["drags"][f"{name}, {kind}"] = drags(tab, address, world, robot)
                 for what, values in figures.items():
-                    rows.append([name, kind, what, *(f"{values[key]:.0f} ms" for key in ("median", "95 %", "most"))])
+                    told = (f"{values[key]:.0f} ms" for key in ("median", "95 %", "most"))
+                    rows.append([name, kind, what, *told])
                     print(*rows[-1], sep=", ", flush=True)
         with server(World.load("worlds/office.yaml"), ROBOTS["rectangle"]) as (address, pid):
             found["page"] = frames(tab, address)
@@ -220,7 +221,7 @@ def main() -> None:
     page = [
         "# The live page",
         describe_machine(),
-        "From a move of the mouse to the frame that shows the certified path (33 ms wanted for ends, 50 for obstacles):",
+        "From a move of the mouse to the frame with the certified path (33 ms wanted for ends, 50 for obstacles):",
         markdown_table(["world", "robot", "dragged", "median", "95 %", "most"], rows),
         "\n".join(f"- {key}: {value}" for part in ("page", "soak") for key, value in found[part].items()),
     ]
