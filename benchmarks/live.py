@@ -2,8 +2,8 @@
 
 Writes results/live.{json,md}. In headless Chromium, with a server of its own for each world: an end is dragged through
 free space, then an obstacle to and fro; times are from a move of the mouse to the frame in which the path for it, or
-for a newer one, is drawn. Then frames while an end is dragged with thousands of landmarks drawn, the page's first paint,
-and minutes of random drags by several clients at once: complaints, and memory of server and page.
+for a newer one, is drawn. Then frames while an end is dragged with thousands of landmarks drawn, the first paint, and
+minutes of random drags by several clients at once: complaints, and memory of server and page.
 
     python -m benchmarks.live [--minutes 10] [--clients 5] [--report]
 """
