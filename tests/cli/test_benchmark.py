@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
 import json
 import os
+import re
 import secrets
 import signal
 import sqlite3
@@ -99,7 +102,8 @@ def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
     assert setup["facts"]["robot"] == "rectangle 0.8 x 0.4 m, turning radius 0.5 m, forward only"
     assert setup["identity"]["objective"] == "length of the dubins curves, metres"
     assert shell("report", results, "--html", page).status == 0
-    assert "turning radius 0.5 m" in page.read_text()
+    packed = re.findall(r">\s*([A-Za-z0-9+/]{100,}=*)\s*<", page.read_text())
+    assert "turning radius 0.5 m" in "".join(gzip.decompress(base64.b64decode(text)).decode() for text in packed)
     refused = shell("benchmark", yard, "--forward-only", "-p", "landmark", "--output", tmp_path / "other.db")
     assert refused.status == 2
     assert "--turning-radius" in refused.err
