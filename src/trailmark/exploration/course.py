@@ -159,6 +159,9 @@ class Course:
         here, escape = self._free(planner, self._mapper.pose)
         home = self._start if s.return_home else None
         events = list[str]()
+        covariances = self._mapper.covariances[:, :2, :2]
+        sigmas = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[:, -1], 0.0))
+        visited = np.column_stack([self._mapper.trajectory[:, 1:3], sigmas])
         # A sensor that does not see all around has done so where a path, with the turn at its end, was driven.
         self._looked_around = self._sees_around or (self.follower is None and self._expected is not None)
         self.follower = self._expected = None
@@ -175,6 +178,7 @@ class Course:
                 self._memory,
                 self._mapper.trajectory[:, 1:] if self._sees_around else None,
                 looked_around=self._looked_around,
+                visited=visited,
             )
             if not len(found.outlook.landmarks):
                 events += self._go_home(found, planner, here, escape, until)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.exploration.candidates import Search, middles_of
+from trailmark.exploration.certainty import expected_falls
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import Frontiers, frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
@@ -121,6 +122,7 @@ def survey(
     memory: Memory,
     sensed: FloatArray | None = None,
     looked_around: bool = True,
+    visited: FloatArray | None = None,
 ) -> Survey:
     """Return what is left to be seen, after the robot has sensed where it is.
 
@@ -136,6 +138,7 @@ def survey(
         memory: of the exploration.
         sensed: where the sensor was read so far, as is known now, in the order of time, shape (n, 3); None: here alone.
         looked_around: whether the sensor has looked into all directions here.
+        visited: where the robot was, the last where it is: x, y and their standard deviation, metres, shape (m, 3).
     """
     state, cell = known.state, known.cell
     frontiers = frontiers_of(state, _large_enough(state, settings.min_area / cell**2), 0.5 * sensor_range / cell)
@@ -164,15 +167,19 @@ def survey(
     ways *= cell
     centres = middles_of(found.cells)
     areas = expected_areas(state, centres, sensor_range / cell, _free_path(state), RAYS) * cell**2
+    landmarks = np.column_stack([known.centres(*found.cells.T), np.nan_to_num(found.headings)])
+    falls = np.zeros(n)
+    if visited is not None:
+        falls = expected_falls(landmarks[:, :2], visited[:, :2], visited[:, 2], 0.5 * sensor_range)
     outlook = Outlook(
         here=np.asarray(pose, dtype=np.float64),
         home=home,
-        landmarks=np.column_stack([known.centres(*found.cells.T), np.nan_to_num(found.headings)]),
+        landmarks=landmarks,
         costs=np.array(ways[0, 2:]),
         between=np.array(ways[2:, 2:]),
         home_costs=np.zeros(n) if home is None else np.array(ways[1, 2:]),
         areas=areas,
-        certainty=np.zeros(n),
+        certainty=falls,
         frontiers=frontiers.lengths(cell),
         sees=_groups_seen(sees, frontiers),
         sensor_range=sensor_range,
