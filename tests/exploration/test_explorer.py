@@ -16,6 +16,7 @@ from trailmark import ConfigurationError, Rectangle, Robot, World
 from trailmark.estimation.logs.records import Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
+from trailmark.exploration.course import MAX_FAILED
 from trailmark.exploration.explorer import MAX_BLOCKED, MAX_STILL
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.exploration.landmark_ways import plan_to
@@ -62,6 +63,24 @@ def test_all_that_can_be_seen_is_seen() -> None:
     assert free_area == pytest.approx(24.0 - 2 * 1.5 * 0.2, abs=3.0)  # cells along walls are occupied
     assert np.isfinite(result.first_known).sum() == (result.known.state != UNKNOWN).sum()
     check_map(result, world)
+
+
+def test_ways_that_are_never_found_come_to_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    looks = 0
+
+    def none_found(*arguments: object) -> PlanResult:
+        # Nothing is kept of it, as where the map changes each time.
+        nonlocal looks
+        looks += 1
+        arguments[5].failed += 1  # type: ignore[attr-defined]  # the memory
+        return PlanResult("timeout", None, 0, None, None, None, landmarks=0, edges=0)
+
+    monkeypatch.setattr("trailmark.exploration.course.plan_to", none_found)
+    exploring = explorer(two_rooms(1.0))
+    while exploring.ended is None:
+        exploring.step()
+    assert exploring.ended[0] == "stuck"
+    assert looks == MAX_FAILED
 
 
 def test_the_robot_stands_and_senses_while_a_way_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:

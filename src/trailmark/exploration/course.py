@@ -50,6 +50,11 @@ ON_PATH = 2e-3
 """Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
 
 
+MAX_FAILED = 100
+"""Landmarks in a row to which no way is found, before the robot is stuck: by then each place has been looked at again
+and again, and the sensor's noise goes on changing what is known of it."""
+
+
 class Look(NamedTuple):
     """A way that is being looked for, in a thread beside the sensing."""
 
@@ -220,6 +225,11 @@ class Course:
     ) -> list[str]:
         """Begin the way to a landmark that was chosen."""
         if planned.path is None:
+            if self._memory.failed >= MAX_FAILED:
+                self.ended = (
+                    "stuck",
+                    f"no way was found to any of the last {MAX_FAILED} landmarks; the map still changes",
+                )
             return [f"no path to a landmark: {self._memory.refusal}"]
         self._follow(planned.path, escape, planner, turn=not self._sees_around)
         self._since, self._expected = 0.0, expected
