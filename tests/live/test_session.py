@@ -82,6 +82,8 @@ def test_edits_change_what_is_planned_in() -> None:
     assert above[:, 1].max() > 6.0
     (moved,) = client.ask("edit", move={"wall": [0.0, 2.0]})
     assert moved["type"] == "world"
+    assert moved["world"]["obstacles"][0]["center"] == [5.0, 5.0]
+    assert "world" not in client.ask("edit", brief=True)[0]
     assert client.states()[:, 1].max() < 2.0
     client.ask("edit", remove=["wall"])
     assert len(client.states()) == 2

@@ -96,6 +96,8 @@ FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
         "add": Field("a list of obstacles", _is_list),
         "remove": Field("a list of ids or indices", _is_list),
         "move": Field("a mapping of ids or indices to [dx, dy] or [dx, dy, dtheta]", _is_mapping),
+        # Whether the answer leaves out the world: who drags knows it.
+        "brief": _FLAG,
     },
     "plan": {"start": _START, "goal": _GOAL, "time_limit": _SECONDS},
     # A path from where the robot is, in a world that changed: the one being followed is kept or led around.

@@ -94,7 +94,8 @@ class Session:
             self._tell({**answer, **self._described(), "time": {"build": perf_counter() - begin}})
         elif message.type == "edit":
             edited = self._edit(fields)
-            self._tell({**answer, "type": "world", **edited, "time": {"update": perf_counter() - begin}})
+            world = {} if fields.get("brief") else self._described()
+            self._tell({**answer, "type": "world", **world, **edited, "time": {"update": perf_counter() - begin}})
         elif message.type in ("plan", "replan"):
             self._plan(message, stop)
         elif message.type == "save":

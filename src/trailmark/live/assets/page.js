@@ -157,7 +157,8 @@ function sendEdits() {
   if (!pending) return;
   const {remove, move, add} = pending;
   pending = null;
-  edits.add(send("edit", {remove: [...remove], move: Object.fromEntries(move), add: [...add.values()]}));
+  edits.add(send("edit", {remove: [...remove], move: Object.fromEntries(move), add: [...add.values()],
+    brief: true}));
   for (const name of layers.keys()) requestLayer(name);
 }
 
