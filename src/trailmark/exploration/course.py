@@ -51,8 +51,8 @@ ON_PATH = 2e-3
 
 
 MAX_FAILED = 100
-"""Landmarks in a row to which no way is found, before the robot is stuck: by then each place has been looked at again
-and again, and the sensor's noise goes on changing what is known of it."""
+"""Ways in a row that are not found, or given up before anything is driven, before the robot is stuck: by then each
+place has been looked at again and again, and the sensor's noise goes on changing what is known of it."""
 
 
 class Look(NamedTuple):
@@ -108,7 +108,7 @@ class Course:
         self._choose, self._settings = strategy, settings
         self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
         self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
-        self._since = 0.0
+        self._since, self._failures = 0.0, 0
         world = mapper.known.follow(World(name, mapper.known.bounds, robot=robot))
         # A path that touches something is none for a robot that may be beside it.
         self.planner = LandmarkPlanner(world, robot, seed=seed, clearance=max(mapper.margin, ON_PATH))
@@ -125,6 +125,8 @@ class Course:
         """
         follower, known = self.follower, self._mapper.known
         self._since += moved
+        if moved > 0.0:
+            self._failures = 0
         if follower is None:
             return self._timed(self._decide if self._look is None else self._looked)
         off = follower.advance(self._mapper.pose, moved)
@@ -236,6 +238,12 @@ class Course:
         self.landmarks += 1
         return []
 
+    def _count_failure(self) -> None:
+        """End where nothing but changes of the map comes of looking for ways."""
+        self._failures += 1
+        if self._failures >= MAX_FAILED:
+            self.ended = "stuck", f"of the last {MAX_FAILED} ways none could be driven, while the map went on changing"
+
     def _index(self, outlook: Outlook) -> int:
         """Return the strategy's choice."""
         index, count = self._choose(outlook), len(outlook.landmarks)
@@ -284,6 +292,7 @@ class Course:
         def then(result: PlanResult) -> list[str]:
             assert isinstance(result, ReplanResult)  # noqa: S101 # of a replan
             if result.path is None:
+                self._count_failure()
                 return [f"path given up: {result.reason}"]
             turn = not self._sees_around and not result.kept and self._expected is not None
             self._follow(result.path, pose[None], planner, turn)
