@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from importlib.util import find_spec
 from typing import Annotated
 from urllib.parse import quote
 
@@ -48,13 +49,8 @@ def live(
     number, place, given = read_count(seed, "--seed", 0), read_count(port, "--port", 0, 65535), read_robot(robot)
     if token is not None and (not token.isascii() or not token.isprintable() or not 8 <= len(token) <= 200):
         raise UsageError(f"expected 8 to 200 letters, digits and signs, got --token {token!r}")
-    try:
-        import starlette  # noqa: F401  # asked for before anything else is done
-        import uvicorn  # noqa: F401
-    except ImportError:
-        raise UsageError(
-            "trailmark live needs starlette, uvicorn and websockets: pip install 'trailmark[live]'"
-        ) from None
+    if not all(map(find_spec, ("starlette", "uvicorn", "websockets"))):
+        raise UsageError("trailmark live needs starlette, uvicorn and websockets: pip install 'trailmark[live]'")
     from trailmark.live.server import listen, live_app, serve
     from trailmark.planning import LandmarkPlanner
 

@@ -227,11 +227,7 @@ class Course:
     ) -> list[str]:
         """Begin the way to a landmark that was chosen."""
         if planned.path is None:
-            if self._memory.failed >= MAX_FAILED:
-                self.ended = (
-                    "stuck",
-                    f"no way was found to any of the last {MAX_FAILED} landmarks; the map still changes",
-                )
+            self._count_failure()
             return [f"no path to a landmark: {self._memory.refusal}"]
         self._follow(planned.path, escape, planner, turn=not self._sees_around)
         self._since, self._expected = 0.0, expected

@@ -1,0 +1,71 @@
+// Exploring: cells as they become known, live and by the scrubber.
+
+function toggleExploration() {
+  if (exploring?.running) return send("stop");
+  if (exploring) return endExploration();
+  stopPlaying();
+  const reach = Number($("range").value) || undefined;
+  exploring = {running: true, steps: [], row: -1};
+  exploring.id = send("explore", {start: scene.start, strategy: $("strategy").value, ...(reach ? {sensor_range: reach} : {})});
+  $("explore").setAttribute("aria-pressed", "true");
+  $("explore").textContent = "Stop";
+}
+
+function receiveExploration(message) {
+  if (exploring?.id !== message.id) return;
+  if (message.grid) {
+    exploring.grid = message.grid;
+    exploring.picture = new OffscreenCanvas(message.grid.columns, message.grid.rows);
+    exploring.range = message.sensor_range;
+    exploring.state = new Uint8Array(message.grid.rows * message.grid.columns);
+  } else if (message.final) {
+    exploring.running = false;
+    $("explore").textContent = "Close";
+    say(`exploration ${message.status}: ${message.reason}`, message.status !== "complete");
+  } else {
+    const at = new Int32Array(Uint8Array.from(atob(message.at), (c) => c.charCodeAt(0)).buffer);
+    const now = Uint8Array.from(atob(message.cells), (c) => c.charCodeAt(0));
+    const before = at.map((cell) => exploring.state[cell]);
+    at.forEach((cell, i) => { exploring.state[cell] = now[i]; });
+    exploring.steps.push({...message, at, now, before});
+    const scrub = $("scrub"), follows = exploring.row === exploring.steps.length - 2;
+    scrub.hidden = false;
+    scrub.max = exploring.steps.length - 1;
+    if (follows) showStep(exploring.steps.length - 1);
+  }
+  dirty = true;
+}
+
+function showStep(row) {
+  const {grid, steps} = exploring, brush = exploring.picture.getContext("2d");
+  const paint = (cell, state) => {
+    const x = cell % grid.columns, y = grid.rows - 1 - Math.floor(cell / grid.columns);
+    brush.fillStyle = [colours.outside, colours.free, colours.obstacle][state];
+    brush.fillRect(x, y, 1, 1);
+  };
+  if (exploring.row < 0) {
+    brush.fillStyle = colours.outside;
+    brush.fillRect(0, 0, grid.columns, grid.rows);
+  }
+  while (exploring.row < row) {
+    const step = steps[++exploring.row];
+    step.at.forEach((cell, i) => paint(cell, step.now[i]));
+  }
+  while (exploring.row > row) {
+    const step = steps[exploring.row--];
+    step.at.forEach((cell, i) => paint(cell, step.before[i]));
+  }
+  const step = steps[row];
+  $("scrub").value = row;
+  say(`${number(step.time, 3)} s, ${number(step.distance)} m driven, ${number(step.area)} m² known, ${step.landmarks} landmarks`
+    + (step.event ? `; ${step.event}` : ""));
+  dirty = true;
+}
+
+function endExploration() {
+  exploring = null;
+  $("scrub").hidden = true;
+  $("explore").setAttribute("aria-pressed", "false");
+  $("explore").textContent = "Explore";
+  changed();
+}
