@@ -12,7 +12,7 @@ from math import cos, floor, hypot, inf, pi, sin
 from typing import Final
 
 from trailmark.compiled import njit
-from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, SEEN, TILE, UNKNOWN
+from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, SEEN, TILE, TOUCHED, UNKNOWN
 from trailmark.exploration.surfaces import enter_surfaces
 
 __all__ = ["NUDGE", "agreement", "enter_scan"]
@@ -116,6 +116,8 @@ def _see(cells, row, column, wx, wy, ux, uy, length, gap):  # type: ignore[no-un
 @njit(cache=True)
 def _goes_through(cells, row, column, sx, sy, dx, dy, until):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return whether a beam crosses the surface in a cell before it has come so far."""
+    if cells.level[row, column] == TOUCHED:
+        return False
     box, facing = cells.box[row, column], cells.facing[row, column]
     px, py = column + (int(box[0]) + int(box[2])) / 510.0, row + (int(box[1]) + int(box[3])) / 510.0
     nx, ny = dx, dy

@@ -19,6 +19,7 @@ __all__ = [
     "OCCUPIED",
     "SEEN",
     "TILE",
+    "TOUCHED",
     "UNKNOWN",
     "WHOLE",
     "Cells",
@@ -42,6 +43,9 @@ SEEN: Final = 15
 WHOLE: Final = 64
 """The gap between beams of one cell, as a level."""
 
+TOUCHED: Final = 0
+"""The level of a cell in which the robot ran into something: no beam tells that it is gone."""
+
 
 class Cells(NamedTuple):
     """What is kept for each cell, arrays of shape (rows, columns, ...)."""
@@ -55,7 +59,7 @@ class Cells(NamedTuple):
     facing: NDArray[np.uint8]
     """The direction across that surface, 1 to 255 for 0 to pi; 0 where it is not known."""
     level: NDArray[np.uint8]
-    """Gap between beams with which it was seen: WHOLE for a cell, and four more for twice that."""
+    """Gap between beams with which it was seen: WHOLE for a cell, and four more for twice that; or TOUCHED."""
     misses: NDArray[np.uint8]
     """Scans in a row with beams that went through it."""
     stamp: NDArray[np.int32]

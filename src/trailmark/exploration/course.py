@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.exploration.contact import contact_points, way_back
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.landmark_ways import plan_to
@@ -49,6 +50,9 @@ WAIT = 0.05
 ON_PATH = 2e-3
 """Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
 
+
+BACK = 0.5
+"""Circumradii by which the robot backs off from what it ran into, besides what its map cannot tell."""
 
 MAX_FAILED = 100
 """Ways in a row that are not found, or given up before anything is driven, before the robot is stuck: by then each
@@ -116,12 +120,13 @@ class Course:
         self._stopped = Event()
         self._threads = ThreadPoolExecutor(1, "looking for a way")
 
-    def update(self, moved: float, redrawn: bool) -> list[str]:
+    def update(self, moved: float, redrawn: bool, blocked: bool = False) -> list[str]:
         """See to it that there is a path to follow, as long as any landmark is left; return what happened.
 
         Args:
             moved: metres driven since the last call.
             redrawn: whether the map was drawn anew.
+            blocked: whether the robot ran into something, and stands there.
         """
         follower, known = self.follower, self._mapper.known
         self._since += moved
@@ -130,6 +135,8 @@ class Course:
         if follower is None:
             return self._timed(self._decide if self._look is None else self._looked)
         off = follower.advance(self._mapper.pose, moved)
+        if blocked:
+            return self._back_off(follower)
         if self._expected is not None and self._since >= LEAST_DRIVE * self._range and self._pointless():
             return self._timed(self._decide)
         if redrawn or off > self.tolerance or follower.endangered(known):
@@ -296,6 +303,17 @@ class Course:
 
         plan = partial(planner.replan, pose, follower.target, follower.path, self._settings.planning_time, escape=True)
         return self._look_for(plan, then, until)
+
+    def _back_off(self, follower: PathFollower) -> list[str]:
+        """Mark what the robot ran into, and begin the way back, along which it came."""
+        known, robot, poses = self._mapper.known, self.planner.robot, self._mapper.trajectory[:, 1:]
+        self.follower = self._expected = None
+        if not known.add_contact(contact_points(robot, np.vstack([self._mapper.pose, follower.rest]), known.cell)):
+            self.ended = "stuck", "the robot runs into what it ran into before, whichever way it goes"
+            return []
+        away = BACK * robot.circumradius + 2.0 * known.cell + self._mapper.margin
+        self._follow(Path(way_back(poses, away, robot.circumradius)), self._mapper.pose[None], self.planner)
+        return ["ran into something that is not in the map: it is marked, and the robot backs off"]
 
     def _pointless(self) -> bool:
         """Return whether most of what the landmark was chosen for has been seen."""

@@ -177,7 +177,7 @@ class Explorer:
                 self._ended = "stuck", "the robot is lost: its readings fit the map nowhere"
         driven = None
         if self._ended is None and intake.readings:
-            events += self._course.update(self._moved, intake.moved)
+            events += self._course.update(self._moved, intake.moved, self._blocked > 0)
             self._moved, self._ended = 0.0, self._course.ended
             if self._course.follower is not None and self._ended is None:
                 driven = self._drive(self._course.follower)

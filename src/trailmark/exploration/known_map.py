@@ -19,6 +19,7 @@ from trailmark.exploration.cells import (
     OCCUPIED,
     SEEN,
     TILE,
+    TOUCHED,
     UNKNOWN,
     WHOLE,
     Cells,
@@ -95,6 +96,7 @@ class KnownMap:
         self._drawn = dict[tuple[int, int], bytes]()
         self._count = 0
         self._discs, self._drawn_discs = dict[str, Disc](), dict[str, Disc]()
+        self._contacts = np.zeros(shape, dtype=np.bool_)
         self._lines_of_sight: tuple[int, NDArray[np.uint8]] | None = None
 
     @property
@@ -110,6 +112,7 @@ class KnownMap:
             discs: obstacles by name, that stand for the occupied cells.
         """
         cells, discs = self._cells, dict(discs) if discs else {}
+        state = np.where(self._contacts, OCCUPIED, state).astype(np.uint8)
         if np.array_equal(state, cells.state) and discs == self._discs:
             return
         new = state != cells.state
@@ -120,12 +123,30 @@ class KnownMap:
         cells.box[:] = (255, 255, 0, 0) if discs else (0, 0, 255, 255)
         cells.seen[:] = np.where(state == UNKNOWN, 0, SEEN)
         self._discs = discs
-        self.revision += 1
+        self._enter_contacts()
 
     def clear(self) -> None:
         """Forget what is known of all cells."""
         rows, columns = self.state.shape
         self._cells, self._scans = Cells.unknown(rows, columns), 0
+        self._enter_contacts()
+
+    def add_contact(self, points: FloatArray) -> bool:
+        """Enter what the robot ran into, points of shape (n, 2): their cells stay occupied, whatever beams tell.
+
+        Returns:
+            Whether any of them was not entered before.
+        """
+        at = self.cells_of(points)
+        new = not self._contacts[at].all()
+        self._contacts[at] = True
+        self._enter_contacts()
+        return new
+
+    def _enter_contacts(self) -> None:
+        cells, at = self._cells, np.nonzero(self._contacts)
+        cells.state[at], cells.level[at], cells.facing[at], cells.box[at] = OCCUPIED, TOUCHED, 0, (0, 0, 255, 255)
+        cells.changed[at[0] // TILE, at[1] // TILE] = True
         self.revision += 1
 
     def add_scan(self, scan: Scan, pose: FloatArray, max_range: float) -> None:

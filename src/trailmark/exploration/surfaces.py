@@ -11,7 +11,7 @@ from math import atan2, ceil, cos, floor, hypot, inf, log2, pi, sin
 from typing import Final
 
 from trailmark.compiled import njit
-from trailmark.exploration.cells import LOST, MET, OCCUPIED, TILE, WHOLE
+from trailmark.exploration.cells import LOST, MET, OCCUPIED, TILE, TOUCHED, WHOLE
 
 __all__ = ["enter_surfaces"]
 
@@ -35,7 +35,7 @@ def enter_surfaces(cells, now, start, ends, kinds, normals, gap):  # type: ignor
             if r < 1e-9:
                 continue
             width = max(r * gap, 1e-6)
-            level = min(254, max(0, WHOLE + ceil(OCTAVE * log2(width))))
+            level = min(254, max(TOUCHED + 1, WHOLE + ceil(OCTAVE * log2(width))))
             facing = 0
             if normals[k, 0] != 0.0 or normals[k, 1] != 0.0:
                 facing = 1 + floor((atan2(normals[k, 1], normals[k, 0]) % pi) / pi * 254.0 + 0.5)
