@@ -184,16 +184,19 @@ def test_a_world_without_a_way_shows_why(tab: Browser, address: str) -> None:
     wall = {"shape": "rectangle", "center": [10.0, 6.0], "length": 0.3, "width": 12.0, "id": "wall"}
     tab.run(f"edit({{add: [{json.dumps(wall)}]}})")
     tab.wait("document.getElementById('verdict').textContent.startsWith('proven')", 60.0)
-    tab.wait("trailmark.layers.get('reachable')?.picture != null")
+    tab.wait("trailmark.layers.get('reachable')?.proof === 'disc'")
+    assert "obstacles close every way" in tab.run("document.getElementById('why').textContent")
     tab.run("document.getElementById('undo').click(), edit({remove: ['wall']})")
     tab.wait(READY)
+    assert not tab.run("trailmark.layers.has('reachable')")
     assert tab.complaints == []
 
 
 def test_layers_comparison_driving_and_exploring(tab: Browser, address: str) -> None:
     show(tab, address)
     tab.run("document.querySelectorAll('[data-layer]').forEach(box => box.click())")
-    tab.wait("['field', 'lattice', 'c-obstacle', 'reachable'].every(name => trailmark.layers.get(name)?.picture)")
+    tab.wait("['field', 'lattice', 'c-obstacle'].every(name => trailmark.layers.get(name)?.picture)")
+    tab.wait("trailmark.layers.get('reachable')?.rings.length > 0")
     tab.wait("trailmark.layers.get('roadmap')?.nodes.length > 10")
     tab.run("document.getElementById('compare').click()")
     tab.wait("document.getElementById('others').textContent.includes('free by the referee')", 90.0)

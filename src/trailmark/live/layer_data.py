@@ -1,4 +1,4 @@
-"""What the live page draws under a path: roadmap, clearances, heuristic, C-obstacle, and what the robot may reach."""
+"""What the live page draws under a path: roadmap, clearances, heuristic, and C-obstacle."""
 
 # Tested by tests/live/test_session.py.
 
@@ -31,9 +31,7 @@ LEVELS = 255
 Layer = dict[str, Any]
 
 
-def layer_data(
-    planner: LandmarkPlanner, name: str, heading: float, start: FloatArray | None, goal: FloatArray | None
-) -> Layer:
+def layer_data(planner: LandmarkPlanner, name: str, heading: float = 0.0, goal: FloatArray | None = None) -> Layer:
     """Return a layer: ``nodes`` and ``edges``, or ``cells`` of a picture.
 
     Cells are ``rows`` x ``columns`` bytes as base64, row 0 at the smallest y, ``size`` metres wide, from the corner
@@ -43,15 +41,14 @@ def layer_data(
         planner: of the world that is shown.
         name: one of :data:`LAYERS`.
         heading: radians, of the C-obstacle.
-        start: shape (3,), from which what is reached is told; None if there is none yet.
-        goal: shape (3,), to which costs are told; likewise.
+        goal: shape (3,), to which costs are told; None if there is none yet.
 
     Raises:
         ConfigurationError: no such layer.
     """
     if name not in LAYERS:
-        raise ConfigurationError(f"layer.name: {expected_name(name, LAYERS)}")
-    return {"name": name, **LAYERS[name](planner, heading, start, goal)}
+        raise ConfigurationError(f"layer.name: {expected_name(name, [*LAYERS, 'reachable'])}")
+    return {"name": name, **LAYERS[name](planner, heading, goal)}
 
 
 def _roadmap(planner: LandmarkPlanner, *_: Any) -> Layer:
@@ -67,7 +64,7 @@ def _field(planner: LandmarkPlanner, *_: Any) -> Layer:
     return _cells(field.distance[::step, ::step], (field.x0, field.y0), field.size * step)
 
 
-def _lattice(planner: LandmarkPlanner, heading: float, start: FloatArray | None, goal: FloatArray | None) -> Layer:
+def _lattice(planner: LandmarkPlanner, heading: float, goal: FloatArray | None) -> Layer:
     if goal is None:
         return {}
     costs = CostToGo.of(planner.checker, goal, MAX_CELLS // 2)
@@ -85,23 +82,11 @@ def _obstacle(planner: LandmarkPlanner, heading: float, *_: Any) -> Layer:
     return _cells(hit.astype(float), (xmin, ymin), size)
 
 
-def _reachable(planner: LandmarkPlanner, heading: float, start: FloatArray | None, *_: Any) -> Layer:
-    """Return where the disc inside the robot gets to from the start: the robot gets to no other place."""
-    if start is None:
-        return {}
-    grid = planner.relaxation
-    while (finer := grid.finer()) is not None and grid.rows * grid.columns < MAX_CELLS // 2:
-        grid = finer
-    reached = grid.component(start).reshape(grid.rows, grid.columns)
-    return _cells(reached.astype(float), (grid.x0, grid.y0), grid.size)
-
-
 LAYERS: Final[Mapping[str, Callable[..., Layer]]] = {
     "roadmap": _roadmap,
     "field": _field,
     "lattice": _lattice,
     "c-obstacle": _obstacle,
-    "reachable": _reachable,
 }
 """By the names that messages give."""
 

@@ -58,6 +58,7 @@ class Session:
         self._planner: LandmarkPlanner | None = None
         self._path: Path | None = None
         self._ends: tuple[FloatArray | None, FloatArray | None] = None, None
+        self._infeasible = False
 
     @property
     def world(self) -> World:
@@ -104,10 +105,7 @@ class Session:
             query = query_from_data({"name": "live", **fields}, "save")
             self._tell({**answer, "text": world_text(replace(self._world, queries=(query,)))})
         elif message.type == "layer":
-            from trailmark.live.layer_data import layer_data
-
-            heading, planner = float(fields.get("heading", 0.0)), self.planner
-            self._tell({**answer, **layer_data(planner, fields["name"], heading, *self._ends)})
+            self._tell({**answer, **self._layer(fields, stop)})
 
     def _described(self) -> Answer:
         from trailmark.formats.world_yaml import world_data
@@ -155,6 +153,7 @@ class Session:
         # What cannot be planned in leaves the old world as it was.
         planner = LandmarkPlanner(world, seed=self._seed, **options)
         self._world, self._options, self._planner, self._path = world, options, planner, None
+        self._infeasible = False
 
     def _edit(self, fields: Mapping[str, Any]) -> Answer:
         """Change obstacles, and return what an answer says of it."""
@@ -175,8 +174,20 @@ class Session:
         world = self._world.edited(add=add, remove=remove, move=move)
         if self._planner is not None:
             self._planner.update(world)
-        self._world = world
+        self._world, self._infeasible = world, False
         return {"name": world.name, "obstacles": len(world.obstacles), "added": list(add)}
+
+    def _layer(self, fields: Mapping[str, Any], stop: Event) -> Answer:
+        from trailmark.live.layer_data import layer_data
+        from trailmark.live.reach_data import reach_data
+
+        name, (start, goal) = fields["name"], self._ends
+        if name != "reachable":
+            return layer_data(self.planner, name, float(fields.get("heading", 0.0)), goal)
+        if start is None or goal is None:
+            return {"name": name}
+        found = reach_data(self.planner, start, goal, infeasible=self._infeasible, stop=stop.is_set)
+        return {"name": name, **found}
 
     def _plan(self, message: Message, stop: Event) -> None:
         """Plan, and tell of the first path at once, of better ones as they come, and of the end."""
@@ -187,6 +198,7 @@ class Session:
         query = query_from_data(entry, message.type)
         seconds, planner = float(fields.get("time_limit", TIME_LIMIT)), self.planner
         poses = [goal.pose for goal in query.goals if goal.pose is not None]
+        self._infeasible = False
         self._ends = np.array(query.start), np.array([*poses[0], 0.0][:3]) if poses else None
         extras: dict[str, Any] = {}
         result: PlanResult
@@ -196,7 +208,7 @@ class Session:
         else:
             better = _BetterPaths(lambda progress: self._tell(self._progress(message, planner, query, progress)))
             result = planner.plan(query.start, query.goal, seconds, stop=stop.is_set, on_progress=better.look)
-        self._path = result.path
+        self._path, self._infeasible = result.path, result.status == "infeasible"
         self._tell({"type": "path", "id": message.id, "final": True, **self._record(result), **extras})
 
     def not_planned(self, message: Message) -> Answer:

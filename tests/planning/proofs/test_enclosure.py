@@ -15,10 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs import enclosed
+from trailmark.planning.proofs import enclosed, enclosure
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
 
@@ -45,6 +46,16 @@ def test_a_gap_too_narrow_is_closed(robot: Robot, gap: float) -> None:
 def test_a_gap_just_wide_enough_is_not(gap: float) -> None:
     checker = StateChecker(wall_with_gap(gap), ROBOTS["rectangle"])
     assert not enclosed(checker, (2.0, 2.5, 0.0), (9.0, 2.5, 0.0), seconds=0.3)
+
+
+def test_its_cells_hold_one_end_and_not_the_other() -> None:
+    ends = np.array([(2.0, 2.0, 0.3), (9.0, 2.0, 2.0)])
+    proof = enclosure(StateChecker(wall_with_gap(0.6), ROBOTS["L"]), *ends, seconds=SECONDS)
+    assert proof is not None
+    poses = np.column_stack([se2.transform(ends, proof.pivot[None])[:, 0], ends[:, 2]])
+    off = np.abs(se2.difference(proof.centers[None], poses[:, None]))
+    inside = (off <= proof.extents * (1.0 + 1e-9)).all(axis=-1).any(axis=-1)
+    assert inside.tolist() == [proof.end == 0, proof.end == 1]
 
 
 @pytest.mark.slow

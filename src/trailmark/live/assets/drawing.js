@@ -41,12 +41,14 @@ function drawObstacles(brush, pixel) {
   brush.fillStyle = colours.obstacle;
   brush.strokeStyle = colours.obstacle;
   brush.lineWidth = 0.5 * pixel;
-  // One by one, for where they overlap an even-odd rule would leave holes.
-  for (const shape of scene.obstacles.values()) {
-    brush.beginPath();
-    traceShape(brush, shape);
-    brush.fill("evenodd");
-  }
+  // One by one, for where they overlap an even-odd rule would leave holes. One that is dragged is drawn anew each frame.
+  for (const shape of scene.obstacles.values()) if (shape.id !== drag?.id) drawObstacle(brush, shape);
+}
+
+function drawObstacle(brush, shape) {
+  brush.beginPath();
+  traceShape(brush, shape);
+  brush.fill("evenodd");
 }
 
 function drawRoadmap(brush, pixel, {nodes = [], edges = []}) {
@@ -104,9 +106,14 @@ function draw(now) {
   for (const [name, layer] of layers) {
     if (layer.picture) view.keep(name, (kept) => drawCells(kept, layer.picture, layer));
   }
+  if (layers.get("reachable")?.end) view.keep("reachable", (kept, size) => drawReach(kept, size, layers.get("reachable")));
   view.keep("obstacles", drawObstacles);
+  if (scene.obstacles.has(drag?.id)) {
+    brush.fillStyle = colours.obstacle;
+    drawObstacle(brush, scene.obstacles.get(drag.id));
+  }
   if (layers.get("roadmap")?.nodes) view.keep("roadmap", (kept, size) => drawRoadmap(kept, size, layers.get("roadmap")));
-  for (const other of others) if (other.states?.length) drawPath(brush, pixel, other, other.correct ? colours.other : colours.bad, 2);
+  for (const other of others) if (other.states?.length && other.asked === problem()) drawPath(brush, pixel, other, other.correct ? colours.other : colours.bad, 2);
   if (scene.path) {
     if (!scene.path.partial) drawSwept(brush, pixel, scene.path.states);
     drawPath(brush, pixel, scene.path, colours.way);
@@ -122,10 +129,11 @@ function draw(now) {
 
 function drawEnd(brush, pixel, end) {
   const chosen = selected.kind === "end" && selected.end === end;
-  brush.globalAlpha = 0.25;
-  drawRobot(brush, scene.robot, scene[end], pixel, {fill: colours[end], stroke: colours[end]});
+  const colour = badEnd === end ? colours.bad : colours[end];
+  brush.globalAlpha = badEnd === end ? 0.6 : 0.25;
+  drawRobot(brush, scene.robot, scene[end], pixel, {fill: colour, stroke: colour});
   brush.globalAlpha = 1;
-  drawRobot(brush, scene.robot, scene[end], pixel, {stroke: colours[end], width: chosen ? 3.5 : 2});
+  drawRobot(brush, scene.robot, scene[end], pixel, {stroke: colour, width: chosen ? 3.5 : 2});
   const [hx, hy] = handlePlace(end);
   brush.beginPath();
   brush.arc(hx, hy, 7 * pixel, 0, TURN);
@@ -160,7 +168,8 @@ function frame(now) {
     dirty = true;
   }
   plan(now);
-  if (dirty || canvas.dataset.size !== `${view.width}x${view.height}`) {
+  requestLayers(now);
+  if (dirty || (view.blurred && !view.moves) || canvas.dataset.size !== `${view.width}x${view.height}`) {
     canvas.dataset.size = `${view.width}x${view.height}`;
     dirty = false;
     draw(now);

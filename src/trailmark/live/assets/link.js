@@ -22,6 +22,7 @@ function connect() {
     ready = false;
     inFlight.clear();
     waiting.clear();
+    layerAsked = null;
     say("connection lost; trying again", true);
     setTimeout(connect, 1000);
   };
@@ -55,11 +56,13 @@ function receive(message) {
 function receiveError({id, message}) {
   const plan = inFlight.get(id);
   inFlight.delete(id);
+  layerAnswered(id);
   if (plan && id >= shownPlan) {
     shownPlan = id;
     scene.path = null;
     say(message.replace(/^(start|goal) \(.*?\) is not valid: /, "$1: "), true);
     showFigures({});
+    badEnd = /^(start|goal)\b/.exec(message)?.[0] ?? null;
     dirty = true;
   } else if (!plan) {
     $("error").textContent = message;
@@ -94,8 +97,10 @@ function takeWorld({world}, fit, ends = null) {
   else if (fresh) scene.takeQuery();
   if (fit) view.fit(world.bounds);
   ready = true;
+  worldNumber++;
+  badEnd = null;
   others = [];
-  layers.clear();
+  for (const name of layers.keys()) layers.get(name).automatic ? toggleLayer(name, false) : requestLayer(name);
   $("error").textContent = "";
   $("name").textContent = world.name;
   document.title = `${world.name} · trailmark live`;
@@ -122,7 +127,8 @@ function edit(change, at) {
   for (const id of change.remove ?? []) scene.obstacles.delete(id);
   for (const [id, by] of Object.entries(change.move ?? {})) scene.obstacles.set(id, displaced(scene.obstacles.get(id), ...by));
   for (const shape of change.add ?? []) scene.obstacles.set(shape.id, shape);
-  view.forget("obstacles");
+  worldNumber++;
+  if (!(drag?.id in (change.move ?? {}))) view.forget("obstacles");
   // What is dragged quickly is told of once for each plan.
   pending ??= {remove: new Set(), move: new Map(), add: new Map()};
   for (const id of change.remove ?? []) {

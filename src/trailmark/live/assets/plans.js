@@ -3,6 +3,7 @@
 // To be called when anything changed that a path depends on.
 function changed(at = performance.now()) {
   dirty = true;
+  if (others.length) listOthers();
   settle = at + CHANGED_WITHIN;
   if (wanted === null) wanted = at;
 }
@@ -22,18 +23,18 @@ function plan(now) {
   const from = playing ? playing.state : scene.start;
   const id = send(playing ? "replan" : "plan",
     {start: from, goal: scene.goal, time_limit: settled ? SETTLED : patience});
-  inFlight.set(id, {since, settled});
-  if (settled) ["lattice", "reachable"].filter((name) => layers.has(name)).forEach(requestLayer);
+  inFlight.set(id, {since, settled, dragged: drag !== null && !settled});
 }
 
 function receivePath(message) {
   const asked = inFlight.get(message.id);
   if (asked && !asked.answered && message.status === "solved") {
     asked.answered = true;
-    if (!asked.settled) drawn.push(asked.since);
+    if (asked.dragged) drawn.push(asked.since);
   }
   if (message.final) inFlight.delete(message.id);
   if (message.final && layers.has("roadmap")) requestLayer("roadmap");  // it has grown
+  if (message.final && asked?.settled) ["lattice", "reachable"].filter((name) => layers.has(name)).forEach(requestLayer);
   if (asked && !asked.settled && message.final) {
     const found = message.status === "solved" ? message.time.first_solution : null;
     patience = Math.min(LONGEST, Math.max(SHORTEST, found === null ? 2 * patience : Math.min(patience, 4 * found)));
@@ -45,6 +46,7 @@ function receivePath(message) {
   if (message.id < shownPlan || (message.final && message.status !== "solved" && inFlight.size)) return;
   if (message.id > shownPlan) history = [];
   shownPlan = message.id;
+  badEnd = null;
   const solved = message.status === "solved";
   scene.path = solved ? message : message.nearest ? {...message, states: message.nearest, partial: true} : null;
   if (playing && solved) playing.follow(message.states);
@@ -54,7 +56,10 @@ function receivePath(message) {
     : reasons[message.status] ?? message.status, !solved);
   showFigures(message);
   if (wanted !== null) plan(performance.now());
-  if (message.status === "infeasible" && !layers.has("reachable")) toggleLayer("reachable", true, true);
+  if (message.status === "infeasible") {
+    if (!layers.has("reachable")) toggleLayer("reachable", true, true);
+    requestLayer("reachable");
+  } else if (layers.get("reachable")?.automatic) toggleLayer("reachable", false);
   dirty = true;
 }
 

@@ -14,6 +14,7 @@ canvas.addEventListener("pointerdown", (event) => {
   const [px, py] = place(event), [x, y] = view.toWorld(px, py);
   pointers.set(event.pointerId, [px, py]);
   if (pointers.size === 2) {
+    view.forget("obstacles");
     drag = draft = null;
     const [a, b] = [...pointers.values()];
     pinch = {apart: Math.hypot(a[0] - b[0], a[1] - b[1]), middle: [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2]};
@@ -33,6 +34,7 @@ canvas.addEventListener("pointerdown", (event) => {
       select(found.kind === "turn" ? {kind: "end", end: found.end} : found);
     }
     drag = {...(found ?? {kind: "pan"}), last: [x, y], screen: [px, py]};
+    if (drag.id) view.forget("obstacles");
     canvas.classList.add("busy");
   }
   dirty = true;
@@ -81,7 +83,9 @@ function moveDragged(px, py, x, y, at) {
 function release(event) {
   pointers.delete(event.pointerId);
   if (pointers.size < 2) pinch = null;
+  if (drag?.id) view.forget("obstacles");
   drag = null;
+  dirty = true;
   canvas.classList.remove("busy");
   if (draft?.from) finishDraft();
 }

@@ -1,5 +1,8 @@
 // The view: which part of the plane is shown, and what is drawn there. Pictures that change seldom are kept.
 
+const BEYOND = 0.25;  // of its width and height, that a picture that is kept reaches beyond each side of what is shown
+const MOVES_FOR = 150;  // milliseconds after a move for which pictures are only moved
+
 class View {
   constructor(canvas) {
     this.canvas = canvas;
@@ -7,6 +10,8 @@ class View {
     this.centre = [0, 0];
     this.scale = 50;  // pixels a metre
     this.kept = new Map();
+    this.movedAt = -Infinity;
+    this.blurred = false;  // whether a picture is shown that was drawn for another part
   }
 
   resize() {
@@ -41,12 +46,12 @@ class View {
     this.scale = Math.min(1e5, Math.max(1e-3, this.scale * factor));
     const [nx, ny] = this.toWorld(px, py);
     this.centre = [this.centre[0] + x - nx, this.centre[1] + y - ny];
-    this.forget();
+    this.movedAt = performance.now();
   }
 
   pan(dx, dy) {
     this.centre = [this.centre[0] - dx / this.scale, this.centre[1] + dy / this.scale];
-    this.forget();
+    this.movedAt = performance.now();
   }
 
   // Lets a picture that is kept be drawn anew; all of them without a name.
@@ -56,6 +61,7 @@ class View {
   }
 
   clear() {
+    this.blurred = false;
     this.brush.setTransform(1, 0, 0, 1, 0, 0);
     this.brush.clearRect(0, 0, this.canvas.width, this.canvas.height);
     this.metres(this.brush);
@@ -64,24 +70,40 @@ class View {
   // From here on a brush draws in metres, y up.
   metres(brush) {
     const k = this.scale * this.ratio;
-    brush.setTransform(k, 0, 0, -k, (this.width / 2) * this.ratio - this.centre[0] * k,
-      (this.height / 2) * this.ratio + this.centre[1] * k);
+    brush.setTransform(k, 0, 0, -k, brush.canvas.width / 2 - this.centre[0] * k, brush.canvas.height / 2 + this.centre[1] * k);
     brush.lineJoin = brush.lineCap = "round";
   }
 
-  // Draws a picture by a function once, and from then on as it is, until it is forgotten.
+  get moves() {
+    return performance.now() - this.movedAt < MOVES_FOR;
+  }
+
+  // Draws a picture by a function once, and from then on as it is, until it is forgotten. While the view moves, it is
+  // moved, too, as far as it reaches beyond what is shown: to draw it anew may take longer than a frame.
   keep(name, draw) {
-    let picture = this.kept.get(name);
-    if (!picture) {
-      picture = new OffscreenCanvas(this.canvas.width, this.canvas.height);
-      const brush = picture.getContext("2d");
+    let kept = this.kept.get(name);
+    const same = kept && kept.scale === this.scale && kept.centre[0] === this.centre[0] && kept.centre[1] === this.centre[1];
+    if (!kept || (!same && !(this.moves && this.within(kept)))) {
+      const size = [this.canvas.width, this.canvas.height].map((pixels) => pixels + 2 * Math.round(BEYOND * pixels));
+      const picture = kept?.picture ?? new OffscreenCanvas(...size), brush = picture.getContext("2d");
+      brush.setTransform(1, 0, 0, 1, 0, 0);
+      brush.clearRect(0, 0, ...size);
       this.metres(brush);
       draw(brush, 1 / this.scale);
-      this.kept.set(name, picture);
-    }
-    this.brush.setTransform(1, 0, 0, 1, 0, 0);
+      kept = {picture, scale: this.scale, centre: this.centre};
+      this.kept.set(name, kept);
+    } else if (!same) this.blurred = true;
+    const {picture, centre: [x, y]} = kept, zoom = this.scale / kept.scale, k = this.scale * this.ratio;
+    this.brush.setTransform(zoom, 0, 0, zoom, this.canvas.width / 2 + (x - this.centre[0]) * k - (zoom * picture.width) / 2,
+      this.canvas.height / 2 - (y - this.centre[1]) * k - (zoom * picture.height) / 2);
     this.brush.drawImage(picture, 0, 0);
     this.metres(this.brush);
+  }
+
+  // Whether a picture that is kept covers all that is shown.
+  within({scale, centre}) {
+    const reach = (pixels) => (0.5 + BEYOND) * pixels / scale - (0.5 * pixels) / this.scale;
+    return Math.abs(centre[0] - this.centre[0]) <= reach(this.width) && Math.abs(centre[1] - this.centre[1]) <= reach(this.height);
   }
 }
 

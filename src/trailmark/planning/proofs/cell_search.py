@@ -26,11 +26,12 @@ def meets(
     division: Division,
     flood: Flood,
     finest: int,
-) -> tuple[bool, NDArray[np.int64]]:
+) -> tuple[bool, NDArray[np.int64], NDArray[np.int64]]:
     """Return whether cells that are not blocked lead from one end's to the other's, each to the next over a face.
 
     They count as leading there, too, if an end's own cell is blocked: that end is not valid, and nothing is claimed.
-    If they do not lead there, the blocked cells around those that they do lead to come with it, shape (n,).
+    If they do not lead there, the blocked cells around those that they do lead to come with it, shape (n,), and these,
+    shape (m,).
 
     The proof rests on this alone: a path that is nowhere blocked lies in the union of the cells that this flood reaches
     and of the others that are not blocked. Both are closed: to leave the first it must pass a point in both. All cells
@@ -41,7 +42,7 @@ def meets(
     cells = flood.cells
     for end in range(2, 4):
         if kind_of(cells, flood.counts[end], division, grid, field, robot, placed, finest) == BLOCKED:
-            return True, np.empty(0, np.int64)
+            return True, np.empty(0, np.int64), np.empty(0, np.int64)
     seen = np.zeros(flood.counts[0], np.bool_)
     stack = np.empty(flood.counts[0], np.int64)
     stack[0], count = flood.counts[2], 1
@@ -51,7 +52,7 @@ def meets(
         count -= 1
         cell = stack[count]
         if cell == flood.counts[3]:
-            return True, np.empty(0, np.int64)
+            return True, np.empty(0, np.int64), np.empty(0, np.int64)
         number, around = neighbours(cells, division, cell, around)
         for n in range(number):
             near = around[n]
@@ -64,4 +65,5 @@ def meets(
             else:
                 stack[count] = near
                 count += 1
-    return False, rim[:walls].copy()
+    seen[rim[:walls]] = False
+    return False, rim[:walls].copy(), np.flatnonzero(seen)

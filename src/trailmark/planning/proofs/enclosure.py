@@ -15,6 +15,7 @@ from collections.abc import Callable
 from itertools import product
 from math import ceil, log2, pi, sqrt
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -39,7 +40,7 @@ from trailmark.planning.proofs.flood import (
     new_flood,
 )
 
-__all__ = ["Space", "enclosed"]
+__all__ = ["Enclosure", "Space", "enclosed", "enclosure"]
 
 SLICE = 1_000
 """Cells taken from the queue between two looks at the clock: a few milliseconds."""
@@ -60,6 +61,22 @@ BASE_CELLS = 1 << 14
 """Cells of level 0 at most."""
 
 
+class Enclosure(NamedTuple):
+    """A proof: cells of SE(2) that hold all that the robot can reach from one end of a query, and not the other end.
+
+    Attributes:
+        end: 0 if that is the start, 1 if it is the goal.
+        centers: of the cells, (x, y) of the pivot and heading, shape (n, 3).
+        extents: half of what the cells extend over, shape (n, 3).
+        pivot: the point of the robot, in its own frame, whose place is told, shape (2,).
+    """
+
+    end: int
+    centers: se2.FloatArray
+    extents: se2.FloatArray
+    pivot: se2.FloatArray
+
+
 def enclosed(
     checker: StateChecker,
     start: ArrayLike,
@@ -69,7 +86,20 @@ def enclosed(
     stop: Callable[[], bool] | None = None,
     budget: int = 2_000_000,
 ) -> bool:
-    """Return whether it is proven that no path, of whatever continuous motions, joins two valid configurations.
+    """Return whether it is proven that no path joins two valid configurations: arguments as :func:`enclosure`."""
+    return enclosure(checker, start, goal, seconds=seconds, stop=stop, budget=budget) is not None
+
+
+def enclosure(
+    checker: StateChecker,
+    start: ArrayLike,
+    goal: ArrayLike,
+    *,
+    seconds: float = np.inf,
+    stop: Callable[[], bool] | None = None,
+    budget: int = 2_000_000,
+) -> Enclosure | None:
+    """Return a proof that no path, of whatever continuous motions, joins two valid configurations.
 
     Args:
         checker: the world and the robot; for round ones, whose triangles tell all, nothing is proven here.
@@ -80,7 +110,7 @@ def enclosed(
         budget: cells taken at most.
 
     Returns:
-        True if it is proven; False if there is a path, or nobody knows.
+        None if there is a path, or nobody knows.
 
     Raises:
         ConfigurationError: other shapes, or values that are not finite.
@@ -92,7 +122,7 @@ def enclosed(
             raise ConfigurationError(f"{name}: expected shape (3,), got {state.shape}")
     ends = np.array(states)
     if checker.robot.sweep_radius == 0.0:
-        return False
+        return None
     space = Space(checker)
     poses = space.poses(ends)
     orders = (poses, poses[::-1].copy())
@@ -103,23 +133,23 @@ def enclosed(
         answer, n = UNDER_WAY, 0
         while answer == UNDER_WAY:
             if perf_counter() >= deadline or budget <= 0 or (stop is not None and stop()):
-                return False
+                return None
             answer, taken, floods[n] = go_on(*space.parts, division, floods[n], orders[n][1], finest, SLICE)
             budget -= taken
             if answer == ENCLOSED:
-                leads, rim = meets(*space.parts, division, floods[n], finest)
+                leads, rim, reached = meets(*space.parts, division, floods[n], finest)
                 if leads:
-                    return False
+                    return None
                 boxes = space.boxes(floods[n], rim)
                 if free_somewhere(checker.world, checker.robot, *boxes, lambda: perf_counter() >= deadline):
                     problem = "cells that shut the robot in hold a configuration that is free"
                     report_error(problem, checker.world, checker.robot, *states)
-                    return False
+                    return None
                 # What nobody had the time to look at again is not told.
-                return perf_counter() < deadline
+                return Enclosure(n, *space.boxes(floods[n], reached)) if perf_counter() < deadline else None
             # Where one comes to the other end, the other comes too: on to smaller cells.
             n = 1 - n
-    return False
+    return None
 
 
 class Space:
