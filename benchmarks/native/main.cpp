@@ -3,11 +3,13 @@
 //   trailmark_native planners                        names and versions
 //   trailmark_native plan  PLANNER [OPTION VALUE]... problem on standard input
 //   trailmark_native check FILE [plain]           problem on standard input; FILE holds rows "x y theta"
+//   trailmark_native certify FILE                 the same; FILE's rows are the ends of motions by turns
 //
-// Options of plan: --resolution METRES --time-limit SECONDS --simplify-limit SECONDS --memory-limit MB
+// PLANNER+certified plans with certified motions. Options of plan: --settle SECONDS --resolution METRES --time-limit SECONDS --simplify-limit SECONDS --memory-limit MB
 // --cost-threshold METRES --seed N --parameter NAME=VALUE (as often as need be).
 // The answer is one JSON object on standard output. Bad input: one line on standard error, status 2.
 
+#include <algorithm>
 #include <chrono>
 #include <cstdlib>
 #include <fstream>
@@ -27,6 +29,9 @@ namespace {
 
 using Json = nlohmann::json;
 using Words = std::vector<std::string>;
+using Kind = trailmark::Checker::Kind;
+
+const std::string kCertified = "+certified";
 
 double seconds_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
@@ -44,6 +49,11 @@ double positive(const std::string& option, const std::string& text) {
 trailmark::Settings settings_of(const Words& words) {
   trailmark::Settings settings;
   settings.planner = words.at(0);
+  const std::size_t name = settings.planner.size() - std::min(settings.planner.size(), kCertified.size());
+  if (settings.planner.substr(name) == kCertified) {
+    settings.planner.resize(name);
+    settings.certified = true;
+  }
   for (std::size_t i = 1; i < words.size(); i += 2) {
     const std::string& option = words[i];
     if (i + 1 == words.size()) {
@@ -60,6 +70,8 @@ trailmark::Settings settings_of(const Words& words) {
     const double value = positive(option, words[i + 1]);
     if (option == "--resolution") {
       settings.resolution = value;
+    } else if (option == "--settle") {
+      settings.settle = value;
     } else if (option == "--time-limit") {
       settings.time_limit = value;
     } else if (option == "--simplify-limit") {
@@ -71,7 +83,7 @@ trailmark::Settings settings_of(const Words& words) {
     } else if (option == "--seed" && value < 4294967296.0) {
       settings.seed = static_cast<unsigned>(value);
     } else {
-      throw std::runtime_error(option + " " + words[i + 1] + " given, allowed: --resolution, --time-limit, " +
+      throw std::runtime_error(option + " " + words[i + 1] + " given, allowed: --resolution, --settle, --time-limit, " +
                                "--simplify-limit, --memory-limit, --cost-threshold, --parameter, --seed (below 2^32)");
     }
   }
@@ -93,24 +105,29 @@ Json plan(const Words& words) {
   const trailmark::Settings settings = settings_of(words);
   const auto begin = std::chrono::steady_clock::now();
   const trailmark::Problem problem = trailmark::read_problem(std::cin);
-  const trailmark::Checker checker(problem);
+  const trailmark::Checker checker(problem, settings.certified ? Kind::kClearances : Kind::kFast);
   const double setup = seconds_since(begin);
   Json record = trailmark::run(problem, checker, settings);
   record["setup_time"] = setup;
   return record;
 }
 
-Json check(const Words& words) {
-  const trailmark::Problem problem = trailmark::read_problem(std::cin);
-  const trailmark::Checker checker(problem, words.size() > 1 && words[1] == "plain");
-  std::ifstream file(words.at(0));
+std::vector<trailmark::Configuration> read_states(const std::string& name) {
+  std::ifstream file(name);
   if (!file) {
-    throw std::runtime_error("states: " + words[0] + " cannot be read");
+    throw std::runtime_error("states: " + name + " cannot be read");
   }
   std::vector<trailmark::Configuration> states;
   for (trailmark::Configuration q; file >> q[0] >> q[1] >> q[2];) {
     states.push_back(q);
   }
+  return states;
+}
+
+Json check(const Words& words) {
+  const trailmark::Problem problem = trailmark::read_problem(std::cin);
+  const trailmark::Checker checker(problem, words.size() > 1 && words[1] == "plain" ? Kind::kPlain : Kind::kFast);
+  const std::vector<trailmark::Configuration> states = read_states(words.at(0));
   std::string answers(states.size(), '0');
   const auto begin = std::chrono::steady_clock::now();
   for (std::size_t i = 0; i < states.size(); ++i) {
@@ -118,6 +135,22 @@ Json check(const Words& words) {
   }
   const double elapsed = seconds_since(begin);
   return {{"valid", answers}, {"seconds_per_check", states.empty() ? 0.0 : elapsed / states.size()}};
+}
+
+Json certify(const Words& words) {
+  const trailmark::Problem problem = trailmark::read_problem(std::cin);
+  const trailmark::Checker checker(problem, Kind::kClearances);
+  const std::vector<trailmark::Configuration> states = read_states(words.at(0));
+  std::vector<double> clearances;
+  for (const auto& q : states) {
+    clearances.push_back(checker.clearance(q[0], q[1], q[2]));
+  }
+  const auto begin = std::chrono::steady_clock::now();
+  const std::string answers = trailmark::certified(problem, checker, states);
+  const double elapsed = seconds_since(begin);
+  return {{"free", answers},
+          {"clearances", clearances},
+          {"seconds_per_motion", answers.empty() ? 0.0 : elapsed / static_cast<double>(answers.size())}};
 }
 
 Json answer(const Words& words) {
@@ -130,7 +163,10 @@ Json answer(const Words& words) {
   if (words.size() >= 2 && words[0] == "check") {
     return check({words.begin() + 1, words.end()});
   }
-  throw std::runtime_error("arguments: allowed are planners, plan PLANNER [OPTION VALUE]..., check FILE [plain]");
+  if (words.size() == 2 && words[0] == "certify") {
+    return certify({words[1]});
+  }
+  throw std::runtime_error("arguments: allowed are planners, plan PLANNER [OPTION VALUE]..., check FILE [plain], certify FILE");
 }
 
 }  // namespace

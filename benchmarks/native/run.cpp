@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
 #include <new>
 #include <stdexcept>
 #include <string>
 #include <ompl/base/PlannerData.h>
-#include <ompl/base/objectives/PathLengthOptimizationObjective.h>
 #include <ompl/base/spaces/DubinsStateSpace.h>
 #include <ompl/base/spaces/ReedsSheppStateSpace.h>
 #include <ompl/base/spaces/SE2StateSpace.h>
@@ -16,7 +16,9 @@
 #include <ompl/util/Console.h>
 #include <ompl/util/RandomNumbers.h>
 
+#include "certified_motions.hpp"
 #include "memory.hpp"
+#include "path_length.hpp"
 #include "planners.hpp"
 #include "progress.hpp"
 
@@ -57,6 +59,12 @@ std::shared_ptr<SE2> space_of(const Robot& robot) {
   return std::make_shared<ob::DubinsStateSpace>(robot.turning_radius);
 }
 
+void fill(ob::ScopedState<SE2>& state, const Configuration& q) {
+  // OMPL's headings lie in [-pi, pi), trailmark's in (-pi, pi].
+  state->setXY(q[0], q[1]);
+  state->setYaw(q[2] >= kPi ? -kPi : q[2]);
+}
+
 std::shared_ptr<og::SimpleSetup> simple_setup(const Problem& problem, const Checker& checker,
                                               const Settings& settings) {
   const std::shared_ptr<SE2> space = space_of(problem.robot);
@@ -69,18 +77,17 @@ std::shared_ptr<og::SimpleSetup> simple_setup(const Problem& problem, const Chec
   auto setup = std::make_shared<og::SimpleSetup>(space);
   const auto& information = setup->getSpaceInformation();
   setup->setStateValidityChecker(std::make_shared<Validity>(information, checker));
-  information->setStateValidityCheckingResolution(settings.resolution / space->getMaximumExtent());
+  if (settings.certified) {
+    information->setMotionValidator(std::make_shared<CertifiedMotions>(information, checker, problem.robot));
+  } else {
+    information->setStateValidityCheckingResolution(settings.resolution / space->getMaximumExtent());
+  }
   ob::ScopedState<SE2> start(space), goal(space);
-  const auto fill = [](ob::ScopedState<SE2>& state, const Configuration& q) {
-    // OMPL's headings lie in [-pi, pi), trailmark's in (-pi, pi].
-    state->setXY(q[0], q[1]);
-    state->setYaw(q[2] >= kPi ? -kPi : q[2]);
-  };
   fill(start, problem.start);
   fill(goal, problem.goal);
   setup->setStartAndGoalStates(start, goal);
   // Given explicitly, as the benchmark does for OMPL in Python: so PRM too goes on to shorten its path until the limit.
-  const auto objective = std::make_shared<ob::PathLengthOptimizationObjective>(information);
+  const auto objective = std::make_shared<PathLength>(information);
   objective->setCostThreshold(ob::Cost(settings.cost_threshold));
   setup->setOptimizationObjective(objective);
   return setup;
@@ -123,18 +130,50 @@ void set_parameter(ob::Planner& planner, const std::string& name, const std::str
   }
 }
 
+ob::PlannerPtr planner_for(og::SimpleSetup& setup, const Settings& settings) {
+  const ob::PlannerPtr planner = make_planner(settings.planner, setup.getSpaceInformation());
+  for (const auto& [name, value] : settings.parameters) {
+    set_parameter(*planner, name, value);
+  }
+  setup.setPlanner(planner);
+  return planner;
+}
+
+// Plans the same problem for a moment with another seed, which no clock measures: so memory is mapped and caches are warm
+// when planning begins, as in a program that has planned before.
+void settle(const Problem& problem, const Checker& checker, const Settings& settings) {
+  ompl::RNG::setSeed(settings.seed + 1000000007u);
+  const auto setup = simple_setup(problem, checker, settings);
+  const ob::PlannerPtr planner = planner_for(*setup, settings);
+  setup->setup();
+  planner->solve(ob::timedPlannerTerminationCondition(settings.settle));
+}
+
+// The planner's parameters as they are when it has been set up: some follow from the problem.
+std::string parameters_of(const ob::Planner& planner) {
+  std::map<std::string, std::string> values;
+  planner.params().getParams(values);
+  std::string text;
+  for (const auto& [name, value] : values) {
+    text += (text.empty() ? "" : ",") + name + "=" + value;
+  }
+  return text;
+}
+
 void solve(og::SimpleSetup& setup, const ob::PlannerPtr& planner, const Checker& checker, const Robot& robot,
            double limit, Json& record) {
   const double memory = restart_memory_peak();
+  const auto before = checker.checked();
   Progress progress(setup.getProblemDefinition(), planner, limit);
   setup.setup();
+  record["parameters"] = parameters_of(*planner);
   const ob::PlannerStatus status = planner->solve(progress.condition());
   const double time = progress.elapsed();
   record["time"] = time;
   const double peak = memory_peak();
   record["memory"] = memory < 0.0 || peak < 0.0 ? Json() : Json(std::max(0.0, peak - memory));
   record["status"] = static_cast<int>(static_cast<ob::PlannerStatus::StatusType>(status));
-  record["states_checked"] = checker.checked();
+  record["states_checked"] = checker.checked() - before;
   record["motions_checked"] = setup.getSpaceInformation()->getCheckedMotionCount();
 
   const bool exact = setup.haveExactSolutionPath();
@@ -159,15 +198,31 @@ void solve(og::SimpleSetup& setup, const ob::PlannerPtr& planner, const Checker&
 
 }  // namespace
 
+std::string certified(const Problem& problem, const Checker& checker, const std::vector<Configuration>& ends) {
+  ompl::msg::noOutputHandler();
+  Settings settings;
+  settings.certified = true;
+  const auto setup = simple_setup(problem, checker, settings);
+  const auto& information = setup->getSpaceInformation();
+  information->setup();
+  ob::ScopedState<SE2> a(information), b(information);
+  std::string answers;
+  for (std::size_t i = 1; i < ends.size(); i += 2) {
+    fill(a, ends[i - 1]);
+    fill(b, ends[i]);
+    answers += information->checkMotion(a.get(), b.get()) ? '1' : '0';
+  }
+  return answers;
+}
+
 Json run(const Problem& problem, const Checker& checker, const Settings& settings) {
   ompl::msg::noOutputHandler();
+  if (settings.settle > 0.0) {
+    settle(problem, checker, settings);
+  }
   ompl::RNG::setSeed(settings.seed);
   const auto setup = simple_setup(problem, checker, settings);
-  const ob::PlannerPtr planner = make_planner(settings.planner, setup->getSpaceInformation());
-  for (const auto& [name, value] : settings.parameters) {
-    set_parameter(*planner, name, value);
-  }
-  setup->setPlanner(planner);
+  const ob::PlannerPtr planner = planner_for(*setup, settings);
   Json record = {{"seed", settings.seed}, {"solved", false}};
   if (settings.memory_limit > 0.0) {
     limit_memory(settings.memory_limit);

@@ -21,14 +21,14 @@ std::shared_ptr<Mesh> mesh_of(const std::vector<Triangle>& triangles) {
   return mesh;
 }
 
-TriangleTiles::TriangleTiles(const Problem& problem, std::size_t most)
+TriangleTiles::TriangleTiles(const Problem& problem, std::size_t most, double margin)
     : x0_(problem.bounds[0]), y0_(problem.bounds[1]) {
   const double width = problem.bounds[2] - x0_, height = problem.bounds[3] - y0_;
   const double size = std::max(problem.robot.circumradius, std::max(width, height) / static_cast<double>(most));
   per_metre_ = 1.0 / size;
   columns_ = std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(width / size)));
   rows_ = std::max<std::size_t>(1, static_cast<std::size_t>(std::ceil(height / size)));
-  const double reach = problem.robot.circumradius + 2.0 * problem.tolerance +
+  const double reach = problem.robot.circumradius + margin + 2.0 * problem.tolerance +
                        kRounding * (std::abs(x0_) + std::abs(y0_) + width + height);
 
   std::vector<std::vector<Triangle>> members(columns_ * rows_);

@@ -22,7 +22,8 @@ std::shared_ptr<Mesh> mesh_of(const std::vector<Triangle>& triangles);
 class TriangleTiles {
  public:
   // most: tiles along each side at most; 1 makes a single model. No tile is smaller than the robot's circumradius.
-  TriangleTiles(const Problem& problem, std::size_t most);
+  // margin: metres from the robot within which a tile holds all that it may be near to, too.
+  TriangleTiles(const Problem& problem, std::size_t most, double margin = 0.0);
 
   // The triangles near (x, y), which lies within the bounds; null if there are none.
   const Mesh* near(double x, double y) const { return tiles_[row(y) * columns_ + column(x)].get(); }

@@ -6,6 +6,7 @@ import json
 import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,6 +73,32 @@ def random_states(world: World, seed: int) -> NDArray[np.float64]:
     return rng.uniform(low - 0.1, high + 0.1, (STATES, 3))
 
 
+def native_motions(world: World, robot: Robot, states: NDArray[np.float64], folder: Path) -> dict[str, Any]:
+    """Return what the program says of configurations' clearances, and of the motions whose ends they are by turns."""
+    rows = folder / "ends.txt"
+    np.savetxt(rows, states, fmt="%.17g")
+    query = Query("none", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    command, text = [str(native_program()), "certify", str(rows)], problem_text(world, robot, query)
+    done = subprocess.run(command, input=text, capture_output=True, text=True, check=True)
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
+
+
+def hook_of(r: float) -> Robot:
+    """Return a hook away from its reference point, of about the size ``r`` (metres)."""
+    return Robot.polygon(np.array([[0.3, -0.2], [1.5, -0.2], [1.5, 1.0], [1.1, 1.0], [1.1, 0.2], [0.3, 0.2]]) * r)
+
+
+def ends_of_motions(world: World, robot: Robot) -> NDArray[np.float64]:
+    """Return the ends of motions between free configurations by turns, shape (2 n, 3); all lengths, many turns."""
+    rng = np.random.default_rng(3)
+    q = random_states(world, seed=11)
+    q = q[StateChecker(world, robot).valid(q)][:250]
+    other = q + rng.normal(size=q.shape) * 10.0 ** rng.uniform(-1.5, 1.0, (len(q), 1))
+    other[:, 2] = np.remainder(other[:, 2] + np.pi, 2.0 * np.pi) - np.pi
+    return np.stack([q, other], axis=1).reshape(-1, 3)
+
+
 def assert_same_answers(world: World, robot: Robot, folder: Path) -> None:
     q = random_states(world, seed=len(world.obstacles))
     theirs, ours = native_valid(world, robot, q, folder), StateChecker(world, robot).valid(q)
@@ -95,9 +122,7 @@ def test_checker_answers_as_trailmarks_does(name: str, worlds: Path, tmp_path: P
 def test_checker_answers_for_a_polygon_off_its_reference_point(name: str, worlds: Path, tmp_path: Path) -> None:
     world = World.load(worlds / f"{name}.yaml")
     assert world.robot is not None
-    r = world.robot.circumradius
-    hook = Robot.polygon(np.array([[0.3, -0.2], [1.5, -0.2], [1.5, 1.0], [1.1, 1.0], [1.1, 0.2], [0.3, 0.2]]) * r)
-    assert_same_answers(world, hook, tmp_path)
+    assert_same_answers(world, hook_of(world.robot.circumradius), tmp_path)
 
 
 @built
@@ -188,6 +213,88 @@ def test_cars_drive_the_curves_that_were_checked(name: str, reverse: bool) -> No
         assert states is not None
         assert referee.fault(states, query.start, query.goal) is None
         assert cost == pytest.approx(problem.path(states).cost, rel=1e-3)
+
+
+@built
+@pytest.mark.parametrize("name", ["office", "clutter", "discs", "environment1", "lake"])
+def test_clearances_are_never_more_than_they_are(name: str, worlds: Path, tmp_path: Path) -> None:
+    world = World.load(worlds / f"{name}.yaml")
+    assert world.robot is not None
+    for robot in (world.robot, Robot.disc(world.robot.inscribed_disc.radius), hook_of(world.robot.circumradius)):
+        q = random_states(world, seed=7)[:600]
+        clearances = np.array(native_motions(world, robot, q, tmp_path)["clearances"])
+        true = Oracle(world, robot).clearance(q)
+        assert (clearances <= true + 1e-6).all()
+        # What is free is seen to be free.
+        assert (clearances[true > 1e-6] > 0.0).all()
+
+
+@built
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        *(("office", "own"), ("office", "thin"), ("discs", "own"), ("discs", "thin")),
+        *(("lake", "hook"), ("lake", "disc"), ("environment1", "own"), ("environment1", "hook")),
+    ],
+)
+def test_certified_motions_collide_nowhere(name: str, shape: str, worlds: Path, tmp_path: Path) -> None:
+    world = World.load(worlds / f"{name}.yaml")
+    assert world.robot is not None
+    r = world.robot.circumradius
+    robots = {"own": world.robot, "thin": Robot.rectangle(2.0 * r, 0.02), "hook": hook_of(r), "disc": Robot.disc(r / 2)}
+    ends = ends_of_motions(world, robots[shape])
+    free = np.array(list(native_motions(world, robots[shape], ends, tmp_path)["free"])) == "1"
+    referee = Referee(world, robots[shape])
+    # Each end is itself a state of the path: goals are compared with it.
+    truly = [referee.fault(pair.tolist(), pair[0], pair[1]) is None for pair in ends.reshape(-1, 2, 3)]
+    assert not (free & ~np.array(truly)).any()
+    assert (free != truly).sum() <= 0.02 * len(free), "only what comes near to touching is refused"
+    assert 0.05 < free.mean() < 0.97
+
+
+@built
+def test_certified_motions_see_what_lies_between_any_two_states(tmp_path: Path) -> None:
+    # A wire as thin as can be said, anywhere across the way: no resolution finds it, a bisection of clearances does.
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        x, width = rng.uniform(1.0, 9.0), 10.0 ** rng.uniform(-9.0, -3.0)
+        world = World("wire", (0.0, 0.0, 10.0, 6.0), (Rectangle((x, 3.0), width, 6.0),))
+        ends = np.array([[x - 0.6, 3.0, 0.3], [x + 0.6, 3.1, 0.3], [x - 0.6, 1.0, 0.3], [x - 0.5, 5.0, 0.3]])
+        ends[:, 0] = np.clip(ends[:, 0], 0.5, 9.5)
+        free = native_motions(world, Robot.rectangle(0.2, 0.1), ends, tmp_path)["free"]
+        assert free == "01"
+
+
+@built
+def test_a_certified_car_drives_through_nothing(tmp_path: Path) -> None:
+    problem = Problem(ROOM.with_robot(Robot.rectangle(0.6, 0.4).steered(0.5, True)))
+    record = RunRecord.from_json(
+        run_native(problem, JOB | {"planner": "native:RRTConnect+certified", "resolution": 5.0})
+    )
+    referee, (query,) = Referee(problem.world, problem.robot), ROOM.queries
+    assert record.path is not None
+    assert record.simplified_path is not None
+    assert referee.fault(record.path, query.start, query.goal) is None
+    assert referee.fault(record.simplified_path, query.start, query.goal) is None
+
+
+@built
+def test_bit_star_samples_between_ends_with_different_headings() -> None:
+    """BIT* 1.5 alone leaves out an ellipse about start and goal, here all of the room but its corners."""
+    query = Query("turned", (1.0, 1.0, 0.0), (9.0, 1.0, np.pi))
+    wall = World("wall", (0.0, 0.0, 10.0, 3.0), (Rectangle((5.0, 0.9), 1.0, 1.6),), Robot.disc(0.2), queries=(query,))
+    answer = run_native(Problem(wall), JOB | {"planner": "native:BITstar+certified", "time_limit": 1.0})
+    assert answer["solved"]
+
+
+@built
+def test_the_parameters_that_a_planner_ended_up_with_are_told() -> None:
+    given = run_native(Problem(ROOM), JOB | {"planner": "native:RRTConnect:range=0.3"})["parameters"]
+    assert given == "intermediate_states=0,range=0.3"
+    own = run_native(Problem(ROOM), JOB | {"planner": "native:RRTConnect+certified"})["parameters"]
+    # OMPL's own: a fifth of the space's extent.
+    extent = np.hypot(10.0, 6.0) + 0.5 * np.pi
+    assert float(own.partition("range=")[2]) == pytest.approx(0.2 * extent)
 
 
 @built

@@ -1,6 +1,7 @@
 """The native peer: OMPL's C++ planners with FCL in C++, a program of its own, built from ``benchmarks/native``.
 
-It is what a user would choose who finds Python too slow. Its planners are named ``native:PRM`` and so on.
+It is what a user would choose who finds Python too slow. Its planners are named ``native:PRM`` and so on, and
+``native:PRM+certified`` with certified motions.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trailmark.benchmark.errors import BenchmarkError
-from trailmark.benchmark.planner_name import PlannerName
+from trailmark.benchmark.planner_name import CERTIFIED, PlannerName
 from trailmark.benchmark.status import Status
 from trailmark.errors import expected_name
 
@@ -65,14 +66,17 @@ def native_program() -> Path | None:
 def native_planners() -> list[str]:
     """Return the names of the program's planners, such as ``native:PRM``; none where it is not built."""
     file = native_program()
-    return [] if file is None else [PREFIX + name for name in _description(file, file.stat().st_mtime)["planners"]]
+    if file is None:
+        return []
+    described = _description(file, file.stat().st_mtime)["planners"]
+    return [PREFIX + name + motions for name in described for motions in ("", CERTIFIED)]
 
 
 def native_parameters(name: str) -> list[str]:
     """Return the names of the parameters of one of the program's planners, such as ``native:PRM``."""
     file = _require_program()
     described = _description(file, file.stat().st_mtime)
-    return [str(parameter) for parameter in described["parameters"][name.removeprefix(PREFIX)]]
+    return [str(parameter) for parameter in described["parameters"][name.removeprefix(PREFIX).removesuffix(CERTIFIED)]]
 
 
 def native_versions() -> dict[str, str]:

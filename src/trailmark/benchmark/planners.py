@@ -81,7 +81,8 @@ def settings_of(name: str, *, first: bool = False) -> str:
     if name.startswith("native:"):
         native = importlib.import_module("trailmark.benchmark.native")
         made = ", ".join(f"{what} {version}" for what, version in native.native_versions().items())
-        return f"OMPL in C++, {_given(named)}; states and motions checked by FCL in C++, discretely; {made}"
+        motions = "certified by bisection of clearances" if named.certified else "discrete"
+        return f"OMPL in C++, {_given(named)}; states checked by FCL in C++; motions {motions}; {made}"
     if ":" in named.base:
         return "a function of the user's own"
     from trailmark.planning.methods import METHODS

@@ -46,6 +46,7 @@ class RunRecord:
             by the worker, as the next two; :class:`~trailmark.benchmark.measures.Measures` defines them.
         max_curvature: its largest turn over the robot's inscribed radius (radians / metre).
         min_clearance: its least distance to obstacles and bounds (metres).
+        parameters: of one of OMPL's planners once it is set up, ``name=value`` by commas: some follow from the problem.
         failure: one line that says why there is no answer, or why it was refused.
         correct_solution: whether the referee accepts ``path``; filled in by the worker.
         overhead: wall time of the job less ``time``, ``simplification_time`` and what preparing the problem took, if
@@ -75,6 +76,7 @@ class RunRecord:
     smoothness: float | None = None
     max_curvature: float | None = None
     min_clearance: float | None = None
+    parameters: str | None = None
     failure: str | None = None
     correct_solution: bool = False
     overhead: float | None = None

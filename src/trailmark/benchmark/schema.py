@@ -40,6 +40,7 @@ MEASURED = {
     "smoothness": "REAL",
     "max_curvature": "REAL",
     "min_clearance": "REAL",
+    "parameters": "TEXT",
     "failure": "TEXT",
     "path": "TEXT",
     "simplified_path": "TEXT",
@@ -49,7 +50,7 @@ MEASURED = {
 Paths are JSON, a list of states [x, y, theta]. The record's curve is in ``progress``, a row for each better path.
 """
 
-LATER = ("smoothness", "max_curvature", "min_clearance")
+LATER = ("smoothness", "max_curvature", "min_clearance", "parameters")
 """Those that the first databases do not have: they are read as null there, and added when one is written to."""
 
 ENUMS = [("status", int(status), status.description) for status in Status]

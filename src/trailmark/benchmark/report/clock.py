@@ -23,7 +23,13 @@ _WORDS = {
     "landmark": (_PYTHON, _COMPILED, _SETTLED, "within: landmarks and roadmap", "within: its own; after: the common"),
     "discrete": (_PYTHON, _COMPILED, _SETTLED, _OMPL, "after: the common"),
     "certified": (_PYTHON, _COMPILED, _SETTLED, _OMPL, "after: the common"),
-    "native": ("before: its own, of FCL", "none: C++", "none", _OMPL, "after: OMPL's, in C++"),
+    "native": (
+        "before: its own, of FCL",
+        "none: C++",
+        "before: the problem itself, 20 ms",
+        _OMPL,
+        "after: OMPL's, in C++",
+    ),
     "own": (_PYTHON, "before: trailmark's; within: the user's", "none", "within", "after: the common"),
 }
 """By family: checker, kernels, settling in, what is built for the query, simplification."""

@@ -57,7 +57,8 @@ def limitations(results: Results) -> list[str]:
         )
     if "native" in families:
         found.append(
-            "“Native” planners are OMPL's in C++ with FCL in C++, on the same problems; they check motions discretely."
+            "“Native” planners are OMPL's in C++ with FCL in C++, on the same problems; those that are not "
+            "certified check motions discretely."
         )
     return [
         *found,

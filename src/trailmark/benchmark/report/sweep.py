@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from trailmark.benchmark.planner_name import CERTIFIED
 from trailmark.benchmark.report.comparison import SHIFT, at_limit
 from trailmark.benchmark.report.conditions import setup_of
 from trailmark.benchmark.report.data import Problem, Results
@@ -36,7 +37,7 @@ def sweep_table(results: Results) -> Table | None:
         return None
     rows = []
     for family in ("discrete", "native"):
-        planners = [name for name in results.planners if family_of(name) == family]
+        planners = [name for name in results.planners if family_of(name) == family and CERTIFIED not in name]
         groups = [(name, [name]) for name in planners]
         groups += [(f"all: {FAMILIES[family]}", planners)] if len(planners) > 1 else []
         for label, names in groups:
