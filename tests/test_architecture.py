@@ -61,6 +61,8 @@ PEERS = {
     # What is charged by default depends on how a robot moves.
     ("objective", "robot"),
     ("exploration", "ompl_bridge"),
+    # World.live hands over when it is called.
+    ("world", "live"),
     # What shows itself hands over to those who draw it when it is shown.
     ("shown", "sketch"),
     ("shown", "plotting"),

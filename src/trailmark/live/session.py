@@ -57,13 +57,23 @@ class Session:
         self._options: dict[str, Any] = {}
         self._planner: LandmarkPlanner | None = None
         self._path: Path | None = None
-        self._ends: tuple[FloatArray | None, FloatArray | None] = None, None
+        self._query: Query | None = None
         self._infeasible = False
 
     @property
     def world(self) -> World:
         """The world as it is, with its robot; every obstacle has an id."""
         return self._world
+
+    @property
+    def query(self) -> Query | None:
+        """What was last planned for in it; None if nothing."""
+        return self._query
+
+    @property
+    def path(self) -> Path | None:
+        """The path that was last found; None if there is none."""
+        return self._path
 
     @property
     def planner(self) -> LandmarkPlanner:
@@ -152,8 +162,8 @@ class Session:
         options = {name: fields[name] for name in ("clearance", "objective") if name in fields}
         # What cannot be planned in leaves the old world as it was.
         planner = LandmarkPlanner(world, seed=self._seed, **options)
-        self._world, self._options, self._planner, self._path = world, options, planner, None
-        self._infeasible = False
+        self._world, self._options, self._planner = world, options, planner
+        self._path, self._query, self._infeasible = None, None, False
 
     def _edit(self, fields: Mapping[str, Any]) -> Answer:
         """Change obstacles, and return what an answer says of it."""
@@ -181,13 +191,20 @@ class Session:
         from trailmark.live.layer_data import layer_data
         from trailmark.live.reach_data import reach_data
 
-        name, (start, goal) = fields["name"], self._ends
+        name, (start, goal) = fields["name"], self._ends()
         if name != "reachable":
             return layer_data(self.planner, name, float(fields.get("heading", 0.0)), goal)
         if start is None or goal is None:
             return {"name": name}
         found = reach_data(self.planner, start, goal, infeasible=self._infeasible, stop=stop.is_set)
         return {"name": name, **found}
+
+    def _ends(self) -> tuple[FloatArray | None, FloatArray | None]:
+        """Return start and goal that were last asked for; for a point that any heading reaches, the heading is 0."""
+        if self._query is None:
+            return None, None
+        poses = [goal.pose for goal in self._query.goals if goal.pose is not None]
+        return np.array(self._query.start), np.array([*poses[0], 0.0][:3]) if poses else None
 
     def _plan(self, message: Message, stop: Event) -> None:
         """Plan, and tell of the first path at once, of better ones as they come, and of the end."""
@@ -197,9 +214,8 @@ class Session:
         entry = {"name": "live", "start": fields["start"], "goal": fields["goal"]}
         query = query_from_data(entry, message.type)
         seconds, planner = float(fields.get("time_limit", TIME_LIMIT)), self.planner
-        poses = [goal.pose for goal in query.goals if goal.pose is not None]
         self._infeasible = False
-        self._ends = np.array(query.start), np.array([*poses[0], 0.0][:3]) if poses else None
+        self._query = query
         extras: dict[str, Any] = {}
         result: PlanResult
         if message.type == "replan" and self._path is not None:

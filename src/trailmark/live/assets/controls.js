@@ -120,6 +120,7 @@ if (matchMedia("(prefers-color-scheme: dark)").matches) {
 }
 // What tests and the curious may look at.
 window.trailmark = {scene, view, latencies, inFlight, layers};
+$("share").hidden = Boolean(window.frameElement?.openSocket);  // a frame has no address
 readColours();
 connect();
 requestAnimationFrame(frame);
