@@ -114,6 +114,8 @@ def main(args: Sequence[str] | None = None) -> int:
 def _run(words: Sequence[str]) -> int:
     """Run one command; return its exit status or raise what stopped it."""
     command = typer.main.get_command(app)
+    # The list of commands is plain text: rich, which sets the options of each in panels, is half of its time.
+    command.rich_markup_mode = None  # type: ignore[attr-defined] # typer's own attribute of a group
     if _COMPLETE in os.environ:
         return int(command.main(list(words), "trailmark", _COMPLETE, standalone_mode=False) or 0)
     status = 0
