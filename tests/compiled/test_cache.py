@@ -110,6 +110,27 @@ def test_the_cache_says_where_it_is_and_what_it_holds(probe: Path) -> None:
     assert "folder=None, files=0" in run(probe, program)[0]
 
 
+def test_what_was_loaded_becomes_part_of_others_as_code_of_their_own(probe: Path) -> None:
+    # Allocates, fails and calls another: what code in a cache could want of what is not kept there.
+    (probe / "inner.py").write_text(
+        "import numpy as np\nfrom trailmark.compiled import njit\nSHIFT = 10\n"
+        "@njit(cache=True)\ndef inner(x):\n"
+        "    if x < 0:\n        raise ValueError('negative')\n    return np.full(x + 1, SHIFT)[-1] + len([x] * x)\n"
+    )
+    ask = "from probe.inner import inner; from probe.outer import by_module, far; "
+    for calls, hits in (
+        ("inner(2)", "[0, 0, 0]"),
+        ("(inner(2), far(2))[1]", "[1, 0, 0]"),
+        ("far(2)", "[0, 1, 0]"),
+        ("(far(2), by_module(2), inner(2))[2]", "[1, 1, 0]"),
+        ("by_module(2)", "[0, 0, 1]"),
+    ):
+        counted = "[sum(kernel.stats.cache_hits.values()) for kernel in (inner, far, by_module)]"
+        assert run(probe, f"{ask}print({calls}, {counted})") == (f"12 {hits}", ""), calls
+    failing = "\ntry:\n    by_module(-1)\nexcept ValueError as error:\n    print(error)"
+    assert run(probe, ask + failing) == ("negative", "")
+
+
 @pytest.mark.parametrize(
     ("shift", "inner", "answers"), [(10, "x + 2", "[3, 3, 11, 3]"), (20, "x + 1", "[2, 2, 21, 2]")]
 )

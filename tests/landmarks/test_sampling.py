@@ -8,6 +8,7 @@ import shapely
 from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
@@ -42,6 +43,13 @@ def test_draws_fill_the_bounds_and_all_headings(method: str) -> None:
     assert (points.min(axis=0) < 0.01).all()
     assert (points.max(axis=0) > 0.99).all()
     assert unevenness(points, 4) < 2.0
+
+
+@pytest.mark.parametrize("n", [0, 1, 7, 3000])
+def test_halton_is_that_of_scipy(n: int) -> None:
+    rng = np.random.default_rng(5)
+    expected = qmc.Halton(3, rng=np.random.default_rng(5)).random(n) if n else np.empty((0, 3))
+    assert np.abs(unit(draw(BOUNDS, n, method="halton", random_state=rng)) - expected).max(initial=0.0) < 1e-14
 
 
 def test_halton_spreads_more_evenly_than_chance() -> None:

@@ -64,6 +64,11 @@ class Kernel(CPUDispatcher):
 
     compiling = 0
 
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._machine_code: dict[Any, Any] = {}
+        """What was loaded for Python, where other kernels contain code compiled for them."""
+
     def enable_caching(self) -> None:
         """Cache what Python calls (:mod:`trailmark.compiled.cache`): the code of those that it calls is part of it."""
         self._cache = cache_of(self.py_func)
@@ -85,9 +90,9 @@ class Kernel(CPUDispatcher):
             super().add_overload(cres)
 
     def _compile_for_python(self, sig: Any) -> Any:
-        types = tuple(sigutils.normalize_signature(sig)[0])
+        types = _types_of(sig)
         overloads: dict[Any, Any] = self.overloads
-        before = overloads.get(types)
+        before = self._machine_code.get(types) or overloads.get(types)
         if before is not None:
             if not isinstance(before.library, _CodeOfCallers):
                 return before.entry_point
@@ -104,8 +109,16 @@ class Kernel(CPUDispatcher):
         return handle
 
     def _compile_for_kernel(self, sig: Any) -> Any:
+        types = _types_of(sig)
+        overloads: dict[Any, Any] = self.overloads
+        if types in overloads and overloads[types].metadata is None:  # loaded from the cache: no caller can contain it
+            self._machine_code[types] = overloads.pop(types)
         cache, self._cache = self._cache, NullCache()
         try:
             return super().compile(sig)
         finally:
             self._cache = cache
+
+
+def _types_of(sig: Any) -> Any:
+    return tuple(sigutils.normalize_signature(sig)[0])

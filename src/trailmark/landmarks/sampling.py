@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import numpy as np
@@ -39,8 +40,8 @@ def draw(
     Args:
         bounds: xmin, ymin, xmax, ymax in metres.
         n: how many, >= 0.
-        method: ``uniform`` (independent) or ``halton`` (scrambled Halton sequence, bases 2, 3, 5;
-            Halton 1960, scrambling by Owen 2017 as in scipy).
+        method: ``uniform`` (independent) or ``halton`` (scrambled Halton sequence, bases 2, 3, 5; Halton 1960,
+            scrambling by Owen 2017, Algorithm 1).
         random_state: seed or generator.
 
     Raises:
@@ -51,14 +52,27 @@ def draw(
     if method == "uniform":
         unit = rng.random((n, 3))
     else:
-        from scipy.stats import qmc
-
-        unit = qmc.Halton(3, rng=rng).random(n) if n else np.empty((0, 3))
+        own = rng.spawn(1)[0]
+        unit = np.column_stack([_scrambled_digits(n, base, own) for base in (2, 3, 5)])
     low = np.array([bounds[0], bounds[1], -np.pi])
     high = np.array([bounds[2], bounds[3], np.pi])
     q = np.asarray(low + unit * (high - low))
     q[:, 2] = se2.wrap(q[:, 2])
     return q
+
+
+def _scrambled_digits(n: int, base: int, rng: np.random.Generator) -> se2.FloatArray:
+    """Return the first n numbers of the van der Corput sequence, each of its digits permuted; shape (n,).
+
+    The same numbers as those of ``scipy.stats.qmc.Halton``, whose import alone takes longer than most plans.
+    """
+    permutations = [rng.permuted(np.arange(base)) for _ in range(math.ceil(54.0 / math.log2(base)) - 1)]
+    numbers, rest, place = np.zeros(n), np.arange(n), 1.0
+    for permutation in permutations:
+        place /= base
+        numbers += permutation[rest % base] * place
+        rest //= base
+    return numbers
 
 
 def free_samples(
