@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.explore_run import ANCHOR
+from benchmarks.explore_run import ANCHOR, WITHOUT_LOOPS
 from benchmarks.machine import markdown_table
 
 __all__ = ["report", "summarise"]
@@ -36,8 +36,10 @@ def summarise(rows: Rows) -> dict[str, Any]:
     anchors = {row["job"][0]: row["distance"] for row in rows if row["job"][3] == ANCHOR and "distance" in row}
     ratios = []
     for noise in sorted({noise for noise, _ in groups}):
-        for other in ("nearest-frontier", "gain-per-cost"):
+        for other in ("nearest-frontier", "gain-per-cost", WITHOUT_LOOPS):
             pairs = _pairs(runs, noise, "tour", other)
+            if other == WITHOUT_LOOPS and not pairs:
+                continue
             ratios.append({"noise": noise, "of": "tour", "to": other, **_geometric(pairs)})
         to_anchor: dict[str, list[float]] = {}
         for row in _of(runs, noise, "tour"):

@@ -17,10 +17,12 @@ from trailmark.audit import check_path
 from trailmark.estimation.risk.allocation import regrow
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.explorer import Explorer
+from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.result import ExplorationResult
+from trailmark.exploration.tour import tour
 from trailmark.library import shipped_worlds
 
-__all__ = ["CONFIDENCE", "Job", "hidden_world", "run_job", "sensor_range_of"]
+__all__ = ["CONFIDENCE", "WITHOUT_LOOPS", "Job", "hidden_world", "run_job", "sensor_range_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -35,6 +37,15 @@ PLANNING = 0.5
 
 ANCHOR = "tour with the map known"
 """Takes the place of a strategy: the lower anchor."""
+
+
+WITHOUT_LOOPS = "tour, loops not weighed"
+"""The strategy of that name, for the ablation."""
+
+
+def tour_without_loops(outlook: Outlook) -> int:
+    """Choose as the tour does where nothing makes the robot surer of its place."""
+    return tour(outlook._replace(certainty=np.zeros_like(outlook.certainty)))
 
 
 class Job(NamedTuple):
@@ -72,7 +83,7 @@ def run_job(job: Job) -> dict[str, Any]:
         world,
         world.robot,
         "laser",
-        strategy=job.strategy,
+        strategy=tour_without_loops if job.strategy == WITHOUT_LOOPS else job.strategy,
         sensor_range=reach,
         settings=settings,
         seed=job.seed,

@@ -53,6 +53,17 @@ def test_a_landmark_that_sees_two_frontiers_takes_the_place_of_two() -> None:
     assert STRATEGIES["tour"](o) == 2
 
 
+def test_where_a_loop_is_closed_comes_early_if_that_makes_the_robot_surer() -> None:
+    o = outlook([(4.0, 0.0), (-4.2, 0.0)], [[0], [1]])
+    assert STRATEGIES["tour"](o) == 0
+    # Turning back costs 0.2 m more of the way out, and brings the second one 8.2 m forward.
+    assert STRATEGIES["tour"](o._replace(certainty=np.array([0.0, 0.001]))) == 0
+    assert STRATEGIES["tour"](o._replace(certainty=np.array([0.0, 0.1]))) == 1
+    # Not at any price: it lies ten times as far as what is seen on the way.
+    far = outlook([(1.0, 0.0), (-10.0, 0.0)], [[0], [1]])
+    assert STRATEGIES["tour"](far._replace(certainty=np.array([0.0, 0.1]))) == 0
+
+
 def test_a_tour_home_goes_round() -> None:
     o = outlook([(0.0, 4.0), (4.0, 4.0), (4.0, 0.5), (2.0, 0.0)], [[0], [1], [2], [3]])
     home = o._replace(home=np.zeros(3), home_costs=np.hypot(*o.landmarks[:, :2].T))

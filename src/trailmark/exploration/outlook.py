@@ -34,8 +34,7 @@ class Outlook(NamedTuple):
     """Unknown area that is expected to be seen from each, shape (n,), square metres (ray casting)."""
     certainty: FloatArray
     """How much the standard deviation of the robot's place is expected to fall at each, shape (n,), metres: loops that
-    are closed there. For strategies of your own: those that are shipped leave it out, for scans are matched to the map
-    that there is, and frontiers lead back to it by themselves."""
+    are closed there; 0 without noise."""
     frontiers: FloatArray
     """Lengths of the frontiers between free and unknown space, shape (m,), metres."""
     sees: NDArray[np.bool_]
