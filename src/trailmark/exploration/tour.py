@@ -33,9 +33,9 @@ def tour(outlook: Outlook) -> int:
     """Return the first landmark of a short tour from here past landmarks that together see all frontiers.
 
     The tour ends at home, or anywhere where there is none. What has been left behind near the way is so seen before the
-    robot goes on, wherever going back later would cost more; a room is seen to the end before it is left. Of about equal tours,
-    that is taken which comes early to where much may be seen (:data:`EARLY`), and to where a loop is closed
-    (:data:`SURER`).
+    robot goes on, wherever going back later would cost more; a room is seen to the end before it is left. Of
+    about equal tours, that is taken which comes early to where much may be seen (:data:`EARLY`), and to where a loop is
+    closed (:data:`SURER`).
 
     Source: tours of frontiers instead of the nearest: Kulich, Faigl & Přeučil, "On distance utility in the exploration
     task", ICRA 2011.
