@@ -59,10 +59,17 @@ def test_a_closed_room_is_done() -> None:
     assert len(found.outlook.landmarks) == 0
 
 
+def test_a_place_without_a_way_keeps_nothing_from_being_done_if_nothing_would_be_seen_from_it() -> None:
+    known = room()
+    memory = Memory(known)
+    look(known, (1.5, 1.5, 0.0), memory)
+    memory.refused[10, 10] = 1
+    assert look(known, (1.5, 1.5, 0.0), memory)[0].status == "complete"
+
+
 def test_a_door_is_seen_from_a_landmark_to_which_a_path_leads() -> None:
     known = room()
     state = known.state.copy()
-    state[14:20, 29] = FREE
     state[14:20, 29] = UNKNOWN
     known.set_state(state)
     found, planner = look(known, (0.5, 0.5, 0.0))
@@ -95,6 +102,24 @@ def test_what_is_not_reachable_yet_is_told_from_what_never_is(behind: str) -> No
     memory.again |= memory.never
     done = look(known, (0.5, 0.9, 0.0), memory)[0]
     assert not memory.never.any() or len(done.outlook.landmarks)
+
+
+def test_what_no_heading_leads_to_is_excluded_at_once_for_a_robot_with_a_shape() -> None:
+    # The same room behind a window: one landmark, with one heading, tells that none of its cells is reached.
+    robot = Robot.rectangle(0.5, 0.3)
+    known = known_of([f"{'.' * 14}#{'.' * 13}#"] * 6 + ["." * 28 + "#"] + [f"{'.' * 14}#{'.' * 13}#"] * 6)
+    world = known.follow(World("hall", known.bounds, robot=robot))
+    planner, memory = LandmarkPlanner(world, robot, seed=0), Memory(known)
+    rng, pose = np.random.default_rng(0), np.array([0.5, 0.6, 0.0])
+    outlook = survey(known, planner, robot, pose, None, 2.0, ExplorationSettings(), rng, memory).outlook
+    inside = np.array([[2.1, 0.6, 0.0]])
+    memory.levels[known.state == FREE] = 1
+    found = Survey(outlook._replace(landmarks=inside), "", "complete", ((),), np.array([False]))  # type: ignore[arg-type]
+    assert plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory).status == "infeasible"
+    assert (memory.refused[3:10, 17:26] > 100).all()
+    # On its own side only where the robot does not fit, whatever its heading.
+    assert (memory.refused[2:11, 2:12] < 100).all()
+    assert memory.never[6, 21]
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -103,6 +103,11 @@ class Search(NamedTuple):
         useful = sees.any(axis=1)
         return Candidates(cells[useful], headings[useful], sees[useful])
 
+    def shows_more(self, refusals: int) -> bool:
+        """Return whether anything would be seen from a place to which as often no way was found, at most."""
+        nothing = np.zeros((0, len(self.frontiers.edges)), np.bool_)
+        return len(self._seeing(nothing, len(self.frontiers.edges), 0.5, refusals, until_settled=True)[0]) > 0
+
     def _centres(self, sensor_range: float, rng: np.random.Generator) -> NDArray[np.intp]:
         """Return K-means centres of the places where the robot certainly gets to, rows and columns."""
         columns = self.levels.shape[1]

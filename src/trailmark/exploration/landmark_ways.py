@@ -16,7 +16,8 @@ from trailmark.exploration.reachability import CERTAIN, NOWHERE, excluded_with
 from trailmark.exploration.survey import EXCLUDED, MOST_TRIES, Memory, Survey
 from trailmark.goals import Goal
 from trailmark.planning.planner import LandmarkPlanner
-from trailmark.planning.result import PlanProgress, PlanResult
+from trailmark.planning.proofs import shut_off
+from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.se2 import FloatArray
 
 __all__ = ["plan_to"]
@@ -59,28 +60,57 @@ def plan_to(
         memory: of the exploration.
         stopped: asked between steps whether to end early.
     """
-    outlook = surveyed.outlook
-    x, y, theta = outlook.landmarks[index].tolist()
-    row, column = (int(place[0]) for place in known.cells_of(np.array([[x, y]])))
-    goal = Goal(pose=(x, y)) if surveyed.any_heading[index] else Goal(pose=(x, y, theta))
+    here, landmark = surveyed.outlook.here, surveyed.outlook.landmarks[index]
+    row, column = (int(place[0]) for place in known.cells_of(landmark[None, :2]))
     share = LAST if memory.refused[row, column] > 0 else min(FIRST * 2**memory.failed, LAST)
     seconds = settings.planning_time * (1.0 if surveyed.any_heading[index] else share)
+    goal = Goal(pose=tuple(landmark[: 2 if surveyed.any_heading[index] else 3].tolist()))
+    result = _way(planner, here, goal, seconds, stopped, PATIENCE)
+    memory.aim = None if result.path is None else (landmark[:2], surveyed.expected[index])
+    if result.path is not None:
+        memory.failed = 0
+        return result
+    among = _refuse(memory, row, column)
+    memory.refusal = "none was found in time"
+    excluded = never = _excluded(known, planner, among, here, goal, settings.planning_time, stopped, result.status)
+    if excluded.any():
+        memory.refused[excluded] = EXCLUDED
+        memory.refusal = "not reachable yet, which is proven: what is unknown would have to be free"
+        names = [name for name in planner.world.ids if name is not None and name.startswith(UNKNOWN_ID)]
+        if names:
+            beyond = LandmarkPlanner(planner.world.edited(remove=names), planner.robot, seed=planner.seed)
+            never = _excluded(known, beyond, excluded, here, goal, seconds, stopped)
+        memory.never |= never
+        if never[row, column]:
+            memory.refusal = "not reachable at all, which is proven by the surfaces that are known"
+    return result
+
+
+def _way(
+    planner: LandmarkPlanner,
+    here: FloatArray,
+    goal: Goal,
+    seconds: float,
+    stopped: Callable[[], bool],
+    patience: float,
+) -> PlanResult:
+    """Return a way that is about the shortest, or after so many seconds the best that there is, if there is one."""
     found, begin = list[float](), perf_counter()
 
     def stop() -> bool:
-        return stopped() or (bool(found) and perf_counter() - begin > PATIENCE)
+        return stopped() or (bool(found) and perf_counter() - begin > patience)
 
     def note(progress: PlanProgress) -> None:
         if progress.cost is not None:
             found.append(progress.cost)
 
-    result = planner.plan(outlook.here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
-    memory.aim = None if result.path is None else (outlook.landmarks[index, :2], surveyed.expected[index])
-    if result.path is not None:
-        memory.failed = 0
-        return result
+    return planner.plan(here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
+
+
+def _refuse(memory: Memory, row: int, column: int) -> NDArray[np.bool_]:
+    """Note that no way to a cell was found; return the cells for which that may say something as well."""
     perhaps = (memory.levels > NOWHERE) & (memory.levels < CERTAIN)
-    refused = np.zeros(known.state.shape, np.bool_)
+    refused = np.zeros(perhaps.shape, np.bool_)
     # What is so for one place of a room is so for all of it.
     refused[_around(row, column, REFUSED)] = True
     if memory.reach is not None:
@@ -89,37 +119,7 @@ def plan_to(
     refused[around] |= perhaps[around]
     memory.refused[refused & (memory.refused < MOST_TRIES)] += 1
     memory.failed += 1
-    memory.refusal = "none was found in time"
-    if result.status == "infeasible":
-        theta_free = bool(surveyed.any_heading[index])
-        excluded = _excluded(known, planner, perhaps | refused, row, column, theta_free)
-        memory.refused[excluded] = EXCLUDED
-        memory.refusal = "not reachable yet, which is proven: what is unknown would have to be free"
-        if _is_never_reached(planner, outlook.here, goal, seconds, stopped):
-            memory.refusal = "not reachable at all, which is proven by the surfaces that are known"
-            cells = np.argwhere(excluded)
-            places = np.column_stack([known.centres(*cells.T), np.full(len(cells), theta)])
-            memory.never[tuple(cells[np.asarray(planner.checker.valid(places), dtype=bool)].T)] = True
-    return result
-
-
-def _is_never_reached(
-    planner: LandmarkPlanner, here: FloatArray, goal: Goal, seconds: float, stopped: Callable[[], bool]
-) -> bool:
-    """Return whether it is proven that no way would lead to a goal even if all that is unknown were free."""
-    names = [name for name in planner.world.ids if name is not None and name.startswith(UNKNOWN_ID)]
-    if not names:
-        return True
-    world = planner.world.edited(remove=names)
-    found = list[float]()
-    result = LandmarkPlanner(world, planner.robot, seed=planner.seed).plan(
-        here,
-        goal,
-        seconds,
-        stop=lambda: stopped() or bool(found),
-        on_progress=lambda progress: None if progress.cost is None else found.append(progress.cost),
-    )
-    return result.status == "infeasible"
+    return perhaps | refused
 
 
 def _around(row: int, column: int, cells: int) -> tuple[slice, slice]:
@@ -128,12 +128,42 @@ def _around(row: int, column: int, cells: int) -> tuple[slice, slice]:
 
 
 def _excluded(
-    known: KnownMap, planner: LandmarkPlanner, among: NDArray[np.bool_], row: int, column: int, any_heading: bool
+    known: KnownMap,
+    planner: LandmarkPlanner,
+    among: NDArray[np.bool_],
+    here: FloatArray,
+    goal: Goal,
+    seconds: float,
+    stopped: Callable[[], bool],
+    status: Status | None = None,
 ) -> NDArray[np.bool_]:
-    """Return the cells to which there is no way since there is none to a landmark, shape (rows, columns)."""
-    if planner.checker.footprint.is_disc and planner.robot.drive != "car":
-        # Its heading makes no difference, and it comes back on any motion.
-        return excluded_with(known, planner.checker, among, row, column)
+    """Return the cells to which, proven, no way leads with any heading, among some: shape (rows, columns).
+
+    Args:
+        known: the map.
+        planner: of which the world and the robot are asked.
+        among: cells, shape (rows, columns), the goal's among them.
+        here: from where, shape (3,).
+        goal: in one of them.
+        seconds: for proofs.
+        stopped: asked between steps whether to end early.
+        status: what became of the way to the goal; None if none was looked for.
+    """
+    assert goal.pose is not None  # noqa: S101 # the only goals here
+    xy, checker = np.array(goal.pose[:2]), planner.checker
+    row, column = (int(place[0]) for place in known.cells_of(xy[None]))
     found = np.zeros(among.shape, np.bool_)
-    found[row, column] = any_heading
+    if not checker.footprint.is_disc:
+        cells = np.argwhere(among)
+        shut = shut_off(checker, here, xy, known.centres(*cells.T), seconds=seconds, stop=stopped)
+        found[tuple(cells[shut].T)] = True
+        return found
+    if status is None:
+        status = _way(planner, here, goal, seconds, stopped, 0.0).status
+    if status != "infeasible":
+        return found
+    found[row, column] = len(goal.pose) == 2
+    if planner.robot.drive != "car":
+        # Its heading makes no difference, and it comes back on any motion.
+        found |= excluded_with(known, checker, among, row, column)
     return found

@@ -103,7 +103,8 @@ class Survey(NamedTuple):
     """Why nothing is left, in a sentence; empty as long as something is."""
     status: Status
     """``complete`` where nothing is left: nothing is in sight from the centre of any cell that the robot gets to, but
-    through gaps of a cell or two, and what stayed unknown although it was looked at."""
+    through gaps of a cell or two, and what stayed unknown although it was looked at. ``stuck`` where something would
+    be in sight from a place to which no way was found, nor is it proven that there is none."""
     expected: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
     """For each landmark, rows and columns of the unknown cells at the frontiers that are in sight from it."""
     any_heading: NDArray[np.bool_]
@@ -186,10 +187,10 @@ def survey(
     )
     ended = "" if n else "everything has been seen that can be seen from where the robot can get to"
     status: Status = "complete"
-    undecided = float(((memory.refused > 0) & (memory.refused <= MOST_TRIES)).sum()) * cell**2
-    if ended and undecided > 0.0:
+    if ended and search.shows_more(MOST_TRIES):
         # No proof, so not complete.
         status = "stuck"
+        undecided = float(((memory.refused > 0) & (memory.refused <= MOST_TRIES)).sum()) * cell**2
         ended = (
             f"no way was found to {undecided:.2g} m² of free space, nor is it proven that there is none; what can be "
             "seen from elsewhere has been seen"

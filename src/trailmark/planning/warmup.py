@@ -184,11 +184,12 @@ def _enclose(kind: Kind) -> None:
     """Prove that there is no path: only what is hardly feasible, or not at all, asks for that."""
     from trailmark.collision import StateChecker
     from trailmark.landmarks import Relaxation
-    from trailmark.planning.proofs import enclosed
+    from trailmark.planning.proofs import enclosed, shut_off
     from trailmark.planning.proofs.claims import grid_separates
 
     shut = StateChecker(World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), ROBOTS["straight"])
     ends = np.array([[0.6, 1.0, 0.0], [2.4, 1.0, 0.0]])
     enclosed(shut, *ends)
+    shut_off(shut, ends[0], ends[1, :2], ends[:, :2])
     relaxation = Relaxation(shut)
     grid_separates(relaxation, relaxation.costs_from(ends[1], target=ends[0]), *ends)

@@ -32,7 +32,7 @@ from trailmark.planning.proofs.cells import (
 from trailmark.planning.proofs.region import MARGIN
 from trailmark.se2 import FloatArray
 
-__all__ = ["kind_of", "room_for_cores"]
+__all__ = ["decided", "kind_of", "room_for_cores"]
 
 
 @njit(cache=True)
@@ -74,13 +74,13 @@ def kind_of(
     half = division.half[level]
     x, y = division.x0 + (2 * cells[cell, I] + 1) * half, division.y0 + (2 * cells[cell, J] + 1) * half
     theta = (2 * cells[cell, K] + 1) * pi / (1 << division.turns[level]) - pi
-    found = _decided(level, finest, x, y, cos(theta), sin(theta), division, grid, field, robot, placed)
+    found = decided(level, finest, x, y, cos(theta), sin(theta), division, grid, field, robot, placed)
     cells[cell, STATE] = found
     return found
 
 
 @njit(cache=True)
-def _decided(
+def decided(
     level: int,
     finest: int,
     x: float,
@@ -93,7 +93,7 @@ def _decided(
     robot: Footprint,
     placed: FloatArray,
 ) -> int:
-    """Return what the cell of a level is whose centre lies there."""
+    """Return what the cell of a level is, BLOCKED, FREE or MIXED, whose centre lies there, the heading by c and s."""
     enough = division.open[level] + MARGIN
     if field_clearance(field, robot, x, y, c, s, enough) >= enough:
         return FREE

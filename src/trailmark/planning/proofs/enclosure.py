@@ -98,6 +98,7 @@ def enclosure(
     seconds: float = np.inf,
     stop: Callable[[], bool] | None = None,
     budget: int = 2_000_000,
+    space: Space | None = None,
 ) -> Enclosure | None:
     """Return a proof that no path, of whatever continuous motions, joins two valid configurations.
 
@@ -108,6 +109,7 @@ def enclosure(
         seconds: time at most, kept to about 10 ms.
         stop: asked every few milliseconds whether to end early.
         budget: cells taken at most.
+        space: how it is divided; by default in the way that tells most.
 
     Returns:
         None if there is a path, or nobody knows.
@@ -123,7 +125,7 @@ def enclosure(
     ends = np.array(states)
     if checker.robot.sweep_radius == 0.0:
         return None
-    space = Space(checker)
+    space = space or Space(checker)
     poses = space.poses(ends)
     orders = (poses, poses[::-1].copy())
     floods = [space.flood(), space.flood()]
@@ -159,11 +161,15 @@ class Space:
         parts: grid, field and footprint about the pivot, as the kernels take them.
         pivot: the point of the robot (its frame, shape (2,)) whose place stands for it.
         first: the first level worth trying as the finest; none is if it is LEVELS.
+
+    Args:
+        checker: the world and the robot.
+        point: another pivot, shape (2,); by default the one about which cells tell most.
     """
 
-    def __init__(self, checker: StateChecker) -> None:
+    def __init__(self, checker: StateChecker, point: se2.FloatArray | None = None) -> None:
         footprint, robot = checker.footprint, checker.robot
-        self.pivot = pivot(robot)
+        self.pivot = pivot(robot) if point is None else point
         outline = footprint.outline - self.pivot
         sweep = float(np.hypot(*outline.T).max()) * (1.0 + 1e-12)
         radius = sweep + footprint.dilation
@@ -226,6 +232,10 @@ class Space:
     def poses(self, ends: se2.FloatArray) -> se2.FloatArray:
         """Return the ends with the pivot's position in place of the reference point's, shape (2, 3)."""
         return np.column_stack([se2.transform(ends, self.pivot[None])[:, 0], ends[:, 2]])
+
+    def headings(self, level: int) -> int:
+        """Return into how many parts cells of a level divide a turn."""
+        return 1 << int(self._turns[level])
 
     def flood(self) -> Flood:
         """Return a flood that has not begun."""

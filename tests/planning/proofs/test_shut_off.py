@@ -1,0 +1,61 @@
+"""Places that are shut off with whatever heading: as a drawing has them, and never where the planner gets to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from benchmarks.random_worlds import ROBOTS, random_world
+from tests.planning.proofs.test_enclosure import SECONDS, wall_with_gap
+
+from trailmark import LandmarkPlanner, Rectangle, Robot, World
+from trailmark.collision import StateChecker
+from trailmark.planning.proofs import shut_off
+
+PLACES = np.stack(np.meshgrid(np.arange(0.25, 11.0, 0.5), np.arange(0.25, 5.0, 0.5)), axis=-1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("name", ["rectangle", "offset"])
+@pytest.mark.parametrize("start", [(2.0, 2.0, 0.3), (9.0, 2.0, 0.3)])
+def test_all_of_a_room_is_shut_off_at_once(name: str, start: tuple[float, float, float]) -> None:
+    checker = StateChecker(wall_with_gap(0.5), ROBOTS[name])
+    around = np.array([11.0 - start[0], 2.0])
+    shut = shut_off(checker, np.array(start), around, PLACES, seconds=SECONDS)
+    across = (PLACES[:, 0] - 5.5) * np.sign(start[0] - 5.5) < -0.8
+    assert shut[across].all()
+    # Where it is itself it fits, with any heading at some distance from the walls.
+    own = ~across & (np.abs(PLACES - [start[0], 2.5]) < 1.0).all(axis=1)
+    assert own.any()
+    assert not shut[own].any()
+
+
+def test_a_place_with_two_headings_that_are_apart_takes_two_enclosures() -> None:
+    # A slot as wide as the robot, shut at both ends: there is no turning round in it.
+    walls = (
+        Rectangle((3.0, 1.3), 2.4, 0.4),
+        Rectangle((3.0, 2.3), 2.4, 0.4),
+        *(Rectangle((x, 1.8), 0.2, 1.4) for x in (1.9, 4.1)),
+    )
+    checker = StateChecker(World("slot", (0.0, 0.0, 6.0, 4.0), walls), Robot.rectangle(0.9, 0.5))
+    place = np.array([[3.0, 1.8]])
+    assert checker.valid((3.0, 1.8, 0.0))
+    assert shut_off(checker, np.array([0.7, 0.7, 0.0]), place[0], place, seconds=SECONDS).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_place_is_shut_off_that_the_planner_gets_to(seed: int) -> None:
+    world = random_world(seed, 20, size=8.0, radii=(0.3, 0.9), discs=0.3)
+    planner, rng = LandmarkPlanner(world, ROBOTS["rectangle"], seed=seed), np.random.default_rng(seed)
+    q = rng.uniform((0, 0, -np.pi), (8, 8, np.pi), (300, 3))
+    q = q[planner.checker.valid(q)]
+    reached = [goal for goal in q[1:25] if planner.plan(q[0], goal, 0.2, max_iterations=2).status == "solved"]
+    for goal in q[1:7]:
+        shut = shut_off(planner.checker, q[0], goal[:2], q[:, :2], seconds=0.5)
+        assert not shut[0]
+        assert not any(shut[(q == end).all(axis=1)].any() for end in reached)
+
+
+def test_nothing_is_told_of_round_robots_or_without_time() -> None:
+    closed = wall_with_gap(0.3)
+    for robot, seconds in ((Robot.disc(0.4), SECONDS), (ROBOTS["rectangle"], 0.0)):
+        checker = StateChecker(closed, robot)
+        assert not shut_off(checker, np.array([2.0, 2.0, 0.0]), np.array([9.0, 2.0]), PLACES, seconds=seconds).any()
