@@ -72,14 +72,16 @@ def plan_to(
         return result
     among = _refuse(memory, row, column)
     memory.refusal = "none was found in time"
-    excluded = never = _excluded(known, planner, among, here, goal, settings.planning_time, stopped, result.status)
+    # A proof shuts off more than this one place: it may take as long as a way elsewhere.
+    proving = max(seconds, settings.planning_time)
+    excluded = never = _excluded(known, planner, among, here, goal, proving, stopped, result.status)
     if excluded.any():
         memory.refused[excluded] = EXCLUDED
         memory.refusal = "not reachable yet, which is proven: what is unknown would have to be free"
         names = [name for name in planner.world.ids if name is not None and name.startswith(UNKNOWN_ID)]
         if names:
             beyond = LandmarkPlanner(planner.world.edited(remove=names), planner.robot, seed=planner.seed)
-            never = _excluded(known, beyond, excluded, here, goal, seconds, stopped)
+            never = _excluded(known, beyond, excluded, here, goal, proving, stopped)
         memory.never |= never
         if never[row, column]:
             memory.refusal = "not reachable at all, which is proven by the surfaces that are known"

@@ -96,13 +96,18 @@ def _cover(
     for p in range(len(places)):
         i = min(max(int((places[p, 0] - division.x0) / (2.0 * half)), 0), (division.columns << level) - 1)
         j = min(max(int((places[p, 1] - division.y0) / (2.0 * half)), 0), (division.rows << level) - 1)
+        inside = False
+        for k in range(covered.shape[1]):
+            here = side[leaf_at(cells, division, level, i, j, k)] == INSIDE
+            inside = inside or here
+            covered[p, k] = covered[p, k] or here == of_goal
+        # Collisions are looked for where they matter: elsewhere another enclosure has to tell.
+        if inside != of_goal:
+            continue
+        x, y = division.x0 + (2 * i + 1) * half, division.y0 + (2 * j + 1) * half
         for k in range(covered.shape[1]):
             if covered[p, k]:
                 continue
-            cell = leaf_at(cells, division, level, i, j, k)
-            covered[p, k] = (side[cell] == INSIDE) == of_goal
-            if not covered[p, k]:
-                x, y = division.x0 + (2 * i + 1) * half, division.y0 + (2 * j + 1) * half
-                theta = (2 * k + 1) * pi / covered.shape[1] - pi
-                found = decided(level, level, x, y, cos(theta), sin(theta), division, grid, field, robot, placed)
-                covered[p, k] = found == BLOCKED
+            theta = (2 * k + 1) * pi / covered.shape[1] - pi
+            kind = decided(level, level, x, y, cos(theta), sin(theta), division, grid, field, robot, placed)
+            covered[p, k] = kind == BLOCKED
