@@ -7,7 +7,7 @@ that lie in the same cells. A place is shut off if all headings there are, in on
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, pi, sin
+from math import cos, floor, pi, sin
 from time import perf_counter
 
 import numpy as np
@@ -20,12 +20,14 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.planning.proofs.cell_kinds import decided, room_for_cores
-from trailmark.planning.proofs.cell_search import INSIDE
-from trailmark.planning.proofs.cells import BLOCKED, LEVELS, Division, leaf_at
-from trailmark.planning.proofs.enclosure import DEPTH, SHARES, Space, enclosure_between
+from trailmark.planning.proofs.cells import BLOCKED, LEVELS, Division
+from trailmark.planning.proofs.enclosure import DEPTH, SHARES, Space, enclosure
 from trailmark.se2 import FloatArray
 
 __all__ = ["shut_off"]
+
+ROUNDING = 1e-12
+"""Metres beside a cell's edge where rounding may put a place on either side: neither is taken for granted."""
 
 TURNS = 32
 """Headings at a place that enclosures are looked for around."""
@@ -59,55 +61,70 @@ def shut_off(
     # About the reference point, so that a place is a column of cells.
     space = Space(checker, np.zeros(2))
     level = min(space.first + DEPTH, LEVELS) - 1
-    finest = space.division(level, SHARES[0])
-    at = np.ascontiguousarray(np.vstack([around, places]), dtype=np.float64)
+    order = np.lexsort((places[:, 1], places[:, 0]))
+    at = np.ascontiguousarray(places[order], dtype=np.float64)
     covered = np.zeros((len(at), space.headings(level)), np.bool_)
+    own = np.zeros((1, covered.shape[1]), np.bool_)
     headings = np.asarray(se2.wrap(np.arange(TURNS) * 2.0 * np.pi / TURNS))
     goals = np.column_stack([np.tile(around, (TURNS, 1)), headings])
     for goal in goals[np.asarray(checker.valid(goals), dtype=bool)]:
-        if covered[0, int((goal[2] + np.pi) / (2.0 * np.pi) * covered.shape[1]) % covered.shape[1]]:
+        if own[0, int((goal[2] + np.pi) / (2.0 * np.pi) * own.shape[1]) % own.shape[1]]:
             continue
         left = deadline - perf_counter()
-        ends = np.array([start, goal])
-        found = enclosure_between(checker, space, ends, seconds=left, stop=stop, budget=budget)
+        found = enclosure(checker, start, goal, seconds=left, stop=stop, budget=budget, space=space)
         if found is None:
             break
-        _cover(*space.parts, finest, found.flood.cells, found.side, level, at, found.of_goal, covered)
-        if covered[1:].all():
-            break
-    return np.asarray(covered[1:].all(axis=1))
+        for some, known in ((at, covered), (goal[None, :2].copy(), own)):
+            inside = np.zeros_like(known)
+            _note_inside(found.centers, found.extents, -ROUNDING if found.end == 1 else ROUNDING, some, inside)
+            known |= inside == (found.end == 1)
+        if found.end == 0:
+            break  # what it does not hold is shut off, whatever the heading
+    # Collisions are looked for where they matter: where no heading is shut in, nothing is told.
+    _note_collisions(*space.parts, space.division(level, SHARES[0]), level, at, covered)
+    shut = np.zeros(len(at), np.bool_)
+    shut[order] = covered.all(axis=1)
+    return shut
 
 
 @njit(cache=True, nogil=True)
-def _cover(
+def _note_inside(
+    centers: FloatArray, extents: FloatArray, wider: float, places: FloatArray, inside: NDArray[np.bool_]
+) -> None:
+    """Note in which parts of a turn, shape (n, parts), places in the order of x are in some box, so much wider."""
+    n, parts = inside.shape
+    for b in range(len(centers)):
+        x, y, theta = centers[b]
+        first = round((theta - extents[b, 2] + pi) / (2.0 * pi) * parts)
+        last = round((theta + extents[b, 2] + pi) / (2.0 * pi) * parts)
+        for p in range(np.searchsorted(places[:, 0], x - extents[b, 0] - wider), n):
+            if places[p, 0] > x + extents[b, 0] + wider:
+                break
+            if abs(places[p, 1] - y) <= extents[b, 1] + wider:
+                inside[p, first:last] = True
+
+
+@njit(cache=True, nogil=True)
+def _note_collisions(
     grid: ObstacleGrid,
     field: ClearanceField,
     robot: Footprint,
     division: Division,
-    cells: NDArray[np.int32],
-    side: NDArray[np.uint8],
     level: int,
     places: FloatArray,
-    of_goal: bool,
     covered: NDArray[np.bool_],
 ) -> None:
-    """Note with which headings, in parts of a turn, the robot collides at places, or is on the goal's side there."""
-    half, placed = division.half[level], room_for_cores(division)
+    """Note in which other parts of a turn the robot collides whatever its heading, where some of them are noted."""
+    half, placed, parts = division.half[level], room_for_cores(division), covered.shape[1]
     for p in range(len(places)):
-        i = min(max(int((places[p, 0] - division.x0) / (2.0 * half)), 0), (division.columns << level) - 1)
-        j = min(max(int((places[p, 1] - division.y0) / (2.0 * half)), 0), (division.rows << level) - 1)
-        inside = False
-        for k in range(covered.shape[1]):
-            here = side[leaf_at(cells, division, level, i, j, k)] == INSIDE
-            inside = inside or here
-            covered[p, k] = covered[p, k] or here == of_goal
-        # Collisions are looked for where they matter: elsewhere another enclosure has to tell.
-        if inside != of_goal:
+        if not covered[p].any():
             continue
-        x, y = division.x0 + (2 * i + 1) * half, division.y0 + (2 * j + 1) * half
-        for k in range(covered.shape[1]):
-            if covered[p, k]:
-                continue
-            theta = (2 * k + 1) * pi / covered.shape[1] - pi
-            kind = decided(level, level, x, y, cos(theta), sin(theta), division, grid, field, robot, placed)
-            covered[p, k] = kind == BLOCKED
+        x = division.x0 + (2.0 * floor((places[p, 0] - division.x0) / (2.0 * half)) + 1.0) * half
+        y = division.y0 + (2.0 * floor((places[p, 1] - division.y0) / (2.0 * half)) + 1.0) * half
+        for k in range(parts):
+            if not covered[p, k]:
+                theta = (2 * k + 1) * pi / parts - pi
+                kind = decided(level, level, x, y, cos(theta), sin(theta), division, grid, field, robot, placed)
+                covered[p, k] = kind == BLOCKED
+                if not covered[p, k]:
+                    break
