@@ -78,6 +78,8 @@ def main() -> int:
     options = parser.parse_args()
     each = options.paths // len(WORLDS)
     lines = [
+        "# Simplified paths of a kept roadmap",
+        "",
         f"`python -m benchmarks.simplify`: `simplifySolution()` after `solve({options.limit:g})`, the roadmap is kept.",
         "",
         "| world | paths | came back | vertices, most | after, most | processor ms, median | most | collide |",

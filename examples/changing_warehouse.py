@@ -1,39 +1,38 @@
-"""Pallets are dropped in front of a driving robot; its path follows within milliseconds.
+"""Replan while the world changes
+==============================
 
-python examples/changing_warehouse.py [--pallets 8] [--seed 0] [--plot DRIVE.gif]
+Pallets are dropped in front of a driving robot; its path follows within milliseconds.
+
+``python examples/changing_warehouse.py [PALLETS] [DRIVE.gif]``
 """
 
-import argparse
+import sys
 from time import perf_counter
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 from trailmark import LandmarkPlanner, Rectangle, World
-from trailmark.plotting import Frame, save_animation
+from trailmark.plotting import Frame, draw_plan, draw_world, save_animation
 
-STEP, SPEED = 0.5, 2.0
-"""Seconds between two looks at the world, and metres a second."""
-
-parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-parser.add_argument("--pallets", type=int, default=8, help="that are dropped on the way (default: 8)")
-parser.add_argument("--seed", type=int, default=0)
-parser.add_argument("--plot", metavar="FILE.gif", help="write an animation of the drive")
-options = parser.parse_args()
-
-world = World.load("worlds/warehouse.yaml")
-query, rng = world.query("dock"), np.random.default_rng(options.seed)
-planner = LandmarkPlanner(world, seed=options.seed)
-here, goal = np.array(query.start), np.array(query.goal)
+STEP, SPEED = 0.5, 2.0  # seconds between two looks at the world, and metres a second
+PALLETS = int(sys.argv[1]) if len(sys.argv) > 1 else 8
+# %%
+# The path to begin with.
+world = World.load("warehouse")
+query, planner, rng = world.query("dock"), LandmarkPlanner(world, seed=0), np.random.default_rng(0)
+here, goal = np.array(query.start), np.array(query.pose())
 path = planner.plan(here, goal, time_limit=1.0).path
-if path is None:
-    raise SystemExit("no path to begin with")
+assert path is not None
 print(f"the path costs {path.cost:.1f} m")
 
+# %%
+# Twice a second: what changed is told to the planner, and the path is kept, led around or replaced.
 moments: list[Frame] = [Frame(world, here, path)]
 dropped = moment = 0
 while path is not None and path.cost > STEP * SPEED:
     here, moment, note, changed = path.at(STEP * SPEED / path.cost), moment + 1, "", world
-    if moment % 4 == 0 and dropped < options.pallets:
+    if moment % 4 == 0 and dropped < PALLETS:
         # Four to ten metres ahead, about where the robot is going to be.
         ahead = path.at(min(1.0, rng.uniform(4.0, 10.0) / path.cost))
         x, y = ahead[:2] + rng.normal(0.0, 0.4, 2)
@@ -57,6 +56,14 @@ while path is not None and path.cost > STEP * SPEED:
     moments.append(Frame(world, here, path, note))
 print(f"arrived after {STEP * moment:.1f} s" if path is not None else "no path any more")
 
-if options.plot:
-    save_animation(options.plot, moments, planner.robot, goal, seconds=0.15)
-    print(f"{options.plot} written")
+# %%
+# The moment in the middle: the robot, its path, and the pallets that are there by then.
+world, here, path, note = moments[len(moments) // 2]
+figure, axes = plt.subplots(figsize=(9, 5))
+draw_world(axes, world)
+draw_plan(axes, planner.robot, path, None, here, goal)
+axes.set_title(note)
+plt.show()
+
+if len(sys.argv) > 2:
+    save_animation(sys.argv[2], moments, planner.robot, goal, seconds=0.15)

@@ -1,25 +1,31 @@
-"""A robot of your own explores: a class with two methods, and a rule of your own for where to drive next.
+"""Explore with a robot of your own
+================================
 
-python examples/explore_world.py [WORLD] [SECONDS] [FOLDER]
+A class with two methods is a robot; a function is a rule for where to drive next.
+
+``python examples/explore_world.py [WORLD] [SECONDS] [FOLDER]``: seconds of the robot's clock, ``inf`` to the end.
 """
 
 import sys
 from collections.abc import Sequence
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 from trailmark import Robot, World
 from trailmark.estimation.logs.records import Record
 from trailmark.exploration import DriveReport, ExplorationSettings, Explorer, Outlook, SimulatedRobot, save_exploration
 from trailmark.exploration.simulated_robot import laser_scanner
-from trailmark.plotting import save_exploration_page
+from trailmark.plotting import draw_exploration, save_exploration_page
 from trailmark.se2 import FloatArray
 
 SENSOR = laser_scanner(5.0, 0.05)
 
 
+# %%
+# Where a ROS node would publish velocities and collect what its laser and its wheels say, a simulator stands.
 class MyRobot:
-    """Where a ROS node would publish velocities and collect what its laser and its wheels say, a simulator stands."""
+    """It senses and drives."""
 
     def __init__(self, world: World, body: Robot) -> None:
         self.robot = SimulatedRobot(world, body, world.query().start, SENSOR, seed=1)
@@ -34,31 +40,34 @@ class MyRobot:
 
 
 def most_for_its_way(outlook: Outlook) -> int:
-    """Return the landmark that shows most for the square of its way: impatient, and easy to change."""
+    """Return the landmark that shows most area for the square of its way: impatient, and easy to change."""
     return int(np.argmax(outlook.areas / (1.0 + outlook.costs) ** 2))
 
 
-world = World.load(sys.argv[1] if len(sys.argv) > 1 else "worlds/office.yaml")
-body = world.robot or Robot.disc(0.2)
-settings = ExplorationSettings(time_limit=float(sys.argv[2]) if len(sys.argv) > 2 else np.inf)
+# %%
+# By default exploration ends when it is proven that nothing more can be seen; here, after some seconds.
+world = World.load(sys.argv[1] if len(sys.argv) > 1 else "office")
+body, start = world.robot or Robot.disc(0.2), world.query().start
+limit = float(sys.argv[2]) if len(sys.argv) > 2 else 20.0
 explorer = Explorer(
     MyRobot(world, body),
     body,
     SENSOR,
     strategy=most_for_its_way,
-    start=world.query().start,
+    start=start,
     bounds=world.bounds,
-    settings=settings,
+    settings=ExplorationSettings(time_limit=limit),
 )
-landmarks = 0
-while explorer.ended is None:
-    state = explorer.step()
-    if state.landmarks > landmarks:
-        landmarks = state.landmarks
-        print(f"{state.time:6.1f} s: {state.area:6.1f} m² known, {state.distance:6.1f} m driven, landmark {landmarks}")
-result = explorer.result()
-print(f"{result.status}: {result.reason}")
+first = explorer.step()
+result = explorer.run()
+print(
+    f"{first.area:.1f} m² known at first, {result.history[-1].area:.1f} m² at the end: {result.status}, {result.reason}"
+)
+
+# %%
+figure, axes = plt.subplots(figsize=(8, 5))
+draw_exploration(axes, result)
+plt.show()
 if len(sys.argv) > 3:
     save_exploration(result, sys.argv[3])
     save_exploration_page(f"{sys.argv[3]}/exploration.html", result)
-    print(f"{sys.argv[3]}: written")

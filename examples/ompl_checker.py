@@ -1,17 +1,24 @@
-"""An OMPL program of one's own that gets trailmark's collision checks: two lines, marked below.
+"""trailmark's collision checks in an OMPL program
+===============================================
 
-python examples/ompl_checker.py [WORLD] [PLANNER]
+A program of your own gets certified motions by two lines, marked below.
+
+``python examples/ompl_checker.py [WORLD] [PLANNER]``
 """
 
 import sys
 
+import matplotlib.pyplot as plt
 from ompl import base as ob
 from ompl import geometric as og
 
 from trailmark import StateChecker, World
-from trailmark.ompl_bridge import MotionValidator, StateValidityChecker, planner_named, solve, state
+from trailmark.ompl_bridge import MotionValidator, StateValidityChecker, planner_named, solve, state, states_of
+from trailmark.plotting import draw_world
 
-world = World.load(sys.argv[1] if len(sys.argv) > 1 else "worlds/office.yaml")
+# %%
+# The program as it is without trailmark: a space with bounds, and a setup.
+world = World.load(sys.argv[1] if len(sys.argv) > 1 else "office")
 query = world.query()
 
 space = ob.SE2StateSpace()
@@ -23,15 +30,23 @@ space.setBounds(bounds)
 setup = og.SimpleSetup(space)
 information = setup.getSpaceInformation()
 
+# %%
+# A motion is accepted only if no configuration along it collides: there is no resolution to set.
 checker = StateChecker(world)
 setup.setStateValidityChecker(StateValidityChecker(information, checker))  # trailmark: states
 information.setMotionValidator(MotionValidator(information, checker))  # trailmark: motions, certified
 
-setup.setStartAndGoalStates(state(information, query.start), state(information, query.goal))
+setup.setStartAndGoalStates(state(information, query.start), state(information, query.pose()))
 setup.setPlanner(planner_named(sys.argv[2] if len(sys.argv) > 2 else "RRTConnect", information))
 
-# As setup.solve(2.0), but Ctrl-C and errors in callbacks end the planning and are raised here.
+# %%
+# As ``setup.solve(2.0)``, but Ctrl-C and errors in callbacks end the planning and are raised here.
 status = solve(setup, 2.0)
 print(status.asString())
 if setup.haveExactSolutionPath():
-    print(f"{setup.getSolutionPath().length():.2f} m in {setup.getSolutionPath().getStateCount()} states")
+    path = setup.getSolutionPath()
+    print(f"{path.length():.2f} m in {path.getStateCount()} states")
+    figure, axes = plt.subplots(figsize=(8, 5))
+    draw_world(axes, world, checker.robot)
+    axes.plot(*states_of(path)[:, :2].T, "o-")
+    plt.show()

@@ -1,4 +1,4 @@
-"""Solve: how one query is answered. It reads as the README's section "How it works"."""
+"""Solve: how one query is answered. It reads as docs/explanation/method.md does."""
 
 # Tested by tests/planning/test_planner.py, test_car.py and test_interrupts.py.
 

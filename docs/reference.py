@@ -1,0 +1,133 @@
+"""The API reference: which names are public, a page for each part of the package, and the gallery's order."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, get_origin
+
+if TYPE_CHECKING:
+    from docutils.nodes import Element
+    from sphinx.addnodes import pending_xref
+    from sphinx.application import Sphinx
+    from sphinx.environment import BuildEnvironment
+
+PARTS = {
+    "trailmark": "The names that most programs need.",
+    "trailmark.audit": "Is anybody's path free?",
+    "trailmark.collision": "Is a configuration free, how far is it from the obstacles, is a motion free?",
+    "trailmark.curves": "Dubins and Reeds-Shepp curves.",
+    "trailmark.estimation": "Filters, SLAM, scans, maps, risk, simulation and logs.",
+    "trailmark.exploration": "A robot without a map makes one.",
+    "trailmark.formats": "Files that are read and written.",
+    "trailmark.landmarks": "Samples, K-means, the relaxed problem; the published method.",
+    "trailmark.layers": "What pictures show.",
+    "trailmark.library": "The worlds that are shipped.",
+    "trailmark.motion": "Kinds of motion, all certified.",
+    "trailmark.ompl_bridge": "trailmark's parts inside OMPL.",
+    "trailmark.planning": "The planner and its settings.",
+    "trailmark.plotting": "Pictures, by matplotlib.",
+    "trailmark.roadmap": "Landmarks, edges, and the search among them.",
+    "trailmark.se2": "Configurations of the plane.",
+    "trailmark.shapes": "Discs, rectangles and polygons.",
+    "trailmark.trajectories": "Smooth paths, and when a robot is where.",
+    "trailmark.errors": "What is raised.",
+}
+"""What the reference has pages of. The other modules are parts of these, and may change."""
+
+ORDER = (
+    *("plan_path", "nav2_map", "many_queries", "objectives_and_goals", "park_car", "check_path", "smooth_trajectory"),
+    *("changing_warehouse", "map_from_log", "explore_world", "published_method"),
+    *("ompl_checker", "ompl_landmark_sampler", "ompl_benchmark", "benchmark_planners"),
+)
+"""Examples from the first steps to programs of one's own."""
+
+
+def by_kind_of_use(file: str) -> tuple[int, str]:
+    """Return a key by which sphinx-gallery sorts the examples."""
+    stem = Path(file).stem
+    return (ORDER.index(stem) if stem in ORDER else len(ORDER)), stem
+
+
+@cache
+def public_names() -> dict[str, list[str]]:
+    """Return the public names of each part, each name in the first part that has it; a part's own order is kept."""
+    seen: set[int] = set()
+    found: dict[str, list[str]] = {}
+    for part in PARTS:
+        module = import_module(part)
+        found[part] = []
+        for name in module.__all__:
+            value = getattr(module, name)
+            # Numbers and strings may be equal without being the same thing.
+            if isinstance(value, type) or callable(value):
+                if id(value) in seen:
+                    continue
+                seen.add(id(value))
+            found[part].append(name)
+    return found
+
+
+def write(folder: Path) -> None:
+    """Write a page for each part into a folder, and leave alone what would not change."""
+    folder.mkdir(exist_ok=True)
+    for part, names in public_names().items():
+        module = import_module(part)
+        lines = [part, "=" * len(part), "", PARTS[part], "", f".. currentmodule:: {part}", ""]
+        if part != "trailmark":
+            lines += [f".. automodule:: {part}", "   :no-members:", ""]
+        for name in names:
+            if name.startswith("__"):
+                continue
+            value = getattr(module, name)
+            if get_origin(value) is not None:
+                lines += [f".. py:data:: {name}", "", f"   ``{value}``".replace("numpy.", ""), ""]
+                continue
+            kind = "class" if isinstance(value, type) else "function" if callable(value) else "data"
+            if kind == "class" and issubclass(value, Exception):
+                kind = "exception"
+            lines += [f".. auto{kind}:: {name}"]
+            lines += ["   :members:"] if kind in ("class", "exception") else []
+            lines += ["   :show-inheritance:"] if kind == "exception" else []
+            lines += ["   :no-value:"] if kind == "data" else []
+            lines += [""]
+        page, text = folder / f"{part}.rst", "\n".join(lines)
+        if not page.exists() or page.read_text() != text:
+            page.write_text(text)
+
+
+def make_readable(app: object, what: str, name: str, value: object, options: object, lines: list[str]) -> None:
+    """Change a docstring's lines so that Sphinx reads what people read.
+
+    Bars around absolute values and norms are no substitutions, and what stands before an attribute's first colon is
+    no type.
+    """
+    lines[:] = ["``".join(t if i % 2 else t.replace("|", r"\|") for i, t in enumerate(s.split("``"))) for s in lines]
+    if what in ("attribute", "data", "property") and lines and ": " in lines[0]:
+        head, rest = lines[0].split(": ", 1)
+        lines[:1] = [f"{head}:", rest]
+
+
+def lead_to_pages(app: object, name: str, source: list[str]) -> None:
+    """Let links to measured results, which lie outside of this folder, lead to the pages that are made of them."""
+    link = re.compile(r"\[([^\]]+)\]\((?:\.\./)*benchmarks/results/(\w+)\.md\)")
+    source[0] = link.sub(
+        lambda found: f"{{doc}}`{' '.join(found[1].replace('`', '').split())} </figures/{found[2]}>`", source[0]
+    )
+
+
+def found_elsewhere(app: Sphinx, env: BuildEnvironment, node: pending_xref, shown: Element) -> Element | None:
+    """Lead from the module in which something is defined to where it is public and described."""
+    target = str(node.get("reftarget", ""))
+    if node.get("refdomain") != "py" or not target.startswith("trailmark."):
+        return None
+    words = target.split(".")
+    for part, names in public_names().items():
+        for i, word in enumerate(words):
+            if word in names and (i == len(words) - 1 or word[0].isupper()):
+                name = ".".join([part, *words[i:]])
+                domain = env.get_domain("py")
+                return domain.resolve_xref(env, node["refdoc"], app.builder, "obj", name, node, shown)
+    return None

@@ -1,0 +1,64 @@
+"""The pictures of the README and the documentation that are kept as files: ``python docs/screens.py`` writes them.
+
+The drive's animation is examples/changing_warehouse.py's, smaller; the live page is photographed in headless Chromium.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from PIL import Image, ImageSequence
+
+ROOT = Path(__file__).resolve().parents[1]
+PICTURES = ROOT / "docs" / "pictures"
+sys.path.insert(0, str(ROOT))
+WIDTH, EVERY = 560, 2  # pixels, and of so many frames of the animation one is kept
+
+
+def animation(file: Path, folder: Path) -> None:
+    """Write the drive in the warehouse as a GIF of a README's width."""
+    large = folder / "drive.gif"
+    subprocess.run([sys.executable, ROOT / "examples" / "changing_warehouse.py", "8", large], check=True, cwd=ROOT)
+    with Image.open(large) as picture:
+        size = (WIDTH, round(picture.height * WIDTH / picture.width))
+        frames = [
+            frame.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+            for number, frame in enumerate(ImageSequence.Iterator(picture))
+            if number % EVERY == 0
+        ]
+    palette = frames[len(frames) // 2].quantize(96, dither=Image.Dither.NONE)
+    flat = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    flat[0].save(file, save_all=True, append_images=flat[1:], duration=250, loop=0, optimize=True)
+
+
+def live_page(folder: Path) -> None:
+    """Write the live page as it is on a desk and on a phone, with the office and its roadmap."""
+    from benchmarks.chromium import browser
+    from benchmarks.live import server
+
+    from trailmark import World
+
+    office = World.load("office")
+    assert office.robot is not None
+    with server(office, office.robot) as (address, _), browser() as tab:
+        for width, height in ((1400, 900), (390, 844)):
+            tab.open("about:blank", width, height)
+            tab.open(address, width, height)
+            tab.wait("trailmark.scene.path")
+            if width > 1000:
+                tab.run("document.querySelector('[data-layer=roadmap]').click()")
+            time.sleep(4.0)
+            tab.picture(folder / "live.png")
+            Image.open(folder / "live.png").save(PICTURES / f"live-{width}.webp", quality=82, method=6)
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as scratch:
+        live_page(Path(scratch))
+        animation(PICTURES / "warehouse.gif", Path(scratch))
+    for written in sorted(PICTURES.iterdir()):
+        print(f"{written.name}: {written.stat().st_size / 1e3:.0f} kB")

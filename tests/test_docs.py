@@ -1,0 +1,121 @@
+"""The README and the pages of the documentation: what they show is run as it stands, in its order."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from trailmark import World
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+BUILT = {"api", "gallery", "figures"}
+PAGES = [ROOT / "README.md", *(page for page in sorted(DOCS.rglob("*.md")) if page.parts[len(DOCS.parts)] not in BUILT)]
+SETUP = "python3 -m venv"
+LIMIT = 180.0
+"""Seconds for one snippet, on a machine that does other work as well."""
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def blocks(page: Path) -> list[tuple[str, str]]:
+    """Return the languages and texts of a page's blocks; figures that the build draws are Python."""
+    found = re.findall(r"^```(\w+|\{plot\})\n(.*?)^```", page.read_text(), flags=re.S | re.M)
+    return [("python" if language == "{plot}" else language, text) for language, text in found]
+
+
+def runnable(page: Path) -> list[list[str]]:
+    """Return the words of each program that a page shows: snippets of Python, and commands that end by themselves."""
+    found = []
+    for language, text in blocks(page):
+        if language == "python":
+            found.append([sys.executable, "-c", text])
+        elif language == "sh":
+            shell = str(Path(sys.executable).with_name("trailmark"))
+            lines = [line for line in text.splitlines() if line.startswith("trailmark ")]
+            found += [[shell, *shlex.split(line)[1:]] for line in lines if not line.startswith("trailmark live")]
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [page for page in PAGES if runnable(page)], ids=name_of)
+def test_what_a_page_shows_runs(page: Path, tmp_path: Path) -> None:
+    (tmp_path / "worlds").symlink_to(ROOT / "worlds")
+    environment = os.environ | {"MPLBACKEND": "Agg"}
+    for words in runnable(page):
+        done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=LIMIT)
+        assert done.returncode == 0, f"{words}: {done.stderr}"
+        if "-c" not in words[1]:
+            assert done.stdout.strip(), words
+        for flag in ("--plot", "--output", "--html", "--trajectory", "--animate"):
+            if flag in words:
+                assert (tmp_path / words[words.index(flag) + 1]).stat().st_size > 0
+
+
+def test_every_kind_of_page_has_something_to_run() -> None:
+    with_programs = [page for page in PAGES if runnable(page)]
+    assert len(with_programs) >= 20
+    assert all(page in with_programs for page in DOCS.glob("tutorials/*.md"))
+    assert sum(len(runnable(page)) for page in PAGES) >= 50
+
+
+def test_the_two_commands_set_up_everything_themselves() -> None:
+    text = [line for language, text in blocks(ROOT / "README.md") for line in text.splitlines() if language == "sh"]
+    commands = [line for line in text if line.startswith(SETUP)]
+    assert len(commands) == 2
+    assert "trailmark plan worlds/office.yaml --plot" in commands[0]
+    assert "pytest" in commands[1]
+    assert all("-c constraints.txt" in command for command in commands)
+
+
+def test_the_world_file_is_valid(tmp_path: Path) -> None:
+    ((_, text),) = [block for block in blocks(DOCS / "reference" / "world_files.md") if block[0] == "yaml"]
+    file = tmp_path / "yard.yaml"
+    file.write_text(text)
+    world = World.load(file)
+    assert world.name == yaml.safe_load(text)["name"]
+    assert len(world.obstacles) == 3
+
+
+def test_the_readmes_figures_stand_in_the_files_that_it_names() -> None:
+    rows = re.findall(
+        r"^\| \[.*?\]\((benchmarks/\S+)\) *\|(.*?)\|(.*?)\|$", (ROOT / "README.md").read_text(), flags=re.M
+    )
+    assert len(rows) >= 5
+    for file, measured, _ in rows:
+        text = (ROOT / file).read_text()
+        for number in re.findall(r"\d[\d,]*(?:\.\d+)?", measured.replace("95 %", "")):
+            assert re.search(rf"(?<![\d.,]){re.escape(number)}(?![\d,]*\d)", text), f"{file} does not say {number}"
+
+
+def test_no_file_names_an_index_or_a_machine() -> None:
+    for page in [ROOT / "constraints.txt", *PAGES]:
+        text = page.read_text().replace("http://127.0.0.1", "")
+        assert "://" not in text, page
+        assert os.sep + "work" + os.sep not in text, page
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_links_and_pictures_lead_to_files(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", re.sub(r"```.*?```", "", page.read_text(), flags=re.S))
+    for link in links:
+        # The gallery is made of the examples when the documentation is built.
+        made = re.sub(r"(?:\.\./)*gallery/(\w+)$", rf"{ROOT}/examples/\1.py", link).replace(
+            "index.py", "GALLERY_HEADER.rst"
+        )
+        assert (page.parent / made).exists(), f"{name_of(page)}: {link}"
+
+
+def test_pictures_are_small() -> None:
+    assert (DOCS / "pictures" / "warehouse.gif").stat().st_size < 500_000
+    for width in (1400, 390):
+        assert 10_000 < (DOCS / "pictures" / f"live-{width}.webp").stat().st_size < 150_000
