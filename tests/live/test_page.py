@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 from benchmarks.chromium import Browser, browser
 from tests.benchmark.report.browser import require_chromium
+from tests.exploration.made_exploration import made_exploration
+from tests.live.conftest import serving
 
 from trailmark import World, check_path
+from trailmark.exploration.exploration_folder import save_exploration
 
 READY = "window.trailmark.scene.path && document.getElementById('verdict').textContent.startsWith('path found')"
 
@@ -214,3 +217,31 @@ def test_layers_comparison_driving_and_exploring(tab: Browser, address: str) -> 
     tab.run("document.getElementById('explore').click()")
     tab.wait(READY)
     assert tab.complaints == []
+
+
+def test_an_exploration_that_was_kept_is_stepped_through(tab: Browser, tmp_path: Path) -> None:
+    save_exploration(made_exploration(), tmp_path / "run")
+    with serving(str(tmp_path / "run")) as address:
+        tab.complaints.clear()
+        tab.open(address, 1400, 850)
+        tab.wait("document.getElementById('verdict').textContent.startsWith('exploration complete')")
+        last = len(made_exploration().history) - 1
+        assert tab.run("Number(document.getElementById('scrub').max)") == last
+        tab.run("(() => { scrub.value = 3; scrub.dispatchEvent(new Event('input')); })()")
+        assert "m² known" in tab.run("document.getElementById('verdict').textContent")
+        probe = "new OffscreenCanvas(80, 50).getContext('2d', {willReadFrequently: true})"
+        data = "brush.drawImage(exploring.picture, 0, 0); return brush.getImageData(0, 0, 80, 50).data.join()"
+        shown = f"(() => {{ const brush = {probe}; {data}; }})()"
+        early = tab.run(shown)
+        tab.run("document.getElementById('play').click()")
+        tab.wait("Number(document.getElementById('scrub').value) > 10")
+        tab.run("document.getElementById('play').click()")
+        assert tab.run(shown) != early
+        tab.run("(() => { scrub.value = 3; scrub.dispatchEvent(new Event('input')); })()")
+        assert tab.run(shown) == early
+        # Closed, its map is a world to plan in; and it can be opened again.
+        tab.run("document.getElementById('explore').click()")
+        tab.wait(READY)
+        tab.run("document.getElementById('recorded').click()")
+        tab.wait("exploring.steps.length > 3")
+        assert tab.complaints == []

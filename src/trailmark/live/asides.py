@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -88,8 +87,8 @@ def compare(world: World, message: Message, tell: Tell, stop: Event) -> None:
 def explore(world: World, message: Message, tell: Tell, stop: Event) -> None:
     """Explore the world as if it were hidden, and tell how far the robot has come.
 
-    Each answer has the robot's ``pose``, its ``path``, the cells that changed since the last (``at``: indices row *
-    columns + column, ``cells``: 1 free, 2 occupied, both as base64, 32 and 8 bits each), and, at the end, ``status``.
+    Each answer is a :func:`~trailmark.live.recording.step_data` with the cells that changed since the last; at the end
+    comes ``status``.
 
     Args:
         world: with the robot.
@@ -101,6 +100,7 @@ def explore(world: World, message: Message, tell: Tell, stop: Event) -> None:
         TrailmarkError: a field out of range, a start that is not free.
     """
     from trailmark.exploration import ExplorationSettings, Explorer
+    from trailmark.live.recording import step_data
 
     fields = message.fields
     xmin, ymin, xmax, ymax = world.bounds
@@ -126,25 +126,9 @@ def explore(world: World, message: Message, tell: Tell, stop: Event) -> None:
         if explorer.ended is None and perf_counter() - told < PERIOD:
             continue
         told, known = perf_counter(), explorer.mapper.known
-        at = np.flatnonzero(known.state.ravel() != shown.ravel()).astype("<i4")
+        at = np.flatnonzero(known.state.ravel() != shown.ravel())
         shown = known.state.copy()
-        tell(
-            {
-                **answer,
-                "final": False,
-                "pose": progress.pose.tolist(),
-                "path": [] if progress.path is None else np.round(progress.path, 3).tolist(),
-                "target": None if progress.target is None else progress.target.tolist(),
-                "time": progress.time,
-                "distance": progress.distance,
-                "area": progress.area,
-                "landmarks": progress.landmarks,
-                "sigma": progress.sigma,
-                "event": progress.event,
-                "at": base64.b64encode(at.tobytes()).decode(),
-                "cells": base64.b64encode(shown.ravel()[at].tobytes()).decode(),
-            }
-        )
+        tell({**answer, "final": False, **step_data(progress, at, shown.ravel()[at])})
     status, reason = explorer.ended or ("interrupted", "stopped")
     tell({**answer, "final": True, "status": status, "reason": reason})
 

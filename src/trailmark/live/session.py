@@ -50,9 +50,18 @@ class Session:
         robot: that moves in it.
         tell: sends an answer.
         seed: of the planner.
+        recording: an exploration to step through; None if there is none.
     """
 
-    def __init__(self, world: World, robot: Robot, tell: Callable[[Answer], None], seed: int = 0) -> None:
+    def __init__(
+        self,
+        world: World,
+        robot: Robot,
+        tell: Callable[[Answer], None],
+        seed: int = 0,
+        recording: Answer | None = None,
+    ) -> None:
+        self._recording = recording
         self._world, self._tell, self._seed = _named(world.with_robot(robot)), tell, seed
         self._options: dict[str, Any] = {}
         self._planner: LandmarkPlanner | None = None
@@ -98,7 +107,15 @@ class Session:
         if message.type == "hello":
             from trailmark.library import shipped_worlds
 
-            self._tell({**answer, "type": "world", **self._described(), "worlds": list(shipped_worlds())})
+            self._tell(
+                {
+                    **answer,
+                    "type": "world",
+                    **self._described(),
+                    "worlds": list(shipped_worlds()),
+                    "recorded": self._recording is not None,
+                }
+            )
         elif message.type in ("world", "open"):
             self._replace_world(self._opened(fields) if message.type == "open" else fields)
             answer["type"] = "world"
@@ -114,6 +131,10 @@ class Session:
 
             query = query_from_data({"name": "live", **fields}, "save")
             self._tell({**answer, "text": world_text(replace(self._world, queries=(query,)))})
+        elif message.type == "recorded":
+            if self._recording is None:
+                raise ConfigurationError("recorded: expected a page that was opened on an exploration's folder")
+            self._tell({**answer, **self._recording})
         elif message.type == "layer":
             self._tell({**answer, **self._layer(fields, stop)})
 

@@ -94,11 +94,13 @@ function draw(now) {
     const step = exploring.steps[exploring.row];
     if (step.path.length) drawPath(brush, pixel, {states: step.path}, colours.goal, 2);
     drawPath(brush, pixel, {states: exploring.steps.slice(0, exploring.row + 1).map(({pose}) => pose)}, colours.way, 2);
-    brush.beginPath();
-    brush.arc(step.pose[0], step.pose[1], exploring.range, 0, TURN);
-    brush.strokeStyle = colours.soft;
-    brush.lineWidth = pixel;
-    brush.stroke();
+    if (exploring.range) {
+      brush.beginPath();
+      brush.arc(step.pose[0], step.pose[1], exploring.range, 0, TURN);
+      brush.strokeStyle = colours.soft;
+      brush.lineWidth = pixel;
+      brush.stroke();
+    }
     drawRobot(brush, scene.robot, step.pose, pixel, {fill: colours.page, stroke: colours.way});
     return;
   }
@@ -167,6 +169,7 @@ function frame(now) {
     if (!playing.advance(now)) stopPlaying();
     dirty = true;
   }
+  if (exploring?.plays) advanceExploration(now);
   plan(now);
   requestLayers(now);
   if (dirty || (view.blurred && !view.moves) || canvas.dataset.size !== `${view.width}x${view.height}`) {

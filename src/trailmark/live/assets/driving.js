@@ -22,12 +22,12 @@ class Drive {
 }
 
 function togglePlay() {
-  if (playing) stopPlaying();
+  if (exploring) playExploration();
+  else if (playing) stopPlaying();
   else if (scene.path && !scene.path.partial) {
     playing = new Drive(scene.path.states);
     settle = 0;
-    $("play").setAttribute("aria-pressed", "true");
-    $("play").textContent = "Stop";
+    showPlays(true);
   }
   dirty = true;
 }
@@ -35,7 +35,11 @@ function togglePlay() {
 function stopPlaying() {
   if (!playing) return;
   playing = null;
-  $("play").setAttribute("aria-pressed", "false");
-  $("play").textContent = "Play";
+  showPlays(false);
   changed();
+}
+
+function showPlays(on) {
+  $("play").setAttribute("aria-pressed", String(on));
+  $("play").textContent = on ? "Stop" : "Play";
 }

@@ -1,5 +1,7 @@
 // Exploring: cells as they become known, live and by the scrubber.
 
+const STEPS_A_SECOND = 30;
+
 function toggleExploration() {
   if (exploring?.running) return send("stop");
   if (exploring) return endExploration();
@@ -11,10 +13,28 @@ function toggleExploration() {
   $("explore").textContent = "Stop";
 }
 
+// An exploration that was kept: all its steps come at once.
+async function openRecording() {
+  if (exploring) return;
+  stopPlaying();
+  const recorded = await ask("recorded");
+  exploring = {running: false, steps: [], row: -1, id: recorded.id};
+  receiveExploration({...recorded, final: false});
+  for (const step of recorded.steps) receiveExploration({...step, id: recorded.id});
+  receiveExploration({...recorded, grid: null, final: true});
+  $("explore").setAttribute("aria-pressed", "true");
+  view.fit(boundsOf(recorded.grid));
+}
+
+function boundsOf({origin: [x, y], size, rows, columns}) {
+  return [x, y, x + columns * size, y + rows * size];
+}
+
 function receiveExploration(message) {
   if (exploring?.id !== message.id) return;
   if (message.grid) {
     exploring.grid = message.grid;
+    $("scrub").hidden = false;
     exploring.picture = new OffscreenCanvas(message.grid.columns, message.grid.rows);
     exploring.range = message.sensor_range;
     exploring.state = new Uint8Array(message.grid.rows * message.grid.columns);
@@ -29,7 +49,6 @@ function receiveExploration(message) {
     at.forEach((cell, i) => { exploring.state[cell] = now[i]; });
     exploring.steps.push({...message, at, now, before});
     const scrub = $("scrub"), follows = exploring.row === exploring.steps.length - 2;
-    scrub.hidden = false;
     scrub.max = exploring.steps.length - 1;
     if (follows) showStep(exploring.steps.length - 1);
   }
@@ -62,7 +81,24 @@ function showStep(row) {
   dirty = true;
 }
 
+// Plays it from where it is, or from the beginning; a second time, it stops.
+function playExploration() {
+  const {steps, row, plays} = exploring;
+  if (!steps.length) return;
+  exploring.plays = plays ? 0 : STEPS_A_SECOND;
+  if (exploring.plays && row === steps.length - 1) showStep(0);
+  exploring.begun = {at: performance.now(), row: exploring.row};
+  showPlays(Boolean(exploring.plays));
+}
+
+function advanceExploration(now) {
+  const {begun, plays, steps} = exploring, row = begun.row + Math.floor(((now - begun.at) / 1000) * plays);
+  if (row > exploring.row) showStep(Math.min(row, steps.length - 1));
+  if (row >= steps.length - 1) playExploration();
+}
+
 function endExploration() {
+  if (exploring.plays) showPlays(false);
   exploring = null;
   $("scrub").hidden = true;
   $("explore").setAttribute("aria-pressed", "false");

@@ -36,6 +36,8 @@ async function begin() {
   if (scene.world) await setWorld(scene.content(), false);  // as it was before the connection was lost
   else if (shared?.world) await setWorld(shared.world, true, shared);
   else takeWorld(hello, true);
+  $("recorded").hidden = !hello.recorded;
+  if (hello.recorded && !shared && !scene.before.length) await openRecording();
 }
 
 function receive(message) {

@@ -11,7 +11,7 @@ function changed(at = performance.now()) {
 let wanted = null, patience = SHORTEST;
 
 function plan(now) {
-  if (!ready) return;
+  if (!ready || exploring) return;
   const settled = wanted === null && settle && now > settle;
   if (wanted === null && !settled) return;
   // While dragging one plan at a time, as long as it takes to find a path; what gets better later is given up.
@@ -33,6 +33,7 @@ function receivePath(message) {
     if (asked.dragged) drawn.push(asked.since);
   }
   if (message.final) inFlight.delete(message.id);
+  if (exploring) return;
   if (message.final && layers.has("roadmap")) requestLayer("roadmap");  // it has grown
   if (message.final && asked?.settled) ["lattice", "reachable"].filter((name) => layers.has(name)).forEach(requestLayer);
   if (asked && !asked.settled && message.final) {
