@@ -19,10 +19,18 @@ sys.path.insert(0, str(ROOT))
 WIDTH, EVERY = 560, 2  # pixels, and of so many frames of the animation one is kept
 
 
-def animation(file: Path, folder: Path) -> None:
-    """Write the drive in the warehouse as a GIF of a README's width."""
-    large = folder / "drive.gif"
-    subprocess.run([sys.executable, ROOT / "examples" / "changing_warehouse.py", "8", large], check=True, cwd=ROOT)
+def animations(folder: Path) -> None:
+    """Write the drive in the warehouse and an exploration as GIFs of a README's width."""
+    drive, explored = folder / "drive.gif", folder / "office"
+    subprocess.run([sys.executable, ROOT / "examples" / "changing_warehouse.py", "8", drive], check=True, cwd=ROOT)
+    smaller(drive, PICTURES / "warehouse.gif")
+    words = ["explore", "office", "--sensor-range", "5", "--output", explored]
+    subprocess.run([sys.executable, "-m", "trailmark", *words], check=True, cwd=ROOT)
+    smaller(explored / "exploration.gif", PICTURES / "exploration.gif")
+
+
+def smaller(large: Path, file: Path) -> None:
+    """Write an animation with fewer pixels, frames and colours."""
     with Image.open(large) as picture:
         size = (WIDTH, round(picture.height * WIDTH / picture.width))
         frames = [
@@ -59,6 +67,6 @@ def live_page(folder: Path) -> None:
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as scratch:
         live_page(Path(scratch))
-        animation(PICTURES / "warehouse.gif", Path(scratch))
+        animations(Path(scratch))
     for written in sorted(PICTURES.iterdir()):
         print(f"{written.name}: {written.stat().st_size / 1e3:.0f} kB")

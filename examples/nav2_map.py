@@ -27,10 +27,10 @@ pixels[40:, 90:96] = pixels[:120, 160:166] = 0
 pixels[100:, 200:] = 205
 Image.fromarray(pixels).save(folder / "map.pgm")
 (folder / "map.yaml").write_text(
-    "image: map.pgm\nresolution: 0.05\norigin: [-6.0, -4.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
+    "image: map.pgm\nresolution: 0.05\norigin: [-6.0, -4.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 )
 world = World.load(sys.argv[1] if len(sys.argv) > 1 else folder / "map.yaml")
-print(world.bounds, len(world.obstacles), "obstacles")
+print(world.bounds, len(world.obstacles), "obstacles: what is occupied, and what has not been seen")
 
 # %%
 # The footprint as nav2's parameters have it; ``Robot.load`` reads it from their file.

@@ -19,7 +19,7 @@ world = World("aisle", (0, 0, 12, 4), shelves, Robot.rectangle(0.9, 0.62), zones
 # %%
 # The shortest path touches what it rounds; one for clearance runs in the middle of the aisle; ``time`` counts seconds.
 # No path costs less than ``lower_bound``, whatever the objective.
-figure, all_axes = plt.subplots(3, 1, figsize=(8, 8), sharex=True)
+figure, all_axes = plt.subplots(3, 1, figsize=(8, 8), layout="constrained")
 for name, axes in zip(("length", "clearance", "time"), all_axes, strict=True):
     objective = Objective.of("time", max_speed=0.8, max_turn_rate=0.5) if name == "time" else Objective.of(name)
     result = LandmarkPlanner(world, seed=0, objective=objective).plan((1, 2.4, 0), (11, 1.6, 0), time_limit=1.0)

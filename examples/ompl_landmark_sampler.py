@@ -19,7 +19,7 @@ query = sys.argv[2] if len(sys.argv) > 2 else None
 
 # %%
 # A narrow passage is where uniform samples are few and landmarks are not.
-figure, all_axes = plt.subplots(1, 2, figsize=(10, 5))
+figure, all_axes = plt.subplots(1, 2, figsize=(10, 5), layout="constrained")
 for landmarks, axes in zip((False, True), all_axes, strict=True):
     problem = SE2Problem(world, query=query)
     if landmarks:

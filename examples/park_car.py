@@ -16,7 +16,7 @@ planner = LandmarkPlanner(parking, seed=0)
 
 # %%
 # A change of direction costs as much as 3 m by default, and a metre in reverse half a metre more.
-figure, all_axes = plt.subplots(2, 1, figsize=(8, 8))
+figure, all_axes = plt.subplots(2, 1, figsize=(8, 8), layout="constrained")
 for name, axes in zip(("bay", "parallel"), all_axes, strict=True):
     query = parking.query(name)
     result = planner.plan(query.start, query.pose(), time_limit=3.0)

@@ -28,7 +28,7 @@ print(f"{spread_of_runs([run.centres for run in runs]).mean:.2f} m between the c
 
 # %%
 # What was drawn and dropped, the clusters, and the centres; a centre in which the robot collides is marked.
-figure, (before, after) = plt.subplots(1, 2, figsize=(9, 9))
+figure, (before, after) = plt.subplots(1, 2, figsize=(9, 9), layout="constrained")
 draw_world(before, checker.world)
 draw_initial_execution(before, runs[0])
 draw_world(after, checker.world)

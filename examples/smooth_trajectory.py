@@ -33,7 +33,7 @@ for name, driven in (("as planned", path), ("smooth", smooth)):
 # What a controller asks for: where to be at a time, and how fast.
 now = 0.5 * trajectory.duration
 print(f"after {now:.1f} s: at {trajectory.at(now).round(3)}, velocity {trajectory.velocity(now).round(3)}")
-figure, (plan, speed) = plt.subplots(2, 1, figsize=(8, 8), height_ratios=(2, 1))
+figure, (plan, speed) = plt.subplots(2, 1, figsize=(8, 8), height_ratios=(2, 1), layout="constrained")
 draw_world(plan, world)
 plan.plot(*trajectory.q[:, :2].T)
 speed.plot(trajectory.t, np.hypot(*trajectory.dq[:, :2].T))

@@ -19,7 +19,7 @@ DOCS = ROOT / "docs"
 BUILT = {"api", "gallery", "figures"}
 PAGES = [ROOT / "README.md", *(page for page in sorted(DOCS.rglob("*.md")) if page.parts[len(DOCS.parts)] not in BUILT)]
 SETUP = "python3 -m venv"
-LIMIT = 180.0
+LIMIT = 400.0
 """Seconds for one snippet, on a machine that does other work as well."""
 
 
