@@ -49,9 +49,8 @@ def measured(path: Path, rows: int, anchor: float) -> dict[str, Any]:
     LandmarkPlanner(world, robot, seed=0, checker=checker)
     built = process_time()
     queries = world.queries if len(world.queries) <= rows else world.queries[len(world.queries) // 2 :]
-    found = []
-    for k in np.linspace(0, len(queries) - 1, min(rows, len(queries))).astype(int):
-        found.append(_answered(LandmarkPlanner(world, robot, seed=0, checker=checker), queries[k], anchor))
+    chosen = np.linspace(0, len(queries) - 1, min(rows, len(queries))).astype(int)
+    found = [_answered(LandmarkPlanner(world, robot, seed=0, checker=checker), queries[k], anchor) for k in chosen]
     return {
         "map": path.stem,
         "cells": int((world.bounds[2] - world.bounds[0]) * (world.bounds[3] - world.bounds[1])),
@@ -88,12 +87,13 @@ def _answered(planner: LandmarkPlanner, query: Any, anchor: float) -> dict[str, 
     }
 
 
-def discs(overlapping: bool) -> dict[str, Any]:
+def many_discs(overlapping: bool) -> dict[str, Any]:
     """Return what it takes to load and index many discs from a world file."""
     rng = np.random.default_rng(0)
     count, reach, size = (2_000, (5.0, 20.0), 100.0) if overlapping else (300_000, (0.05, 0.2), 1000.0)
     centers, radii = rng.uniform(0.0, size, (count, 2)), rng.uniform(*reach, count)
-    world = World("discs", (0.0, 0.0, size, size), [Disc(tuple(c), r) for c, r in zip(centers, radii, strict=True)])
+    discs = tuple(Disc((float(x), float(y)), float(r)) for (x, y), r in zip(centers, radii, strict=True))
+    world = World("discs", (0.0, 0.0, size, size), discs)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "discs.yaml"
         world.save(path)
@@ -128,6 +128,7 @@ def table(results: list[dict[str, Any]]) -> str:
 
 
 def main() -> None:
+    """Measure every map in a process of its own."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--maps", type=Path)
     parser.add_argument("--sizes", default="512,1024")
@@ -139,7 +140,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.one:
         given = options.one
-        found = discs(given == "discs-overlapping") if given.startswith("discs") else None
+        found = many_discs(given == "discs-overlapping") if given.startswith("discs") else None
         print(json.dumps(found or measured(Path(given), options.rows, options.anchor)))
         return
     results = []

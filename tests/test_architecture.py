@@ -23,7 +23,7 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"checked"}),
     frozenset({"nearest", "se2", "shapes"}),
     frozenset({"path", "robot", "objective"}),
-    frozenset({"estimates", "goals", "moving", "zones"}),
+    frozenset({"estimates", "goals", "lazy_shapes", "moving", "zones"}),
     frozenset({"changes", "query"}),
     frozenset({"edits"}),
     frozenset({"world", "formats"}),

@@ -14,6 +14,7 @@ from trailmark.arguments import brief, each_of, number_array, one_of
 from trailmark.changes import Change, Changes, Obstacles
 from trailmark.errors import WorldError, expected_name
 from trailmark.estimates import ObstacleEstimate
+from trailmark.lazy_shapes import LazyShapes
 from trailmark.moving import Moving
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape, displaced, shape_of, shapes_of
 
@@ -112,6 +113,8 @@ def obstacles_of(shapes: Iterable[Any], ids: Any, estimates: Any, moving: Any) -
         ShapeError: a geometry that bounds no region.
         WorldError: what :class:`trailmark.World` says.
     """
+    if isinstance(shapes, LazyShapes) and not (ids or estimates or moving):
+        return Obstacles(shapes.as_tuple())
     placed: tuple[Any, ...] = each_of(shapes, object, "obstacles", error=WorldError)
     if any(type(part).__module__.startswith("shapely") for part in placed):
         placed = tuple(shape for i, part in enumerate(placed) for shape in shapes_of(part, f"obstacles[{i}]"))

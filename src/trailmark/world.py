@@ -44,7 +44,8 @@ class World(Shown):
     Attributes:
         name: what reports call it.
         bounds: xmin, ymin, xmax, ymax in metres; no part of the robot may leave it.
-        obstacles: discs, rectangles and polygons, which may overlap; geometries of shapely become polygons. One that
+        obstacles: discs, rectangles and polygons, which may overlap; geometries of shapely become polygons; those of a
+            grid map are a sequence that makes its polygons when it is first asked for one. One that
             is given as :class:`Moving` becomes the region that it sweeps, so that who knows no time avoids it at any.
         robot: the robot to plan for, if the file names one.
         boundary: optional simple polygon, also not left by any part of the robot.

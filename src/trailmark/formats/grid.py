@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from trailmark.errors import WorldError
 from trailmark.shapes import LIMIT, Polygon
 
-__all__ = ["MAX_CELLS", "MAX_CORNERS", "check_size", "grid_polygons"]
+__all__ = ["MAX_CELLS", "MAX_CORNERS", "check_size", "grid_polygons", "grid_sides", "keeps_order"]
 
 MAX_CELLS = 64_000_000
 """Largest map, in cells, that is read (8,000 x 8,000)."""
@@ -73,12 +73,25 @@ def grid_polygons(
         else:
             outlines[label][1].append(vertices)
     # Looking whether each of thousands of polygons is valid takes five times as long as making them.
-    if _keeps_order(occupied.shape, cell, origin):
+    if keeps_order(occupied.shape, cell, origin):
         return tuple(Polygon.unchecked(*rings) for rings in outlines.values())
     return tuple(Polygon(outline, tuple(holes)) for outline, holes in outlines.values())
 
 
-def _keeps_order(shape: tuple[int, ...], cell: float, origin: tuple[float, float, float]) -> bool:
+def grid_sides(occupied: NDArray[np.bool_], cell: float, origin: tuple[float, float, float]) -> NDArray[np.float64]:
+    """Return the straight sides x1, y1, x2, y2 of the polygons of :func:`grid_polygons`, shape (n, 4), in any order.
+
+    Arguments are those of :func:`grid_polygons`; the occupied cells lie on the sides' left.
+    """
+    padded = np.pad(np.asarray(occupied, dtype=bool), 1)
+    labels = np.broadcast_to(np.int8(0), padded.shape)
+    across = _sides(padded.view(np.int8), labels, turned=False)
+    upright = _sides(padded.view(np.int8).T, labels.T, turned=True)
+    ends = (np.concatenate(pair) for pair in ((across.start, upright.start), (across.end, upright.end)))
+    return np.hstack([_place(corners, cell, origin) for corners in ends])
+
+
+def keeps_order(shape: tuple[int, ...], cell: float, origin: tuple[float, float, float]) -> bool:
     """Return whether the grid's lines lie apart, in range and in order: rings that are valid in cells remain so."""
     if origin[2] != 0.0:
         return False

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from trailmark.arguments import brief, number
 from trailmark.errors import WorldError
-from trailmark.formats.grid import check_size, grid_polygons
+from trailmark.formats.cell_obstacles import CellObstacles
+from trailmark.formats.grid import check_size
 from trailmark.shapes import Polygon
 from trailmark.world import World
 
@@ -41,7 +42,7 @@ def world_of_grid(cells: ArrayLike, resolution: float, origin: Sequence[float], 
         if isinstance(error, WorldError):
             raise
         raise WorldError(f"grid: origin: expected x, y or x, y, yaw, got {brief(origin)}") from None
-    obstacles = grid_polygons(grid != 0, cell, (x, y, yaw))
+    obstacles = CellObstacles(grid != 0, cell, (x, y, yaw)).as_tuple()
     width, height = columns * cell, rows * cell
     if yaw == 0.0:
         return World(name, (x, y, x + width, y + height), obstacles)

@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError, WorldError, expected_name
+from trailmark.formats.cell_obstacles import CellObstacles
 from trailmark.formats.files import read_text
-from trailmark.formats.grid import check_size, grid_polygons
+from trailmark.formats.grid import check_size
 from trailmark.world import Query, World
 
 __all__ = ["FREE", "Scenario", "parse_grid", "read_movingai", "read_scenarios", "scenario_query"]
@@ -68,7 +69,7 @@ def read_movingai(text: str, path: Path) -> World:
     free = parse_grid(text, path)
     height, width = free.shape
     try:
-        obstacles = grid_polygons(~free[::-1])
+        obstacles = CellObstacles(~free[::-1]).as_tuple()
     except WorldError as error:
         raise FormatError(path, str(error)) from None
     queries: tuple[Query, ...] = ()

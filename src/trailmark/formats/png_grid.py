@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.errors import FormatError, WorldError
-from trailmark.formats.grid import grid_polygons
+from trailmark.formats.cell_obstacles import CellObstacles
 from trailmark.formats.nav2_map import pixels_of
 from trailmark.world import Query, World
 
@@ -51,7 +51,7 @@ def read_png_grid(path: Path) -> World:
     row, column = block[np.argmin(np.hypot(*(block - block.mean(axis=0)).T))]
     height, width = brightness.shape
     try:
-        obstacles = grid_polygons(brightness <= FREE_ABOVE)
+        obstacles = CellObstacles(brightness <= FREE_ABOVE).as_tuple()
     except WorldError as error:
         raise FormatError(path, str(error)) from None
     start = (float(column) + 0.5, float(row) + 0.5, 0.0)

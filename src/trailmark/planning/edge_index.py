@@ -103,6 +103,12 @@ class EdgeIndex:
         box, run = self._tree.query(shapely.box(*low.T, *high.T))
         return _grouped(box, run, self._there, low, high, self._added, groups, count)
 
+    def shapes_near(self, low: FloatArray, high: FloatArray) -> list[Shape]:
+        """Return the obstacles whose bounding boxes meet the box from ``low`` to ``high``, shapes (2,)."""
+        left, bottom, right, top = self.boxes
+        near = (left <= high[0]) & (right >= low[0]) & (bottom <= high[1]) & (top >= low[1])
+        return [shape for i in np.flatnonzero(near) if (shape := self.obstacles[i]) is not None]
+
     def _make_tree(self) -> None:
         """Make the tree of all runs, and forget those of obstacles that went."""
         sizes = np.diff(self.runs)

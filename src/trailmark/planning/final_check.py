@@ -13,14 +13,15 @@ angle 2a back by RIM / sin(a).
 from __future__ import annotations
 
 from copy import copy
-from typing import Any
 
 import numpy as np
 import shapely
 
 from trailmark import se2
 from trailmark.curves import CurvePath
+from trailmark.formats.cell_obstacles import cells_of
 from trailmark.path import Path
+from trailmark.planning.cell_index import CellIndex
 from trailmark.planning.conservative_advancement import advance
 from trailmark.planning.edge_index import EdgeIndex, closed
 from trailmark.planning.one_way_check import OneWayCheck
@@ -61,12 +62,13 @@ class FinalCheck:
         else:
             self._parts = _eroded(robot.outline)
             self._body = np.concatenate([closed(ring) for part in self._parts for ring in _coordinates(part)])
-        self._index = EdgeIndex(world)
+        cells = cells_of(world)
+        self._index: EdgeIndex | CellIndex = EdgeIndex(world) if cells is None else CellIndex(world, cells)
         self._one_way = OneWayCheck(world.zones)
 
     def edited(self, world: World) -> FinalCheck:
-        """Return the check for a world with other obstacles; one with other bounds, boundary or zones is made anew."""
-        if not world.differs_in_obstacles_only(self.world):
+        """Return the check for a world with other obstacles; cells, and what is around, are looked at anew."""
+        if not world.differs_in_obstacles_only(self.world) or isinstance(self._index, CellIndex):
             return FinalCheck(world, self.robot)
         new = copy(self)
         new.world = world
@@ -145,10 +147,7 @@ class FinalCheck:
             inside = self.world.boundary.shapely()
             if not shapely.covers(inside, body) or shapely.distance(inside.exterior, body) < radius:
                 return f"state {q.tolist()} reaches over the boundary"
-        left, bottom, right, top = self._index.boxes
-        near = (left <= high[0]) & (right >= low[0]) & (bottom <= high[1]) & (top >= low[1])
-        for i in np.flatnonzero(near):
-            shape: Any = self._index.obstacles[i]
+        for shape in self._index.shapes_near(low, high):
             if isinstance(shape, Disc):
                 overlap = shapely.distance(shapely.Point(shape.center), body) < radius + shape.radius - RIM
             elif radius > 0.0:
@@ -156,7 +155,9 @@ class FinalCheck:
             else:
                 overlap = shapely.intersects(shape.polygon().shapely(), body)
             if overlap:
-                return f"state {q.tolist()} overlaps obstacle {self.world.obstacles.index(shape)}"
+                known = self.world.obstacles
+                name = known.index(shape) if isinstance(known, tuple) else f"cells in {shape.bounding_box()}"
+                return f"state {q.tolist()} overlaps obstacle {name}"
         return None
 
 

@@ -11,12 +11,13 @@ import numpy as np
 from trailmark.collision.certify import BUDGET
 from trailmark.landmarks.band import Band
 from trailmark.planning.disc_path import shortest_disc_path
+from trailmark.planning.grids.grid_path import shortest_grid_path
 from trailmark.planning.improvement import improve
 from trailmark.planning.lattice.schedule import AT_FIRST, AT_MOST, AT_SECOND, LatticeSchedule
 from trailmark.planning.needless import without_needless
 from trailmark.planning.pace import Pace
 from trailmark.planning.placement import Placement
-from trailmark.planning.proofs import AnyBound
+from trailmark.planning.proofs import AnyBound, LowerBound
 from trailmark.planning.proofs.prover import Prover
 from trailmark.planning.query import Query
 from trailmark.planning.result import Status
@@ -61,6 +62,8 @@ def solve(query: Query, bound: AnyBound | None, known_path: FloatArray | None = 
         if known_path is not None:
             query.take(known_path)
         query.take_known(lookup.search_free_edges())
+        if isinstance(bound, LowerBound) and shortest_grid_path(query, bound.tangents):
+            return _answer(query, lookup, needless=False)
         known = query.solved
         if not known and lattices is not None:
             query.report("looking for a first path")
@@ -146,17 +149,22 @@ def _consult_roadmap(query: Query, lookup: RoadmapLookup, placement: Placement) 
         placement.place(query.roadmap, placement.widening(), query.settings.first_landmarks)
 
 
-def _answer(query: Query, lookup: RoadmapLookup) -> Status:
-    """Return the status; leave out needless vertices, and have the planner's own roadmap learn what it did not know."""
+def _answer(query: Query, lookup: RoadmapLookup, *, needless: bool = True) -> Status:
+    """Return the status; leave out needless vertices, and have the planner's own roadmap learn what it did not know.
+
+    Without needless vertices, a path is taken as it is; with more of them than it keeps, the roadmap does not learn it.
+    """
     incumbent = query.incumbent
     if incumbent.states is None:
         return "infeasible" if incumbent.infeasible else "timeout"
-    fewer = np.asarray(without_needless(query.motion.kind, incumbent.states, BUDGET))
-    query.offer(fewer)
-    incumbent.states = fewer
+    if needless:
+        fewer = np.asarray(without_needless(query.motion.kind, incumbent.states, BUDGET))
+        query.offer(fewer)
+        incumbent.states = fewer
     # Once it is large, it only learns paths where it knows none at all.
     unknown = query.known_cost == np.inf and lookup.complete
-    room = len(query.roadmap) < query.settings.max_kept_nodes
-    if query.known_cost > ABOUT_AS_GOOD * incumbent.cost and (room or unknown):
-        query.roadmap.add_path(fewer)
+    most = query.settings.max_kept_nodes
+    wanted = (len(query.roadmap) < most or unknown) and len(incumbent.states) <= most
+    if query.known_cost > ABOUT_AS_GOOD * incumbent.cost and wanted:
+        query.roadmap.add_path(incumbent.states)
     return "solved"

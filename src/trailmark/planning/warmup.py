@@ -8,6 +8,7 @@ from functools import lru_cache, partial
 import numpy as np
 
 from trailmark.compiled.side_by_side import compiled_side_by_side
+from trailmark.formats.cell_obstacles import cells_of
 from trailmark.motion import Kind, is_weighted, kind_of
 from trailmark.moving import Moving
 from trailmark.objective import Objective
@@ -20,6 +21,7 @@ __all__ = [
     "SMALL",
     "warm_up",
     "warm_up_for",
+    "warm_up_grid",
     "warm_up_moving",
     "warm_up_queries",
     "warm_up_weighted",
@@ -65,8 +67,16 @@ def warm_up_for(robot: Robot, world: World, objective: Objective, *, many: bool 
     """Run every kernel once that queries of a robot in a world, under an objective, need: one by one, or many."""
     kind = kind_of(robot)
     (warm_up_queries if many else warm_up)(kind)
+    if cells_of(world) is not None:
+        warm_up_grid(kind)
     if is_weighted(world, objective):
         (warm_up_weighted_queries if many else warm_up_weighted)(kind)
+
+
+@lru_cache(maxsize=4)
+def warm_up_grid(kind: Kind = "straight") -> None:
+    """Run every kernel once that only grid maps need, as :func:`warm_up` does the others."""
+    _run([partial(_plan_in_grid, kind)])
 
 
 @lru_cache(maxsize=4)
@@ -111,6 +121,21 @@ def _pass_moving(kind: Kind) -> None:
     for velocity in ((0.0, 0.0), (0.0, 1.0)):
         planner.update(world.edited(add=[Moving(Disc((2.0, 1.5), 0.2), velocity, 5.0)]))
         path = planner.replan(start, goal, path, time_limit=600.0, speed=1.0).path or path
+
+
+def _plan_in_grid(kind: Kind) -> None:
+    """Plan in a grid map, with a guide and without."""
+    from trailmark.planning.grids.grid_tangents import GridTangents
+    from trailmark.planning.planner import LandmarkPlanner
+
+    world = World.from_grid(np.eye(5, dtype=np.bool_)[::-1] & (np.arange(5) % 4 > 0), 1.0)
+    start, goal = (0.5, 0.5, 0.0), (4.5, 4.5, 0.0)
+    LandmarkPlanner(world, ROBOTS[kind], seed=0, warm=False).plan(start, goal, time_limit=600.0, max_iterations=1)
+    ends = np.array([start, goal])[:, :2]
+    if (tangents := GridTangents.of(world, 0.25)) is not None:
+        search = tangents.search(*ends, guide=tangents.guide(*ends))
+        search.run(100)
+        tangents.certified(tangents.bends(search, 0.0))
 
 
 def _plan_many(kind: Kind, objective: str = "length") -> None:

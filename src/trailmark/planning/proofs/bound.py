@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from trailmark import se2
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.curves import Steering
+from trailmark.planning.grids.grid_tangents import GridTangents
 from trailmark.planning.pace import Pace
 from trailmark.planning.proofs.grown import QUARTER
 from trailmark.planning.proofs.mesh import Mesh, locate, triangulated
@@ -44,6 +45,9 @@ ASKING = Pace(0.003)
 
 NEARNESS = 0.25
 """Vertices whose cutting takes as long as telling whether an obstacle lies near a query."""
+
+PART = 500
+"""Labels of a search along tangents between two looks at the clock."""
 
 MAX_FREED = 64
 """Obstacles removed after which what was proven before they were is used no more."""
@@ -128,30 +132,33 @@ class LowerBound:
         through = max(0.0, detour * (1.0 - ROUNDING)) / self._stretch
         return max(cost, min(before.of(start, goal).cost, through))
 
-    def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> Bound:
+    def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf, seconds: float = np.inf) -> Bound:
         """Return the bound for a query.
 
         Args:
             start: valid, shape (3,).
             goal: valid, shape (3,).
             limit: cost (metres) of a known path; in a large world only paths no longer than that are considered.
+            seconds: in a grid map the search ends after that, with the bound that it has proven by then.
         """
         work, begin = self._cutting(start, goal, limit), perf_counter()
-        found = self._found(start, goal, limit)
+        found = self._found(start, goal, limit, begin + seconds)
         if work > 0.0:
             CUTTING.note(work, perf_counter() - begin)
         else:
             ASKING.note(1.0, perf_counter() - begin)
         return found
 
-    def _found(self, start: FloatArray, goal: FloatArray, limit: float) -> Bound:
+    def _found(self, start: FloatArray, goal: FloatArray, limit: float, by: float) -> Bound:
         """Return what :meth:`of` does."""
         straight = Bound(self._in_the_open(start, goal), np.empty((0, 2)))
         center, offset = self._center
         a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
         # What a path of that cost can make the disc's centre go at most; longer paths cannot cost less.
         longest = limit * self._stretch
-        if self.ready or self._size <= LARGE or not np.isfinite(longest):
+        if self.tangents is not None:
+            found = self._along_tangents(self.tangents, a, b, by)
+        elif self.ready or self._size <= LARGE or not np.isfinite(longest):
             found = self._shortest(a, b)
         else:
             found = self._shortest_within(a, b, longest)
@@ -171,7 +178,7 @@ class LowerBound:
 
     def _cutting(self, start: FloatArray, goal: FloatArray, limit: float) -> float:
         """Return how much of the region :meth:`of` will have to cut, in vertices of a small one."""
-        if self.ready:
+        if self.ready or self.tangents is not None:
             return 0.0
         if self._size <= LARGE or not np.isfinite(limit):
             return _work(self._size)
@@ -186,6 +193,11 @@ class LowerBound:
         """Return what the way would cost without obstacles, metres."""
         steering = Steering.of(self.robot)
         return float(se2.distance(start, goal) if steering is None else steering.lengths(start, goal))
+
+    @cached_property
+    def tangents(self) -> GridTangents | None:
+        """What proves the bounds of a grid map; None for other worlds."""
+        return GridTangents.of(self.world, self.robot.inscribed_disc.radius)
 
     @property
     def _stretch(self) -> float:
@@ -214,6 +226,19 @@ class LowerBound:
     def ready(self) -> bool:
         """Whether the region of the whole world is cut already, so that a bound takes little."""
         return "_parts" in self.__dict__ and bool(self._meshes)
+
+    def _along_tangents(
+        self, tangents: GridTangents, a: FloatArray, b: FloatArray, by: float
+    ) -> tuple[float, FloatArray] | None:
+        """Return what `_shortest` does, or a lower bound on the length where the clock says ``by`` before."""
+        search = tangents.search(a, b)
+        ended = False
+        while not ended and perf_counter() < by:
+            ended = search.run(PART)
+        if not np.isfinite(search.bound):
+            # That there is none is proven elsewhere, by two programs.
+            return None
+        return tangents.bound(search), np.empty((0, 2))
 
     def _shortest_within(self, a: FloatArray, b: FloatArray, longest: float) -> tuple[float, FloatArray] | None:
         """Return what `_shortest` does, as far as it is below ``longest``: all such ways lie within an ellipse."""

@@ -59,7 +59,8 @@ class Prover:
             incumbent.claim(self.bound.known(incumbent.start, incumbent.goal))
             return
         incumbent.bounded = True
-        incumbent.claim(self.bound.of(incumbent.start, incumbent.goal, incumbent.whole_cost).cost)
+        seconds = share * self.query.seconds_left()
+        incumbent.claim(self.bound.of(incumbent.start, incumbent.goal, incumbent.whole_cost, seconds).cost)
 
     def begin_in_background(self) -> None:
         """Begin to look for a proof, with headings, that no path exists; a disc has none."""

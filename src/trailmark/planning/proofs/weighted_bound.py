@@ -39,9 +39,9 @@ class WeightedBound:
         """Whether a bound takes little time."""
         return self.plain.ready
 
-    def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> Bound:
+    def of(self, start: FloatArray, goal: FloatArray, limit: float = np.inf, seconds: float = np.inf) -> Bound:
         """Return the bound for a query, given the cost of a known path."""
-        found = self.plain.of(start, goal, limit / self._factor)
+        found = self.plain.of(start, goal, limit / self._factor, seconds)
         if not np.isfinite(found.cost):
             return found
         return Bound(max(self._factor * found.cost, self._eikonal.of(start, goal)), found.path)
