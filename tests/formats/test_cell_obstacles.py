@@ -39,7 +39,7 @@ def test_sides_are_those_of_the_polygons(occupied: NDArray[np.bool_]) -> None:
     # Where polygons touch in a corner one straight side may be two: the unit edges are the same.
     def units(rows: NDArray[np.float64]) -> set[tuple[int, ...]]:
         cells = np.rint((rows - [0.5, -2.0, 0.5, -2.0]) / 0.1).astype(int)
-        found = set()
+        found = set[tuple[int, ...]]()
         for x1, y1, x2, y2 in cells.tolist():
             n = max(abs(x2 - x1), abs(y2 - y1))
             dx, dy = (x2 - x1) // n, (y2 - y1) // n

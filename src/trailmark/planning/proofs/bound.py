@@ -232,9 +232,8 @@ class LowerBound:
     ) -> tuple[float, FloatArray] | None:
         """Return what `_shortest` does, or a lower bound on the length where the clock says ``by`` before."""
         search = tangents.search(a, b)
-        ended = False
-        while not ended and perf_counter() < by:
-            ended = search.run(PART)
+        while perf_counter() < by and not search.run(PART):
+            pass
         if not np.isfinite(search.bound):
             # That there is none is proven elsewhere, by two programs.
             return None
