@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from trailmark.nearest import NearestNeighbours, nearest_in
+from trailmark.nearest import NearestNeighbours, nearest_in, nearest_to
 
 
 def brute_force(points: np.ndarray, rows: np.ndarray, k: int, first: int = -1) -> np.ndarray:
@@ -67,3 +67,10 @@ def test_an_empty_index() -> None:
     assert index.query(np.zeros((2, 2)), 3).tolist() == [[-1, -1, -1], [-1, -1, -1]]
     index.add(np.empty((0, 2)))
     assert len(index) == 0
+
+
+def test_the_nearest_to_each_target_is_that_of_brute_force() -> None:
+    rng = np.random.default_rng(4)
+    for n in (1, 5, 400):
+        points, targets = rng.random((n, 4)), rng.random((50, 4))
+        assert np.array_equal(nearest_to(targets, points), brute_force(points, targets, 1)[:, 0])

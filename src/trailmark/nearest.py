@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from trailmark.compiled import njit
 
-__all__ = ["Forest", "NearestNeighbours", "near_to_near", "nearest_in", "room_for"]
+__all__ = ["Forest", "NearestNeighbours", "near_to_near", "nearest_in", "nearest_to", "room_for"]
 
 FloatArray = NDArray[np.float64]
 Element = TypeVar("Element", bound=np.generic)
@@ -102,6 +102,13 @@ class NearestNeighbours:
             first: what the rows are numbered from themselves, if they are in the index: none is its own neighbour.
         """
         return np.asarray(_nearest_of(self.forest(), np.ascontiguousarray(points, dtype=np.float64), k, first))
+
+
+def nearest_to(targets: FloatArray, points: FloatArray) -> NDArray[np.int64]:
+    """Return which of the points, shape (n, d), n >= 1, is nearest to each target, shape (m, d); shape (m,)."""
+    index = NearestNeighbours(points.shape[1])
+    index.add(points)
+    return index.query(targets, 1)[:, 0]
 
 
 def near_to_near(points: FloatArray) -> NDArray[np.int64]:

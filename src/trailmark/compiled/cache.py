@@ -29,6 +29,7 @@ from typing import Any, NamedTuple
 import numba
 from llvmlite import binding as llvm
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile, NullCache
+from numba.core.environment import Environment, lookup_environment
 from numba.core.runtime.nrt import rtsys
 
 from trailmark.compiled.origin import origin_of
@@ -77,19 +78,34 @@ class _MachineCode(CompileResultCacheImpl):
 
     def reduce(self, cres: Any) -> Any:
         """Return what is written of compiled code."""
-        (name, kind, (code, _)), *rest = super().reduce(cres)
-        return ((name, kind, (code, _no_bitcode())), *rest)
+        (name, kind, (code, _)), *rest, environments = super().reduce(cres)
+        read = [(inside.globals["__name__"], inside.consts, inside.env_name) for inside in environments]
+        return ((name, kind, (code, _no_bitcode())), *rest, read)
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Return compiled code from what was written of it."""
-        function = payload[1]
+        (_, function, *_), read = payload, payload[-1]
         rtsys.initialize(target_context)  # reference counts, which machine code calls for
         # Numba finds only names that it was told of, and reads them from what is not kept here.
         target_context.codegen()._engine._defined_symbols |= {
             function.llvm_func_name,
             function.llvm_cpython_wrapper_name,
         }
-        return super().rebuild(target_context, payload)
+        return super().rebuild(target_context, (*payload[:-1], [_environment(*facts) for facts in read]))
+
+
+def _environment(module: str, constants: list[Any], name: str) -> Environment:
+    """Return what machine code reads of a function that is part of it, without the function's module.
+
+    Numba imports the module, for code that runs as Python; of its own ones some import much of scipy.
+    """
+    found: Environment | None = lookup_environment(name)
+    if found is None:
+        found = Environment({"__name__": module})
+        found.consts[:] = constants
+        found.env_name = name
+        Environment._memo[name] = found
+    return found
 
 
 @cache

@@ -13,6 +13,7 @@ from trailmark import se2
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks.sampling import RandomState, generator
 from trailmark.landmarks.threads import one_thread
+from trailmark.nearest import nearest_to
 
 __all__ = ["k_means_landmarks", "lloyd"]
 
@@ -44,8 +45,6 @@ def k_means_landmarks(
     Raises:
         ConfigurationError: k < 1.
     """
-    from scipy.spatial import cKDTree
-
     if k < 1:
         raise ConfigurationError(f"landmarks: expected 1 or more, got {k}")
     if k >= len(samples):
@@ -53,8 +52,7 @@ def k_means_landmarks(
     points = se2.embed(samples, radius)
     first = points[generator(random_state).choice(len(points), k, replace=False)]
     centres = _converged(points, first) if steps is None else lloyd(points, first, steps)
-    nearest = np.unique(np.asarray(cKDTree(points).query(centres)[1]))
-    return np.array(samples[nearest])
+    return np.array(samples[np.unique(nearest_to(centres, points))])
 
 
 def lloyd(points: FloatArray, centres: FloatArray, steps: int) -> FloatArray:
@@ -68,11 +66,9 @@ def lloyd(points: FloatArray, centres: FloatArray, steps: int) -> FloatArray:
         centres: shape (k, d), at the start; a centre that is nearest to no point is not moved.
         steps: how many, >= 0.
     """
-    from scipy.spatial import cKDTree
-
     centres = np.array(centres)
     for _ in range(steps):
-        owner = np.asarray(cKDTree(centres, balanced_tree=False).query(points)[1])
+        owner = nearest_to(points, centres)
         count = np.bincount(owner, minlength=len(centres))
         used = count > 0
         for axis in range(points.shape[1]):

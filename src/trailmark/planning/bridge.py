@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.landmarks.band import Band
+from trailmark.nearest import nearest_to
 from trailmark.roadmap import Roadmap
 
 __all__ = ["Bridge"]
@@ -58,10 +59,8 @@ class Bridge:
 
     def _closest(self, ahead: se2.FloatArray, behind: se2.FloatArray) -> tuple[int, int, float]:
         """Return the indices of the closest pair of two sets of configurations, and their distance (metres)."""
-        from scipy.spatial import cKDTree
-
-        radius = self.roadmap.motion.radius
-        found = cKDTree(se2.embed(behind, radius)).query(se2.embed(ahead, radius))
-        gaps, pairs = np.asarray(found[0]), np.asarray(found[1])
+        one, other = (se2.embed(q, self.roadmap.motion.radius) for q in (ahead, behind))
+        pairs = nearest_to(one, other)
+        gaps = np.linalg.norm(one - other[pairs], axis=1)
         near = int(np.argmin(gaps))
         return near, int(pairs[near]), float(gaps[near])

@@ -24,6 +24,7 @@ from trailmark.landmarks.relaxation import CostMap, Relaxation
 from trailmark.motion import Motion, WeightedMotion
 from trailmark.motion.curve import Curve
 from trailmark.motion.one_way import OneWays, one_ways
+from trailmark.nearest import nearest_to
 from trailmark.planning.drive_tree import NO_TARGETS, Guide, Targets, Tree, grow
 
 __all__ = ["Reached", "drive_to", "hybrid_astar"]
@@ -87,11 +88,9 @@ def hybrid_astar(
         step *= 0.5
     if len(tree.q) == m:
         return Reached(np.empty((0, 3)), np.empty(0, np.int64))
-    from scipy.spatial import cKDTree
-
     points = se2.embed(tree.q[m:], kind.radius)
     first = points[rng.choice(len(points), min(landmarks, len(points)), replace=False)]
-    chosen = m + np.unique(np.asarray(cKDTree(points).query(lloyd(points, first, 2))[1]))
+    chosen = m + np.unique(nearest_to(lloyd(points, first, 2), points))
     return _joined(tree, np.unique(np.append(chosen, m + np.argmin(tree.to_go[m:]))), m, kind.radius)
 
 
