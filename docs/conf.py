@@ -8,10 +8,11 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 DOCS = Path(__file__).resolve().parent
-sys.path.insert(0, str(DOCS))
+sys.path.insert(0, str(DOCS.parent))
 
-import reference  # noqa: E402  # beside this file, which Sphinx runs from elsewhere
-import trailmark  # noqa: E402
+from docs import api_pages  # noqa: E402  # the path comes first
+
+import trailmark  # noqa: E402  # isort's order
 
 project, author, copyright = "trailmark", "the authors of trailmark", "the authors of trailmark"  # noqa: A001  # Sphinx's
 version = release = trailmark.__version__
@@ -54,15 +55,15 @@ sphinx_gallery_conf = {
     "capture_repr": (),
     "show_signature": False,
     "remove_config_comments": True,
-    "min_reported_time": 1e9,
-    "within_subsection_order": "reference.by_kind_of_use",
+    "write_computation_times": False,  # its page loads scripts from elsewhere
+    "within_subsection_order": "docs.api_pages.by_kind_of_use",
 }
 
-reference.write(DOCS / "api")
+api_pages.write(DOCS / "api")
 
 
 def setup(app: Sphinx) -> None:
     """Let docstrings and pages be written as they are."""
-    app.connect("autodoc-process-docstring", reference.make_readable, priority=400)  # before napoleon's 500
-    app.connect("source-read", reference.lead_to_pages)
-    app.connect("missing-reference", reference.found_elsewhere)
+    app.connect("autodoc-process-docstring", api_pages.make_readable, priority=400)  # before napoleon's 500
+    app.connect("source-read", api_pages.lead_to_pages)
+    app.connect("missing-reference", api_pages.found_elsewhere)

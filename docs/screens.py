@@ -24,7 +24,7 @@ def animations(folder: Path) -> None:
     drive, explored = folder / "drive.gif", folder / "office"
     subprocess.run([sys.executable, ROOT / "examples" / "changing_warehouse.py", "8", drive], check=True, cwd=ROOT)
     smaller(drive, PICTURES / "warehouse.gif")
-    words = ["explore", "office", "--sensor-range", "5", "--output", explored]
+    words = ["explore", "office", "--sensor-range", "5", "--output", str(explored)]
     subprocess.run([sys.executable, "-m", "trailmark", *words], check=True, cwd=ROOT)
     smaller(explored / "exploration.gif", PICTURES / "exploration.gif")
 

@@ -27,7 +27,8 @@ pixels[40:, 90:96] = pixels[:120, 160:166] = 0
 pixels[100:, 200:] = 205
 Image.fromarray(pixels).save(folder / "map.pgm")
 (folder / "map.yaml").write_text(
-    "image: map.pgm\nresolution: 0.05\norigin: [-6.0, -4.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    "image: map.pgm\nresolution: 0.05\norigin: [-6.0, -4.0, 0.0]\n"
+    "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 )
 world = World.load(sys.argv[1] if len(sys.argv) > 1 else folder / "map.yaml")
 print(world.bounds, len(world.obstacles), "obstacles: what is occupied, and what has not been seen")

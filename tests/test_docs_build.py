@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from docs.reference import public_names
+from docs.api_pages import public_names
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
