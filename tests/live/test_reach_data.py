@@ -28,9 +28,21 @@ def test_a_disc_is_shut_in_and_the_narrowest_place_is_told() -> None:
     assert region(found["rings"]).area == pytest.approx(3.2 * 5.2, rel=0.01)
     x, y, radius = found["gap"]
     assert 4.0 <= x <= 5.0
-    assert y == pytest.approx(3.0, abs=0.1)
-    assert radius == pytest.approx(0.3, abs=0.1)
+    assert y == pytest.approx(3.0, abs=0.01)
+    assert radius == pytest.approx(0.3, abs=0.001)
     assert "robot holds one of 0.80 m" in found["text"]
+
+
+def test_the_narrowest_place_is_that_of_the_widest_way() -> None:
+    # Two doors, of 0.5 m and of 0.7 m, and beyond a third of 0.6 m that every way takes.
+    walls = [Rectangle((4.0, y), 0.2, h) for y, h in ((0.5, 1.0), (2.75, 2.5), (5.35, 1.3))]
+    walls += [Rectangle((7.0, y), 0.2, h) for y, h in ((1.2, 2.4), (4.5, 3.0))]
+    world = World("doors", (0.0, 0.0, 10.0, 6.0), tuple(walls))
+    found = reach_data(LandmarkPlanner(world, Robot.disc(0.4)), START, GOAL, infeasible=True)
+    assert found["gap"] == pytest.approx([7.0, 2.7, 0.3], abs=0.11)
+    assert found["gap"][2] == pytest.approx(0.3, abs=0.001)
+    # Without time there is none.
+    assert reach_data(LandmarkPlanner(world, Robot.disc(0.4)), START, GOAL, stop=lambda: True)["gap"] is None
 
 
 def test_a_wall_without_a_gap_has_no_narrowest_place() -> None:

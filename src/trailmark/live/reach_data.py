@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import perf_counter
 from typing import Any, Final
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
-from scipy import ndimage
 
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.proofs import Enclosure, enclosure
 from trailmark.planning.proofs.region import free_region, local_origin
 from trailmark.se2 import FloatArray, transform
+from trailmark.world import World
 
 __all__ = ["reach_data"]
 
@@ -23,8 +23,8 @@ SECONDS: Final = 5.0
 PIXELS: Final = 2000
 """Of a screen: outlines need not be finer."""
 
-HALVINGS: Final = 24
-"""Steps in which the width of the widest way is found."""
+FEWEST, HALVINGS = 5, 12
+"""Steps in which the width of the widest way is found, at least and at most."""
 
 ENDS: Final = ("start", "goal")
 
@@ -46,17 +46,21 @@ def reach_data(
     outline and holes of where the disc's centre can be, metres. For ``headings``, ``boxes`` are xmin, ymin, xmax, ymax
     and the share of headings of all cells of SE(2) that hold what the robot's pivot reaches, one after the other.
     ``gap`` is x, y and radius of the largest disc that gets to the other end, where it is narrowest, and ``radius``
-    the robot's; null where no disc does.
+    the robot's; null where no disc does, or there was no time.
 
     Args:
         planner: of the world.
         start: valid, shape (3,).
         goal: valid, shape (3,).
         infeasible: whether it is proven that there is no path; the proof is found anew.
-        stop: asked whether to give up looking for it.
+        stop: asked whether to give up looking for it, or for the narrowest place.
         seconds: for that.
     """
-    checker = planner.checker
+    checker, deadline = planner.checker, perf_counter() + seconds
+
+    def over() -> bool:
+        return perf_counter() > deadline or (stop is not None and stop())
+
     disc, origin = checker.robot.inscribed_disc, local_origin(checker.world)
     centers = [transform(np.asarray(q), np.asarray(disc.center)[None])[0] for q in (start, goal)]
     parts = shapely.get_parts(free_region(checker.world, disc.radius, origin=origin))
@@ -66,16 +70,16 @@ def reach_data(
     near = [int(np.argmin(shapely.distance(parts, shapely.Point(c - origin)))) for c in centers]
     if near[0] != near[1]:
         end = int(np.argmin(shapely.area(parts[near])))
-        gap = _narrowest(planner, *centers)
+        gap = _narrowest(checker.world, disc.radius, centers, origin, over)
         return {
             "end": ENDS[end],
             "proof": "disc",
             "text": _disc_text(end, gap, disc.radius),
             "rings": _rings(parts[near[end]], origin),
-            "gap": gap,
+            "gap": gap or None,
             "radius": disc.radius,
         }
-    proof = enclosure(checker, start, goal, seconds=seconds, stop=stop) if infeasible else None
+    proof = enclosure(checker, start, goal, seconds=seconds, stop=over) if infeasible else None
     if proof is not None:
         text = (
             f"Shut in at the {ENDS[proof.end]}: a disc inside the robot would get out, the robot does not, at any "
@@ -88,6 +92,8 @@ def reach_data(
 
 def _disc_text(end: int, gap: list[float] | None, radius: float) -> str:
     if gap is None:
+        return f"Shut in at the {ENDS[end]}: a disc inside the robot does not get out."
+    if not gap:
         return f"Shut in at the {ENDS[end]}: obstacles close every way to the {ENDS[1 - end]}."
     return (
         f"Shut in at the {ENDS[end]}: the widest way to the {ENDS[1 - end]} lets a disc of about {2.0 * gap[2]:.2f} m "
@@ -110,31 +116,42 @@ def _boxes(proof: Enclosure) -> list[float]:
     return np.round(np.column_stack([*corners, np.minimum(share, 1.0)]), 4).ravel().tolist()
 
 
-def _narrowest(planner: LandmarkPlanner, start: FloatArray, goal: FloatArray) -> list[float] | None:
+def _narrowest(
+    world: World, radius: float, centers: list[FloatArray], origin: FloatArray, over: Callable[[], bool]
+) -> list[float] | None:
     """Return x, y and radius of the largest disc that gets from one point to another, where it is narrowest.
 
-    By the field of clearances, whose cells bound how exact it is; None if no disc gets there.
+    Of discs a little larger, what can be reached from the one and from the other nearly meets there. Nothing is in the
+    list if no disc gets there; None is returned if time was up too soon to tell.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        radius: of a disc that does not get there, metres.
+        centers: the points, shape (2,) each.
+        origin: what regions are relative to, shape (2,).
+        over: whether time is up.
     """
-    field = planner.checker.field
-    distance = field.distance
-    columns, rows = ((np.array([start, goal]) - (field.x0, field.y0)) / field.size).astype(np.int64).T
-    rows, columns = np.clip(rows, 0, distance.shape[0] - 1), np.clip(columns, 0, distance.shape[1] - 1)
 
-    def joined(radius: float) -> tuple[NDArray[Any], bool]:
-        labels, _ = ndimage.label(distance >= radius, structure=np.ones((3, 3)))
-        first, last = labels[rows, columns]
-        return labels, bool(first == last != 0)
+    def sides(size: float) -> list[Any]:
+        parts = shapely.get_parts(free_region(world, size, origin=origin))
+        if len(parts) == 0:
+            return []
+        return [parts[int(np.argmin(shapely.distance(parts, shapely.Point(c - origin))))] for c in centers]
 
-    low, high = 0.5 * field.size, float(distance[rows, columns].min())
-    if high <= low or not joined(low)[1]:
-        return None
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if joined(middle)[1] else (low, middle)
-    labels, _ = joined(high)
-    # The cells that only the smaller disc may be in: the one between what is reached from here and from there.
-    sides = [ndimage.distance_transform_edt(labels != labels[r, c]) for r, c in zip(rows, columns, strict=True)]
-    between = np.where((distance >= low) & (distance < high), sides[0] + sides[1], np.inf)
-    row, column = np.unravel_index(np.argmin(between), between.shape)
-    place = field.x0 + (column + 0.5) * field.size, field.y0 + (row + 0.5) * field.size
+    low, high, apart = 0.0, radius, list[Any]()
+    for halving in range(HALVINGS):
+        if over():
+            if halving < FEWEST:
+                return None
+            break
+        size = 0.5 * (low + high)
+        found = sides(size)
+        if found and found[0] is found[1]:
+            low = size
+        else:
+            high, apart = size, found
+    apart = apart or sides(high)
+    if low == 0.0 or not apart:
+        return []
+    place = shapely.get_coordinates(shapely.shortest_line(*apart)).mean(axis=0) + origin
     return [round(float(v), 4) for v in (*place, low)]

@@ -107,7 +107,7 @@ function listOthers() {
     const item = document.createElement("li");
     const seconds = other.time?.first_solution ?? other.time?.total;
     item.textContent = other.waits ? `${other.planner}: running` : `${other.planner}: `
-      + (other.solved ? `cost ${number(other.cost, 4)}, first path ${number(1000 * seconds)} ms, `
+      + (other.solved ? `cost ${number(other.cost, 4)} m, first path ${milliseconds(1000 * seconds)}, `
         + (other.correct ? "free by the referee" : `refused: ${other.fault}`) : other.fault || "no path in 1 s")
       + (other.asked === problem() ? "" : " (before the last change)");
     item.classList.toggle("bad", !other.waits && !other.correct);

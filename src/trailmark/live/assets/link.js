@@ -65,6 +65,7 @@ function receiveError({id, message}) {
     scene.path = null;
     say(message.replace(/^(start|goal) \(.*?\) is not valid: /, "$1: "), true);
     showFigures({});
+    if (layers.get("reachable")?.automatic) toggleLayer("reachable", false);
     badEnd = /^(start|goal)\b/.exec(message)?.[0] ?? null;
     dirty = true;
   } else if (!plan) {
@@ -106,6 +107,7 @@ function takeWorld({world}, fit, ends = null) {
   for (const name of layers.keys()) layers.get(name).automatic ? toggleLayer(name, false) : requestLayer(name);
   $("error").textContent = "";
   $("name").textContent = world.name;
+  $("worlds").value = [...$("worlds").options].some(({value}) => value === world.name) ? world.name : "";
   document.title = `${world.name} · trailmark live`;
   showRobot();
   listOthers();

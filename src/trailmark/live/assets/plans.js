@@ -68,25 +68,33 @@ function number(value, digits = 3) {
   return value === null || value === undefined ? "–" : Number(value).toPrecision(digits + (Math.abs(value) >= 1000 ? 1 : 0));
 }
 
+function milliseconds(value) {
+  return `${value < 10 ? value.toFixed(1) : Math.round(value)} ms`;
+}
+
 function showFigures({cost, lower_bound: bound, time, min_clearance: least, history: whole}) {
   $("cost").textContent = cost ? `${number(cost, 4)} m` : "–";
   $("bound").textContent = bound ? `${number(bound, 4)} m` : "–";
   $("gap").textContent = cost && bound ? `${(100 * (cost / bound - 1)).toFixed(2)} %` : "–";
   const first = time?.first_solution;
-  $("first").textContent = first === null || first === undefined ? "–" : `${number(1000 * first)} ms`;
+  $("first").textContent = first === null || first === undefined ? "–" : milliseconds(1000 * first);
   const recent = latencies.slice(-60).sort((a, b) => a - b);
-  $("latency").textContent = recent.length ? `${number(recent[recent.length >> 1], 2)} ms` : "–";
+  $("latency").textContent = recent.length ? milliseconds(recent[recent.length >> 1]) : "–";
   $("least").textContent = least === null || least === undefined ? "–" : `${least.toFixed(3)} m`;
   drawChart(whole?.length > 1 ? whole : history, bound);
 }
 
 function drawChart(rows, bound) {
   const chart = $("chart");
-  if (rows.length < 1) return chart.replaceChildren();
+  chart.parentElement.hidden = rows.length < 1;
+  if (rows.length < 1) return;
   const end = Math.max(rows.at(-1)[0], 1e-3), costs = rows.map(([, cost]) => cost), low = Math.min(bound || Infinity, ...costs);
   const high = Math.max(...costs), span = Math.max(high - low, 1e-6), y = (cost) => 92 - (84 * (cost - low)) / span;
   let line = `M${(100 * rows[0][0]) / end},${y(costs[0])}`;
   for (const [t, cost] of rows.slice(1)) line += `H${(100 * t) / end}V${y(cost)}`;
+  $("chart-high").textContent = `${number(high, 4)} m`;
+  $("chart-low").textContent = `${number(low, 4)} m`;
+  $("chart-end").textContent = `${number(end, 2)} s`;
   const parts = [["path", {d: `${line}H100`}]];
   if (bound) parts.push(["line", {x1: 0, x2: 100, y1: y(bound), y2: y(bound)}]);
   chart.replaceChildren(...parts.map(([name, given]) => {
