@@ -5,7 +5,7 @@ free space, then an obstacle to and fro; times are from a move of the mouse to t
 for a newer one, is drawn. Then frames while an end is dragged with thousands of landmarks drawn, the first paint, and
 minutes of random drags by several clients at once: complaints, and memory of server and page.
 
-    python -m benchmarks.live [--minutes 10] [--clients 5] [--report]
+    python -m benchmarks.live [--minutes 10] [--clients 5] [--base OTHER_CHECKOUT] [--report]
 """
 
 from __future__ import annotations
@@ -49,13 +49,14 @@ def worlds() -> dict[str, World]:
 
 
 @contextmanager
-def server(world: World, robot: Robot) -> Iterator[tuple[str, int]]:
-    """Serve a world, and yield its address and the server's process."""
+def server(world: World, robot: Robot, checkout: str | None = None) -> Iterator[tuple[str, int]]:
+    """Serve a world, by another checkout's code if one is named, and yield its address and the server's process."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "world.yaml"
         world.with_robot(robot).save(file)
         words = [sys.executable, "-m", "trailmark.cli", "live", str(file), "--port", "0", "--no-browser"]
-        with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        path = {} if checkout is None else {"PYTHONPATH": str(Path(checkout) / "src")}
+        with subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=os.environ | path) as process:
             try:
                 assert process.stdout is not None
                 found = re.search(r"http://\S+", process.stdout.readline())
@@ -124,23 +125,40 @@ def drags(tab: Browser, address: str, world: World, robot: Robot) -> dict[str, A
     return found
 
 
+WATCH = """(() => { const [a, b, c, d] = trailmark.scene.world.bounds, nodes = [], edges = [];
+  for (let i = 0; i < 5000; i++) { nodes.push(a + Math.random() * (c - a), b + Math.random() * (d - b), 0);
+    if (i) edges.push(i - 1, i); }
+  document.querySelector('[data-layer=roadmap]').checked = true;
+  trailmark.layers.set('roadmap', {nodes, edges}); requestLayer = () => {}; view.forget('roadmap');
+  window.drawnAt = []; window.shownAt = [];
+  const before = draw; draw = (now) => { before(now); drawnAt.push(now); };
+  const tick = (now) => { shownAt.push(now); requestAnimationFrame(tick); }; requestAnimationFrame(tick); })()"""
+RATES = "[drawnAt, shownAt].map((times) => 1000 * (times.length - 1) / (times.at(-1) - times[0]))"
+
+
 def frames(tab: Browser, address: str) -> dict[str, Any]:
-    """Return frames a second while an end is dragged with 5,000 landmarks drawn, and the page's first paint."""
+    """Return frames a second while something is dragged with 5,000 landmarks drawn, and the page's first paint.
+
+    Of each, frames that were drawn anew, and those that the browser began meanwhile, which others' work may keep it
+    from: a move of the mouse comes in for each.
+    """
     tab.open("about:blank", 1400)
     tab.open(address, 1400)
     tab.wait("trailmark.scene.path")
-    paint = tab.run("performance.getEntriesByName('first-contentful-paint')[0]?.startTime")
-    layer = """(() => { const [a, b, c, d] = trailmark.scene.world.bounds, nodes = [], edges = [];
-      for (let i = 0; i < 5000; i++) { nodes.push(a + Math.random() * (c - a), b + Math.random() * (d - b), 0);
-        if (i) edges.push(i - 1, i); }
-      document.querySelector('[data-layer=roadmap]').checked = true;
-      trailmark.layers.set('roadmap', {nodes, edges}); requestLayer = () => {};
-      canvas.dataset.frames = 0; window.begun = performance.now(); })()"""
-    tab.run(layer)
-    goal = on_screen(tab, *tab.run("trailmark.scene.goal.slice(0, 2)"))
-    tab.drag(goal, (goal[0] - 60, goal[1]), steps=200, pause=0.012)
-    shown, took = tab.run("[Number(canvas.dataset.frames), performance.now() - window.begun]")
-    return {"frames a second": 1000.0 * shown / took, "first paint, ms": paint}
+    found = {"first paint, ms": tab.run("performance.getEntriesByName('first-contentful-paint')[0]?.startTime")}
+    time.sleep(3.0)
+    tab.run(WATCH)
+    disc = "centreOf([...trailmark.scene.obstacles.values()].find((shape) => shape.shape === 'disc'))"
+    for name, point in (("end", "trailmark.scene.goal.slice(0, 2)"), ("obstacle", disc), ("view", "[-0.5, 13]")):
+        place = on_screen(tab, *tab.run(point))
+        tab.run("void (drawnAt.length = shownAt.length = 0)")
+        tab.drag(place, (place[0] - 60, place[1]), steps=300, pause=0.004)
+        drawn, shown = tab.run(RATES)
+        found[f"frames a second, {name} dragged"] = round(drawn, 1)
+        found[f"of the browser's, {name} dragged"] = round(drawn / shown, 3)
+        tab.drag((place[0] - 60, place[1]), place, steps=10)
+        time.sleep(1.0)
+    return found
 
 
 def memory(pid: int) -> float:
@@ -202,6 +220,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="of random drags")
     parser.add_argument("--clients", type=int, default=5, help="at once, the browser among them")
+    parser.add_argument("--base", help="another checkout, whose frames a second are measured in the same run")
     parser.add_argument("--report", action="store_true", help="write the results")
     arguments = parser.parse_args()
     found: dict[str, Any] = {"drags": {}}
@@ -215,15 +234,24 @@ def main() -> None:
                     told = (f"{values[key]:.0f} ms" for key in ("median", "95 %", "most"))
                     rows.append([name, kind, what, *told])
                     print(*rows[-1], sep=", ", flush=True)
-        with server(World.load("worlds/office.yaml"), ROBOTS["rectangle"]) as (address, pid):
+        office = World.load("worlds/office.yaml"), ROBOTS["rectangle"]
+        if arguments.base is not None:
+            with server(*office, arguments.base) as (address, _):
+                found["page before"] = {f"before: {key}": value for key, value in frames(tab, address).items()}
+        with server(*office) as (address, pid):
             found["page"] = frames(tab, address)
+            print(found.get("page before"), found["page"], flush=True)
             found["soak"] = soak(tab, address, pid, arguments.minutes, arguments.clients)
     page = [
         "# The live page",
         describe_machine(),
         "From a move of the mouse to the frame with the certified path (33 ms wanted for ends, 50 for obstacles):",
         markdown_table(["world", "robot", "dragged", "median", "95 %", "most"], rows),
-        "\n".join(f"- {key}: {value}" for part in ("page", "soak") for key, value in found[part].items()),
+        "\n".join(
+            f"- {key}: {value}"
+            for part in ("page", "page before", "soak")
+            for key, value in found.get(part, {}).items()
+        ),
     ]
     print("\n\n".join(page))
     if arguments.report:
