@@ -17,7 +17,7 @@ from trailmark.world import World
 def near(index: EdgeIndex, low: np.ndarray, high: np.ndarray) -> set[tuple[float, ...]]:
     """Return which edges the index names near which pair of boxes."""
     pairs = np.arange(len(low)) // 2
-    first, runs = index.near(low, high, pairs, len(low) // 2)
+    first, runs, _, _ = index.near(low, high, pairs, len(low) // 2)
     found = []
     for pair, (begin, end) in enumerate(itertools.pairwise(first)):
         assert len(set(runs[begin:end])) == end - begin

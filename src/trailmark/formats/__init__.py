@@ -86,8 +86,9 @@ def _read(data: bytes, path: FilePath) -> World:
         return read_cfg(text, path)
 
     from trailmark.formats.yaml_data import parse_yaml
+    from trailmark.formats.yaml_rows import with_rows
 
-    fields = parse_yaml(text, path)
+    fields = with_rows(text, lambda part: parse_yaml(part, path))
     if not isinstance(fields, dict):
         raise FormatError(path, f"no world: neither a YAML mapping nor another known format; {FORMATS}")
     if "trailmark" in fields:

@@ -20,15 +20,11 @@ Int32Array = NDArray[np.int32]
 class CellIndex:
     """What :class:`trailmark.planning.edge_index.EdgeIndex` is, of cells, whose places need no tree to be found.
 
-    A run is the bounds' and boundary's edges, each alone, or the four edges of an occupied cell beside a free one.
+    A run is an edge of bounds or boundary, or the four edges of an occupied cell beside a free one.
 
     Args:
         world: bounds and boundary.
         cells: all its obstacles.
-
-    Attributes:
-        edges: (e, 5), metres: x and y of either end, and 0.
-        runs: (r + 1,) where each run of edges begins.
     """
 
     def __init__(self, world: World, cells: CellObstacles) -> None:
@@ -36,38 +32,34 @@ class CellIndex:
         frames = [closed(np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]]))]
         if world.boundary is not None:
             frames.append(closed(world.boundary.vertices))
-        fixed = np.concatenate(frames)
+        self._fixed = np.concatenate(frames)
         occupied = self._occupied = cells.occupied
         rows, columns = occupied.shape
         # The same products that the polygons' corners are.
         self._x = np.arange(columns + 1) * cells.cell + cells.origin[0]
         self._y = np.arange(rows + 1) * cells.cell + cells.origin[1]
-        inner = np.pad(occupied, 1)
-        inner = inner[1:-1, :-2] & inner[1:-1, 2:] & inner[:-2, 1:-1] & inner[2:, 1:-1]
-        row, column = np.nonzero(occupied & ~inner)
-        self._run = np.full(occupied.shape, -1, np.int32)
-        self._run[row, column] = len(fixed) + np.arange(len(row))
-        x1, x2, y1, y2 = self._x[column], self._x[column + 1], self._y[row], self._y[row + 1]
-        around = np.column_stack([x1, y1, x2, y1, x2, y1, x2, y2, x2, y2, x1, y2, x1, y2, x1, y1]).reshape(-1, 4)
-        edges = np.concatenate([fixed, around])
-        self.edges = np.column_stack([edges, np.zeros(len(edges))])
-        ends = len(fixed) + 4 * np.arange(len(row) + 1, dtype=np.int64)
-        self.runs = np.concatenate([np.arange(len(fixed), dtype=np.int64), ends])
-        self._fixed = len(fixed)
+        wide = np.pad(occupied, 1)
+        self._rim = occupied & ~(wide[1:-1, :-2] & wide[1:-1, 2:] & wide[:-2, 1:-1] & wide[2:, 1:-1])
 
-    def near(self, low: FloatArray, high: FloatArray, groups: IntArray, count: int) -> tuple[IntArray, IntArray]:
-        """Return where each group's runs begin, (count + 1,), and the runs near any of a group's boxes, each once.
+    def near(
+        self, low: FloatArray, high: FloatArray, groups: IntArray, count: int
+    ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+        """Return what :meth:`trailmark.planning.edge_index.EdgeIndex.near` does; boxes of a group follow one another.
 
-        Args:
-            low: lower left corners of the boxes, (n, 2), metres; the boxes of a group follow one another.
-            high: their upper right corners, (n, 2).
-            groups: which group each box is of, (n,).
-            count: how many groups there are.
+        The runs and edges are those of the cells that are near any box only.
         """
         first = [np.maximum(np.searchsorted(line, low[:, i]) - 1, 0) for i, line in enumerate((self._x, self._y))]
         last = [np.searchsorted(line, high[:, i], side="right") for i, line in enumerate((self._x, self._y))]
         windows = np.column_stack([first[0], last[0], first[1], last[1]])
-        return _near(self._run, windows, groups, count, self._fixed, np.full(len(self.runs), -1))
+        number = np.full(self._rim.shape, -1, np.int32)
+        fixed = len(self._fixed)
+        begin, items, cells = _near(self._rim, windows, groups, count, fixed, number)
+        row, column = np.divmod(cells, self._rim.shape[1])
+        x1, x2, y1, y2 = self._x[column], self._x[column + 1], self._y[row], self._y[row + 1]
+        around = np.column_stack([x1, y1, x2, y1, x2, y1, x2, y2, x2, y2, x1, y2, x1, y2, x1, y1]).reshape(-1, 4)
+        edges = np.concatenate([self._fixed, around])
+        runs = np.concatenate([np.arange(fixed), fixed + 4 * np.arange(len(cells) + 1)]).astype(np.int64)
+        return begin, items, runs, np.column_stack([edges, np.zeros(len(edges))])
 
     def shapes_near(self, low: FloatArray, high: FloatArray) -> list[Shape]:
         """Return the occupied cells that meet the box from ``low`` to ``high``, shapes (2,)."""
@@ -85,29 +77,47 @@ class CellIndex:
 
 @njit(cache=True)
 def _near(
-    run: Int32Array, windows: IntArray, groups: IntArray, count: int, fixed: int, seen: IntArray
-) -> tuple[IntArray, IntArray]:
-    """Return what :meth:`CellIndex.near` does, for windows of cells (n, 4): columns from and to, rows from and to."""
-    rows, columns = run.shape
+    rim: NDArray[np.bool_], windows: IntArray, groups: IntArray, count: int, fixed: int, number: Int32Array
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return where each group's runs begin, the runs, and the cells (row * columns + column) from run ``fixed`` on.
+
+    Args:
+        rim: cells that are runs.
+        windows: of cells, (n, 4): columns from and to, rows from and to.
+        groups: of each window.
+        count: of groups.
+        fixed: runs that belong to every group, and come first.
+        number: memory for the number of each cell's run, -1 everywhere.
+    """
+    rows, columns = rim.shape
     first = np.zeros(count + 1, np.int64)
     runs, kept, box = np.empty(1024, np.int64), 0, 0
+    cells, seen, known = np.empty(1024, np.int64), np.empty(1024, np.int64), 0
     for group in range(count):
         first[group] = kept
+        while kept + fixed > len(runs):
+            runs = np.concatenate((runs, np.empty_like(runs)))
         for k in range(fixed):
-            if kept == len(runs):
-                runs = np.concatenate((runs, np.empty_like(runs)))
-            runs[kept] = k
-            kept += 1
+            runs[kept + k] = k
+        kept += fixed
         while box < len(windows) and groups[box] == group:
             for row in range(windows[box, 2], min(rows, windows[box, 3])):
                 for column in range(windows[box, 0], min(columns, windows[box, 1])):
-                    found = run[row, column]
-                    if found >= 0 and seen[found] != group:
-                        seen[found] = group
-                        if kept == len(runs):
-                            runs = np.concatenate((runs, np.empty_like(runs)))
-                        runs[kept] = found
-                        kept += 1
+                    if not rim[row, column]:
+                        continue
+                    if number[row, column] < 0:
+                        if known == len(cells):
+                            cells = np.concatenate((cells, np.empty_like(cells)))
+                            seen = np.concatenate((seen, np.empty_like(seen)))
+                        number[row, column], cells[known], seen[known] = known, row * columns + column, -1
+                        known += 1
+                    if seen[number[row, column]] == group:
+                        continue
+                    seen[number[row, column]] = group
+                    if kept == len(runs):
+                        runs = np.concatenate((runs, np.empty_like(runs)))
+                    runs[kept] = fixed + number[row, column]
+                    kept += 1
             box += 1
     first[count] = kept
-    return first, runs[:kept]
+    return first, runs[:kept], cells[:known]

@@ -91,8 +91,12 @@ class EdgeIndex:
             new._make_tree()
         return new
 
-    def near(self, low: FloatArray, high: FloatArray, groups: IntArray, count: int) -> tuple[IntArray, IntArray]:
+    def near(
+        self, low: FloatArray, high: FloatArray, groups: IntArray, count: int
+    ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
         """Return where each group's runs begin, (count + 1,), and the runs near any of a group's boxes, each once.
+
+        Behind them ``runs`` and ``edges``, which they are runs of.
 
         Args:
             low: lower left corners of the boxes, (n, 2), metres.
@@ -101,7 +105,8 @@ class EdgeIndex:
             count: how many groups there are.
         """
         box, run = self._tree.query(shapely.box(*low.T, *high.T))
-        return _grouped(box, run, self._there, low, high, self._added, groups, count)
+        first, items = _grouped(box, run, self._there, low, high, self._added, groups, count)
+        return first, items, self.runs, self.edges
 
     def shapes_near(self, low: FloatArray, high: FloatArray) -> list[Shape]:
         """Return the obstacles whose bounding boxes meet the box from ``low`` to ``high``, shapes (2,)."""

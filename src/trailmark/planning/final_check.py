@@ -122,7 +122,7 @@ class FinalCheck:
         begin = starts[of, :2] + share[:, None] * (ends - starts[:, :2])[of]
         end = begin + ((ends - starts[:, :2]) / count[:, None])[of]
         low, high = np.minimum(begin, end) - room[of], np.maximum(begin, end) + room[of]
-        first, item = self._index.near(low, high, of, len(starts))
+        first, item, runs, edges = self._index.near(low, high, of, len(starts))
         return advance(
             self._body,
             self._radius,
@@ -131,8 +131,8 @@ class FinalCheck:
             curvature,
             first,
             item,
-            self._index.runs,
-            self._index.edges,
+            runs,
+            edges,
         )
 
     def _fault_at(self, q: FloatArray) -> str | None:
