@@ -158,14 +158,14 @@ class Results:
         shares = [np.mean([r.correct and r.first <= within for r in self.runs(case, planner)]) for case in chosen]
         return float(np.mean(shares))
 
-    def ratio(self, rival: str, chosen: Sequence[Case]) -> Estimate | None:
-        """Return the geometric mean of the landmark planner's times to a first path over a rival's.
+    def ratio(self, rival: str, chosen: Sequence[Case], planner: str = LANDMARK) -> Estimate | None:
+        """Return the geometric mean of the landmark planner's (or another's) times to a first path over a rival's.
 
         Failures of either count as the limit. The bootstrap draws worlds, since the cases of one are not independent.
         """
         worlds: dict[str, list[float]] = defaultdict(list)
         for case in chosen:
-            mine, other = self.runs(case, LANDMARK), self.runs(case, rival)
+            mine, other = self.runs(case, planner), self.runs(case, rival)
             if mine and other:
                 worlds[case.problem.world.name].append(_mean_log_first(mine) - _mean_log_first(other))
         if not worlds:

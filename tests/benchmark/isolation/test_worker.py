@@ -75,6 +75,13 @@ def test_planners_of_the_users_own_report_what_they_come_by(worker: Worker, ahea
     assert late["path"][1] == [5.0, 2.0, 0.0]
 
 
+def test_what_a_planner_of_the_users_own_prepares_is_set_up_and_no_planning(worker: Worker, ahead: Problem) -> None:
+    answer = worker.run(job(ahead, "tests.benchmark.rogues:prepared_plan"))
+    assert answer["correct_solution"], answer
+    assert answer["setup_time"] >= 0.3
+    assert answer["time"] < 0.3
+
+
 def test_parameters_reach_the_planner(worker: Worker, ahead: Problem) -> None:
     # Straight ahead: with motions of 0.5 m at most, the tree has the 16 pieces of 8 m; unlimited, one edge does.
     short, default = (

@@ -178,7 +178,9 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
     """Run a planner of the user's: a function ``plan(checker, start, goal, time_limit, seed)`` named module:function.
 
     It returns a path's states, shape (n, 3), or None. One that takes ``report`` as well may call it with the states of
-    each path that it comes by: their costs are its curve, and the best one in time counts if it returns too late.
+    each path that it comes by: their costs are its curve, and the best one in time counts if it returns too late. A
+    function with an attribute ``prepare`` takes ``prepared`` too, which is what ``prepare(checker)`` has returned: that
+    is set-up, before the clock starts, as the checker's is.
     """
     module, _, function = str(job["planner"]).partition(":")
     # Last, so that no file of the user's takes a library's place.
@@ -195,8 +197,11 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
     def report(states: ArrayLike) -> None:
         add(perf_counter() - begin, states)
 
-    options = {"report": report} if "report" in inspect.signature(plan).parameters else {}
-    limit = float(job["time_limit"])
+    options: dict[str, Any] = {"report": report} if "report" in inspect.signature(plan).parameters else {}
+    limit, begin = float(job["time_limit"]), perf_counter()
+    if hasattr(plan, "prepare"):
+        options["prepared"] = plan.prepare(checker)
+    setup_time = prepared.setup_time + perf_counter() - begin
     begin = perf_counter()
     found = plan(checker, *prepared.ends, limit, int(job["seed"]), **options)
     time = perf_counter() - begin
@@ -208,7 +213,9 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
         path = in_time[-1] if in_time else None
     status = Status.TIMEOUT if path is None else Status.EXACT_SOLUTION
     curve = [(t, each.cost) for t, each in reported]
-    return _answer(prepared, status, time, curve, path, checker, peak), None
+    answer = _answer(prepared, status, time, curve, path, checker, peak)
+    # Else it is the problem's own, as for other planners.
+    return (answer | {"setup_time": setup_time}) if "prepared" in options else answer, None
 
 
 def _answer(
