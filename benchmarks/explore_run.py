@@ -39,7 +39,7 @@ ANCHOR = "tour with the map known"
 """Takes the place of a strategy: the lower anchor."""
 
 
-WITHOUT_LOOPS = "tour, loops not weighed"
+WITHOUT_LOOPS = "tour-without-loops"
 """The strategy of that name, for the ablation."""
 
 
