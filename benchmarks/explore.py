@@ -1,6 +1,6 @@
 """How far a robot drives to explore a world, what it then knows, and whether it ever hits anything.
 
-Writes results/explore.{json,md}. Worlds are generated (benchmarks.explore_worlds: ten offices, caves, fields of clutter
+Writes results/NAME.{json,md}. Worlds are generated (benchmarks.explore_worlds: ten offices, caves, fields of clutter
 and nets of streets each) and shipped ones; each is explored by each strategy from the same start, without noise and
 with the noise that the simulator has by default, at confidence 0.99. All strategies have the same simulator, planner,
 map and end. What is seen, what the robot overlaps, how well the map's surfaces lie and what a tour takes that knows the
@@ -9,8 +9,8 @@ map is found by shapely (benchmarks.explore_oracle).
 Each run has a process of its own, and a limit on the processor's time that it uses: what takes longer hangs. What is
 measured is appended to a file of JSON Lines at once, and runs that stand there already are not run again.
 
-    python -m benchmarks.explore [--worlds 40] [--shipped] [--seeds 1] [--noise 0 1] [--strategies NAME ...]
-        [--workers 1] [--limit 600] [--runs FILE.jsonl] [--report]
+    python -m benchmarks.explore [--worlds 40] [--shipped] [--maps NAME.yaml ...] [--seeds 1] [--noise 0 1]
+        [--strategies NAME ...] [--workers 1] [--limit 600] [--runs FILE.jsonl] [--report [NAME]]
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmarks.age import describe_code
 from benchmarks.explore_report import report, summarise
 from benchmarks.explore_run import Job, jobs_for, run_job
 from benchmarks.explore_worlds import KINDS
@@ -97,7 +98,7 @@ def measure(jobs: list[Job], file: Path, workers: int, limit: float) -> list[dic
     """Return a row for each job, those of the file included; new ones are appended to it."""
     rows = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
     done = {tuple(row["job"]) for row in rows}
-    left, running = [job for job in jobs if tuple(job) not in done], list[Running]()
+    left, running = [job for job in jobs if limit > 0.0 and tuple(job) not in done], list[Running]()
     while left or running:
         while left and len(running) < workers:
             running.append(_started(left.pop(0), limit))
@@ -106,7 +107,7 @@ def measure(jobs: list[Job], file: Path, workers: int, limit: float) -> list[dic
             found = _outcome(run, limit)
             if found is not None:
                 running.remove(run)
-                row = {"job": list(run.job), **found}
+                row = {"job": list(run.job), "code": describe_code(), **found}
                 rows.append(row)
                 with file.open("a") as out:
                     out.write(json.dumps(row) + "\n")
@@ -129,17 +130,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, default=40, help="generated worlds, of the four kinds in turn")
     parser.add_argument("--shipped", action="store_true", help="the shipped worlds that are connected, too")
+    parser.add_argument("--maps", nargs="+", default=[], help="maps of the real data's folder explore, too: NAME.yaml")
     parser.add_argument("--seeds", type=int, default=1, help="runs of each kind in each world")
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0, 1.0], help="times the noise by default")
     parser.add_argument("--strategies", nargs="+", default=list(STRATEGIES))
     parser.add_argument("--workers", type=int, default=1, help="processes at a time")
-    parser.add_argument("--limit", type=float, default=600.0, help="seconds of work after which a run hangs")
+    parser.add_argument(
+        "--limit", type=float, default=600.0, help="seconds of work after which a run hangs; 0: run none"
+    )
     parser.add_argument("--runs", type=Path, default=Path("explore.jsonl"), help="where runs are kept")
-    parser.add_argument("--report", action="store_true", help="write the results")
+    parser.add_argument("--report", nargs="?", const="explore", help="write the results, into files of that name")
     arguments = parser.parse_args()
     kinds = list(KINDS)
     worlds = [f"{kinds[i % 4]} {i // 4}" for i in range(arguments.worlds)]
     worlds += [name for name in shipped_worlds() if name not in CLOSED] if arguments.shipped else []
+    worlds += arguments.maps
     jobs = jobs_for(worlds, arguments.seeds, arguments.noise, arguments.strategies)
     rows = measure(jobs, arguments.runs, arguments.workers, arguments.limit)
     summary = summarise(rows)
@@ -148,8 +153,8 @@ def main() -> None:
     if arguments.report:
         kept = [{key: value for key, value in row.items() if key not in ("decisions", "trace")} for row in rows]
         text = json.dumps({"machine": describe_machine(), "summary": summary, "runs": kept}, indent=1)
-        write_atomically(RESULTS / "explore.json", text + "\n")
-        write_atomically(RESULTS / "explore.md", page)
+        write_atomically(RESULTS / f"{arguments.report}.json", text + "\n")
+        write_atomically(RESULTS / f"{arguments.report}.md", page)
 
 
 if __name__ == "__main__":

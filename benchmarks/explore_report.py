@@ -50,6 +50,7 @@ def summarise(rows: Rows) -> dict[str, Any]:
     bad = ("error", "died", "hang")
     failed = [row for row in runs if row["status"] in bad or row.get("seen", 1.0) < WANTED[row["job"][2] > 0.0]]
     return {
+        "code": dict(Counter(row["code"] for row in runs if "code" in row)),
         "groups": groups_found,
         "ratios": ratios,
         "short": [{"job": row["job"], **{k: row.get(k) for k in ("status", "reason", "seen")}} for row in failed],
@@ -63,7 +64,7 @@ def _of(runs: Rows, noise: float, strategy: str) -> Rows:
 def _group(rows: Rows, noise: float, strategy: str) -> dict[str, Any]:
     """Return the figures of a strategy's runs with one noise."""
     ended = [row for row in rows if "seen" in row]
-    decisions = np.array([seconds for row in ended for seconds in row["decisions"]]) if ended else np.empty(0)
+    decisions = np.array([seconds for row in ended for seconds in row.get("decisions", ())])
     paths = [path for row in ended for path in row.get("paths", ())]
     both = [path for path in paths if path.get("cost") and path.get("true_cost")]
 
@@ -130,6 +131,9 @@ def _number(value: float) -> float | None:
 def report(summary: dict[str, Any], machine: str) -> str:
     """Return the Markdown page."""
     parts = [f"# Exploration\n\n{machine}\n"]
+    if len(summary["code"]) > 1:
+        told = "; ".join(f"{count} runs {code}" for code, count in summary["code"].items())
+        parts.append(f"Not all runs are of the same code: {told}.\n")
     parts.append("Seen: share of what can be seen from where the robot can get to, of the run that saw least; in")
     parts.append("brackets by shapely, for a disc around the robot. Distances are geometric means.\n")
     header = ("noise", "strategy", "runs", "ends", "seen, least", "seen, mean", "collisions", "NEES", "driven")

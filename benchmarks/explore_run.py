@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from time import perf_counter, process_time
 from typing import Any, NamedTuple
 
@@ -11,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.explore_oracle import Truth, boundary_errors, overlaps, seen_share, tour_length, truth_of
-from benchmarks.explore_worlds import KINDS, SENSOR_RANGE, explore_world
+from benchmarks.explore_worlds import KINDS, ROBOTS, SENSOR_RANGE, explore_world
+from benchmarks.suite import data_folder
 from trailmark import LandmarkPlanner, World
 from trailmark.audit import check_path
+from trailmark.collision import StateChecker
 from trailmark.estimation.risk.allocation import regrow
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.explorer import Explorer
@@ -21,6 +24,7 @@ from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.result import ExplorationResult
 from trailmark.exploration.tour import tour
 from trailmark.library import shipped_worlds
+from trailmark.world import Query
 
 __all__ = ["CONFIDENCE", "WITHOUT_LOOPS", "Job", "hidden_world", "run_job", "sensor_range_of"]
 
@@ -58,7 +62,19 @@ class Job(NamedTuple):
 
 
 def hidden_world(name: str) -> World:
-    """Return a generated world (``office 3``), or a shipped one (``office``)."""
+    """Return a generated world (``office 3``), a shipped one (``office``), or a map of the real data (``room.yaml``).
+
+    Maps get a round robot that starts where it fits nearest to the middle.
+    """
+    if name.endswith(".yaml"):
+        world, robot = World.load(data_folder() / "explore" / name), ROBOTS[0]
+        xmin, ymin, xmax, ymax = world.bounds
+        grid = np.stack(np.meshgrid(np.arange(xmin, xmax, 0.5), np.arange(ymin, ymax, 0.5)), axis=-1).reshape(-1, 2)
+        grid = grid[np.argsort(np.hypot(*(grid - [0.5 * (xmin + xmax), 0.5 * (ymin + ymax)]).T), kind="stable")]
+        places = np.column_stack([grid, np.zeros(len(grid))])
+        fits = np.asarray(StateChecker(world, robot.keeping(0.1)).valid(places), dtype=bool)
+        x, y, theta = places[fits][0].tolist()
+        return replace(world, robot=robot, queries=(Query("start", (x, y, theta), (x, y, theta)),))
     kind, _, seed = name.partition(" ")
     return explore_world(kind, int(seed)) if seed and kind in KINDS else World.load(shipped_worlds()[name])
 

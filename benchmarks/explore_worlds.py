@@ -22,7 +22,7 @@ from trailmark.formats.grid import grid_polygons
 from trailmark.shapes import Disc, Rectangle, Shape
 from trailmark.world import Query, Robot, World
 
-__all__ = ["KINDS", "SENSOR_RANGE", "explore_world"]
+__all__ = ["KINDS", "ROBOTS", "SENSOR_RANGE", "explore_world"]
 
 SENSOR_RANGE = 5.0
 """Metres: what the sensor of a robot in these worlds sees."""

@@ -8,10 +8,11 @@ says nothing against it.
 
 from __future__ import annotations
 
-from math import cos, floor, hypot, inf, pi, sin
+from math import cos, hypot, pi, sin
 from typing import Final
 
 from trailmark.compiled import njit
+from trailmark.estimation.maps.cell_walk import first_step
 from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, SEEN, TILE, TOUCHED, UNKNOWN
 from trailmark.exploration.surfaces import enter_surfaces
 
@@ -46,20 +47,8 @@ def enter_scan(cells, now, start, ends, kinds, normals, gap, tolerance):  # type
 
 
 @njit(cache=True)
-def _first_step(sx, sy, ex, ey):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Return a line's first and last column and row, its steps, and at which share of it the next ones begin."""
-    dx, dy = ex - sx, ey - sy
-    i, j, last_i, last_j = floor(sx), floor(sy), floor(ex), floor(ey)
-    step_i, step_j = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-    each_i, each_j = (abs(1.0 / dx) if dx != 0.0 else inf), (abs(1.0 / dy) if dy != 0.0 else inf)
-    next_i = ((i + (dx > 0.0)) - sx) / dx if dx != 0.0 else inf
-    next_j = ((j + (dy > 0.0)) - sy) / dy if dy != 0.0 else inf
-    return i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j
-
-
-@njit(cache=True)
 def _enter_passes(cells, now, start, ends, kinds, gap, tolerance):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Walk along each beam from cell to cell (Amanatides & Woo 1987, A Fast Voxel Traversal Algorithm)."""
+    """Take note of the cells along each beam."""
     rows, columns = cells.state.shape
     sx, sy = start
     for k in range(len(ends)):
@@ -70,7 +59,7 @@ def _enter_passes(cells, now, start, ends, kinds, gap, tolerance):  # type: igno
         length = hypot(dx, dy)
         if length < 1e-9:
             continue
-        i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = _first_step(sx, sy, ex, ey)
+        i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = first_step(sx, sy, ex, ey)
         ux, uy = dx / length, dy / length
         for _ in range(abs(last_i - i) + abs(last_j - j) + 1):
             if 0 <= i < columns and 0 <= j < rows:
@@ -152,7 +141,7 @@ def agreement(cells, start, ends, kinds, tolerance):  # type: ignore[no-untyped-
         if kinds[k] == LOST or length < 1e-9:
             continue
         ux, uy = (ex - sx) / length, (ey - sy) / length
-        i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = _first_step(sx, sy, ex, ey)
+        i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = first_step(sx, sy, ex, ey)
         passed = False
         for _ in range(abs(last_i - i) + abs(last_j - j) + 1):
             inside = 0 <= i < columns and 0 <= j < rows

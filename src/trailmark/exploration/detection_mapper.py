@@ -139,12 +139,7 @@ class DetectionMapper:
     def take(self, records: Sequence[Record]) -> Intake:
         """Take in what was sensed, and bring pose and map up to date."""
         refused, sweep = list[str](), list[Detection]()
-        for record in records:
-            if isinstance(record, Pose):
-                continue
-            if problem := self._checks.refusal(record):
-                refused.append(problem)
-                continue
+        for record in self._checks.usable(records, refused):
             if not self.records:
                 self.records.append(Pose(record.t, *self._start.tolist()))
             if isinstance(record, Detection):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -38,6 +39,16 @@ class RecordChecks:
         self._time, self._last, self._beams = -math.inf, -math.inf, 0
         self._instant = list[Detection]()
         self._increment: Increment | None = None
+
+    def usable(self, records: Sequence[Record], refused: list[str]) -> Iterator[Record]:
+        """Yield the records that can be used, poses left out; a sentence for each other one is added to ``refused``."""
+        for record in records:
+            if isinstance(record, Pose):
+                continue
+            if problem := self.refusal(record):
+                refused.append(problem)
+            else:
+                yield record
 
     def refusal(self, record: Record) -> str:
         """Return why a record cannot be used, in a sentence; empty if it can, which then counts as the last one."""

@@ -139,12 +139,7 @@ class ScanMapper:
     def take(self, records: Sequence[Record]) -> Intake:
         """Take in what was sensed, and bring pose and map up to date."""
         readings, refused, self._moved = 0, list[str](), False
-        for record in records:
-            if isinstance(record, Pose):
-                continue
-            if problem := self._checks.refusal(record):
-                refused.append(problem)
-                continue
+        for record in self._checks.usable(records, refused):
             if not self.records:
                 self.records.append(Pose(record.t, *self._start.tolist()))
             self._reckoning.add(record)

@@ -7,10 +7,11 @@ A cell keeps the box of the stretches of surface in it, so that a passage is as 
 
 from __future__ import annotations
 
-from math import atan2, ceil, cos, floor, hypot, inf, log2, pi, sin
+from math import atan2, ceil, cos, floor, hypot, log2, pi, sin
 from typing import Final
 
 from trailmark.compiled import njit
+from trailmark.estimation.maps.cell_walk import first_step
 from trailmark.exploration.cells import LOST, MET, OCCUPIED, TILE, TOUCHED, WHOLE
 
 __all__ = ["enter_surfaces"]
@@ -106,20 +107,17 @@ def _leave_open(cells, x, y, level, now):  # type: ignore[no-untyped-def]  # num
 def _stretch(cells, ax, ay, bx, by, level, facing, now):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a straight stretch of surface, cell by cell."""
     dx, dy = bx - ax, by - ay
-    i, j, last_i, last_j = floor(ax), floor(ay), floor(bx), floor(by)
-    step_i, step_j = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-    next_i = ((i + (dx > 0.0)) - ax) / dx if dx != 0.0 else inf
-    next_j = ((j + (dy > 0.0)) - ay) / dy if dy != 0.0 else inf
+    i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = first_step(ax, ay, bx, by)
     at = 0.0
     for _ in range(abs(last_i - i) + abs(last_j - j) + 1):
         until = min(1.0, next_i, next_j)
         _meet(cells, j, i, ax + at * dx, ay + at * dy, ax + until * dx, ay + until * dy, level, facing, now)
         at = until
         if next_i < next_j:
-            next_i += step_i / dx
+            next_i += each_i
             i += step_i
         else:
-            next_j += step_j / dy if dy != 0.0 else inf
+            next_j += each_j
             j += step_j
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
+from trailmark.estimation.maps.cell_walk import first_step
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.se2 import FloatArray
 
@@ -39,8 +40,7 @@ def line_is_free(
 ) -> bool:
     """Return whether a line of sight leads through cells that are free, or past the surfaces in occupied ones.
 
-    Cells that it only touches in a corner do not count. Source of the walk from cell to cell: Amanatides & Woo, "A fast
-    voxel traversal algorithm for ray tracing", Eurographics 1987.
+    Cells that it only touches in a corner do not count.
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
@@ -51,12 +51,7 @@ def line_is_free(
         y1: likewise.
     """
     dx, dy = x1 - x0, y1 - y0
-    column, row = floor(x0), floor(y0)
-    step_x, step_y = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-    # Shares of the line at which it next crosses an edge of a column, and of a row.
-    each_x, each_y = (1.0 / abs(dx) if dx != 0.0 else np.inf), (1.0 / abs(dy) if dy != 0.0 else np.inf)
-    next_x = ((column + 1 - x0) if dx > 0.0 else (x0 - column)) * each_x if dx != 0.0 else np.inf
-    next_y = ((row + 1 - y0) if dy > 0.0 else (y0 - row)) * each_y if dy != 0.0 else np.inf
+    column, row, _, _, step_x, step_y, next_x, next_y, each_x, each_y = first_step(x0, y0, x1, y1)
     since = 0.0
     while True:
         if state[row, column] == UNKNOWN:

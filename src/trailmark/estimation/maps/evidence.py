@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from math import floor, hypot, inf
+from math import hypot
 
 import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
 from trailmark.errors import WorldError
+from trailmark.estimation.maps.cell_walk import first_step
 from trailmark.se2 import FloatArray
 
 __all__ = ["EvidenceGrid"]
@@ -110,23 +111,18 @@ class EvidenceGrid:
 
 @njit(cache=True)
 def _trace(hits, passes, variance, x0, y0, cell, start, ends, met, margin, place, heading):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Walk along each beam from cell to cell (Amanatides & Woo 1987, A Fast Voxel Traversal Algorithm)."""
+    """Count in the cells along each beam."""
     rows, columns = hits.shape
     sx, sy = (start[0] - x0) / cell, (start[1] - y0) / cell
     for k in range(len(ends)):
         ex, ey = (ends[k, 0] - x0) / cell, (ends[k, 1] - y0) / cell
-        dx, dy = ex - sx, ey - sy
-        length = hypot(dx, dy)
+        length = hypot(ex - sx, ey - sy)
         if length < 1e-300:  # its inverse would be infinite
             continue
-        i, j, last_i, last_j = floor(sx), floor(sy), floor(ex), floor(ey)
+        i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = first_step(sx, sy, ex, ey)
         if met[k] and 0 <= last_i < columns and 0 <= last_j < rows:
             hits[last_j, last_i] += 1
             variance[last_j, last_i] += place + heading * (length * cell) ** 2
-        step_i, step_j = (1 if dx > 0.0 else -1), (1 if dy > 0.0 else -1)
-        # The fraction of the beam at which it goes on to the next column or row.
-        next_i = ((i + (dx > 0.0)) - sx) / dx if dx != 0.0 else inf
-        next_j = ((j + (dy > 0.0)) - sy) / dy if dy != 0.0 else inf
         until = 1.0 - margin / length if met[k] else 1.0
         at = 0.0
         for _ in range(abs(last_i - i) + abs(last_j - j) + 1):
@@ -136,9 +132,9 @@ def _trace(hits, passes, variance, x0, y0, cell, start, ends, met, margin, place
                 passes[j, i] += 1
             if next_i < next_j:
                 at = next_i
-                next_i += step_i / dx
+                next_i += each_i
                 i += step_i
             else:
                 at = next_j
-                next_j += step_j / dy
+                next_j += each_j
                 j += step_j
