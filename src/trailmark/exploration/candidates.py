@@ -94,7 +94,7 @@ class Search(NamedTuple):
         cells = self._centres(sensor_range, rng)
         headings, sees = np.full(len(cells), np.nan), self._sees(cells)
         every = len(self.frontiers.edges)
-        for edges, spacing, refusals in ((EDGES, 4.0, 0), (every, 0.5, 0), (every, 0.5, 1)):
+        for edges, spacing, refusals in ((EDGES, 4.0, 0), (every, 0.5, 0), (every, 0.5, 1), (every, 0.5, 2)):
             more, more_headings = self._seeing(sees, edges, spacing, refusals, until_settled=edges == every)
             cells, headings = np.concatenate([cells, more]), np.concatenate([headings, more_headings])
             sees = np.concatenate([sees, self._sees(more)])

@@ -22,9 +22,9 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["plan_to"]
 
-FIRST, LAST = 0.15, 4.0
+FIRST, LAST, FINAL = 0.15, 4.0, 16.0
 """Of the planning time, where it is not certain that there is a way: at first, twice as long after each landmark in a
-row to which none was found, and when all else has been seen."""
+row to which none was found; when all else has been seen; and before a place is left undecided."""
 
 GAP = 0.02
 """Share by which a way may be longer than the shortest."""
@@ -62,8 +62,9 @@ def plan_to(
     """
     here, landmark = surveyed.outlook.here, surveyed.outlook.landmarks[index]
     row, column = (int(place[0]) for place in known.cells_of(landmark[None, :2]))
-    share = LAST if memory.refused[row, column] > 0 else min(FIRST * 2**memory.failed, LAST)
-    seconds = settings.planning_time * (1.0 if surveyed.any_heading[index] else share)
+    tried = int(memory.refused[row, column])
+    share = FINAL if tried > 1 else LAST if tried else min(FIRST * 2**memory.failed, LAST)
+    seconds = settings.planning_time * max(share, 1.0 if surveyed.any_heading[index] else 0.0)
     goal = Goal(pose=tuple(landmark[: 2 if surveyed.any_heading[index] else 3].tolist()))
     result = _way(planner, here, goal, seconds, stopped, PATIENCE)
     memory.aim = None if result.path is None else (landmark[:2], surveyed.expected[index])
@@ -117,7 +118,9 @@ def _refuse(memory: Memory, row: int, column: int) -> NDArray[np.bool_]:
     refused[_around(row, column, REFUSED)] = True
     if memory.reach is not None:
         refused |= memory.reach.in_rooms_of(refused)
-    around = _around(row, column, REFUSED * 2 ** min(memory.failed, FARTHEST))
+    # At last each place is looked at.
+    wider = 0 if memory.refused[row, column] > 1 else min(memory.failed, FARTHEST)
+    around = _around(row, column, REFUSED * 2**wider)
     refused[around] |= perhaps[around]
     memory.refused[refused & (memory.refused < MOST_TRIES)] += 1
     memory.failed += 1

@@ -51,7 +51,7 @@ MOSTLY = 0.6
 EXCLUDED = 254
 """In place of how often no way was found: it is proven that there is none."""
 
-MOST_TRIES = 2
+MOST_TRIES = 3
 """Ways to a place are looked for as often, before it is left undecided whether there is one."""
 
 RAYS = 180
