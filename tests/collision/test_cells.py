@@ -7,13 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from benchmarks.random_worlds import random_world, star_polygon
 
+from trailmark import se2
+from trailmark.collision import StateChecker
 from trailmark.collision.cells import Cells
+from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import build_field
-from trailmark.collision.obstacles import ObstacleGrid, build_grid
+from trailmark.collision.obstacles import ObstacleGrid, build_grid, is_crowded
+from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.world import World
+from trailmark.world import Robot, World
 
 SIZE = 12.0
 """Edge of the worlds, metres."""
@@ -81,7 +86,7 @@ def arrays_of(cells: Cells) -> list[np.ndarray]:
 
 def assert_same(cells: Cells, world: World) -> None:
     """Compare with a grid and a field built anew: nothing may differ but the order of items."""
-    grid = build_grid(world, cells.grid.size)
+    grid = build_grid(world, cells.grid.size, whole=True)
     field = build_field(grid)
     assert np.array_equal(cells.grid.winding, grid.winding)
     assert np.array_equal(np.diff(cells.grid.cell_start), np.diff(grid.cell_start))
@@ -97,7 +102,7 @@ def test_random_changes_make_what_is_built_anew(seed: int) -> None:
     boundary = Polygon(np.array([[0.5, 0.3], [11.0, 1.0], [11.5, 11.0], [6.0, 7.0], [1.0, 11.9]])) if seed % 3 else None
     shapes = [random_shape(rng) for _ in range(int(rng.integers(0, 12)))]
     world = World("w", (0.0, 0.0, SIZE, SIZE), tuple(shapes), boundary=boundary)
-    grid = build_grid(world, float(rng.choice([0.2, 0.37, 1.0, 3.0])))
+    grid = build_grid(world, float(rng.choice([0.2, 0.37, 1.0, 3.0])), whole=True)
     cells = Cells(world, grid, build_field(grid))
     held: list[tuple[Cells, list[np.ndarray]]] = []
     for _ in range(25):
@@ -113,7 +118,7 @@ def test_random_changes_make_what_is_built_anew(seed: int) -> None:
 def test_two_versions_of_the_same_one_do_not_know_each_other() -> None:
     rng = np.random.default_rng(3)
     world = random_world(1, 15, size=SIZE, radii=(0.2, 2.0), discs=0.3, holes=0.4)
-    grid = build_grid(world, 0.3)
+    grid = build_grid(world, 0.3, whole=True)
     branches = [(Cells(world, grid, build_field(grid)), list(world.obstacles))]
     for _ in range(60):
         cells, shapes = branches[int(rng.integers(len(branches)))]
@@ -129,7 +134,7 @@ def test_two_versions_of_the_same_one_do_not_know_each_other() -> None:
 
 def test_a_world_without_obstacles_or_with_no_free_place() -> None:
     world = World("w", (0.0, 0.0, SIZE, SIZE))
-    grid = build_grid(world, 0.4)
+    grid = build_grid(world, 0.4, whole=True)
     cells = Cells(world, grid, build_field(grid))
     all_of_it = Rectangle((6.0, 6.0), 40.0, 40.0)
     for before, after in ((None, all_of_it), (all_of_it, Disc((6.0, 6.0), 1.0)), (Disc((6.0, 6.0), 1.0), None)):
@@ -140,9 +145,37 @@ def test_a_world_without_obstacles_or_with_no_free_place() -> None:
 def test_rows_get_more_room_when_many_obstacles_gather() -> None:
     rng = np.random.default_rng(0)
     world = World("w", (0.0, 0.0, SIZE, SIZE))
-    grid = build_grid(world, 0.3)
+    grid = build_grid(world, 0.3, whole=True)
     cells, shapes = Cells(world, grid, build_field(grid)), []
     for _ in range(60):
         shapes.append(Rectangle((6.0, float(rng.uniform(5.9, 6.1))), 11.0, 0.05))
         cells = cells.edited([(None, shapes[-1])])
     assert_same(cells, replace(world, obstacles=tuple(shapes)))
+
+
+def test_crowded_discs_are_listed_once_a_cell_and_answers_are_the_same() -> None:
+    rng = np.random.default_rng(0)
+    discs = tuple(Disc((float(x), float(y)), float(r)) for x, y, r in rng.uniform((0, 0, 0.5), (20, 20, 4.0), (300, 3)))
+    world = World("crowd", (0.0, 0.0, 30.0, 20.0), discs)
+    sparse, whole = build_grid(world, 0.25), build_grid(world, 0.25, whole=True)
+    assert is_crowded(sparse.discs, 0.25, sparse.rows * sparse.columns)
+    assert len(sparse.items) < 0.1 * len(whole.items)
+    assert np.array_equal(np.diff(sparse.cell_start, axis=1) > 0, np.diff(whole.cell_start, axis=1) > 0)
+    for x, y in rng.uniform((0, 0), (30, 20), (3000, 2)):
+        assert point_clearance(sparse, x, y, 0.7) == point_clearance(whole, x, y, 0.7)
+        assert point_depth(sparse, x, y, 0.7) <= point_depth(whole, x, y, 0.7)
+        assert (point_depth(sparse, x, y, 0.7) > 0.0) == (point_depth(whole, x, y, 0.7) > 0.0)
+    robot = Robot.rectangle(0.5, 0.3)
+    q = np.column_stack([rng.uniform(15, 30, 2000), rng.uniform(0, 20, 2000), rng.uniform(-3, 3, 2000)])
+    changed = world.edited(remove=[3, 40], add=[Disc((25.0, 10.0), 1.0)])
+    first = StateChecker(world, robot)
+    assert np.array_equal(first.edited(changed).valid(q), StateChecker(changed, robot).valid(q))
+    assert np.array_equal(first.valid(q), [world_free(world, robot, state) for state in q])
+
+
+def world_free(world: World, robot: Robot, q: FloatArray) -> bool:
+    """Whether shapely finds the robot at q apart from all discs and within the bounds."""
+    body = shapely.Polygon(se2.transform(q, robot.outline.vertices))
+    discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
+    apart = all(body.distance(shapely.Point(disc.center)) > disc.radius for disc in discs)
+    return bool(apart and shapely.box(*world.bounds).covers(body))

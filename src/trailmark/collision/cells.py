@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import copy
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,15 @@ from numpy.typing import NDArray
 from trailmark.collision.edits import Window, replace_items, spread_rows, update_field, window_of
 from trailmark.collision.field import ClearanceField, field_of, occupied_cells, vertical_steps
 from trailmark.collision.memory import Blocks
-from trailmark.collision.obstacles import ObstacleGrid, add_winding, shape_segments, touched_cells
+from trailmark.collision.obstacles import (
+    ObstacleGrid,
+    add_winding,
+    build_grid,
+    is_crowded,
+    shape_segments,
+    touched_cells,
+)
+from trailmark.formats.cell_obstacles import cells_of
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import World
@@ -86,6 +95,16 @@ class Cells:
         self._arrays = _Arrays(grid.cell_start, grid.items, grid.winding, steps, field.distance, row_max)
         self._make_room(np.zeros(grid.rows, np.int64))
         self._end_version()
+
+    @classmethod
+    def of(cls, world: World, grid: ObstacleGrid, field: ClearanceField) -> Cells:
+        """Return them for a world, its grid and field, whatever the grid leaves out."""
+        cells = cells_of(world)
+        if cells is not None or is_crowded(grid.discs, grid.size, grid.rows * grid.columns):
+            # It was built without knowing which of the sides belong to which obstacle, or without all discs.
+            world = world if cells is None else replace(world, obstacles=cells.shapes)
+            grid = build_grid(world, grid.size, whole=True)
+        return cls(world, grid, field)
 
     def edited(self, changes: Iterable[tuple[Shape | None, Shape | None]]) -> Cells:
         """Return a new version, for a world in which some obstacles are replaced by others.
@@ -173,7 +192,9 @@ class Cells:
         removed = NO_ITEMS if gone is None else gone.items
         cells, owners = NO_CELLS, NO_ITEMS
         if come is not None:
-            cells, owners = touched_cells(come.segments, come.discs, *place, grid.columns, grid.rows)
+            cells, owners = touched_cells(
+                come.segments, come.discs, *place, grid.columns, grid.rows, np.empty(0, np.int32)
+            )
             # Segments count from 0; the one disc is item -1.
             owners = come.items[np.maximum(owners, 0)]
         if not replace_items(arrays.cell_start, arrays.items, self._row_start, removed, cells, owners, window):

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import replace
 from math import cos, sin
 from typing import Any, Literal, overload
 
@@ -23,7 +22,6 @@ from trailmark.collision.field import ClearanceField, build_field
 from trailmark.collision.footprint import Footprint, build_footprint
 from trailmark.collision.obstacles import ObstacleGrid, build_grid, cell_size_for
 from trailmark.errors import ConfigurationError, WorldError
-from trailmark.formats.cell_obstacles import cells_of
 from trailmark.keep_out import with_keep_outs
 from trailmark.world import Robot, World
 
@@ -129,11 +127,7 @@ class StateChecker:
             return new
         new.world = world
         if self._cells is None:
-            grid = self.grid
-            if (cells := cells_of(self.world)) is not None:
-                # It was built without knowing which of the sides belong to which obstacle.
-                grid = build_grid(replace(self.world, obstacles=cells.shapes), grid.size)
-            self._cells = Cells(self.world, grid, self.field)
+            self._cells = Cells.of(self.world, self.grid, self.field)
         new._cells = self._cells.edited(changes)
         new.grid, new.field = new._cells.grid, new._cells.field
         new._scene = None if self._scene is None else self._scene.edited(changes)

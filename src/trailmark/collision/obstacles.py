@@ -24,6 +24,7 @@ __all__ = [
     "build_grid",
     "cell_of",
     "cell_size_for",
+    "is_crowded",
     "obstacle_discs",
     "shape_segments",
     "touched_cells",
@@ -33,6 +34,9 @@ FloatArray = NDArray[np.float64]
 
 MAX_CELLS = 1 << 18
 """Usual upper limit on the number of grid cells, which bounds the time and memory of the set-up."""
+
+CROWDED = 8.0
+"""Discs over a cell, on average, from which on they are crowded."""
 
 
 class ObstacleGrid(NamedTuple):
@@ -130,10 +134,22 @@ def cell_size_for(world: World, wanted: float, largest: float = 0.0) -> float:
     return max(size / 2.0, smallest) if largest < size <= 2.0 * largest else size
 
 
-def build_grid(world: World, size: float) -> ObstacleGrid:
+def is_crowded(discs: FloatArray, size: float, cells: int) -> bool:
+    """Return whether discs (k, 3) overlap so much that some of them are left out of cells (:func:`build_grid`)."""
+    return bool(np.pi * ((discs[:, 2] / size) ** 2).sum() > CROWDED * cells)
+
+
+def build_grid(world: World, size: float, *, whole: bool = False) -> ObstacleGrid:
     """Sort the world's segments and discs by cells of ``size`` metres.
 
-    The grid covers the bounds with a margin of a little more than one cell on every side.
+    The grid covers the bounds with a margin of a little more than one cell on every side. Where discs are crowded,
+    cells that lie in one of them list no other disc: what touches such a cell is blocked anyway, and depths are those
+    of single discs, never too large.
+
+    Args:
+        world: obstacles, bounds, boundary.
+        size: edge of a cell, metres.
+        whole: list all discs in any case.
     """
     segments, enclosing = boundary_segments(world)
     discs = obstacle_discs(world)
@@ -142,7 +158,11 @@ def build_grid(world: World, size: float) -> ObstacleGrid:
     x0, y0 = world.bounds[0] - margin, world.bounds[1] - margin
     columns = int(np.ceil((world.bounds[2] + margin - x0) / size))
     rows = int(np.ceil((world.bounds[3] + margin - y0) / size))
-    cells, owners = touched_cells(segments, discs, x0, y0, size, columns, rows)
+    cover = np.empty(0, np.int32)
+    if not whole and is_crowded(discs, size, rows * columns):
+        order = np.argsort(-discs[:, 2], kind="stable")
+        cover = _covering(discs, order, x0, y0, size, columns, rows)
+    cells, owners = touched_cells(segments, discs, x0, y0, size, columns, rows, cover)
     order = np.argsort(cells, kind="stable")
     ends = np.cumsum(np.bincount(cells, minlength=columns * rows)).reshape(rows, columns)
     start = np.empty((rows, columns + 1), np.int32)
@@ -163,10 +183,45 @@ def cell_of(value: float, origin: float, size: float, count: int) -> int:
 
 
 @njit(cache=True)
+def _covering(
+    discs: FloatArray, order: NDArray[np.int64], x0: float, y0: float, size: float, columns: int, rows: int
+) -> NDArray[np.int32]:
+    """Return for each cell (row * columns + column) the first disc in an order that all of it lies in, or -1."""
+    cover = np.full(rows * columns, -1, np.int32)
+    # The half diagonal of a cell, with more to spare than rounding takes.
+    half = 0.5 * np.sqrt(2.0) * size * (1.0 + 1e-5)
+    for disc in order:
+        x, y, r = discs[disc, 0], discs[disc, 1], discs[disc, 2] * (1.0 - 1e-9) - half
+        if r <= 0.0:
+            break
+        for row in range(max(0, cell_of(y - r, y0, size, rows)), min(rows - 1, cell_of(y + r, y0, size, rows)) + 1):
+            dy = y0 + (row + 0.5) * size - y
+            if abs(dy) > r:
+                continue
+            across = np.sqrt(r * r - dy * dy)
+            left = max(0, cell_of(x - across, x0, size, columns))
+            for column in range(left, min(columns - 1, cell_of(x + across, x0, size, columns)) + 1):
+                dx = x0 + (column + 0.5) * size - x
+                if cover[row * columns + column] < 0 and dx * dx + dy * dy <= r * r:
+                    cover[row * columns + column] = disc
+    return cover
+
+
+@njit(cache=True)
 def touched_cells(
-    segments: FloatArray, discs: FloatArray, x0: float, y0: float, size: float, columns: int, rows: int
+    segments: FloatArray,
+    discs: FloatArray,
+    x0: float,
+    y0: float,
+    size: float,
+    columns: int,
+    rows: int,
+    cover: NDArray[np.int32],
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Return (cell, item) pairs of every item with every cell that it touches; cells grown by 1e-6 of their size."""
+    """Return (cell, item) pairs of every item with every cell that it touches; cells grown by 1e-6 of their size.
+
+    Cells that lie in a disc by ``cover`` (:func:`_covering`; empty for none) are paired with no other disc.
+    """
     count = 0
     capacity = 4 * (len(segments) + len(discs)) + 64
     cells = np.empty(capacity, np.int64)
@@ -204,6 +259,8 @@ def touched_cells(
             left = max(0, cell_of(low_x - slack, x0, size, columns))
             right = min(columns - 1, cell_of(high_x + slack, x0, size, columns))
             for column in range(left, right + 1):
+                if disc and len(cover) > 0 and cover[row * columns + column] not in (-1, item - len(segments)):
+                    continue
                 if count == capacity:
                     capacity *= 2
                     more_cells = np.empty(capacity, np.int64)
