@@ -5,7 +5,7 @@ free space, then an obstacle to and fro; times are from a move of the mouse to t
 for a newer one, is drawn. Then frames while an end is dragged with thousands of landmarks drawn, the first paint, and
 minutes of random drags by several clients at once: complaints, and memory of server and page.
 
-    python -m benchmarks.live [--minutes 10] [--clients 5] [--base OTHER_CHECKOUT] [--report]
+    python -m benchmarks.live [--minutes 10] [--clients 5] [--base OTHER_CHECKOUT] [--part soak] [--report]
 """
 
 from __future__ import annotations
@@ -215,47 +215,61 @@ def soak(tab: Browser, address: str, pid: int, minutes: float, clients: int) -> 
     }
 
 
+PARTS = ("drags", "page", "soak")
+
+
+def measured(tab: Browser, part: str, arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the figures of a part."""
+    found: dict[str, Any] = {"measured": describe_machine()}
+    if part == "drags":
+        for name, world in worlds().items():
+            for kind, robot in ROBOTS.items():
+                with server(world, robot) as (address, _):
+                    found[f"{name}, {kind}"] = drags(tab, address, world, robot)
+                    print(name, kind, found[f"{name}, {kind}"], flush=True)
+        return found
+    office = World.load("worlds/office.yaml"), ROBOTS["rectangle"]
+    if part == "page" and arguments.base is not None:
+        with server(*office, arguments.base) as (address, _):
+            found |= {f"before: {key}": value for key, value in frames(tab, address).items()}
+    with server(*office) as (address, pid):
+        if part == "page":
+            return found | frames(tab, address)
+        return found | soak(tab, address, pid, arguments.minutes, arguments.clients)
+
+
 def main() -> None:
     """Measure, print, and write the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--minutes", type=float, default=10.0, help="of random drags")
     parser.add_argument("--clients", type=int, default=5, help="at once, the browser among them")
     parser.add_argument("--base", help="another checkout, whose frames a second are measured in the same run")
+    parser.add_argument("--part", choices=PARTS, action="append", help="to measure; others stay as they were")
     parser.add_argument("--report", action="store_true", help="write the results")
     arguments = parser.parse_args()
-    found: dict[str, Any] = {"drags": {}}
-    rows = []
+    file = RESULTS / "live.json"
+    found: dict[str, Any] = json.loads(file.read_text()) if arguments.part else {}
     with browser() as tab:
-        for name, world in worlds().items():
-            for kind, robot in ROBOTS.items():
-                with server(world, robot) as (address, _):
-                    figures = found["drags"][f"{name}, {kind}"] = drags(tab, address, world, robot)
-                for what, values in figures.items():
-                    told = (f"{values[key]:.0f} ms" for key in ("median", "95 %", "most"))
-                    rows.append([name, kind, what, *told])
-                    print(*rows[-1], sep=", ", flush=True)
-        office = World.load("worlds/office.yaml"), ROBOTS["rectangle"]
-        if arguments.base is not None:
-            with server(*office, arguments.base) as (address, _):
-                found["page before"] = {f"before: {key}": value for key, value in frames(tab, address).items()}
-        with server(*office) as (address, pid):
-            found["page"] = frames(tab, address)
-            print(found.get("page before"), found["page"], flush=True)
-            found["soak"] = soak(tab, address, pid, arguments.minutes, arguments.clients)
+        for part in arguments.part or PARTS:
+            found[part] = measured(tab, part, arguments)
+    rows = [
+        [*name.split(", "), what, *(f"{values[key]:.0f} ms" for key in ("median", "95 %", "most"))]
+        for name, figures in found["drags"].items()
+        if name != "measured"
+        for what, values in figures.items()
+    ]
     page = [
         "# The live page",
-        describe_machine(),
         "From a move of the mouse to the frame with the certified path (33 ms wanted for ends, 50 for obstacles):",
         markdown_table(["world", "robot", "dragged", "median", "95 %", "most"], rows),
-        "\n".join(
-            f"- {key}: {value}"
-            for part in ("page", "page before", "soak")
-            for key, value in found.get(part, {}).items()
-        ),
+        found["drags"]["measured"],
     ]
+    for part in PARTS[1:]:
+        page.append("\n".join(f"- {key}: {value}" for key, value in found[part].items() if key != "measured"))
+        page.append(found[part]["measured"])
     print("\n\n".join(page))
     if arguments.report:
-        write_atomically(RESULTS / "live.json", json.dumps({"machine": describe_machine(), **found}, indent=1) + "\n")
+        write_atomically(file, json.dumps(found, indent=1) + "\n")
         write_atomically(RESULTS / "live.md", "\n\n".join(page) + "\n")
 
 
