@@ -1,6 +1,6 @@
 """One client of the live page: its messages in, its answers out, and the thread in which they are found."""
 
-# Tested by tests/live/test_server.py.
+# Tested by tests/live/test_connection.py and test_server.py.
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from threading import Event
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any, Final, Protocol
 
 from trailmark.errors import TrailmarkError
@@ -34,7 +34,8 @@ YIELD: Final = 0.01
 """Seconds that planning waits at most for a path to be sent, before it goes on to better it."""
 
 MAX_UNSENT: Final = 20
-"""Answers that a slow client has not taken yet, from which on paths that are not final are left out."""
+"""Answers that a slow client has not taken yet, from which on paths that are not final are left out, and all else
+waits: nobody is told more than he takes."""
 
 MAX_ASIDES: Final = 2
 """Explorations and comparisons of one client, at a time."""
@@ -79,6 +80,8 @@ class Connection:
         try:
             while (frame := await self._channel.receive()) is not None:
                 self._take(frame)
+                # Refusals, too, are taken before there are more of them.
+                await self._until_unsent(MAX_WAITING)
         finally:
             self._stop_all()
             worker.cancel()
@@ -133,8 +136,13 @@ class Connection:
             return
         stop, world = Event(), self._session.world
 
+        def tell(answer: Answer) -> None:
+            self._tell(answer)
+            while self._unsent.qsize() > MAX_UNSENT and not stop.is_set():
+                sleep(YIELD)
+
         def work() -> None:
-            self._answer(message, lambda: ASIDES[message.type](world, message, self._tell, stop))
+            self._answer(message, lambda: ASIDES[message.type](world, message, tell, stop))
 
         future = self._loop.run_in_executor(None, work)
         self._asides[future] = stop
@@ -152,13 +160,21 @@ class Connection:
     async def _work(self) -> None:
         """Answer what waits, one after the other, in a thread of its own."""
         while True:
-            while not self._waiting:
+            await self._until_unsent(MAX_UNSENT)
+            if not self._waiting:
                 self._come.clear()
                 await self._come.wait()
+                continue
             message, stop = self._waiting.popleft(), Event()
             self._stop = stop
             work = partial(self._session.handle, message, stop)
             await self._loop.run_in_executor(self._thread, self._answer, message, work)
+
+    async def _until_unsent(self, most: int) -> None:
+        """Wait until no more answers than that have not been taken."""
+        await asyncio.sleep(0)  # what was told is in the queue after that
+        while self._unsent.qsize() > most:
+            await asyncio.sleep(YIELD)
 
     def _answer(self, message: Message, work: Callable[[], None]) -> None:
         try:
@@ -181,7 +197,8 @@ class Connection:
 
     async def _send_all(self) -> None:
         while (answer := await self._unsent.get()) is not None:
-            if answer.get("final") is not False or self._unsent.qsize() <= MAX_UNSENT:
+            better_comes = answer["type"] == "path" and not answer["final"]
+            if not better_comes or self._unsent.qsize() <= MAX_UNSENT:
                 await self._channel.send(json_text(answer))
             self._sent.set()
 
