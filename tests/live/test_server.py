@@ -30,7 +30,7 @@ def answers(client: ClientConnection, identity: Any) -> list[dict[str, Any]]:
     """Return what comes until the final answer to a message, or one that is an error."""
     found = []
     while True:
-        answer = json.loads(client.recv(timeout=30.0))
+        answer = json.loads(client.recv(timeout=90.0))
         if answer["id"] == identity:
             found.append(answer)
             if answer.get("final", True):
