@@ -41,8 +41,9 @@ from trailmark.benchmark.store import Store
 STAGES = ("first", "decide", "cost", "report")
 
 SOON = (
-    *("RRTConnect", "RRTConnect+certified", "native:RRTConnect"),
-    *("BITstar", "BITstar+certified", "native:BITstar"),
+    *("RRTConnect", "RRTConnect+certified", "native:RRTConnect", "native:RRTConnect+certified"),
+    *("BITstar", "BITstar+certified", "native:BITstar", "native:BITstar+certified"),
+    *("benchmarks.smac_like:plan", "benchmarks.theta_star_like:plan"),
 )
 SOMETIMES = ("KPIECE1", "RRT", "BFMT")
 """Those that were the soonest to a first path on some problem when all were tried; SOMETIMES ones get fewer runs."""
@@ -188,7 +189,7 @@ def _given(options: argparse.Namespace) -> list[Case]:
 
 def _run_stages(given: Sequence[Case], options: argparse.Namespace) -> None:
     known = known_planners()
-    options.soon = [name for name in SOON if name in known]
+    options.soon = [name for name in SOON if name in known or name.startswith("benchmarks.")]
     options.cheap = [[name for name in names if name in known] for names in CHEAP]
     minutes = {"first": options.first_minutes, "decide": options.decide_minutes, "cost": options.cost_minutes}
     options.output.parent.mkdir(parents=True, exist_ok=True)

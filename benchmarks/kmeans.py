@@ -44,6 +44,8 @@ from trailmark.planning.methods import METHODS
 
 __all__ = ["main", "problems"]
 
+Rows = list[dict[str, Any]]
+
 QUERIES = 1000
 NARROW_SEEDS, FIRST_PASSAGE = 10, 100
 """Runs of each on each narrow world; the passages' numbers begin beyond those that the planner is developed on."""
@@ -79,11 +81,10 @@ def limit(given: list[Case], options: argparse.Namespace) -> None:
             print("limit: time is up", file=sys.stderr)
 
 
-def narrow(options: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return whether either planner has a path in 1 s, seed by seed."""
-    rows = []
+def narrow(options: argparse.Namespace) -> Iterator[Rows]:
+    """Yield for each world whether either planner has a path in 1 s, seed by seed."""
     for case in narrow_problems(options.narrow):
-        checker = StateChecker(case.problem.world, case.problem.robot)
+        checker, rows = StateChecker(case.problem.world, case.problem.robot), Rows()
         for seed in range(NARROW_SEEDS):
             row: dict[str, Any] = {"problem": case.kind, "seed": seed}
             # In turns, so that neither always comes first.
@@ -91,7 +92,7 @@ def narrow(options: argparse.Namespace) -> list[dict[str, Any]]:
                 found = _planned(case, checker, name, seed, first=True)
                 row[name] = found["cost"] is not None
             rows.append(row)
-    return rows
+        yield rows
 
 
 def _planned(
@@ -117,11 +118,10 @@ def _planned(
     return {"cost": result.cost, "seconds": seconds or perf_counter() - begin, "nodes": result.landmarks}
 
 
-def counts(given: list[Case], options: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return for each problem, number of landmarks, planner and seed what one roadmap answers."""
-    rows = []
+def counts(given: list[Case], options: argparse.Namespace) -> Iterator[Rows]:
+    """Yield for each problem, by number of landmarks, planner and seed, what one roadmap answers."""
     for case in given:
-        checker = StateChecker(case.problem.world, case.problem.robot)
+        checker, rows = StateChecker(case.problem.world, case.problem.robot), Rows()
         query = np.array([[case.problem.query.start, case.problem.query.pose()]])
         for seed in range(options.seeds):
             about = {"problem": case.problem.key, "group": case.group, "seed": seed}
@@ -134,14 +134,13 @@ def counts(given: list[Case], options: argparse.Namespace) -> list[dict[str, Any
                     known = float(cost) if np.isfinite(cost) else None
                     rows.append({**about, "k": roadmap.k, "planner": name, "cost": known, "seconds": roadmap.seconds})
         print(f"counts: {case.kind}", file=sys.stderr, flush=True)
-    return rows
+        yield rows
 
 
-def many(given: list[Case], options: argparse.Namespace) -> list[dict[str, Any]]:
-    """Return for each world, number of nodes and placement what a thousand queries are answered."""
-    rows = []
+def many(given: list[Case], options: argparse.Namespace) -> Iterator[Rows]:
+    """Yield for each world, by number of nodes and placement, how many of a thousand queries are answered."""
     for case in given:
-        checker = StateChecker(case.problem.world, case.problem.robot)
+        checker, rows = StateChecker(case.problem.world, case.problem.robot), Rows()
         queries = free_samples(checker, 2 * QUERIES, random_state=7).reshape(-1, 2, 3)
         for seed in range(options.seeds):
             found = [
@@ -170,7 +169,7 @@ def many(given: list[Case], options: argparse.Namespace) -> list[dict[str, Any]]
                     }
                 )
         print(f"many: {case.kind}", file=sys.stderr, flush=True)
-    return rows
+        yield rows
 
 
 def main() -> int:
@@ -190,14 +189,18 @@ def main() -> int:
     given = problems(options.each)
     if "limit" in options.part:
         limit(given, options)
-    parts: dict[str, Callable[[], list[dict[str, Any]]]] = {
+    parts: dict[str, Callable[[], Iterator[Rows]]] = {
         "narrow": lambda: narrow(options),
         "counts": lambda: counts(given, options),
         "many": lambda: many(_one_of_each(given), options),
     }
     for name, measure in parts.items():
         if name in options.part:
-            options.output.with_suffix(f".{name}.json").write_text(json.dumps(measure()), encoding="utf-8")
+            rows = Rows()
+            for more in measure():
+                rows += more
+                # After each world, so that what ends early leaves what it has.
+                options.output.with_suffix(f".{name}.json").write_text(json.dumps(rows), encoding="utf-8")
     if "report" in options.part:
         publish(options.output, given, write=not options.no_write)
     return 0
