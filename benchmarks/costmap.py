@@ -93,7 +93,4 @@ def goal_distances(
                         buckets[int((d + step) / width) % count].append(np.int64(other))
                         left += 1
         level += 1
-    for cell in range(rows * columns):
-        if found[cell] > limit:
-            found[cell] = limit
-    return found.reshape(rows, columns)
+    return np.minimum(found, limit).reshape(rows, columns)

@@ -10,7 +10,7 @@ The costmap is there before the clock starts, as in a running robot. Cars are no
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,7 +179,7 @@ def _straight_free(costmap: Costmap, outline: Outline, a: FloatArray, b: FloatAr
 
 
 @njit(cache=True)
-def _slot(keys: NDArray[np.int64], key: int) -> int:
+def _slot(keys: NDArray[np.int64], key: np.int64) -> Any:
     """Return where a key is, or belongs, in an open table."""
     mask = len(keys) - 1
     i = np.int64((np.uint64(key) * np.uint64(11400714819323198485)) >> np.uint64(38)) & mask  # Fibonacci hashing
