@@ -230,9 +230,11 @@ class GoalSearch:
         if self._proven[i] or bound is None or goal.configuration is None:
             return
         pose, most = np.array(goal.configuration), self.best.cost - goal.cost
-        if bound.seconds(self.start, pose, most) < PROOF_SHARE * self.clock.seconds_left():
+        seconds = PROOF_SHARE * self.clock.seconds_left()
+        if bound.seconds(self.start, pose, most) < seconds:
             self._proven[i] = True
-            self.best.bounds[i] = max(self.best.bounds[i], bound.of(self.start, pose, most).cost + goal.cost)
+            found = bound.of(self.start, pose, most, seconds).cost
+            self.best.bounds[i] = max(self.best.bounds[i], found + goal.cost)
 
     def _plan(self, k: int, seconds: float = np.inf, *, known: FloatArray | None = None, gap: float = np.inf) -> None:
         """Plan to a configuration, until there is a path, or by default to the first one that there is."""
