@@ -29,7 +29,7 @@ SOON, CLOSE = 0.97, 0.95
 KEPT = 0.03
 """Share of the time limit that is left at the end."""
 
-CHECKING = Pace(1.0e-5)
+CHECKING = Pace(3.0e-6)
 """For each state of a path that is returned: what checks it and tells its least clearance."""
 
 
