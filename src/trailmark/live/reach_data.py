@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs import Enclosure, enclosure
+from trailmark.planning.proofs.enclosure import Enclosure, enclosure
 from trailmark.planning.proofs.region import free_region, local_origin
 from trailmark.se2 import FloatArray, transform
 from trailmark.world import World

@@ -209,8 +209,9 @@ def _enclose(kind: Kind) -> None:
     """Prove that there is no path: only what is hardly feasible, or not at all, asks for that."""
     from trailmark.collision import StateChecker
     from trailmark.landmarks import Relaxation
-    from trailmark.planning.proofs import enclosed, shut_off
+    from trailmark.planning.proofs import enclosed
     from trailmark.planning.proofs.claims import grid_separates
+    from trailmark.planning.proofs.shut_off import shut_off
 
     shut = StateChecker(World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), ROBOTS["straight"])
     ends = np.array([[0.6, 1.0, 0.0], [2.4, 1.0, 0.0]])

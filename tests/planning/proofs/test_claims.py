@@ -90,7 +90,7 @@ def test_a_bound_above_a_known_cost_is_reported_and_dropped(
 ) -> None:
     honest = LandmarkPlanner(WALL, robot, seed=0).plan(ENDS[0], ENDS[1], 0.5)
     assert honest.path is not None
-    monkeypatch.setattr(LowerBound, "of", lambda *_: Bound(bound, np.empty((0, 2))))
+    monkeypatch.setattr(LowerBound, "of", lambda *_, **__: Bound(bound, np.empty((0, 2))))
     with pytest.warns(InternalErrorWarning, match="lower bound"):
         result = LandmarkPlanner(WALL, robot, seed=0).plan(ENDS[0], ENDS[1], 0.5)
     assert result.status == "solved"

@@ -19,7 +19,7 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs import enclosed, enclosure
+from trailmark.planning.proofs.enclosure import enclosed, enclosure
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
 

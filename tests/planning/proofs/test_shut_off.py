@@ -9,7 +9,7 @@ from tests.planning.proofs.test_enclosure import SECONDS, wall_with_gap
 
 from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
-from trailmark.planning.proofs import shut_off
+from trailmark.planning.proofs.shut_off import shut_off
 
 PLACES = np.stack(np.meshgrid(np.arange(0.25, 11.0, 0.5), np.arange(0.25, 5.0, 0.5)), axis=-1).reshape(-1, 2)
 
