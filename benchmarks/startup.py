@@ -28,7 +28,8 @@ SHELL = str(Path(sys.executable).with_name("trailmark"))
 COMMANDS = {
     "python -c pass": ([sys.executable, "-c", "pass"], None),
     "import trailmark": ([sys.executable, "-c", "import trailmark"], 0.3),
-    "trailmark --help": ([SHELL, "--help"], None),
+    "trailmark --help": ([SHELL, "--help"], 0.3),
+    "trailmark plan office --time-limit 0.1": ([SHELL, "plan", "office", "--time-limit", "0.1", "--seed", "0"], 1.2),
     "trailmark plan office": ([SHELL, "plan", "office", "--seed", "0"], 2.5),
     "trailmark plan corridor": ([SHELL, "plan", "corridor", "--seed", "0"], 2.5),
     "trailmark plan gate": ([SHELL, "plan", "gate", "--seed", "0"], 2.5),
