@@ -37,6 +37,9 @@ from trailmark.compiled.report import report_once
 
 __all__ = ["CacheContents", "KernelCache", "cache_contents", "cache_of"]
 
+CODE = 2
+"""Number of the way in which kernels become machine code: what was cached before it changed is not used."""
+
 _folders: set[Path] = set()
 
 
@@ -161,7 +164,7 @@ class KernelCache(FunctionCache):
         return f"{self._impl.filename_base}.{hashlib.sha256(repr(sig).encode()).hexdigest()[:12]}"
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (*super()._index_key(sig, codegen), origin_of(self._py_func))
+        return (*super()._index_key(sig, codegen), origin_of(self._py_func), CODE)
 
 
 def cache_of(function: Callable[..., Any]) -> KernelCache | NullCache:

@@ -20,6 +20,8 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from trailmark.compiled.cache import KernelCache, cache_of
+from trailmark.compiled.python_api import CheckedPythonAPI
+from trailmark.compiled.signals import signals_wait
 
 __all__ = ["Kernel", "KernelCompiler"]
 
@@ -42,10 +44,13 @@ class KernelCompiler(Compiler):
     def __init__(self, typingctx: Any, targetctx: Any, library: Any, args: Any, *others: Any) -> None:
         super().__init__(typingctx, targetctx, library, args, *others)
         self.state.flags.no_cfunc_wrapper = True
+        # The context is this compilation's own copy.
+        context = self.state.targetctx
+        context.get_python_api = lambda builder: CheckedPythonAPI(context, builder)
         if Kernel.compiling > 1:
             self.state.flags.no_cpython_wrapper = True
-            # The context is this compilation's own copy. Callers find the code by this key, whatever it is.
-            self.state.targetctx.get_executable = lambda library, descriptor, environment: object()
+            # Callers find the code by this key, whatever it is.
+            context.get_executable = lambda library, descriptor, environment: object()
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """Compile a function, for Python or for the kernel that calls it."""
@@ -75,7 +80,7 @@ class Kernel(CPUDispatcher):
 
     def compile(self, sig: Any) -> Any:
         """Compile the kernel for a signature, or find the code; returns numba's handle on it."""
-        with global_compiler_lock:  # hence no two threads count at the same time
+        with signals_wait(), global_compiler_lock:  # with the lock, hence no two threads count at the same time
             Kernel.compiling += 1
             try:
                 return self._compile_for_python(sig) if Kernel.compiling == 1 else self._compile_for_kernel(sig)
