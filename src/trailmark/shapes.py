@@ -54,8 +54,10 @@ class Disc:
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "center", _point(self.center, "disc: center"))
-        object.__setattr__(self, "radius", _positive(self.radius, "disc: radius"))
+        center, radius = _point(self.center, "disc: center"), _positive(self.radius, "disc: radius")
+        if center is not self.center or radius is not self.radius:
+            object.__setattr__(self, "center", center)
+            object.__setattr__(self, "radius", radius)
 
     @property
     def area(self) -> float:
@@ -329,6 +331,10 @@ def _ring(points: ArrayLike, name: str) -> FloatArray:
 
 
 def _point(value: object, name: str) -> tuple[float, float]:
+    if type(value) is tuple and len(value) == 2:  # mostly, and the quickest way to see that all is well
+        x, y = value
+        if type(x) is type(y) is float and -LIMIT <= x <= LIMIT and -LIMIT <= y <= LIMIT:
+            return value
     try:
         x, y = list(value)  # type: ignore[call-overload]  # the except below is the check
     except (TypeError, ValueError):
@@ -340,6 +346,8 @@ def _point(value: object, name: str) -> tuple[float, float]:
 
 
 def _positive(value: object, name: str) -> float:
+    if type(value) is float and 0.0 < value <= LIMIT:
+        return value
     number = _number(value, name)
     if not 0.0 < number <= LIMIT:
         raise ShapeError(f"{name}: expected a number above 0 and at most {LIMIT:g} m, got {number!r}")
