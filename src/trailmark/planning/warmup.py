@@ -100,8 +100,15 @@ def _plan(kind: Kind, objective: str = "length") -> None:
 
     world, (start, goal) = SMALL
     # A little of everything is enough: a car's edges and sweeps take long under an objective.
-    little = {"sweeps": 1, "first_sweeps": 1, "polishing_sweeps": 1, "patience": 1}
-    settings = PlannerSettings(first_landmarks=20, drives=500, redrive_nodes=2_000, **little)
+    settings = PlannerSettings(
+        first_landmarks=20,
+        drives=500,
+        redrive_nodes=2_000,
+        sweeps=1,
+        first_sweeps=1,
+        polishing_sweeps=1,
+        patience=1,
+    )
     planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, objective=objective, settings=settings, warm=False)
     found = planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.checker.clearance(start)
