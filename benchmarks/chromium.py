@@ -128,6 +128,18 @@ class Browser:
             time.sleep(pause)
         self._mouse("mouseReleased", end, **held)
 
+    def touch(self, *ways: tuple[tuple[float, float], tuple[float, float]], steps: int = 10) -> None:
+        """Move a finger for each of some ways, from one place of the window to another, all at the same time."""
+        for kind, shares in (("Start", [0.0]), ("Move", [(i + 1) / steps for i in range(steps)]), ("End", [None])):
+            for share in shares:
+                points = [
+                    {"x": a[0] + (b[0] - a[0]) * share, "y": a[1] + (b[1] - a[1]) * share, "id": i}
+                    for i, (a, b) in enumerate(ways)
+                    if share is not None
+                ]
+                self._ask("Input.dispatchTouchEvent", type=f"touch{kind}", touchPoints=points)
+                time.sleep(0.016)
+
     def key(self, key: str, code: str = "", modifiers: int = 0) -> None:
         """Press a key and let it go; of the modifiers, 2 is Ctrl and 8 is Shift."""
         text = {"text": key} if len(key) == 1 and not modifiers & 2 else {}

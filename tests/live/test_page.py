@@ -1,12 +1,18 @@
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from benchmarks.chromium import Browser, browser
+from PIL import Image
 from tests.benchmark.report.browser import require_chromium
 from tests.exploration.made_exploration import made_exploration
 from tests.live.conftest import serving
@@ -179,6 +185,60 @@ def test_files_are_read_in_the_browser(tab: Browser, address: str, tmp_path: Pat
     shared = tab.wait("location.hash.length > 10 && location.href")
     show(tab, shared)
     assert tab.run("trailmark.scene.world.name") == "dropped"
+    assert tab.complaints == []
+
+
+def test_fingers_drag_and_pinch(tab: Browser, address: str) -> None:
+    show(tab, address, 390)
+    goal = on_screen(tab, "trailmark.scene.goal.slice(0, 2)")
+    tab.touch((goal, on_screen(tab, "[6.0, 6.0]")))
+    states = settled(tab)
+    assert states[-1] == tab.run("trailmark.scene.goal")
+    assert states[-1][:2] == pytest.approx([6.0, 6.0], abs=0.2)
+    scale, (x, y) = tab.run("trailmark.view.scale"), on_screen(tab, "[10.0, 6.0]")
+    tab.touch(((x - 20, y), (x - 60, y)), ((x + 20, y), (x + 60, y)))
+    assert tab.run("trailmark.view.scale") == pytest.approx(3.0 * scale, rel=0.1)
+    assert on_screen(tab, "[10.0, 6.0]") == pytest.approx((x, y), abs=3.0)
+    assert tab.complaints == []
+
+
+def test_what_is_exported_is_what_is_shown(tab: Browser, address: str, tmp_path: Path) -> None:
+    show(tab, address)
+    tab.run("margin.value = 0.05, objective.value = 'clearance', objective.dispatchEvent(new Event('change'))")
+    tab.wait("trailmark.inFlight.size === 0 && document.getElementById('verdict').textContent.startsWith('path found')")
+    tab.wait("trailmark.scene.path.final", 30.0)
+    states = settled(tab)
+    tab.run("""window.kept = new Map(); navigator.clipboard.writeText = () => Promise.reject(new Error('forbidden'));
+      URL.createObjectURL = (blob) => (window.last = blob, 'data:,');
+      HTMLAnchorElement.prototype.click = function () {
+        window.last.arrayBuffer().then((held) => kept.set(this.download, [...new Uint8Array(held)])); }; null""")
+    kept = {}
+    for button, name in zip(("png", "svg", "json", "save", "python"), ("png", "svg", "json", "yaml", ""), strict=True):
+        file = f"office.{name}" if name else "plan.py"
+        tab.run(f"document.getElementById('{button}').click()")
+        kept[file] = bytes(tab.wait(f"kept.get('{file}')"))
+        (tmp_path / file).write_bytes(kept[file])
+    assert "plan.py" in tab.run("document.getElementById('told').textContent")
+    box = tab.run("[trailmark.view.canvas?.width ?? document.getElementById('map').width]")[0]
+    with Image.open(tmp_path / "office.png") as picture:
+        assert picture.width == box
+        assert len(picture.getcolors(1 << 24) or ()) > 10
+    drawn = ElementTree.fromstring(kept["office.svg"])  # noqa: S314  # of our own making
+    lines = [part for part in drawn.iter() if part.tag.endswith("polyline")]
+    points = [[float(v) for v in point.split(",")] for point in lines[0].attrib["points"].split()]
+    assert np.array(points) == pytest.approx(np.array(states)[:, :2], abs=1e-3)
+    path, world = json.loads(kept["office.json"]), World.load(tmp_path / "office.yaml")
+    assert path["states"] == states
+    assert world.obstacles == World.load("office").obstacles
+    assert check_path(world, world.robot, path["states"]).free
+    # The program plans what the page planned.
+    program = kept["plan.py"].decode()
+    assert 'clearance=0.05, objective="clearance"' in program
+    names: dict[str, Any] = {}
+    with contextlib.chdir(tmp_path), contextlib.redirect_stdout(io.StringIO()) as said:
+        exec(program, names)  # noqa: S102  # what is exported is to be run
+    assert said.getvalue().startswith("solved")
+    assert names["result"].path.states[[0, -1]] == pytest.approx(np.array(states)[[0, -1]], abs=1e-5)
     assert tab.complaints == []
 
 

@@ -61,13 +61,14 @@ const clicks = {
   svg: () => download(`${scene.world.name}.svg`, svgOf(scene, colours), "image/svg+xml"),
   json: () => scene.path && download(`${scene.world.name}.json`, JSON.stringify({...scene.path, type: undefined, final: undefined, id: undefined}, null, 1), "application/json"),
   python: async () => {
-    const text = pythonOf(scene, `${scene.world.name}.yaml`);
-    await navigator.clipboard?.writeText(text).catch(() => download("plan.py", text, "text/x-python"));
-    $("told").textContent = "Copied.";
+    const text = pythonOf(scene, `${scene.world.name}.yaml`, plannerOptions());
+    const copied = await copy(text);
+    if (!copied) download("plan.py", text, "text/x-python");
+    $("told").textContent = copied ? "Copied." : "Nothing can be copied here: plan.py holds it.";
   },
   share: async () => {
     location.hash = await packed({world: scene.content(), start: scene.start, goal: scene.goal});
-    await navigator.clipboard?.writeText(location.href).catch(() => null);
+    await copy(location.href);
     $("told").textContent = "The address holds the world now.";
   },
 };

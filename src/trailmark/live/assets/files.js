@@ -109,6 +109,16 @@ function download(name, content, type) {
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
 }
 
+// Return whether a text was copied: only pages of this machine or by https have a clipboard, and it may be forbidden.
+async function copy(text) {
+  try {
+    await navigator.clipboard.writeText(text);
+    return true;
+  } catch {
+    return false;
+  }
+}
+
 // What is shared in an address: deflated, without what an address may not hold.
 async function packed(value) {
   const stream = new Blob([JSON.stringify(value)]).stream().pipeThrough(new CompressionStream("deflate-raw"));
@@ -139,12 +149,13 @@ function svgOf(scene, colours) {
     + `<polyline points="${line(states.map((q) => q.slice(0, 2)))}" fill="none" stroke="${colours.way}" stroke-width="${size}"/></g></svg>\n`;
 }
 
-function pythonOf(scene, worldFile) {
+function pythonOf(scene, worldFile, options) {
+  const given = Object.entries(options).map(([name, value]) => `, ${name}=${JSON.stringify(value)}`).join("");
   const robot = scene.robot, list = (q) => `(${q.map((v) => rounded(v, 6)).join(", ")})`;
   return `from trailmark import LandmarkPlanner, World
 
 world = World.load(${JSON.stringify(worldFile)})  # ${robot.shape} robot; save it from the page
-planner = LandmarkPlanner(world, seed=0)
+planner = LandmarkPlanner(world, seed=0${given})
 result = planner.plan(${list(scene.start)}, ${list(scene.goal)}, time_limit=1.0)
 print(result.status, result.path and result.path.cost)
 `;

@@ -80,12 +80,17 @@ function receiveError({id, message}) {
 
 // ---- worlds
 
-async function setWorld(world, fit = true, ends = null) {
+// What the planner is told beside the world, by the names that Python has for it.
+function plannerOptions() {
   const options = {}, margin = Number($("margin").value);
   if (margin > 0) options.clearance = margin;
   if ($("objective").value !== "length") options.objective = $("objective").value;
+  return options;
+}
+
+async function setWorld(world, fit = true, ends = null) {
   try {
-    takeWorld(await ask("world", {world, ...options}), fit, ends);
+    takeWorld(await ask("world", {world, ...plannerOptions()}), fit, ends);
     return true;
   } catch (error) {
     $("error").textContent = error.message;
