@@ -2,7 +2,8 @@
 
     python -m benchmarks.suite_report quick [options of trailmark benchmark, such as --workers 2 or -p native:PRM]
 
-The suites are files of ``benchmarks/suites``; ``--name`` writes another file than the suite's.
+The suites are files of ``benchmarks/suites``; ``--name`` writes another file than the suite's. With ``--database`` the
+runs are kept, and the same command goes on where it was stopped.
 """
 
 from __future__ import annotations
@@ -25,10 +26,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("suite", choices=sorted(file.stem for file in SUITES.glob("*.yaml")))
     parser.add_argument("--name", help="of the report, without suffix")
+    parser.add_argument("--database", type=Path, help="where runs are kept")
     options, others = parser.parse_known_args()
     command = [sys.executable, "-m", "trailmark.cli"]
     with tempfile.TemporaryDirectory() as folder:
-        database, report = Path(folder) / "results.db", Path(folder) / "report.md"
+        database, report = options.database or Path(folder) / "results.db", Path(folder) / "report.md"
         suite = ["--suite", str(SUITES / f"{options.suite}.yaml"), "--output", str(database)]
         subprocess.run([*command, "benchmark", *suite, *others], check=True)
         subprocess.run([*command, "report", database, "--markdown", report], check=True)
