@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from trailmark import Rectangle, Robot, World
 from trailmark.estimation.simulation.raycast import RayCaster
 from trailmark.exploration import ExplorationSettings, Explorer
 from trailmark.exploration.contact import contact_points, way_back
+from trailmark.exploration.exploration_folder import keep_exploration, load_exploration
 from trailmark.exploration.known_map import OCCUPIED, UNKNOWN
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
 
@@ -44,7 +46,7 @@ def test_the_way_back_is_what_was_driven_last() -> None:
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])
-def test_what_the_laser_does_not_see_is_run_into_once_and_explored_around(noise: float) -> None:
+def test_what_the_laser_does_not_see_is_run_into_once_and_explored_around(noise: float, tmp_path: Path) -> None:
     body = Robot.disc(0.2)
     seen = World("rooms", BOUNDS, WALLS, body)
     robot = SimulatedRobot(
@@ -71,3 +73,11 @@ def test_what_the_laser_does_not_see_is_run_into_once_and_explored_around(noise:
     touched = known.centres(*np.nonzero(known.state == OCCUPIED))
     near = shapely.distance(shapely.points(touched), GLASS.polygon().shapely()) <= 0.15
     assert near.any()
+    # Who goes on with it knows that too.
+    keep_exploration(exploring.saved(), tmp_path / "run")
+    saved = load_exploration(tmp_path / "run")
+    assert len(saved.contacts) > 0
+    settings = exploring.settings
+    after = Explorer(robot, body, robot.sensor, start=robot.pose, bounds=BOUNDS, settings=settings, resumed=saved)
+    assert np.array_equal(after.mapper.known.contacts, known.contacts)
+    assert (after.mapper.known.state[after.mapper.known.cells_of(saved.contacts)] == OCCUPIED).all()

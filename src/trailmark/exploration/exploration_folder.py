@@ -60,6 +60,8 @@ class SavedExploration(NamedTuple):
     """As :class:`ExplorationResult` has it."""
     first_known: NDArray[np.float32]
     """As :class:`ExplorationResult` has it."""
+    contacts: FloatArray
+    """Where the robot ran into something, shape (n, 2), metres."""
     robot_state: dict[str, Any] | None
     """Of the simulated robot; None with a real one."""
     seconds: float
@@ -142,7 +144,8 @@ def save_exploration(
         OutputError: as :func:`check_folder`.
     """
     path, known = Path(folder), result.known
-    kept = result.log, result.history, result.first_known, result.robot_state, result.seconds, result.decisions
+    found = result.log, result.history, result.first_known, known.contacts
+    kept = *found, result.robot_state, result.seconds, result.decisions
     keep_exploration(SavedExploration(*kept, options or {}), path)
     result.world.save(path / "world.yaml")
     nav2_output.save_nav2_cells(GREY[known.state], path / "map.yaml", known.cell, known.origin)
@@ -182,11 +185,14 @@ def load_exploration(folder: str | Path) -> SavedExploration:
             state = json.loads(str(arrays["state"]))
             named = {name: arrays[name] for name in History._fields if name != "events"}
             history = History(**named, events=tuple((int(i), str(text)) for i, text in state["events"])).progress()
+            # Explorations of earlier versions have none.
+            contacts = np.asarray(arrays.get("contacts", ()), np.float64).reshape(-1, 2)
             first, mark = np.asarray(arrays["first_known"], dtype=np.float32), str(arrays["fingerprint"])
         saved = SavedExploration(
             log,
             history,
             first,
+            contacts,
             state["robot"],
             float(state["seconds"]),
             np.asarray(state["decisions"], dtype=np.float64),
@@ -200,7 +206,8 @@ def load_exploration(folder: str | Path) -> SavedExploration:
 
 
 def _resume_bytes(saved: SavedExploration) -> bytes:
-    arrays: dict[str, Any] = History.of(saved.history)._asdict() | {"first_known": saved.first_known}
+    arrays: dict[str, Any] = History.of(saved.history)._asdict()
+    arrays |= {"first_known": saved.first_known, "contacts": saved.contacts}
     state = {"events": arrays.pop("events"), "robot": saved.robot_state, "options": saved.options}
     state |= {"seconds": saved.seconds, "decisions": saved.decisions.tolist()}
     buffer = io.BytesIO()

@@ -230,14 +230,14 @@ class Explorer:
         """Return all that another explorer of the same world, robot and sensor needs to go on (``resumed``)."""
         state = self._driver.state() if isinstance(self._driver, SimulatedRobot) else None
         decisions = np.array(self._course.decisions)
-        return SavedExploration(
-            self.log(), tuple(self._history), self._first_known.copy(), state, self._seconds, decisions, {}
-        )
+        found = self.log(), tuple(self._history), self._first_known.copy(), self.mapper.known.contacts
+        return SavedExploration(*found, state, self._seconds, decisions, {})
 
     def _resume(self, saved: SavedExploration) -> None:
         """Take over what was recorded and found before."""
         for records in _readings(saved.log.records):
             self.mapper.take(records)
+        self.mapper.known.add_contact(saved.contacts)
         self._history, last = list(saved.history), saved.history[-1]
         self._began = saved.log.records[0].t
         self._time = self._last_reading = last.time

@@ -104,6 +104,11 @@ class KnownMap:
         """UNKNOWN, FREE or OCCUPIED, shape (rows, columns); row 0 has the smallest y."""
         return self._cells.state
 
+    @property
+    def contacts(self) -> FloatArray:
+        """Centres of the cells in which the robot ran into something, shape (n, 2), metres."""
+        return self.centres(*np.nonzero(self._contacts))
+
     def set_state(self, state: NDArray[np.uint8], discs: Mapping[str, Disc] | None = None) -> None:
         """Take over the state of all cells; those that are occupied are so as a whole, or by discs.
 
