@@ -37,7 +37,9 @@ def door(gap: float) -> World:
 
 def least(world: World, robot: Robot, path: Path, fine: float = 0.01) -> float:
     """Return the least distance (metres) of a densely sampled path to what blocks the robot, by shapely."""
-    states = path.polyline(1e-8).states if isinstance(path, CurvePath) else path.states
+    if isinstance(path, CurvePath):  # at places on the curves themselves, not on chords of them
+        return float(Oracle(world, robot).clearance(path.resample(fine).states).min())
+    states = path.states
     moved = np.hypot(*(states[1:, :2] - states[:-1, :2]).T) + np.abs(states[1:, 2] - states[:-1, 2])
     pieces = zip(states[:-1], states[1:], moved, strict=True)
     rows = [motion_states(a[None], b[None], 2 + int(m / fine))[0] for a, b, m in pieces]
