@@ -43,7 +43,7 @@ STAGES = ("first", "decide", "cost", "report")
 SOON = (
     *("RRTConnect", "RRTConnect+certified", "native:RRTConnect", "native:RRTConnect+certified"),
     *("BITstar", "BITstar+certified", "native:BITstar", "native:BITstar+certified"),
-    *("benchmarks.smac_like:plan", "benchmarks.theta_star_like:plan"),
+    *("benchmarks.smac_like:plan", "benchmarks.theta_star_like:plan", "benchmarks.any_angle_exact:plan"),
 )
 SOMETIMES = ("KPIECE1", "RRT", "BFMT")
 """Those that were the soonest to a first path on some problem when all were tried; SOMETIMES ones get fewer runs."""

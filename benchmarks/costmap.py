@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -13,9 +14,10 @@ from trailmark.collision.field import distance_transform, occupied_cells
 from trailmark.collision.obstacles import build_grid
 from trailmark.compiled import njit
 from trailmark.keep_out import with_keep_outs
+from trailmark.se2 import FloatArray
 from trailmark.world import World
 
-__all__ = ["RESOLUTION", "Costmap", "cell_of", "costmap_of", "goal_distances"]
+__all__ = ["RESOLUTION", "Costmap", "cell_of", "costmap_of", "goal_distances", "with_headings"]
 
 RESOLUTION = 0.05
 """Metres: the edge of a cell, nav2's default."""
@@ -40,6 +42,15 @@ class Costmap(NamedTuple):
 def costmap_of(checker: StateChecker) -> Costmap:
     """Return the costmap of a checker's world; the same one for the same world."""
     return _costmap(checker.world)
+
+
+def with_headings(xy: FloatArray, start: FloatArray, goal: FloatArray) -> FloatArray:
+    """Return a round robot's way as states, shape (n, 3): it turns evenly from the start's heading to the goal's."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
+    turn = math.remainder(float(goal[2] - start[2]), 2.0 * math.pi)
+    theta = start[2] + turn * along / max(float(along[-1]), 1e-9)
+    theta[-1] = goal[2]
+    return np.column_stack([xy, theta])
 
 
 @lru_cache(maxsize=2)

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.costmap import Costmap, cell_of, costmap_of
+from benchmarks.costmap import Costmap, cell_of, costmap_of, with_headings
 from benchmarks.smac_like import SMALL
 from trailmark.collision import StateChecker
 from trailmark.compiled import njit
@@ -35,12 +35,7 @@ def plan(
     middle = np.column_stack(
         [prepared.x0 + (cells[:, 1] + 0.5) * prepared.size, prepared.y0 + (cells[:, 0] + 0.5) * prepared.size]
     )
-    xy = np.concatenate([[start[:2]], middle, [goal[:2]]])
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy, axis=0).T))])
-    turn = math.remainder(float(goal[2] - start[2]), 2.0 * math.pi)
-    theta = start[2] + turn * along / max(float(along[-1]), 1e-9)
-    theta[-1] = goal[2]
-    return np.column_stack([xy, theta])
+    return with_headings(np.concatenate([[start[:2]], middle, [goal[:2]]]), start, goal)
 
 
 def prepare(checker: StateChecker) -> Costmap:

@@ -1,16 +1,20 @@
-"""benchmarks/smac_like.py and benchmarks/theta_star_like.py on benchmarks/costmap.py: ways, and where none are."""
+"""The grid planners of benchmarks/ (smac_like, theta_star_like, any_angle_exact) on benchmarks/costmap.py."""
 
 from __future__ import annotations
 
 import math
 from types import ModuleType
 
+import networkx
 import numpy as np
 import pytest
-from benchmarks import smac_like, theta_star_like
+import shapely
+from benchmarks import any_angle_exact, smac_like, theta_star_like
+from benchmarks.any_angle_exact import corners_of, shortest_way
 from benchmarks.costmap import RESOLUTION, costmap_of
 
 from trailmark.benchmark.referee import Referee
+from trailmark.clock import Deadline
 from trailmark.collision import StateChecker
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
@@ -27,7 +31,7 @@ def planned(module: ModuleType, robot: Robot, walls: str, start: FloatArray = ST
     return found
 
 
-@pytest.mark.parametrize("module", [smac_like, theta_star_like])
+@pytest.mark.parametrize("module", [smac_like, theta_star_like, any_angle_exact])
 def test_ways_lead_around_obstacles_and_are_short(module: ModuleType) -> None:
     radius = 0.3
     path = planned(module, Robot.disc(radius), "block")
@@ -56,12 +60,56 @@ def test_a_footprint_turns_to_fit() -> None:
     assert theta_star_like.plan(checker, sideways, GOAL, 1.0, 0, prepared=theta_star_like.prepare(checker)) is None
 
 
-@pytest.mark.parametrize("module", [smac_like, theta_star_like])
+@pytest.mark.parametrize("module", [smac_like, theta_star_like, any_angle_exact])
 def test_where_there_is_no_way_there_is_no_path(module: ModuleType) -> None:
     robot = Robot.disc(0.3)
     assert planned(module, robot, "shut") is None
     assert planned(module, robot, "block", np.array([5.0, 2.5, 0.0])) is None  # within the block
     assert planned(module, robot.steered(1.0), "open") is None  # a car
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_exact_way_is_the_shortest_of_a_visibility_graph_by_shapely(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    blocked = rng.random((9, 11)) < (0.1, 0.2, 0.3)[seed % 3]
+    corners = corners_of(blocked)
+    cells = [shapely.box(column, row, column + 1, row + 1) for row, column in np.argwhere(corners.blocked)]
+    # Where two cells meet at a corner nothing passes; and a line may go along a cell.
+    inside = shapely.union_all([cell.buffer(-1e-4) for cell in cells])
+    for row, column in np.argwhere(corners.blocked[:-1, :-1]):
+        for other in (-1, 1):
+            if 0 <= column + other < 11 and corners.blocked[row + 1, column + other]:
+                middles = [(column + 0.5, row + 0.5), (column + other + 0.5, row + 1.5)]
+                inside = inside.union(shapely.LineString(middles).buffer(1e-4))
+        beside = [(column, row, column + 1, row), (column, row, column, row + 1)]
+        for a, b, c, d in beside:
+            if corners.blocked[d, c]:
+                inside = inside.union(shapely.LineString([(a + 0.5, b + 0.5), (c + 0.5, d + 0.5)]).buffer(1e-4))
+    free = np.argwhere(~corners.blocked)
+    found = 0
+    for _ in range(6):
+        ends = free[rng.integers(0, len(free), 2)][:, ::-1] + rng.uniform(0.05, 0.95, (2, 2))
+        places = np.concatenate([ends, [(c, r) for r in range(10) for c in range(12)]])
+        graph = networkx.Graph()
+        a, b = np.triu_indices(len(places), 1)
+        lines = shapely.linestrings(np.stack([places[a], places[b]], axis=1))
+        seen = ~shapely.intersects(lines, inside)
+        weights = np.hypot(*(places[a] - places[b]).T)
+        graph.add_weighted_edges_from(zip(a[seen], b[seen], weights[seen], strict=True))
+        way = shortest_way(corners, ends[0], ends[1], Deadline.after(60.0))
+        if graph.has_node(0) and graph.has_node(1) and networkx.has_path(graph, 0, 1):
+            assert len(way)
+            length = float(np.hypot(*np.diff(way, axis=0).T).sum())
+            assert length == pytest.approx(networkx.shortest_path_length(graph, 0, 1, "weight"), abs=2e-3)
+            found += 1
+        else:
+            assert not len(way)
+    assert found > 0
+
+
+def test_the_exact_search_ends_in_time() -> None:
+    corners = corners_of(np.random.default_rng(0).random((300, 300)) < 0.2)
+    assert not len(shortest_way(corners, np.array([5.5, 5.5]), np.array([290.5, 290.5]), Deadline.after(0.0)))
 
 
 def test_costmaps_know_what_touches_their_cells() -> None:
