@@ -131,6 +131,11 @@ def shortest_way(corners: Corners, start: FloatArray, goal: FloatArray, deadline
         if at == n + 1:
             break
         x, y = places[at]
+        # It bends around the blocked cell, towards the side on which it passes it.
+        in_x, in_y, towards = 0.0, 0.0, 0.0
+        if at < n:
+            in_x, in_y = x - places[parent[at], 0], y - places[parent[at], 1]
+            towards = 1.0 if in_x * sides[at, 1] - in_y * sides[at, 0] > 0.0 else -1.0
         for other in range(n + 2):
             if other % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
                 return none
@@ -138,6 +143,7 @@ def shortest_way(corners: Corners, start: FloatArray, goal: FloatArray, deadline
             # A way that is not tangent to the blocked cell at either end could be cut short there.
             if (
                 closed[other]
+                or towards * (in_x * dy - in_y * dx) < 0.0
                 or sides[at, 0] * dx * sides[at, 1] * dy > 0.0
                 or sides[other, 0] * dx * sides[other, 1] * dy > 0.0
             ):
