@@ -6,6 +6,8 @@ itself or, with --anchor SECONDS, of one with so much more time. Seconds are the
 machine does counts little; memory is the peak of a process of its own for each map. Writes results/grids.{json,md}.
 
     python -m benchmarks.grids [--maps DIR] [--sizes 512,1024] [--rows 6] [--only KIND] [--anchor S] [--no-write]
+
+With --only the other rows of the results stay as they were; below the table stands which code each was measured with.
 """
 
 from __future__ import annotations
@@ -143,7 +145,8 @@ def main() -> None:
         found = many_discs(given == "discs-overlapping") if given.startswith("discs") else None
         print(json.dumps(found or measured(Path(given), options.rows, options.anchor)))
         return
-    results = []
+    results: list[dict[str, Any]] = []
+    machine = describe_machine()
     with tempfile.TemporaryDirectory() as folder:
         jobs = [str(path) for path in sorted(options.maps.glob("*.map"))] if options.maps else []
         for size in map(int, options.sizes.split(",")):
@@ -163,13 +166,20 @@ def main() -> None:
             except (subprocess.TimeoutExpired, subprocess.CalledProcessError) as error:
                 print(f"{Path(job).stem}: {str(error.stderr or error)[-300:]}", flush=True)
                 continue
-            results.append(json.loads(answer.stdout))
+            results.append({**json.loads(answer.stdout), "machine": machine})
             print(table(results[-1:]).splitlines()[-1], flush=True)
-    text = table(results)
     if not options.no_write:
-        machine = describe_machine()
-        write_atomically(RESULTS / "grids.json", json.dumps({"machine": machine, "results": results}, indent=1) + "\n")
-        lines = ["# Grid maps", "", str(machine), "", "Seconds; milliseconds; percent.", "", text, ""]
+        file = RESULTS / "grids.json"
+        if options.only:
+            before = json.loads(file.read_text())["results"]
+            new = {result["map"]: result for result in results}
+            results = [new.pop(result["map"], result) for result in before] + list(new.values())
+        measured_with: dict[str, list[str]] = {}
+        for result in results:
+            measured_with.setdefault(result["machine"], []).append(result["map"])
+        write_atomically(file, json.dumps({"results": results}, indent=1) + "\n")
+        ages = [f"{', '.join(maps)}: {code}" for code, maps in measured_with.items()]
+        lines = ["# Grid maps", "", "Seconds; milliseconds; percent.", "", table(results), "", "\n\n".join(ages), ""]
         write_atomically(RESULTS / "grids.md", "\n".join(lines))
 
 
