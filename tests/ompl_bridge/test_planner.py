@@ -74,7 +74,7 @@ planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0, keep_
 problem.solve(0.2)
 problem.setup.clear()
 words = []
-for limit in (0.002, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3):
+for limit in (0.002, 0.02, 0.1, 0.3):
     words.append(problem.solve(limit).asString())
     problem.setup.clear()
 tell(words=words)
