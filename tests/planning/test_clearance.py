@@ -37,7 +37,7 @@ def door(gap: float) -> World:
 
 def least(world: World, robot: Robot, path: Path, fine: float = 0.01) -> float:
     """Return the least distance (metres) of a densely sampled path to what blocks the robot, by shapely."""
-    if isinstance(path, CurvePath):  # at places on the curves themselves, not on chords of them
+    if isinstance(path, CurvePath):
         return float(Oracle(world, robot).clearance(path.resample(fine).states).min())
     states = path.states
     moved = np.hypot(*(states[1:, :2] - states[:-1, :2]).T) + np.abs(states[1:, 2] - states[:-1, 2])
@@ -71,7 +71,7 @@ def test_states_are_valid_where_shapely_measures_the_clearance(name: str, cleara
 def test_paths_in_random_worlds_keep_the_clearance(name: str, radius: float | None) -> None:
     robot = ROBOTS[name].steered(radius)
     solved = 0
-    for seed in range(4):
+    for seed in range(2):
         world = random_world(seed, 25, size=40.0, discs=0.3, boundary=seed % 2 == 1)
         for clearance in (1e-9, 0.3):
             start, goal = ends_of(world, robot, clearance, seed)
@@ -84,7 +84,7 @@ def test_paths_in_random_worlds_keep_the_clearance(name: str, radius: float | No
                 audit = check_path(world, robot.keeping(clearance), result.path)
                 assert audit.free
                 assert audit.min_clearance >= clearance - ALLOWED
-    assert solved >= 4
+    assert solved >= 2
 
 
 @pytest.mark.parametrize("robot", [CAR, Robot.disc(0.2)])
