@@ -30,7 +30,7 @@ start, goal = office.query("door").start, office.query("door").goal
 arrow = Robot.polygon([[-0.3, -0.2], [0.3, -0.2], [0.0, 0.0], [0.3, 0.2], [-0.3, 0.2]])
 for robot in (office.robot, Robot.disc(0.25), arrow):
     planner = LandmarkPlanner(office, robot, seed=0)
-    planner.plan(start, goal, time_limit=1.0)
+    planner.plan(start, goal, time_limit=0.5)
     planner.plan_many([start], [goal], workers=2)
     planner.checker.motion_valid(start, goal)
     planner.checker.clearance([start, goal])
@@ -41,10 +41,10 @@ square = Polygon([[9, 5], [11, 5], [11, 7], [9, 7]])
 zoned = replace(office, zones=(CostZone(square, 3.0), OneWayZone(square, 0.0, 1.0), SpeedZone(square, 0.5)))
 goals = [Goal(pose=(18.0, 10.0)), Goal(pose=(1.5, 10.0, 0.0), position_tolerance=0.3)]
 for robot in (office.robot, Robot.disc(0.25)):
-    LandmarkPlanner(zoned, robot, seed=0).plan(start, goal, time_limit=1.0)
-    LandmarkPlanner(office, robot, seed=0, objective="time").plan(start, goal, time_limit=1.0)
-    LandmarkPlanner(office, robot, seed=0).plan(start, goals, time_limit=1.0)
-    found = LandmarkPlanner(office, robot, seed=0, clearance=0.02).plan(start, goal, time_limit=1.0)
+    LandmarkPlanner(zoned, robot, seed=0).plan(start, goal, time_limit=0.5)
+    LandmarkPlanner(office, robot, seed=0, objective="time").plan(start, goal, time_limit=0.5)
+    LandmarkPlanner(office, robot, seed=0).plan(start, goals, time_limit=0.5)
+    found = LandmarkPlanner(office, robot, seed=0, clearance=0.02).plan(start, goal, time_limit=0.5)
     found.path.timed(1.0, 0.5, 1.0)
     found.path.smooth(office, robot)
 LandmarkPlanner(office, office.robot.steered(0.4), seed=0, objective="clearance").plan(start, goal, time_limit=2.0)

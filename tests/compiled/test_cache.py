@@ -175,13 +175,12 @@ def test_without_any_place_there_is_no_cache(probe: Path) -> None:
     assert err.count("\n") == 1
 
 
-@pytest.mark.parametrize("content", [b"", b"\x80\x05", b"not a pickle"])
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
-def test_damaged_files_are_compiled_anew(probe: Path, kind: str, content: bytes) -> None:
+def test_damaged_files_are_compiled_anew(probe: Path, kind: str) -> None:
     run(probe)
     files = list(probe.rglob(f"*.{kind}"))
     assert len(files) == 4
-    for file in files:
+    for file, content in zip(files, (b"", b"\x80\x05", b"not a pickle", files[3].read_bytes()[:40]), strict=True):
         file.write_bytes(content)
     assert run(probe) == ("[2, 2, 11, 2] [0, 0, 0, 0]", "")
     assert run(probe) == ("[2, 2, 11, 2] [1, 1, 1, 1]", "")
