@@ -25,7 +25,8 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from importlib.util import spec_from_loader
@@ -82,11 +83,13 @@ class Mutant:
         function: that it is in.
         line: of the source.
         change: in words.
-        tree: the module's syntax tree with the change.
+        tree: gives the module's syntax tree with the change; copying a tree takes much longer than naming the change.
         key: the same as long as the function's code is, wherever it moves to.
     """
 
-    def __init__(self, module: str, function: str, line: int, change: str, tree: ast.Module, key: str) -> None:
+    def __init__(
+        self, module: str, function: str, line: int, change: str, tree: Callable[[], ast.Module], key: str
+    ) -> None:
         self.module, self.function, self.line, self.change = module, function, line, change
         self.tree, self.key = tree, key
 
@@ -101,19 +104,23 @@ def mutants_of(module: str) -> Iterator[Mutant]:
         body = hashlib.sha256(" ".join(ast.unparse(part) for part in function.body if not _is_text(part)).encode())
         for index, node in enumerate(_nodes(function)):
             for number, (change, _) in enumerate(_changes(node)):
-                mutated = copy.deepcopy(tree)
-                twin = next(
-                    other
-                    for other in ast.walk(mutated)
-                    if isinstance(other, ast.FunctionDef)
-                    and (other.name, other.lineno) == (function.name, function.lineno)
-                )
-                target = _nodes(twin)[index]
-                _, replacement = list(_changes(target))[number]
-                _Replace(target, replacement).visit(mutated)
-                ast.fix_missing_locations(mutated)
                 key = f"{module}.{function.name} {body.hexdigest()[:16]} {index} {number}"
-                yield Mutant(module, function.name, getattr(node, "lineno", 0), change, mutated, key)
+                made = partial(_mutated, tree, function, index, number)
+                yield Mutant(module, function.name, getattr(node, "lineno", 0), change, made, key)
+
+
+def _mutated(tree: ast.Module, function: ast.FunctionDef, index: int, number: int) -> ast.Module:
+    mutated = copy.deepcopy(tree)
+    twin = next(
+        other
+        for other in ast.walk(mutated)
+        if isinstance(other, ast.FunctionDef) and (other.name, other.lineno) == (function.name, function.lineno)
+    )
+    target = _nodes(twin)[index]
+    _, replacement = list(_changes(target))[number]
+    _Replace(target, replacement).visit(mutated)
+    ast.fix_missing_locations(mutated)
+    return mutated
 
 
 def _nodes(function: ast.FunctionDef) -> list[ast.AST]:
@@ -178,7 +185,7 @@ class _Mutated(MetaPathFinder, Loader):
     """Loads one module from a changed syntax tree."""
 
     def __init__(self, mutant: Mutant) -> None:
-        self.name, self.tree = f"trailmark.collision.{mutant.module}", mutant.tree
+        self.name, self.tree = f"trailmark.collision.{mutant.module}", mutant.tree()
 
     def find_spec(self, fullname: str, path: Any, target: ModuleType | None = None) -> ModuleSpec | None:
         return spec_from_loader(fullname, self) if fullname == self.name else None
