@@ -11,43 +11,42 @@ SCRIPT = """
 import os, signal, sys, threading, time
 from typing import NamedTuple
 import numpy as np
+from trailmark.clock import KIND, now
 from trailmark.compiled import njit
 
 class Pair(NamedTuple):
     values: np.ndarray
-    n: int
+    seconds: float
 
 class Nested(NamedTuple):
     first: Pair
     second: Pair
 
 @njit(nogil=True)
-def busy(values, n):
-    # Linear congruential numbers, which no compiler works out in advance.
-    x = n
-    for _ in range(n):
-        x = (x * 1103515245 + 12345) & 0x7FFFFFFF
-    values[0] = x
-    return x
+def busy(values, seconds):
+    # Until it is told that the signal was sent.
+    end = now(KIND) + seconds
+    while values[1] == 0.0 and now(KIND) < end:
+        values[0] += 1.0
 
 @njit(nogil=True)
-def array(values, n):
-    busy(values, n)
+def array(values, seconds):
+    busy(values, seconds)
     return values.copy()
 
 @njit(nogil=True)
-def named(values, n):
-    busy(values, n)
-    return Pair(values, n)
+def named(values, seconds):
+    busy(values, seconds)
+    return Pair(values, seconds)
 
 @njit(nogil=True)
-def nested(values, n):
-    busy(values, n)
-    return 1.0, Nested(Pair(values.copy(), n), Pair(values, n)), values
+def nested(values, seconds):
+    busy(values, seconds)
+    return 1.0, Nested(Pair(values.copy(), seconds), Pair(values, seconds)), values
 
 @njit(nogil=True)
-def error(values, n):
-    busy(values, n)
+def error(values, seconds):
+    busy(values, seconds)
     raise ValueError("expected more")
 
 kernel, values = globals()[sys.argv[1]], np.zeros(3)
@@ -55,27 +54,27 @@ kernel, values = globals()[sys.argv[1]], np.zeros(3)
 def interrupt():
     time.sleep(0.05)
     os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.05)  # another thread may get it
+    values[1] = 1.0
 
-def call(n):
+def call(seconds):
     try:
-        return kernel(values, n)
+        return kernel(values, seconds)
     except ValueError as e:
         return str(e)
 
-expected = call(10)
-begun = time.perf_counter()
-call(10_000_000)
-n = int(10_000_000 * 0.2 / (time.perf_counter() - begun))
+expected = call(0.0)
 for _ in range(3):
+    values[1] = 0.0
     thread = threading.Thread(target=interrupt)
-    thread.start()
     try:
-        kernel(values, n)
+        thread.start()
+        kernel(values, 60.0)
         sys.exit("the kernel returned")
     except KeyboardInterrupt:
         pass
     thread.join()
-assert type(call(10)) is type(expected)
+assert type(call(0.0)) is type(expected)
 print("sound")
 """
 
