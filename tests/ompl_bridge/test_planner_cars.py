@@ -26,7 +26,7 @@ answers = []
 for seed in range(2):
     problem = SE2Problem(world, car, "door")
     planner = problem.set_planner(LandmarkPlanner(problem.information, seed=seed))
-    word = problem.solve(3.0).asString()
+    word = problem.solve(10.0).asString()
     solution = problem.setup.getSolutionPath()
     motions = [bool(problem.information.checkMotion(solution.getState(i), solution.getState(i + 1)))
                for i in range(solution.getStateCount() - 1)]
@@ -68,7 +68,7 @@ def planned(space, robot):
     setup.setStartAndGoalStates(state(information, query.start), state(information, query.goal))
     planner = LandmarkPlanner(information, seed=0)
     setup.setPlanner(planner)
-    word = solve(setup, 2.0).asString()
+    word = solve(setup, 10.0).asString()
     return [word, planner.checker.robot.turning_radius, planner.checker.robot.reverse,
             type(planner.result.path).__name__]
 from trailmark import StateChecker

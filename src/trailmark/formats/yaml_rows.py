@@ -24,10 +24,7 @@ PLACE = "trailmark-rows-are-here"
 _BLOCK = re.compile(r"^obstacles:[ ]*\n((?:  - \{[a-z0-9_:.,+\- \[\]eE]{1,4096}\}\n)+)", re.MULTILINE)
 _NESTED = re.compile(r"\[ *\[ *\[ *\[ *\[ *\[ *\[ *\[")  # nesting, and numbers, that the two languages treat otherwise
 _DIGITS = re.compile(r"[0-9]{300}")
-_KEYS = (
-    *("shape", "center", "radius", "length", "width", "heading", "vertices", "holes", "id"),
-    *("estimate", "mean", "covariance", "share", "motion", "velocity", "until"),
-)
+_KEYS = ("shape", "center", "radius", "length", "width", "heading", "vertices", "holes", "id")  # no mappings inside
 _WORD = re.compile(r'": (?!true\b|false\b|null\b)([a-z_][a-z0-9_-]*)(?=[,}])')
 
 
@@ -64,18 +61,9 @@ def _rows(block: str) -> list[Data] | None:
         lines = lines.replace(f'"shape": {shape}', f'"shape": "{shape}"')
     if '"id": ' in lines:
         lines = _WORD.sub(r'": "\1"', lines)
-    nested = lines.count("{") > block.count("\n")
     try:
-        rows = json.loads(f"[{lines}]", object_pairs_hook=_once if nested else None)
+        rows: list[Any] = json.loads(f"[{lines}]")
     except (ValueError, RecursionError):
         return None
     # Repeated keys are YAML's to refuse.
-    return rows if nested or sum(map(len, rows)) == lines.count('": ') else None
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a mapping that has no key twice."""
-    mapping = dict(pairs)
-    if len(mapping) < len(pairs):
-        raise ValueError
-    return mapping
+    return rows if sum(map(len, rows)) == lines.count('": ') else None
