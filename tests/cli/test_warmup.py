@@ -44,7 +44,7 @@ for robot in (office.robot, Robot.disc(0.25)):
     LandmarkPlanner(zoned, robot, seed=0).plan(start, goal, time_limit=0.5)
     LandmarkPlanner(office, robot, seed=0, objective="time").plan(start, goal, time_limit=0.5)
     LandmarkPlanner(office, robot, seed=0).plan(start, goals, time_limit=0.5)
-    found = LandmarkPlanner(office, robot, seed=0, clearance=0.02).plan(start, goal, time_limit=0.5)
+    found = LandmarkPlanner(office, robot, seed=0, clearance=0.02).plan(start, goal, time_limit=1.0)
     found.path.timed(1.0, 0.5, 1.0)
     found.path.smooth(office, robot)
 LandmarkPlanner(office, office.robot.steered(0.4), seed=0, objective="clearance").plan(start, goal, time_limit=2.0)
