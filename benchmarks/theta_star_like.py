@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.costmap import Costmap, cell_of, costmap_of, with_headings
 from benchmarks.smac_like import SMALL
+from trailmark.clock import CLOCK_EVERY, Deadline, now
 from trailmark.collision import StateChecker
 from trailmark.compiled import njit
 from trailmark.heap import heap_grow, heap_pop, heap_push
@@ -26,10 +27,12 @@ def plan(
     checker: StateChecker, start: FloatArray, goal: FloatArray, time_limit: float, seed: int, *, prepared: Costmap
 ) -> FloatArray | None:
     """Return the states of a path, shape (n, 3), or None; nothing is random."""
-    del time_limit, seed
+    del seed
     if checker.robot.turning_radius is not None:
         return None
-    cells = _search(prepared, float(checker.robot.circumradius), np.array(start), np.array(goal))
+    cells = _search(
+        prepared, float(checker.robot.circumradius), np.array(start), np.array(goal), Deadline.after(time_limit)
+    )
     if not len(cells):
         return None
     middle = np.column_stack(
@@ -62,8 +65,10 @@ def _sees(costmap: Costmap, radius: float, a: int, b: int) -> bool:
 
 
 @njit(cache=True)
-def _search(costmap: Costmap, radius: float, start: FloatArray, goal: FloatArray) -> NDArray[np.int64]:
-    """Return the cells (row, column) where the way bends, ends included, shape (n, 2); none if there is no way."""
+def _search(
+    costmap: Costmap, radius: float, start: FloatArray, goal: FloatArray, deadline: Deadline
+) -> NDArray[np.int64]:
+    """Return the cells (row, column) where the way bends, ends included, shape (n, 2); none without a way or time."""
     rows, columns = costmap.distance.shape
     none = np.empty((0, 2), np.int64)
     row, column = cell_of(costmap, start[0], start[1])
@@ -77,7 +82,11 @@ def _search(costmap: Costmap, radius: float, start: FloatArray, goal: FloatArray
     heap_keys, heap_cells, size = np.empty(1 << 12), np.empty(1 << 12, np.int64), 0
     cost[first], parent[first] = 0.0, first
     size = heap_push(heap_keys, heap_cells, size, 0.0, first)
+    taken = 0
     while size > 0:
+        taken += 1
+        if taken % CLOCK_EVERY == 0 and now(deadline.kind) >= deadline.seconds:
+            return none
         size = heap_pop(heap_keys, heap_cells, size)
         cell = heap_cells[size]
         if closed[cell]:

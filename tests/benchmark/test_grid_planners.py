@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from types import ModuleType
 
@@ -65,7 +66,51 @@ def test_where_there_is_no_way_there_is_no_path(module: ModuleType) -> None:
     robot = Robot.disc(0.3)
     assert planned(module, robot, "shut") is None
     assert planned(module, robot, "block", np.array([5.0, 2.5, 0.0])) is None  # within the block
-    assert planned(module, robot.steered(1.0), "open") is None  # a car
+
+
+DRIVES = {
+    "omnidirectional": lambda robot: robot,
+    "differential": lambda robot: robot.differential(),
+    "differential, reverse": lambda robot: robot.differential(reverse=True),
+    "Dubins car": lambda robot: robot.steered(0.5, reverse=False),
+    "Reeds-Shepp car": lambda robot: robot.steered(0.5),
+}
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("walls", ["open", "block"])
+def test_hybrid_a_star_plans_what_each_drive_can_do(drive: str, walls: str) -> None:
+    path = planned(smac_like, DRIVES[drive](Robot.rectangle(0.6, 0.3)), walls)
+    assert path is not None
+    # What is checked on cells alone may graze obstacles: the robot that is judged is a cell smaller all around.
+    slim = DRIVES[drive](Robot.rectangle(0.6 - 2.0 * RESOLUTION, 0.3 - 2.0 * RESOLUTION))
+    world = World("room", (0.0, 0.0, 10.0, 5.0), WALLS[walls])
+    assert Referee(world, slim).fault(path.tolist(), START, GOAL) is None
+    states = [START, *path[1:-1], GOAL]
+    driven = sum(math.hypot(*(b - a)[:2]) for a, b in itertools.pairwise(states))
+    assert driven < (1.1 if walls == "open" else 1.25) * math.hypot(*(GOAL - START)[:2])
+
+
+def test_a_forward_car_that_starts_towards_a_wall_has_no_way_and_one_that_reverses_has() -> None:
+    robot, start = Robot.rectangle(0.6, 0.3), np.array([9.4, 2.5, 0.0])
+    assert planned(smac_like, robot.steered(1.0, reverse=False), "open", start) is None
+    path = planned(smac_like, robot.steered(1.0), "open", start)
+    assert path is not None
+    ahead = np.diff(path[:, 0]) * np.cos(path[:-1, 2]) + np.diff(path[:, 1]) * np.sin(path[:-1, 2])
+    assert ahead.min() < 0.0
+
+
+@pytest.mark.parametrize("module", [theta_star_like, any_angle_exact])
+def test_searches_for_the_disc_around_a_robot_are_not_for_cars(module: ModuleType) -> None:
+    assert planned(module, Robot.disc(0.3).steered(1.0), "open") is None
+
+
+@pytest.mark.parametrize("module", [smac_like, theta_star_like, any_angle_exact])
+def test_searches_end_when_their_time_is_up(module: ModuleType) -> None:
+    checker = StateChecker(World("room", (0.0, 0.0, 10.0, 5.0), WALLS["block"], Robot.disc(0.3)))
+    prepared = module.prepare(checker)
+    assert module.plan(checker, START, GOAL, 0.0, 0, prepared=prepared) is None
+    assert module.plan(checker, START, GOAL, 60.0, 0, prepared=module.prepare(checker)) is not None
 
 
 @pytest.mark.parametrize("seed", range(12))

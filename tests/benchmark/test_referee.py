@@ -15,7 +15,8 @@ from trailmark.benchmark.referee import Referee
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
 from trailmark.motion import CurveMotion
-from trailmark.shapes import Disc, Polygon
+from trailmark.planning import LandmarkPlanner
+from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
 
 ROOM = small_world()
@@ -159,3 +160,27 @@ def test_what_no_car_drives_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
             found = judge.fault([start, goal], start, goal)
         assert found is not None
         assert "no curve of the car" in found
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_a_differential_drive_turns_in_place_or_drives_along_its_heading(reverse: bool) -> None:
+    robot = Robot.rectangle(0.8, 0.5).differential(reverse)
+    referee = Referee(World("room", (0.0, 0.0, 10.0, 6.0)), robot)
+    start, half_turn = [1.0, 1.0, 0.0], [1.0, 1.0, math.pi / 2]
+    assert referee.fault([start, half_turn, [1.0, 4.0, math.pi / 2]], start, [1.0, 4.0, math.pi / 2]) is None
+    for wrong in ([1.0, 4.0, 0.0], [2.0, 1.0, 0.5], [2.0, 1.0 + 3e-6, 0.0]):  # sideways, on an arc, a little sideways
+        fault = referee.fault([start, wrong], start, wrong)
+        assert fault is not None
+        assert "neither turns in place nor drives along its heading" in fault
+    backwards = referee.fault([[4.0, 1.0, 0.0], start], [4.0, 1.0, 0.0], start)
+    assert (backwards is None) == reverse
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_the_planners_paths_of_differential_drives_are_found_correct(reverse: bool) -> None:
+    robot = Robot.rectangle(0.8, 0.5).differential(reverse)
+    world = World("room", (0.0, 0.0, 10.0, 6.0), (Disc((5.0, 3.0), 1.0), Rectangle((3.0, 1.0), 0.5, 2.0)), robot)
+    start, goal = np.array([1.0, 3.0, -3.0]), np.array([9.0, 3.0, math.pi / 2])
+    path = LandmarkPlanner(world, seed=0).plan(start, goal, time_limit=1.0).path
+    assert path is not None
+    assert Referee(world, robot).fault(path.states, start, goal) is None

@@ -21,6 +21,7 @@ from typing import Any
 import pytest
 
 from trailmark.benchmark.store import Store
+from trailmark.world import World
 
 Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
@@ -107,6 +108,21 @@ def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
     refused = shell("benchmark", yard, "--forward-only", "-p", "landmark", "--output", tmp_path / "other.db")
     assert refused.status == 2
     assert "--turning-radius" in refused.err
+
+
+@pytest.mark.slow
+def test_a_differential_drive_and_why_ompl_has_no_plan_for_it(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    results, file = tmp_path / "results.db", tmp_path / "differential.yaml"
+    world = World.load(yard)
+    assert world.robot is not None
+    world.with_robot(world.robot.differential()).save(file)
+    words = ["benchmark", file, "-p", "landmark", "-p", "RRTConnect", "--runs", 1, "--time-limit", 0.2]
+    run = shell(*words, "--output", results)
+    assert (run.status, run.err) == (0, "")
+    assert re.search(r"^  landmark +2/2 ", run.out, re.MULTILINE)
+    assert re.search(r"^RRTConnect: 2 of 2 runs: .*omnidirectional one or a car in OMPL", run.out, re.MULTILINE)
+    # There is nothing to shorten by in OMPL, and no complaint about it.
+    assert rows(results, "SELECT count(*) FROM runs WHERE solved AND failure IS NOT NULL") == [(0,)]
 
 
 @pytest.mark.slow

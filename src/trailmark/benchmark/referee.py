@@ -48,6 +48,7 @@ class Referee:
         self._outline = None if isinstance(footprint, Disc) else _shrunk(robot)
         self._reach = 0.0 if self._outline is None else float(np.hypot(*self._outline.T).max())
         self._steering = Steering.of(robot)
+        self._turns_in_place, self._reverse = robot.drive == "differential", robot.reverse
         self.step = robot.inscribed_disc.radius / STATES_PER_RADIUS
         discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
         solid = [shape.polygon().shapely() for shape in world.obstacles if not isinstance(shape, Disc)]
@@ -64,7 +65,8 @@ class Referee:
 
         Args:
             path: states (x, y, theta), shape (n, 3), joined by straight motions with the heading along the shorter arc,
-                or by the shortest curves of a robot that is a car.
+                or by the shortest curves of a robot that is a car. A differential drive either turns in place or drives
+                along its heading from each to the next.
             start: shape (3,).
             goal: shape (3,).
         """
@@ -84,6 +86,12 @@ class Referee:
             for a, b in pairwise(states):
                 if not self._can_be_driven(np.vstack([a, self._between(a, b)]), b, self._steering):
                     return f"no curve of the car ({self._steering}) leads from ({_row(a)}) to ({_row(b)})"
+        if self._turns_in_place:
+            for a, b in pairwise(states):
+                if not self._drives_ahead(a, b):
+                    return (
+                        f"the robot neither turns in place nor drives along its heading from ({_row(a)}) to ({_row(b)})"
+                    )
         for block in self._blocks(states):
             for judge in (self._outside, self._hit):
                 wrong = judge(block)
@@ -165,6 +173,14 @@ class Referee:
             and (np.abs(beside) <= step**2 / steering.radius + TOUCHING).all()
             and (steering.reverse or (ahead >= -TOUCHING).all())
         )
+
+    def _drives_ahead(self, a: FloatArray, b: FloatArray) -> bool:
+        """Return whether a differential drive turns in place from a to b, or drives along its heading."""
+        (dx, dy), turned = (b - a)[:2], abs(_wrapped(b[2] - a[2]))
+        if math.hypot(dx, dy) <= TOUCHING:
+            return True
+        ahead, beside = math.cos(a[2]) * dx + math.sin(a[2]) * dy, math.cos(a[2]) * dy - math.sin(a[2]) * dx
+        return bool(turned <= TOUCHING and abs(beside) <= TOUCHING and (self._reverse or ahead >= -TOUCHING))
 
     def _blocks(self, states: FloatArray) -> Iterator[FloatArray]:
         """Yield the states along the path, no point of the robot moving more than a step from one to the next."""

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
-from trailmark.benchmark.report.data import Problem, load_results
+from trailmark.benchmark.report.data import Problem, Results
 from trailmark.se2 import FloatArray
 
-__all__ = ["summary_rows"]
+__all__ = ["failure_lines", "summary_rows"]
 
 HEADER = ("planner", "correct", "refused", "first solution", "cost", "simplified")
 
 
-def summary_rows(database: Path, planners: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return a header and a row for each planner, over all runs in a database.
+def summary_rows(results: Results, planners: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return a header and a row for each planner, over all its runs.
 
     ``correct`` counts what the referee accepts, ``refused`` what the planner called a solution and is none. Of the
     correct runs: the median time to the first solution, and the medians of cost and of cost after the simplifier, each
@@ -26,7 +26,7 @@ def summary_rows(database: Path, planners: Sequence[str]) -> list[tuple[str, ...
     rows of their own.
     """
     groups: dict[str, list[Problem]] = {}
-    for problem in load_results(database).problems:
+    for problem in results.problems:
         groups.setdefault(problem.difference, []).append(problem)
     rows: list[tuple[str, ...]] = [HEADER]
     for planner, (difference, problems) in itertools.product(planners, groups.items()):
@@ -47,6 +47,17 @@ def summary_rows(database: Path, planners: Sequence[str]) -> list[tuple[str, ...
             )
         )
     return rows
+
+
+def failure_lines(results: Results, planners: Sequence[str]) -> list[str]:
+    """Return a line for each planner whose runs gave reasons for failing: the most frequent reason, and how often."""
+    lines = []
+    for planner in planners:
+        found = [problem.runs[planner] for problem in results.problems if planner in problem.runs]
+        reasons = Counter(" ".join(reason.split()) for runs in found for reason in runs.failures if reason)
+        for reason, count in reasons.most_common(1):
+            lines.append(f"{planner}: {count} of {sum(len(runs) for runs in found)} runs: {reason}")
+    return lines
 
 
 def _ratios(costs: FloatArray, best: float) -> FloatArray:

@@ -222,7 +222,8 @@ def _clock(seconds: float) -> str:
 
 
 def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) -> None:
-    from trailmark.benchmark.summary import summary_rows
+    from trailmark.benchmark.report.data import load_results
+    from trailmark.benchmark.summary import failure_lines, summary_rows
 
     if as_json:
         record = {"database": str(file), "runs": tally.total, "made": tally.made, "without_solution": tally.failed}
@@ -231,5 +232,8 @@ def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) 
     before = tally.total - tally.made
     there = f", {before:,} were there already" if before else ""
     console.say(f"{tally.made:,} runs made, {tally.failed:,} of them without a correct solution{there}")
-    console.print_table(summary_rows(file, planners), indent="  ")
+    results = load_results(file)
+    console.print_table(summary_rows(results, planners), indent="  ")
+    for line in failure_lines(results, planners):
+        console.say(line)
     console.say(f"written: {file}")

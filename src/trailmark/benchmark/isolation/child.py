@@ -72,7 +72,8 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
     if graph is not None:
         nodes, edges = graph()
         yield {"graph_states": nodes, "graph_motions": edges}
-    if answer["solved"] and not job.get("first"):
+    # OMPL has no space for a differential drive, in which its simplifier could shorten.
+    if answer["solved"] and not job.get("first") and prepared.problem.robot.drive != "differential":
         yield _simplified(prepared, answer["path"])
 
 
