@@ -21,7 +21,6 @@ from typing import Any
 import pytest
 
 from trailmark.benchmark.store import Store
-from trailmark.world import World
 
 Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
@@ -112,12 +111,9 @@ def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_differential_drive_and_why_ompl_has_no_plan_for_it(shell: Shell, yard: Path, tmp_path: Path) -> None:
-    results, file = tmp_path / "results.db", tmp_path / "differential.yaml"
-    world = World.load(yard)
-    assert world.robot is not None
-    world.with_robot(world.robot.differential()).save(file)
-    words = ["benchmark", file, "-p", "landmark", "-p", "RRTConnect", "--runs", 1, "--time-limit", 0.2]
-    run = shell(*words, "--output", results)
+    results = tmp_path / "results.db"
+    words = ["benchmark", yard, "-p", "landmark", "-p", "RRTConnect", "--runs", 1, "--time-limit", 0.2]
+    run = shell(*words, "--drive", "differential", "--output", results)
     assert (run.status, run.err) == (0, "")
     assert re.search(r"^  landmark +2/2 ", run.out, re.MULTILINE)
     assert re.search(r"^RRTConnect: 2 of 2 runs: .*omnidirectional one or a car in OMPL", run.out, re.MULTILINE)

@@ -12,6 +12,7 @@ import typer
 from trailmark.cli import console
 from trailmark.cli.benchmark_problems import Wanted, posed_problems, print_suites, read_source
 from trailmark.cli.options import (
+    DriveOption,
     ForwardOnlyOption,
     JsonOption,
     RobotOption,
@@ -76,6 +77,7 @@ def benchmark(
     robot: RobotOption = None,
     turning_radius: TurningRadiusOption = None,
     forward_only: ForwardOnlyOption = False,
+    drive: DriveOption = None,
     resolution: Annotated[
         list[str] | None,
         option(
@@ -116,6 +118,7 @@ def benchmark(
             robot=read_robot(robot),
             turning_radius=read_turning_radius(turning_radius),
             forward_only=forward_only,
+            drive=drive,
             queries=tuple(query or ()),
             count=None if count is None else read_count(count, "--problems", 1, 1_000_000),
         )

@@ -30,7 +30,8 @@ class Wanted:
     Attributes:
         robot: instead of the worlds' own.
         turning_radius: metres, instead of the robot's own.
-        forward_only: whether a car only drives forwards.
+        forward_only: whether a car, or a differential drive, only drives forwards.
+        drive: instead of the robot's own.
         queries: their names; all if empty.
         count: how many problems, spread evenly; all if it is None.
     """
@@ -38,15 +39,20 @@ class Wanted:
     robot: Robot | None = None
     turning_radius: float | None = None
     forward_only: bool = False
+    drive: str | None = None
     queries: tuple[str, ...] = ()
     count: int | None = None
+
+    def driven(self, robot: Robot) -> Robot:
+        """Return the robot with the drive and turning radius that the options say."""
+        return steered(robot, self.turning_radius, self.forward_only, self.drive)
 
     def posed(self, world: World, robot: Robot | None, queries: Sequence[str]) -> Iterator[Problem]:
         """Return a world's problems for a robot, or else the world's own."""
         from trailmark.benchmark.problems import problems_of
 
         if robot := robot or world.robot:
-            robot = steered(robot, self.turning_radius, self.forward_only)
+            robot = self.driven(robot)
             world = grown_for(world, robot)
         return problems_of(world, robot, queries)
 
@@ -125,7 +131,7 @@ def _public(suite: PublicSuite, folder: Path, wanted: Wanted) -> list[Problem]:
         console.note(f"left out: {line}")
     # Queries are chosen by name among all, for a name is no place in the spread.
     count = None if wanted.queries else wanted.count
-    robot = None if wanted.robot is None else steered(wanted.robot, wanted.turning_radius, wanted.forward_only)
+    robot = None if wanted.robot is None else wanted.driven(wanted.robot)
     found: list[Problem] = []
     for world in suite.worlds(folder, there, count, robot):
         names = [query.name for query in world.queries if query.name in wanted.queries]
