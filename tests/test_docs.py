@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from tests.support.forks import Forks
 
 from trailmark import World
 
@@ -34,27 +33,25 @@ def blocks(page: Path) -> list[tuple[str, str]]:
 
 
 def runnable(page: Path) -> list[list[str]]:
-    """Return the words of each program that a page shows: snippets of Python, and commands that end by themselves."""
+    """Return what python is given for each program of a page: snippets, and commands that end by themselves."""
     found = []
     for language, text in blocks(page):
         if language == "python":
-            found.append([sys.executable, "-c", text])
+            found.append(["-c", text])
         elif language == "sh":
-            shell = str(Path(sys.executable).with_name("trailmark"))
             lines = [line for line in text.splitlines() if line.startswith("trailmark ")]
-            found += [[shell, *shlex.split(line)[1:]] for line in lines if not line.startswith("trailmark live")]
+            found += [["-m", *shlex.split(line)] for line in lines if not line.startswith("trailmark live")]
     return found
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", [page for page in PAGES if runnable(page)], ids=name_of)
-def test_what_a_page_shows_runs(page: Path, tmp_path: Path) -> None:
+def test_what_a_page_shows_runs(page: Path, tmp_path: Path, forks: Forks) -> None:
     (tmp_path / "worlds").symlink_to(ROOT / "worlds")
-    environment = os.environ | {"MPLBACKEND": "Agg"}
     for words in runnable(page):
-        done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=LIMIT)
+        done = forks.run(words, cwd=tmp_path, timeout=LIMIT)
         assert done.returncode == 0, f"{words}: {done.stderr}"
-        if "-c" not in words[1]:
+        if words[0] != "-c":
             assert done.stdout.strip(), words
         for flag in ("--plot", "--output", "--html", "--trajectory", "--animate"):
             if flag in words:

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sqlite3
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from PIL import Image
+from tests.support.forks import Forks
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+Run = Callable[..., str]
 
 
 @pytest.fixture
@@ -22,13 +22,16 @@ def checkout(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(name: str, checkout: Path, *words: str) -> str:
-    command = [sys.executable, str(ROOT / "examples" / name), *words]
-    # Pictures that are shown on a screen are drawn, and shown nowhere.
-    environment = os.environ | {"MPLBACKEND": "Agg"}
-    done = subprocess.run(command, cwd=checkout, env=environment, capture_output=True, text=True, timeout=180)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+@pytest.fixture
+def run(forks: Forks, checkout: Path) -> Run:
+    """Return a function that runs an example with some arguments and returns what it prints."""
+
+    def started(name: str, *words: str) -> str:
+        done = forks.run([str(ROOT / "examples" / name), *words], cwd=checkout, timeout=180.0)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return started
 
 
 SAID = {
@@ -46,37 +49,37 @@ SAID = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SAID)
-def test_a_tutorial_prints_what_it_promises(name: str, checkout: Path) -> None:
-    found = run(name, checkout)
+def test_a_tutorial_prints_what_it_promises(name: str, checkout: Path, run: Run) -> None:
+    found = run(name)
     assert re.search(SAID[name], found), found
 
 
 @pytest.mark.slow
-def test_a_nav2_map_of_ones_own(checkout: Path) -> None:
+def test_a_nav2_map_of_ones_own(checkout: Path, run: Run) -> None:
     Image.new("L", (60, 40), 255).save(checkout / "free.png")
     text = "image: free.png\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n"
     (checkout / "free.yaml").write_text(text)
-    assert "solved" in run("nav2_map.py", checkout, "free.yaml")
+    assert "solved" in run("nav2_map.py", "free.yaml")
 
 
 @pytest.mark.slow
-def test_an_ompl_program_with_trailmarks_checks(checkout: Path) -> None:
-    found = run("ompl_checker.py", checkout)
+def test_an_ompl_program_with_trailmarks_checks(checkout: Path, run: Run) -> None:
+    found = run("ompl_checker.py")
     assert "Exact solution" in found
     assert " m in " in found
-    assert "solution" in run("ompl_checker.py", checkout, "worlds/corridor.yaml", "PRM")
+    assert "solution" in run("ompl_checker.py", "worlds/corridor.yaml", "PRM")
 
 
 @pytest.mark.slow
-def test_prm_with_landmarks(checkout: Path) -> None:
-    found = run("ompl_landmark_sampler.py", checkout)
+def test_prm_with_landmarks(checkout: Path, run: Run) -> None:
+    found = run("ompl_landmark_sampler.py")
     assert "PRM, its own sampler" in found
     assert "PRM, with landmarks: Exact solution" in found
 
 
 @pytest.mark.slow
-def test_ompls_benchmark_with_the_landmark_planner(checkout: Path) -> None:
-    assert "written" in run("ompl_benchmark.py", checkout, "office", ".")
+def test_ompls_benchmark_with_the_landmark_planner(checkout: Path, run: Run) -> None:
+    assert "written" in run("ompl_benchmark.py", "office", ".")
     with sqlite3.connect(checkout / "office.db") as database:
         rows = database.execute(
             "SELECT p.name, COUNT(*), SUM(r.solved) FROM runs r JOIN plannerConfigs p ON p.id = r.plannerid "
@@ -88,18 +91,18 @@ def test_ompls_benchmark_with_the_landmark_planner(checkout: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_path_is_audited_and_repaired(checkout: Path) -> None:
-    found = run("check_path.py", checkout)
+def test_a_path_is_audited_and_repaired(checkout: Path, run: Run) -> None:
+    found = run("check_path.py")
     assert "m deep" in found
     assert "free: False" in found
     assert "repaired: free: True" in found
     (checkout / "path.csv").write_text("1,1,0\n1.5,1,0\n")
-    assert "deep" not in run("check_path.py", checkout, "worlds/office.yaml", "path.csv")
+    assert "deep" not in run("check_path.py", "worlds/office.yaml", "path.csv")
 
 
 @pytest.mark.slow
-def test_a_path_becomes_a_trajectory(checkout: Path) -> None:
-    found = run("smooth_trajectory.py", checkout, "worlds/office.yaml", "drive.html")
+def test_a_path_becomes_a_trajectory(checkout: Path, run: Run) -> None:
+    found = run("smooth_trajectory.py", "worlds/office.yaml", "drive.html")
     before, after = (float(line.split(" m in ")[1].split(" s")[0]) for line in found.splitlines()[:2])
     assert after < before
     assert "drive.html: written" in found
@@ -107,8 +110,8 @@ def test_a_path_becomes_a_trajectory(checkout: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_robot_of_ones_own_explores(checkout: Path) -> None:
-    found = run("explore_world.py", checkout, "worlds/office.yaml", "4", "map")
+def test_a_robot_of_ones_own_explores(checkout: Path, run: Run) -> None:
+    found = run("explore_world.py", "worlds/office.yaml", "4", "map")
     assert "m² known at first" in found
     assert "time, the time limit of 4 s is used up" in found
     assert (checkout / "map" / "world.yaml").exists()
@@ -131,8 +134,8 @@ def test_an_example_is_a_page_of_the_gallery(file: Path) -> None:
 
 
 @pytest.mark.slow
-def test_pallets_in_front_of_a_driving_robot(checkout: Path) -> None:
-    found = run("changing_warehouse.py", checkout, "3", "drive.gif")
+def test_pallets_in_front_of_a_driving_robot(checkout: Path, run: Run) -> None:
+    found = run("changing_warehouse.py", "3", "drive.gif")
     assert found.count("dropped, path") == 3
     assert "arrived after" in found
     assert (checkout / "drive.gif").read_bytes()[:4] == b"GIF8"

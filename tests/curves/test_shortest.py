@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support.forks import Forks
 
 from trailmark import se2
 from trailmark.curves import Steering
@@ -68,13 +67,15 @@ def pairs(radius: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.fixture(scope="module", params=[1.0, 4.5])
-def answers(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, np.ndarray]:
+def answers(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, forks: Forks
+) -> dict[str, np.ndarray]:
     folder: Path = tmp_path_factory.mktemp("ompl")
     a, b = pairs(request.param)
     t = np.random.default_rng(12).uniform(0.0, 1.0, len(a))
     np.savez(folder / "in.npz", a=a, b=b, t=t, radius=request.param)
-    command = [sys.executable, "-c", ORACLE, str(folder / "in.npz"), str(folder / "out.npz")]
-    subprocess.run(command, check=True, timeout=120, capture_output=True)
+    words = ["-c", ORACLE, str(folder / "in.npz"), str(folder / "out.npz")]
+    forks.run(words, timeout=120.0).check_returncode()
     with np.load(folder / "out.npz") as found:
         return {"a": a, "b": b, "t": t, "radius": np.array(request.param), **found}
 

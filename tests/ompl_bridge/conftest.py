@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from tests.support.forks import Forks
 
 HEAD = """
 import json, os, sys
@@ -28,13 +29,15 @@ Run = Callable[..., dict[str, Any]]
 
 
 @pytest.fixture(scope="session")
-def run_ompl() -> Run:
+def run_ompl(forks: Forks) -> Run:
     """Return a function that runs a program after HEAD and returns what it gave to ``tell``, all answers together."""
 
     def run(program: str, *, seconds: float = 120.0, status: int | None = 0, python: str = sys.executable) -> Any:
-        done = subprocess.run(
-            [python, "-X", "faulthandler", "-c", HEAD + program], capture_output=True, text=True, timeout=seconds
-        )
+        words = ["-c", HEAD + program]
+        if python == sys.executable:
+            done = forks.run(words, timeout=seconds)
+        else:
+            done = subprocess.run([python, *words], capture_output=True, text=True, timeout=seconds)
         assert status is None or done.returncode == status, f"{done.returncode}\n{done.stdout}\n{done.stderr[-3000:]}"
         answers: dict[str, Any] = {}
         for line in done.stdout.splitlines():

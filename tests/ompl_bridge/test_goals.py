@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from tests.support.forks import Forks
 
 SCRIPT = """
 import numpy as np
@@ -53,6 +52,6 @@ print("passed")
 """
 
 
-def test_the_cheapest_of_several_states_and_a_threshold() -> None:
-    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, timeout=240)
+def test_the_cheapest_of_several_states_and_a_threshold(forks: Forks) -> None:
+    done = forks.run(["-c", SCRIPT], timeout=240.0)
     assert done.stdout.endswith("passed\n"), done.stderr[-2000:]

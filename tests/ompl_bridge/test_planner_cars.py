@@ -10,7 +10,9 @@ SET_UP = """
 from benchmarks.oracle import Oracle
 from trailmark.curves import CurvePath, Steering
 from trailmark.ompl_bridge.spaces import set_bounds
+from trailmark import PlannerSettings
 world = shipped("office")
+QUICK = PlannerSettings(patience=1)
 """
 
 
@@ -25,7 +27,7 @@ oracle = Oracle(world, car)
 answers = []
 for seed in range(2):
     problem = SE2Problem(world, car, "door")
-    planner = problem.set_planner(LandmarkPlanner(problem.information, seed=seed))
+    planner = problem.set_planner(LandmarkPlanner(problem.information, seed=seed, settings=QUICK))
     word = problem.solve(10.0).asString()
     solution = problem.setup.getSolutionPath()
     motions = [bool(problem.information.checkMotion(solution.getState(i), solution.getState(i + 1)))
@@ -66,7 +68,7 @@ def planned(space, robot):
     information.setMotionValidator(MotionValidator(information, checker))
     query = world.query("door")
     setup.setStartAndGoalStates(state(information, query.start), state(information, query.goal))
-    planner = LandmarkPlanner(information, seed=0)
+    planner = LandmarkPlanner(information, seed=0, settings=QUICK)
     setup.setPlanner(planner)
     word = solve(setup, 10.0).asString()
     return [word, planner.checker.robot.turning_radius, planner.checker.robot.reverse,

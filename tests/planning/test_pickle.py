@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import subprocess
-import sys
 import threading
 from pathlib import Path as FilePath
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
+from tests.support.forks import Forks
 
 from trailmark import Disc, LandmarkPlanner, Moving, PlanResult, Robot, StateChecker
 from trailmark.landmarks import free_samples
@@ -89,11 +88,11 @@ with open(sys.argv[1], "wb") as file:
 """
 
 
-def test_another_process_gets_the_same_answers(tmp_path: FilePath) -> None:
+def test_another_process_gets_the_same_answers(tmp_path: FilePath, forks: Forks) -> None:
     planner = used(ROBOTS["rectangle"])
     file = tmp_path / "planner"
     file.write_bytes(pickle.dumps(planner))
-    subprocess.run([sys.executable, "-c", PROGRAM, file], check=True, timeout=300, cwd=FilePath(__file__).parents[2])
+    forks.run(["-c", PROGRAM, str(file)], timeout=300.0, cwd=FilePath(__file__).parents[2]).check_returncode()
     theirs = pickle.loads(file.read_bytes())  # noqa: S301  # made by the test
     assert all(same(a, b) for a, b in zip(theirs, answers(planner), strict=True))
 
