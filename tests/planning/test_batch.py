@@ -90,10 +90,10 @@ def test_paths_are_nearly_as_short_as_plans(name: str) -> None:
 def test_answers_do_not_depend_on_the_number_of_threads() -> None:
     answers = []
     for workers in (1, 5):
-        planner = planner_for("rectangle")
+        planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, settings=PlannerSettings(patience=2))
         planner.build(800)
         starts, goals = queries(planner, 30)
-        # One query is planned until it settles, which takes a minute on a busy machine.
+        # One query is planned until it settles.
         answers.append(planner.plan_many(starts, goals, time_limit=600.0, workers=workers))
     for other in answers[1:]:
         for a, b in zip(answers[0], other, strict=True):

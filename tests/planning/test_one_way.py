@@ -12,6 +12,7 @@ from trailmark import (
     LandmarkPlanner,
     OneWayZone,
     Path,
+    PlannerSettings,
     PlanResult,
     Polygon,
     Rectangle,
@@ -30,6 +31,8 @@ BOUNDS = (0.0, 0.0, 16.0, 10.0)
 # A wall with two gaps, in the middle and at the top: the direct way leads through the middle.
 WALL = (Rectangle((8.0, 2.0), 1.0, 4.0), Rectangle((8.0, 7.0), 1.0, 2.0))
 START, GOAL = (2.0, 5.0, 0.0), (14.0, 5.0, 0.0)
+QUICK = PlannerSettings(patience=2)
+"""Of a planner whose paths need not be the shortest."""
 
 
 def box(x0: float, y0: float, x1: float, y1: float) -> Polygon:
@@ -44,7 +47,7 @@ def plan(world: World, robot: Robot, seconds: float = 1.0) -> PlanResult:
 
 
 def first_path(world: World, robot: Robot) -> PlanResult:
-    return LandmarkPlanner(world, robot, seed=1).plan(START, GOAL, time_limit=60.0, gap=np.inf)
+    return LandmarkPlanner(world, robot, seed=1, settings=QUICK).plan(START, GOAL, time_limit=60.0, gap=np.inf)
 
 
 def assert_right_way(world: World, path: Path) -> None:
@@ -79,13 +82,13 @@ def test_the_right_way_is_direct_and_the_wrong_way_leads_around(name: str) -> No
 def test_the_way_back_is_another_one() -> None:
     """What the roadmap knows of a way in one direction is not taken in the other."""
     world = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, 0.0, 0.5),))
-    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0, settings=QUICK)
     for start, goal, length in ((START, GOAL, 12.0), (GOAL, START, 14.0), (START, GOAL, 12.0)):
         path = planner.plan(start, goal, time_limit=60.0, gap=np.inf).path
         assert path is not None
         assert_right_way(world, path)
         assert abs(path.length - length) < 2.5
-    there, back = planner.plan_many([START, GOAL], [GOAL, START], time_limit=20.0)
+    there, back = planner.plan_many([START, GOAL], [GOAL, START], time_limit=3.0)
     assert there.path is not None
     assert back.path is not None
     for result in (there, back):
@@ -134,8 +137,8 @@ def test_a_tolerance_of_half_a_turn_forbids_nothing() -> None:
 
 def test_worlds_with_zones_change() -> None:
     world = World("w", BOUNDS, WALL, ids=("low", "high"), zones=(OneWayZone(GAP, math.pi, 0.5),))
-    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
-    first = planner.plan(START, GOAL, time_limit=2.0)
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0, settings=QUICK)
+    first = planner.plan(START, GOAL, time_limit=60.0, gap=np.inf)
     assert first.path is not None
     opened = world.edited(remove=["low"])
     planner.update(opened)
@@ -143,6 +146,6 @@ def test_worlds_with_zones_change() -> None:
     assert second.path is not None
     assert_right_way(opened, second.path)
     planner.update(World("w", BOUNDS, WALL, ids=("low", "high")))
-    third = planner.plan(START, GOAL)
+    third = planner.plan(START, GOAL, time_limit=60.0)
     assert third.path is not None
     assert third.path.length == pytest.approx(12.0, abs=1e-6)

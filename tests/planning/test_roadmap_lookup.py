@@ -39,7 +39,7 @@ def test_the_same_query_again_and_again_costs_no_more(name: str, judge: Judge) -
     start, goal = random_pairs(kept, 1, 3)[0]
     fresh = ask(planner_for(name, checker=kept.checker), start, goal, LONG, max_iterations=1)
     sizes, efforts, costs = [], [], []
-    for _ in range(140):
+    for _ in range(80):
         result, effort = ask(kept, start, goal, LONG, max_iterations=1)
         assert result.path is not None
         sizes.append((len(kept.roadmap), len(kept.roadmap.edges)))
@@ -47,7 +47,7 @@ def test_the_same_query_again_and_again_costs_no_more(name: str, judge: Judge) -
         costs.append(result.path.cost)
     # It hardly grows once it knows the query, and answers it at less cost than the first time.
     assert sizes[-1][0] <= sizes[0][0] + 50
-    assert sizes[-1] == sizes[100]
+    assert sizes[-1] == sizes[60]
     assert max(efforts[1:]) <= max(fresh.effort, FIRST_BUDGET + 24)
     assert np.mean(efforts[1:]) <= fresh.effort
     assert costs[-1] <= 1.03 * costs[0]
