@@ -18,6 +18,7 @@ from trailmark.errors import ConfigurationError, WorldError
 from trailmark.landmarks import free_samples
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
 from trailmark.planning.query import Query
+from trailmark.planning.settings import PlannerSettings
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -200,6 +201,14 @@ def test_what_only_headings_close_is_proven_infeasible() -> None:
         result = LandmarkPlanner(world, seed=0).plan(start, goal, LONG, max_iterations=8)
         assert result.status == "infeasible"
         assert (result.path, result.lower_bound) == (None, None)
+
+
+def test_a_proof_that_seems_long_is_begun_where_a_path_is_sought_in_vain() -> None:
+    # A fifth of a millimetre too narrow, which the relaxed problem's cells do not show.
+    walls = (Rectangle((5.0, 1.375), 0.2, 2.75), Rectangle((5.0, 4.625), 0.2, 2.75))
+    world = World("gap", (0.0, 0.0, 10.0, 6.0), walls, Robot.disc(0.2501))
+    planner = LandmarkPlanner(world, seed=0, settings=PlannerSettings(proof_share=1e-6))
+    assert planner.plan((2.0, 3.0, 0.0), (8.0, 3.0, 0.0), LONG).status == "infeasible"
 
 
 @pytest.mark.parametrize("limit", [0.05, 0.5])

@@ -77,8 +77,8 @@ class Rounds:
                 return
             query.incumbent.nearest = self._nearest_approach(nodes)
             if self.count % settings.rounds_per_grid == 0:
-                # What keeps failing may need a closer look, or be impossible.
-                self.proofs.bound_below(settings.proof_share)
+                # What keeps failing may need a closer look, or be impossible: little else is left to do.
+                self.proofs.bound_below(settings.last_proof_share)
                 self.proofs.begin_in_background()
                 self._refine()
             if self.lattices is not None:

@@ -11,7 +11,7 @@ import importlib
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from trailmark.planning import PlanProgress
 
-__all__ = ["Answer", "answers", "latest"]
+__all__ = ["WAIT", "Answer", "answers", "latest"]
 
 GRACE = (0.02, 0.05)
 """Seconds, and share of the time limit (the larger counts), after which a solution comes too late for any planner."""
@@ -41,6 +41,12 @@ SMALL_LIMIT = 0.003
 
 SIMPLIFY_LIMIT = 0.5
 """Seconds that the simplifier gets at most."""
+
+PREPARING = 120.0
+"""Seconds that a planner of the user's gets to prepare at most: on first use it may have to be compiled."""
+
+WAIT = "wait"
+"""In a part of the answer that tells nothing else: seconds that come before those of the run, from then on."""
 
 Answer = dict[str, Any]
 Graph = Callable[[], tuple[int, int]]
@@ -63,10 +69,11 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
     if name.startswith("native:"):
         yield _native(prepared, job)
         return
-    run = _landmark if name in METHODS else _own if ":" in name else _ompl
-    if run is not _own:
+    if ":" in name:
+        answer, graph = (yield from _own(prepared, job)), None
+    else:
         _plan_small_problem(prepared, job)
-    answer, graph = run(prepared, job)
+        answer, graph = (_landmark if name in METHODS else _ompl)(prepared, job)
     answer = _in_time(answer, latest(float(job["time_limit"])))
     yield answer
     if graph is not None:
@@ -175,13 +182,14 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
     return answer, lambda: (result.landmarks, result.edges)
 
 
-def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
-    """Run a planner of the user's: a function ``plan(checker, start, goal, time_limit, seed)`` named module:function.
+def _own(prepared: Prepared, job: Mapping[str, Any]) -> Generator[Answer, None, Answer]:
+    """Yield how long to wait while a planner of the user's prepares, run it, and return its answer.
 
-    It returns a path's states, shape (n, 3), or None. One that takes ``report`` as well may call it with the states of
-    each path that it comes by: their costs are its curve, and the best one in time counts if it returns too late. A
-    function with an attribute ``prepare`` takes ``prepared`` too, which is what ``prepare(checker)`` has returned: that
-    is set-up, before the clock starts, as the checker's is.
+    It is a function ``plan(checker, start, goal, time_limit, seed)`` named module:function; it returns a path's states,
+    shape (n, 3), or None. One that takes ``report`` as well may call it with the states of each path that it comes by:
+    their costs are its curve, and the best one in time counts if it returns too late. A function with an attribute
+    ``prepare`` takes ``prepared`` too, which is what ``prepare(checker)`` has returned: that is set-up, before the
+    clock starts, as the checker's is.
     """
     module, _, function = str(job["planner"]).partition(":")
     # Last, so that no file of the user's takes a library's place.
@@ -201,7 +209,9 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
     options: dict[str, Any] = {"report": report} if "report" in inspect.signature(plan).parameters else {}
     limit, begin = float(job["time_limit"]), perf_counter()
     if hasattr(plan, "prepare"):
+        yield {WAIT: PREPARING}
         options["prepared"] = plan.prepare(checker)
+        yield {WAIT: 0.0}
     setup_time = prepared.setup_time + perf_counter() - begin
     begin = perf_counter()
     found = plan(checker, *prepared.ends, limit, int(job["seed"]), **options)
@@ -216,7 +226,7 @@ def _own(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, None]:
     curve = [(t, each.cost) for t, each in reported]
     answer = _answer(prepared, status, time, curve, path, checker, peak)
     # Else it is the problem's own, as for other planners.
-    return (answer | {"setup_time": setup_time}) if "prepared" in options else answer, None
+    return (answer | {"setup_time": setup_time}) if "prepared" in options else answer
 
 
 def _answer(

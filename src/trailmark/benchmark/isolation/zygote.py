@@ -21,7 +21,7 @@ from collections import OrderedDict
 from time import perf_counter
 from typing import IO, Any, NoReturn
 
-from trailmark.benchmark.isolation.child import answers
+from trailmark.benchmark.isolation.child import WAIT, answers
 from trailmark.benchmark.isolation.memory import address_space
 from trailmark.benchmark.isolation.prepared import Prepared
 from trailmark.benchmark.measures import measured
@@ -133,9 +133,14 @@ class Zygote:
                 return answer, False
             *lines, pending = (pending + chunk).split(b"\n")
             for line in lines:
+                part = json.loads(line)
+                if WAIT in part:
+                    begin = perf_counter()
+                    deadline = begin + part[WAIT] + first
+                    continue
                 # The times that a child reports are compared with this clock.
                 answer.setdefault("answered", perf_counter() - begin)
-                answer |= json.loads(line)
+                answer |= part
                 deadline = perf_counter() + following
 
     def _referee(self, prepared: Prepared, answer: Answer) -> None:
