@@ -32,10 +32,10 @@ ROUNDS = 10
 def tour(outlook: Outlook) -> int:
     """Return the first landmark of a short tour from here past landmarks that together see all frontiers.
 
-    The tour ends at home, or where there is none rather where much may be seen than elsewhere (:data:`ENDING`). What has
-    been left behind near the way is so seen before the robot goes on, wherever going back later would cost more; a room
-    is seen to the end before it is left. Of about equal tours, that is taken which comes early to where a loop is closed
-    (:data:`SURER`).
+    The tour ends at home, or where there is none rather where much may be seen than elsewhere (:data:`ENDING`). What
+    has been left behind near the way is so seen before the robot goes on, wherever going back later would cost more; a
+    room is seen to the end before it is left. Of about equal tours, that is taken which comes early to where a loop is
+    closed (:data:`SURER`).
 
     Source: tours of frontiers instead of the nearest: Kulich, Faigl & Přeučil, "On distance utility in the exploration
     task", ICRA 2011.
