@@ -119,7 +119,7 @@ def method_settings(name: PlannerName) -> PlannerSettings:
         except ValueError:
             raise SuiteError(f"planner {name.base}: {setting}: expected a number, got {text!r}") from None
     try:
-        return replace(settings, **given)
+        return replace(settings, **given) if given else settings
     except ConfigurationError as error:
         raise SuiteError(f"planner {name.base}: {error}") from None
 

@@ -56,10 +56,8 @@ class EdgeIndex:
         if world.boundary is not None:
             frames.append(world.boundary.vertices)
         self.obstacles: list[Shape | None] = list(world.obstacles)
-        self.boxes = np.array([shape.bounding_box() for shape in world.obstacles]).reshape(-1, 4).T.copy()
-        self._places: dict[Shape, tuple[int, ...]] = {}
-        for place, shape in enumerate(world.obstacles):
-            self._places[shape] = (*self._places.get(shape, ()), place)
+        # Where each obstacle is among them; known once one of them goes.
+        self._places: dict[Shape, tuple[int, ...]] | None = None
         self._free: list[int] = []
         fixed, fixed_runs = _edges_of_rings(frames)
         edges, runs, owners = _edges_of(world.obstacles)
@@ -68,7 +66,8 @@ class EdgeIndex:
         # The place of the obstacle that each run belongs to, and whether it is still there.
         self._owners = np.concatenate([np.full(len(fixed_runs) - 1, FIXED), owners])
         self._there = np.ones(len(self._owners), np.bool_)
-        self._make_tree()
+        boxes = self._make_tree()
+        self.boxes = _boxes_around(boxes[:, len(fixed_runs) - 1 :], owners, len(self.obstacles))
 
     def edited(self, changes: Iterable[tuple[Shape | None, Shape | None]]) -> EdgeIndex:
         """Return the index in which obstacles are replaced by others.
@@ -78,7 +77,7 @@ class EdgeIndex:
         """
         new = copy(self)
         new.obstacles, new.boxes = self.obstacles.copy(), self.boxes.copy()
-        new._places, new._free = self._places.copy(), self._free.copy()
+        new._places, new._free = self._places_of_obstacles().copy(), self._free.copy()
         new._there, new._added = self._there.copy(), self._added.copy()
         pairs = list(changes)
         for before, _ in pairs:
@@ -114,23 +113,35 @@ class EdgeIndex:
         near = (left <= high[0]) & (right >= low[0]) & (bottom <= high[1]) & (top >= low[1])
         return [shape for i in np.flatnonzero(near) if (shape := self.obstacles[i]) is not None]
 
-    def _make_tree(self) -> None:
-        """Make the tree of all runs, and forget those of obstacles that went."""
+    def _make_tree(self) -> FloatArray:
+        """Make the tree of all runs, and forget those of obstacles that went; return the runs' boxes, shape (4, r)."""
         sizes = np.diff(self.runs)
         self.edges = np.ascontiguousarray(self.edges[np.repeat(self._there, sizes)])
         self.runs = np.concatenate([[0], np.cumsum(sizes[self._there])]).astype(np.int64)
         self._owners = self._owners[self._there]
         self._there = np.ones(len(self._owners), np.bool_)
         self._added = np.empty((4, 0))
-        self._tree = shapely.STRtree(shapely.box(*_boxes_of(self.edges, self.runs)))
+        boxes = _boxes_of(self.edges, self.runs)
+        self._tree = shapely.STRtree(shapely.box(*boxes))
         # It is made by the first query: now, not within a query's time.
         self._tree.query(shapely.box(0.0, 0.0, 0.0, 0.0))
+        return boxes
+
+    def _places_of_obstacles(self) -> dict[Shape, tuple[int, ...]]:
+        """Return where each obstacle is; equal ones are in several places."""
+        if self._places is None:
+            self._places = {}
+            for place, shape in enumerate(self.obstacles):
+                if shape is not None:
+                    self._places[shape] = (*self._places.get(shape, ()), place)
+        return self._places
 
     def _take_out(self, shape: Shape) -> None:
         """Leave an obstacle out."""
-        place, *others = self._places.pop(shape)
+        places = self._places_of_obstacles()
+        place, *others = places.pop(shape)
         if others:
-            self._places[shape] = tuple(others)
+            places[shape] = tuple(others)
         self._free.append(place)
         self.obstacles[place], self.boxes[:, place] = None, NOWHERE
         gone = self._owners == place
@@ -144,16 +155,18 @@ class EdgeIndex:
             self._free += range(len(self.obstacles), len(self.obstacles) + short)
             self.obstacles += [None] * short
             self.boxes = np.hstack([self.boxes, np.tile(NOWHERE, (short, 1)).T])
-        places = [self._free.pop() for _ in shapes]
+        places, known = [self._free.pop() for _ in shapes], self._places_of_obstacles()
         for place, shape in zip(places, shapes, strict=True):
-            self.obstacles[place], self.boxes[:, place] = shape, shape.bounding_box()
-            self._places[shape] = (*self._places.get(shape, ()), place)
+            self.obstacles[place] = shape
+            known[shape] = (*known.get(shape, ()), place)
         edges, runs, owners = _edges_of(shapes)
+        boxes = _boxes_of(edges, runs)
+        self.boxes[:, places] = _boxes_around(boxes, owners, len(shapes))
         self.runs = np.concatenate([self.runs, self.runs[-1] + runs[1:]])
         self.edges = np.concatenate([self.edges, edges])
         self._owners = np.concatenate([self._owners, np.array(places)[owners]])
         self._there = np.concatenate([self._there, np.ones(len(owners), np.bool_)])
-        self._added = np.hstack([self._added, _boxes_of(edges, runs)])
+        self._added = np.hstack([self._added, boxes])
 
 
 @njit(cache=True)
@@ -231,10 +244,15 @@ def _edges_of(shapes: Sequence[Shape]) -> tuple[FloatArray, IntArray, IntArray]:
 
 def _edges_of_rings(rings: Sequence[FloatArray]) -> tuple[FloatArray, IntArray]:
     """Return the edges of rings, (e, 5), and where each run of them begins, (r + 1,)."""
-    edges = np.concatenate([np.empty((0, 4)), *map(closed, rings)])
     ends = list(accumulate(map(len, rings), initial=0))
+    edges = np.zeros((ends[-1], 5))
+    if rings:
+        vertices = np.concatenate(rings)
+        after = np.arange(1, len(vertices) + 1)
+        after[np.array(ends[1:]) - 1] = ends[:-1]
+        edges[:, :2], edges[:, 2:4] = vertices, vertices[after]
     runs = [start for begin, end in pairwise(ends) for start in range(begin, end, RUN)]
-    return np.hstack([edges, np.zeros((len(edges), 1))]), np.array([*runs, ends[-1]], np.int64)
+    return edges, np.array([*runs, ends[-1]], np.int64)
 
 
 def _corners(rectangles: Sequence[Rectangle]) -> FloatArray:
@@ -251,3 +269,11 @@ def _boxes_of(edges: FloatArray, runs: IntArray) -> FloatArray:
     low = np.minimum(edges[:, :2], edges[:, 2:4]) - edges[:, 4:]
     high = np.maximum(edges[:, :2], edges[:, 2:4]) + edges[:, 4:]
     return np.hstack([np.minimum.reduceat(low, runs[:-1]), np.maximum.reduceat(high, runs[:-1])]).T
+
+
+def _boxes_around(boxes: FloatArray, owners: IntArray, count: int) -> FloatArray:
+    """Return the box around all of each owner's boxes, shape (4, count), from boxes (4, r) and their owners, (r,)."""
+    around = np.tile(np.array([NOWHERE]).T, (1, count))
+    for side, extend in enumerate((np.minimum, np.minimum, np.maximum, np.maximum)):
+        extend.at(around[side], owners, boxes[side])
+    return around
