@@ -102,7 +102,7 @@ def plan(
 
 def prepare(checker: StateChecker) -> Prepared:
     """Return what the function ``plan`` is given, with its kernels loaded."""
-    small = StateChecker(SMALL, checker.robot)
+    small = StateChecker(SMALL, SMALL.robot)
     ends = np.array([1.0, 1.0, 0.0]), np.array([4.0, 1.0, 1.0])
     plan(small, *ends, 1.0, 0, prepared=_prepared(small, 1 << 12))
     return _prepared(checker, MOST_NODES)
