@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from trailmark.planning import PlanProgress
 
-__all__ = ["WAIT", "Answer", "answers", "latest"]
+__all__ = ["PREPARING", "WAIT", "Answer", "answers", "latest"]
 
 GRACE = (0.02, 0.05)
 """Seconds, and share of the time limit (the larger counts), after which a solution comes too late for any planner."""
@@ -42,7 +42,7 @@ SMALL_LIMIT = 0.003
 SIMPLIFY_LIMIT = 0.5
 """Seconds that the simplifier gets at most."""
 
-PREPARING = 120.0
+PREPARING = 60.0
 """Seconds that a planner of the user's gets to prepare at most: on first use it may have to be compiled."""
 
 WAIT = "wait"
