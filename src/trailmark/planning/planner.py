@@ -105,6 +105,7 @@ class LandmarkPlanner:
             if clearance not in (None, checker.robot.clearance):
                 raise ConfigurationError(f"clearance: expected the checker's or none, got {brief(clearance)}")
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
+        # The default ones are made, and checked, once.
         self.settings = one_of(METHODS["landmark"] if settings is None else settings, PlannerSettings, "settings:")
         self._relax, self._warm = truth(relax, "relax:"), truth(warm, "warm:")
         moving = robot if robot is not None else checker.robot if checker is not None else world.robot
