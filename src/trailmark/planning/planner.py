@@ -21,7 +21,6 @@ from trailmark.motion import Motion, kind_of
 from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.planning.many_queries import answer_queries, ends_of
-from trailmark.planning.methods import METHODS
 from trailmark.planning.models import WorldModels
 from trailmark.planning.proofs import AnyBound
 from trailmark.planning.query import OnProgress
@@ -105,8 +104,7 @@ class LandmarkPlanner:
             if clearance not in (None, checker.robot.clearance):
                 raise ConfigurationError(f"clearance: expected the checker's or none, got {brief(clearance)}")
         self.seed = int(np.random.default_rng().integers(2**31)) if seed is None else whole(seed, "seed:", 0)
-        # The default ones are made, and checked, once.
-        self.settings = one_of(METHODS["landmark"] if settings is None else settings, PlannerSettings, "settings:")
+        self.settings = one_of(PlannerSettings() if settings is None else settings, PlannerSettings, "settings:")
         self._relax, self._warm = truth(relax, "relax:"), truth(warm, "warm:")
         moving = robot if robot is not None else checker.robot if checker is not None else world.robot
         charges = Objective.of(objective, moving)
