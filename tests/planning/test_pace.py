@@ -26,14 +26,24 @@ def test_a_process_that_was_suspended_is_not_slow_ever_after() -> None:
     pace = Pace(1e-6)
     guess = pace.seconds(1.0)
     for _ in range(9):
-        pace.note(10.0, 3600.0)
+        pace.note(10_000.0, 3600.0)
     assert guess < pace.seconds(1.0) < 4.0 * guess
+
+
+def test_work_that_is_over_at_once_says_nothing() -> None:
+    pace = Pace(1e-6)
+    guess = pace.seconds(1.0)
+    for _ in range(9):
+        pace.note(10.0, 0.01)
+    assert pace.seconds(1.0) == guess
 
 
 def test_what_was_measured_is_forgotten() -> None:
     pace, other = Pace(1e-6), Pace(2e-6)
     before = pace.seconds(1.0), other.seconds(1.0)
-    pace.note(1.0, 10.0)
-    other.note(1.0, 20.0)
+    pace.note(1e5, 10.0)
+    other.note(1e5, 20.0)
+    assert pace.seconds(1.0) != before[0]
+    assert other.seconds(1.0) != before[1]
     Pace.forget_all()
     assert (pace.seconds(1.0), other.seconds(1.0)) == before

@@ -73,7 +73,7 @@ class Rounds:
                 return
             self.count += 1
             self.landmarks = int(min(self.landmarks * settings.landmark_growth, settings.max_query_nodes))
-            if query.solved:
+            if not self.may_succeed():
                 return
             query.incumbent.nearest = self._nearest_approach(nodes)
             if self.count % settings.rounds_per_grid == 0:
@@ -89,6 +89,8 @@ class Rounds:
         query, settings = self.query, self.query.settings
         widening = WIDENINGS[self.count] if self.count < len(WIDENINGS) else np.inf
         self.placement.place(self.roadmap, widening, self.landmarks)
+        if not self.may_succeed():
+            return
         self.placement.search(self.roadmap, nodes)
         if query.motion.moves_anywhere and settings.uses("bridges"):
             self._bridge(nodes)
@@ -104,7 +106,7 @@ class Rounds:
     def _bridge(self, nodes: NDArray[np.int64]) -> None:
         """Place landmarks where the start's and the goal's parts of the roadmap end, while they grow together."""
         query, bridge = self.query, Bridge(self.roadmap, self.band, nodes, self.query.rng)
-        while not query.solved and bridge.promising and not query.clock.is_up():
+        while bridge.promising and self.may_succeed() and not query.clock.is_up():
             self.roadmap.add(bridge.landmarks())
             self.placement.search(self.roadmap, nodes)
 

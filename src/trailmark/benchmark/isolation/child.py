@@ -22,22 +22,26 @@ from trailmark.benchmark.planner_name import PlannerName
 from trailmark.benchmark.planners import method_settings
 from trailmark.benchmark.status import Status
 from trailmark.curves import CurvePath
-from trailmark.motion import kind_of
 from trailmark.path import Path
 from trailmark.planning.methods import METHODS
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from trailmark.planning import PlanProgress
+    from trailmark.collision import StateChecker
+    from trailmark.ompl_bridge.problem import SE2Problem
+    from trailmark.planning import LandmarkPlanner, PlanProgress
 
 __all__ = ["PREPARING", "WAIT", "Answer", "answers", "latest"]
 
 GRACE = (0.02, 0.05)
 """Seconds, and share of the time limit (the larger counts), after which a solution comes too late for any planner."""
 
-SMALL_LIMIT = 0.003
-"""Seconds that OMPL's planners get for the small problem before the clock starts."""
+SETTLING = 0.02
+"""Seconds of planning that no clock measures, before that which is measured; native programs get the same."""
+
+OTHER_SEED = 1_000_000_007
+"""By which the seed of settling in differs."""
 
 SIMPLIFY_LIMIT = 0.5
 """Seconds that the simplifier gets at most."""
@@ -72,7 +76,7 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
     if ":" in name:
         answer, graph = (yield from _own(prepared, job)), None
     else:
-        _plan_small_problem(prepared, job)
+        _settle(prepared, job)
         answer, graph = (_landmark if name in METHODS else _ompl)(prepared, job)
     answer = _in_time(answer, latest(float(job["time_limit"])))
     yield answer
@@ -84,28 +88,21 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
         yield _simplified(prepared, answer["path"])
 
 
-def _plan_small_problem(prepared: Prepared, job: Mapping[str, Any]) -> None:
-    """Let the planner solve a small problem that is not measured.
+def _settle(prepared: Prepared, job: Mapping[str, Any]) -> None:
+    """Plan the problem itself for a moment with another seed, by a planner that is dropped, as native programs do.
 
     The memory that a forked process uses for the first time is copied for it. That takes milliseconds, which are not
     the planner's, and which users of a running program do not wait for.
     """
-    from trailmark.planning import LandmarkPlanner
-    from trailmark.planning.warmup import ROBOTS, SMALL
-
-    (world, (start, goal)), robot = SMALL, ROBOTS[kind_of(prepared.problem.robot)]
-    planner_name = PlannerName.parse(str(job["planner"]))
-    if settings := METHODS.get(planner_name.base):
-        planner = LandmarkPlanner(world, robot, seed=0, settings=settings, warm=False)
-        planner.plan(start, goal, time_limit=1.0, max_iterations=1)
+    name, limit = PlannerName.parse(str(job["planner"])), min(SETTLING, float(job["time_limit"]))
+    if name.base in METHODS:
+        planner = _planner(prepared, prepared.checker, name, int(job["seed"]) + OTHER_SEED)
+        planner.plan(*prepared.ends, time_limit=limit)
         return
     from trailmark.ompl_bridge import measured
-    from trailmark.ompl_bridge.problem import SE2Problem
 
-    measured.silence_ompl()
-    measured.seed_ompl(int(job["seed"]))
-    small = SE2Problem(world, robot, (start, goal), certified=planner_name.certified)
-    measured.measure(small, planner_name.algorithm, SMALL_LIMIT)
+    problem = _posed(prepared, job, name)
+    measured.measure(problem, name.algorithm, limit, parameters=name.parameters)
 
 
 def latest(time_limit: float) -> float:
@@ -115,19 +112,9 @@ def latest(time_limit: float) -> float:
 
 def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
     from trailmark.ompl_bridge import measured
-    from trailmark.ompl_bridge.problem import SE2Problem
 
     name = PlannerName.parse(str(job["planner"]))
-    measured.silence_ompl()
-    measured.seed_ompl(int(job["seed"]))
-    problem = SE2Problem(
-        prepared.problem.world,
-        prepared.problem.robot,
-        prepared.ends,
-        checker=prepared.checker,
-        certified=name.certified,
-        resolution=float(job["resolution"]),
-    )
+    problem = _posed(prepared, job, name)
     peak = MemoryPeak()
     limit, first = float(job["time_limit"]), bool(job.get("first"))
     run = measured.measure(problem, name.algorithm, limit, parameters=name.parameters, first=first)
@@ -147,9 +134,32 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
     return answer, lambda: measured.graph_size(problem)
 
 
-def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
+def _posed(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> SE2Problem:
+    """Return the problem as OMPL takes it, its random numbers begun anew."""
+    from trailmark.ompl_bridge import measured
+    from trailmark.ompl_bridge.problem import SE2Problem
+
+    measured.silence_ompl()
+    measured.seed_ompl(int(job["seed"]))
+    return SE2Problem(
+        prepared.problem.world,
+        prepared.problem.robot,
+        prepared.ends,
+        checker=prepared.checker,
+        certified=name.certified,
+        resolution=float(job["resolution"]),
+    )
+
+
+def _planner(prepared: Prepared, checker: StateChecker, name: PlannerName, seed: int) -> LandmarkPlanner:
     from trailmark.planning import LandmarkPlanner
 
+    world, settings = prepared.problem.world, method_settings(name)
+    # By length, as OMPL's planners are measured, cars too.
+    return LandmarkPlanner(world, seed=seed, checker=checker, settings=settings, objective="length", warm=False)
+
+
+def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
     limit, peak = float(job["time_limit"]), MemoryPeak()
     best: list[PlanProgress] = []
 
@@ -163,12 +173,7 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
 
     checker = CountingChecker(prepared.checker)
     begin = perf_counter()
-    settings = method_settings(PlannerName.parse(str(job["planner"])))
-    seed = int(job["seed"])
-    # By length, as OMPL's planners are measured, cars too.
-    planner = LandmarkPlanner(
-        prepared.problem.world, seed=seed, checker=checker, settings=settings, objective="length", warm=False
-    )
+    planner = _planner(prepared, checker, PlannerName.parse(str(job["planner"])), int(job["seed"]))
     before = perf_counter() - begin
     result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress, stop=stop)
     time = perf_counter() - begin

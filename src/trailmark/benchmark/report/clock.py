@@ -17,7 +17,7 @@ __all__ = ["clock_table", "cold_table"]
 
 _PYTHON = "before: trailmark's, with its clearance field"
 _COMPILED = "before: compiled, or loaded from the cache"
-_SETTLED = "before: one small problem"
+_SETTLED = "before: the problem itself, 20 ms"
 _OMPL = "within: OMPL's set-up, roadmap or tree"
 _WORDS = {
     "landmark": (_PYTHON, _COMPILED, _SETTLED, "within: landmarks and roadmap", "within: its own; after: the common"),
@@ -26,7 +26,7 @@ _WORDS = {
     "native": (
         "before: its own, of FCL",
         "none: C++",
-        "before: the problem itself, 20 ms",
+        _SETTLED,
         _OMPL,
         "after: OMPL's, in C++",
     ),

@@ -6,7 +6,7 @@ the robot moves within the cell, is covered throughout the cell; if it meets an 
 is not settled so is divided, and with it the centres grow dense just where a way might be.
 """
 
-# Tested by tests/planning/proofs/test_claims.py.
+# Tested by tests/planning/proofs/test_cell_check.py and test_claims.py.
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.affinity import rotate
 
 from trailmark.se2 import FloatArray
 from trailmark.world import Robot, World
@@ -31,6 +32,9 @@ MOST = 200_000
 
 BATCH = 2_000
 """Cells between two looks at the clock: some ten milliseconds."""
+
+HEADINGS = 17
+"""Of a box, of which those in between are told: what the robot covers with all of them it covers throughout."""
 
 CHILDREN = np.array(list(product((-0.5, 0.5), repeat=3)))
 
@@ -56,26 +60,30 @@ def free_somewhere(
     space = _Space(world, robot.clearance)
     outline = np.asarray(robot.outline.rings()[0]) - pivot
     left = MOST
+    # Boxes of one size are looked at together: the robot's middle is the same in all.
+    sizes, kind = np.unique(extent, axis=0, return_inverse=True)
+    kind = kind.ravel()
     for _ in range(HALVINGS + 1):
         unsettled = []
-        # Boxes of one size are looked at together: the robot's middle is the same in all.
-        sizes, kind = np.unique(extent, axis=0, return_inverse=True)
         for n, size in enumerate(sizes):
             core = _core(outline, size)
-            boxes = np.flatnonzero(kind.ravel() == n)
+            boxes = np.flatnonzero(kind == n)
             for first in range(0, len(boxes), BATCH):
                 of = boxes[first : first + BATCH]
                 left -= len(of)
                 if left < 0 or stop():
                     return False
-                if not space.meets(_placed([outline], middle[of])).all():
+                # Where what the robot covers throughout meets something, so does the robot at the centre.
+                for ring in core:
+                    of = of[~space.meets(_placed(ring, middle[of]))]
+                if not space.meets(_placed(outline, middle[of])).all():
                     return True
-                unsettled.append(of[~space.meets(_placed(core, middle[of]))] if core else of)
+                unsettled.append(of)
         open_ = np.concatenate(unsettled) if unsettled else np.empty(0, np.int64)
         if len(open_) == 0:
             return False
-        middle = (middle[open_][:, None] + CHILDREN * extent[open_][:, None]).reshape(-1, 3)
-        extent = np.repeat(0.5 * extent[open_], len(CHILDREN), axis=0)
+        middle = (middle[open_][:, None] + CHILDREN * sizes[kind[open_]][:, None]).reshape(-1, 3)
+        sizes, kind = 0.5 * sizes, np.repeat(kind[open_], len(CHILDREN))
     return False
 
 
@@ -91,34 +99,40 @@ class _Space:
             self._rooms.append(world.boundary.shapely())
         shapely.prepare(self._rooms)
 
-    def meets(self, placed: list[Any]) -> NDArray[np.bool_]:
-        """Return which of n robots, given as arrays of their pieces (shapely), meet an obstacle or leave a room."""
-        found = np.zeros(len(placed[0]), np.bool_)
-        for pieces in placed:
-            found[self._tree.query(pieces, predicate="dwithin", distance=self._clearance)[0]] = True
-            for room in self._rooms:
-                found |= ~shapely.covers(room, pieces)
-                if self._clearance > 0.0:
-                    found |= shapely.distance(room.exterior, pieces) < self._clearance
+    def meets(self, pieces: Any) -> NDArray[np.bool_]:
+        """Return which of n pieces of the robot, an array of shapely's polygons, meet an obstacle or leave a room."""
+        found = np.zeros(len(pieces), np.bool_)
+        if self._clearance > 0.0:
+            near = self._tree.query(pieces, predicate="dwithin", distance=self._clearance)
+        else:
+            near = self._tree.query(pieces, predicate="intersects")
+        found[near[0]] = True
+        for room in self._rooms:
+            found |= ~shapely.covers(room, pieces)
+            if self._clearance > 0.0:
+                found |= shapely.distance(room.exterior, pieces) < self._clearance
         return found
 
 
-def _placed(rings: list[FloatArray], q: FloatArray) -> list[Any]:
-    """Return an array of n polygons for each ring about the pivot, at configurations (n, 3)."""
+def _placed(ring: FloatArray, q: FloatArray) -> Any:
+    """Return an array of n polygons: a ring about the pivot at configurations (n, 3)."""
     c, s = np.cos(q[:, 2]), np.sin(q[:, 2])
     turn = np.stack([np.stack([c, s], axis=-1), np.stack([-s, c], axis=-1)], axis=-2)
-    return [shapely.polygons(ring @ turn + q[:, None, :2]) for ring in rings]
+    return shapely.polygons(ring @ turn + q[:, None, :2])
 
 
 def _core(outline: FloatArray, extent: FloatArray) -> list[FloatArray]:
-    """Return rings inside the outline that lie farther from it than it moves within half a box's edges."""
-    radius = float(np.hypot(*outline.T).max())
-    moves = np.sqrt(2.0) * extent[0] + 2.0 * radius * np.sin(0.5 * min(extent[2], np.pi)) + 1e-9
+    """Return rings about what the robot covers wherever in a box it is, seen from the box's centre."""
+    turn = min(float(extent[2]), np.pi)
+    # Between two of these headings a point moves by no more than from the middle to one of them.
+    headings, half = np.linspace(-turn, turn, HEADINGS), turn / (HEADINGS - 1)
+    moves = np.sqrt(2.0) * extent[0] + 2.0 * float(np.hypot(*outline.T).max()) * np.sin(0.5 * half) + 1e-9
     robot = shapely.Polygon(outline)
-    parts = shapely.get_parts(shapely.buffer(robot, -1.03 * moves, join_style="mitre"))
-    # Buffers are not exact: measured anew. A part's outline is all that can meet first.
-    return [
-        shapely.get_coordinates(part.exterior)
-        for part in parts
-        if not part.is_empty and part.distance(robot.exterior) >= moves and robot.covers(part)
-    ]
+    inside = shapely.buffer(robot, -1.03 * moves, join_style="mitre")
+    # Buffers are not exact: measured anew.
+    if inside.is_empty or inside.distance(robot.exterior) < moves or not robot.covers(inside):
+        return []
+    throughout = shapely.intersection_all([rotate(inside, a, origin=(0.0, 0.0), use_radians=True) for a in headings])
+    # A part's outline is all that can meet first.
+    parts = shapely.get_parts(throughout)
+    return [shapely.get_coordinates(part.exterior) for part in parts if part.area > 0.0]
