@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -23,11 +24,13 @@ STYLES = {
     PYTHON: ("#0072b2", "-", 1.4),
     CERTIFIED: ("#0072b2", "--", 1.4),
     NATIVE: ("#000000", "-", 1.4),
-    "native:BITstar": ("#000000", "--", 1.4),
+    "native:RRTConnect+certified": ("#000000", "--", 1.4),
     "BITstar": ("#009e73", "-", 1.4),
     "BITstar+certified": ("#009e73", "--", 1.4),
 }
 OTHERS = "#aaaaaa"
+WIDTH = 44
+"""Characters in a line of the legend."""
 
 
 def draw(results: Results) -> bytes:
@@ -40,7 +43,9 @@ def draw(results: Results) -> bytes:
     chosen = results.timed(planners)
     others = [name for name in planners if name not in STYLES]
     if others:
-        left.plot([], [], color=OTHERS, label=", ".join(others))
+        # Of functions of one's own the module tells which they are.
+        named = [name.removesuffix(":plan").rpartition(".")[2] for name in others]
+        left.plot([], [], color=OTHERS, label=textwrap.fill(", ".join(named), WIDTH, break_on_hyphens=False))
     for name in sorted(planners, key=lambda name: (name == LANDMARK, name in STYLES)):
         times, shares = results.first_times(name, chosen)
         colour, line, width = STYLES.get(name, (OTHERS, "-", 1.0))
