@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from tests.benchmark.conftest import small_world
 
@@ -12,8 +13,9 @@ from trailmark.benchmark.problems import Problem, problems_of, read_problem
 from trailmark.benchmark.resolution import Resolution
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import FormatError, WorldError
+from trailmark.formats.cell_obstacles import cells_of
 from trailmark.path import Path
-from trailmark.world import Robot
+from trailmark.world import Query, Robot, World
 
 
 def test_a_world_poses_one_problem_a_query() -> None:
@@ -40,6 +42,22 @@ def test_a_problem_travels_as_text(ahead: Problem) -> None:
     assert there.key == ahead.key
     with pytest.raises(FormatError):
         read_problem("- no\n- world\n")
+
+
+def test_a_grid_map_travels_as_cells() -> None:
+    occupied = np.random.default_rng(2).random((12, 20)) < 0.2
+    occupied[:2, :2] = occupied[-2:, -2:] = False
+    world = World.from_grid(occupied, 0.5, (1.0, -2.0), name="map")
+    posed = replace(world, robot=Robot.disc(0.2), queries=(Query("q", (1.5, -1.5, 0.0), (10.5, 3.5, 0.0)),))
+    problem = Problem(posed)
+    there = read_problem(problem.text)
+    cells = cells_of(there.world)
+    assert cells is not None
+    assert (cells.occupied == occupied).all()
+    assert there.world == posed
+    assert there.key == problem.key
+    # Whoever reads it as a world file gets the same polygons.
+    assert tuple(read_problem(problem.text.rpartition("# cells")[0]).world.obstacles) == tuple(posed.obstacles)
 
 
 def test_only_the_same_problem_has_the_same_key(ahead: Problem, around: Problem) -> None:
