@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from benchmarks.attack_worlds import SHAPES, Attack, abutting, carved, collinear, slit, uneven
 
+from trailmark.collision import StateChecker
 from trailmark.planning import LandmarkPlanner
-from trailmark.planning.proofs import LowerBound
+from trailmark.planning.proofs import LowerBound, enclosed
 from trailmark.planning.proofs import bound as module
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -89,3 +90,16 @@ def test_abutting_rectangles_do_not_end_the_process() -> None:
     assert result.path is not None
     assert result.lower_bound is not None
     assert 4.8 < result.lower_bound <= result.path.cost < 4.9
+
+
+@pytest.mark.parametrize("spare", [1e-3, 1e-6])
+def test_a_corner_that_is_just_wide_enough_is_not_called_shut(spare: float) -> None:
+    # At 45 degrees, where it is longest, a rectangle fits around if length <= 2 (sqrt(2) corridor - width).
+    corridor, width = 0.6, 0.5
+    robot = Robot.rectangle(2.0 * (np.sqrt(2.0) * corridor - width) - spare, width)
+    wall = Rectangle((5.0 + corridor / 2.0, 5.0 + corridor / 2.0), 10.0 - corridor, 10.0 - corridor)
+    checker = StateChecker(World("corner", (0.0, 0.0, 10.0, 10.0), (wall,)), robot)
+    start, forwards, backwards = (8.0, 0.3, 0.0), (0.3, 8.0, -np.pi / 2), (0.3, 8.0, np.pi / 2)
+    assert not enclosed(checker, start, forwards, seconds=2.0)
+    # There is no room to arrive the other way round.
+    assert enclosed(checker, start, backwards)
