@@ -325,3 +325,20 @@ class Careless(Stalled):
 def test_a_robot_has_to_say_what_is_asked_of_it(sensed: object, message: str) -> None:
     with pytest.raises(ConfigurationError, match=message):
         faulty(lambda robot: Careless(robot, sensed)).run()
+
+
+def test_who_only_looks_for_ways_and_finds_none_is_stuck() -> None:
+    # The gap is passed when headed through it, which takes longer to find than 0.1 ms.
+    walls = Rectangle((4.0, 1.2), 0.4, 2.4), Rectangle((4.0, 4.6), 0.4, 2.8)
+    world, robot = World("gap", (0.0, 0.0, 8.0, 6.0), walls), Robot.rectangle(1.6, 0.7)
+    explorer = Explorer(
+        world,
+        robot,
+        start=(1.2, 3.0, 1.57),
+        sensor_range=6.0,
+        noise=0.0,
+        settings=ExplorationSettings(planning_time=1e-4),
+    )
+    result = explorer.run()
+    assert result.status == "stuck"
+    assert "ways could be driven" in result.reason
