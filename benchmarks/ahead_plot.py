@@ -44,7 +44,7 @@ def draw(results: Results) -> bytes:
     others = [name for name in planners if name not in STYLES]
     if others:
         # Of functions of one's own the module tells which they are.
-        named = [name.removesuffix(":plan").rpartition(".")[2] for name in others]
+        named = [name.removeprefix("benchmarks.").removesuffix(":plan") for name in others]
         left.plot([], [], color=OTHERS, label=textwrap.fill(", ".join(named), WIDTH, break_on_hyphens=False))
     for name in sorted(planners, key=lambda name: (name == LANDMARK, name in STYLES)):
         times, shares = results.first_times(name, chosen)

@@ -341,4 +341,4 @@ def test_who_only_looks_for_ways_and_finds_none_is_stuck() -> None:
     )
     result = explorer.run()
     assert result.status == "stuck"
-    assert "ways could be driven" in result.reason
+    assert "no way that could be driven was found" in result.reason

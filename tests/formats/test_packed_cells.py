@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from trailmark.errors import WorldError
 from trailmark.formats.cell_obstacles import CellObstacles
 from trailmark.formats.packed_cells import packed_cells, unpacked_cells
 
@@ -23,3 +24,9 @@ def test_a_text_without_cells_has_none() -> None:
     assert unpacked_cells("trailmark: 1\n") is None
     assert unpacked_cells("# cells: 1 1 1.0 0.0 0.0 0.0 x\ntrailmark: 1\n") is None
     assert unpacked_cells("") is None
+
+
+@pytest.mark.parametrize("line", ["1 1 1.0 0.0 0.0 0.0", "1 1 1.0 0.0 0.0 0.0 x", "9 9 1.0 0.0 0.0 0.0 eJxjAAAAAQAB"])
+def test_cells_that_were_changed_are_refused(line: str) -> None:
+    with pytest.raises(WorldError, match="expected what packed_cells wrote"):
+        unpacked_cells(f"# cells: {line}\n")

@@ -117,7 +117,7 @@ def _serve() -> dict[str, Any] | None:
     """Return None once stdin has ended, and in each child its job."""
     from ompl import base, geometric, util  # noqa: F401  # for the children
 
-    from trailmark import World, plotting  # noqa: F401  # plotting likewise
+    from trailmark import World, plotting  # noqa: F401  # plotting for the children, too
     from trailmark.cli import main as shell
     from trailmark.library import find_world
 

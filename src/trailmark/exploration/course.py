@@ -58,7 +58,7 @@ MAX_FAILED = 100
 """Ways in a row that are not found, or given up before anything is driven, before the robot is stuck: by then each
 place has been looked at again and again, and the sensor's noise goes on changing what is known of it."""
 
-MAX_FAILING = 150.0
+MAX_SEARCH = 150.0
 """Planning times that may be spent on them, likewise: the last ones are looked for much longer than the first."""
 
 
@@ -115,7 +115,7 @@ class Course:
         self._choose, self._settings = strategy, settings
         self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
         self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
-        self._since, self._failures, self._driven = 0.0, 0, perf_counter()
+        self._since, self._failures, self._searched = 0.0, 0, 0.0
         world = mapper.known.follow(World(name, mapper.known.bounds, robot=robot))
         # A path that touches something is none for a robot that may be beside it.
         self.planner = LandmarkPlanner(world, robot, seed=seed, clearance=max(mapper.margin, ON_PATH))
@@ -134,7 +134,7 @@ class Course:
         follower, known = self.follower, self._mapper.known
         self._since += moved
         if moved > 0.0:
-            self._failures, self._driven = 0, perf_counter()
+            self._failures, self._searched = 0, 0.0
         if follower is None:
             return self._timed(self._decide if self._look is None else self._looked)
         off = follower.advance(self._mapper.pose, moved)
@@ -212,7 +212,15 @@ class Course:
         self, plan: Callable[[], PlanResult], then: Callable[[PlanResult], list[str]], until: float
     ) -> list[str]:
         """Look for a way, and go on by what comes of it: at once, or after further readings."""
-        self._look = Look(self._threads.submit(plan), then, self._mapper.known.revision)
+
+        def timed() -> PlanResult:
+            begin = perf_counter()
+            try:
+                return plan()
+            finally:
+                self._searched += perf_counter() - begin
+
+        self._look = Look(self._threads.submit(timed), then, self._mapper.known.revision)
         return self._looked(until)
 
     def _looked(self, until: float) -> list[str]:
@@ -248,10 +256,9 @@ class Course:
     def _count_failure(self) -> None:
         """End where nothing but changes of the map comes of looking for ways."""
         self._failures += 1
-        seconds = perf_counter() - self._driven
-        if self._failures >= MAX_FAILED or seconds >= MAX_FAILING * self._settings.planning_time:
-            ways = f"none of the last {self._failures} ways could be driven, which were looked for for {seconds:.0f} s"
-            self.ended = "stuck", f"{ways} while the map went on changing"
+        if self._failures >= MAX_FAILED or self._searched >= MAX_SEARCH * self._settings.planning_time:
+            tried = f"{self._failures} searches in a row, {self._searched:.1f} s in all"
+            self.ended = "stuck", f"no way that could be driven was found in {tried}, while the map went on changing"
 
     def _index(self, outlook: Outlook) -> int:
         """Return the strategy's choice."""

@@ -9,7 +9,10 @@ import zlib
 
 import numpy as np
 
+from trailmark.arguments import brief
+from trailmark.errors import WorldError
 from trailmark.formats.cell_obstacles import CellObstacles
+from trailmark.formats.grid import check_size
 
 __all__ = ["packed_cells", "unpacked_cells"]
 
@@ -24,11 +27,19 @@ def packed_cells(cells: CellObstacles) -> str:
 
 
 def unpacked_cells(text: str) -> CellObstacles | None:
-    """Return the cells that the last line of a text holds, as :func:`packed_cells` wrote it; None if it does not."""
+    """Return the cells that the last line of a text holds, as :func:`packed_cells` wrote it; None if it does not.
+
+    Raises:
+        WorldError: a line that was changed since.
+    """
     line = text[text.rstrip("\n").rfind("\n") + 1 :]
     if not line.startswith(_BEGIN):
         return None
-    rows, columns, cell, x, y, yaw, packed = line[len(_BEGIN) :].split()
-    shape = int(rows), int(columns)
-    bits = np.unpackbits(np.frombuffer(zlib.decompress(base64.b64decode(packed)), np.uint8), count=shape[0] * shape[1])
-    return CellObstacles(bits.reshape(shape).astype(np.bool_), float(cell), (float(x), float(y), float(yaw)))
+    try:
+        rows, columns, cell, x, y, yaw, packed = line[len(_BEGIN) :].split()
+        check_size(int(columns), int(rows))
+        bits = np.unpackbits(np.frombuffer(zlib.decompress(base64.b64decode(packed)), np.uint8))
+        occupied = bits[: int(rows) * int(columns)].reshape(int(rows), int(columns)).astype(np.bool_)
+        return CellObstacles(occupied, float(cell), (float(x), float(y), float(yaw)))
+    except (ValueError, zlib.error) as error:
+        raise WorldError(f"cells: expected what packed_cells wrote, got {brief(line)}") from error

@@ -16,8 +16,8 @@ LEARNING_RATE = 0.5
 MAX_SLOWER = 3.0
 """Times the first guess that is believed at most: a process that was suspended for a while is not slow ever after."""
 
-LEAST = 2e-3
-"""Seconds that work has to be expected to take for its time to tell the pace: else what each call costs would count."""
+MIN_EXPECTED = 2e-3
+"""Seconds of expected work below which nothing is learnt: there the fixed costs of a call outweigh the work."""
 
 _paces: list[Pace] = []
 
@@ -51,7 +51,7 @@ class Pace:
     def note(self, units: float, seconds: float) -> None:
         """Learn what so much work took, seconds."""
         first = self._guess * _slowness()
-        if units * first < LEAST:
+        if units * first < MIN_EXPECTED:
             return
         before, slowest = self.seconds(1.0), MAX_SLOWER * first
         self._measured = before + LEARNING_RATE * (min(seconds / units, slowest) - before)

@@ -40,8 +40,8 @@ GRACE = (0.02, 0.05)
 SETTLING = 0.02
 """Seconds of planning that no clock measures, before that which is measured; native programs get the same."""
 
-OTHER_SEED = 1_000_000_007
-"""By which the seed of settling in differs."""
+SEED_OFFSET = 1_000_000_007
+"""Between the seed of a run and that of settling in."""
 
 SIMPLIFY_LIMIT = 0.5
 """Seconds that the simplifier gets at most."""
@@ -76,7 +76,10 @@ def answers(prepared: Prepared, job: Mapping[str, Any]) -> Iterator[Answer]:
     if ":" in name:
         answer, graph = (yield from _own(prepared, job)), None
     else:
+        # Whoever heeds no limit may take as long again.
+        yield {WAIT: float(job["time_limit"])}
         _settle(prepared, job)
+        yield {WAIT: 0.0}
         answer, graph = (_landmark if name in METHODS else _ompl)(prepared, job)
     answer = _in_time(answer, latest(float(job["time_limit"])))
     yield answer
@@ -95,13 +98,14 @@ def _settle(prepared: Prepared, job: Mapping[str, Any]) -> None:
     the planner's, and which users of a running program do not wait for.
     """
     name, limit = PlannerName.parse(str(job["planner"])), min(SETTLING, float(job["time_limit"]))
+    seed = int(job["seed"]) + SEED_OFFSET
     if name.base in METHODS:
-        planner = _planner(prepared, prepared.checker, name, int(job["seed"]) + OTHER_SEED)
+        planner = _landmark_planner(prepared, prepared.checker, name, seed)
         planner.plan(*prepared.ends, time_limit=limit)
         return
     from trailmark.ompl_bridge import measured
 
-    problem = _posed(prepared, job, name)
+    problem = _ompl_problem(prepared, name, seed, float(job["resolution"]))
     measured.measure(problem, name.algorithm, limit, parameters=name.parameters)
 
 
@@ -114,7 +118,7 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
     from trailmark.ompl_bridge import measured
 
     name = PlannerName.parse(str(job["planner"]))
-    problem = _posed(prepared, job, name)
+    problem = _ompl_problem(prepared, name, int(job["seed"]), float(job["resolution"]))
     peak = MemoryPeak()
     limit, first = float(job["time_limit"]), bool(job.get("first"))
     run = measured.measure(problem, name.algorithm, limit, parameters=name.parameters, first=first)
@@ -134,24 +138,24 @@ def _ompl(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph]:
     return answer, lambda: measured.graph_size(problem)
 
 
-def _posed(prepared: Prepared, job: Mapping[str, Any], name: PlannerName) -> SE2Problem:
-    """Return the problem as OMPL takes it, its random numbers begun anew."""
+def _ompl_problem(prepared: Prepared, name: PlannerName, seed: int, resolution: float) -> SE2Problem:
+    """Return the problem as OMPL takes it, and seed OMPL's random numbers."""
     from trailmark.ompl_bridge import measured
     from trailmark.ompl_bridge.problem import SE2Problem
 
     measured.silence_ompl()
-    measured.seed_ompl(int(job["seed"]))
+    measured.seed_ompl(seed)
     return SE2Problem(
         prepared.problem.world,
         prepared.problem.robot,
         prepared.ends,
         checker=prepared.checker,
         certified=name.certified,
-        resolution=float(job["resolution"]),
+        resolution=resolution,
     )
 
 
-def _planner(prepared: Prepared, checker: StateChecker, name: PlannerName, seed: int) -> LandmarkPlanner:
+def _landmark_planner(prepared: Prepared, checker: StateChecker, name: PlannerName, seed: int) -> LandmarkPlanner:
     from trailmark.planning import LandmarkPlanner
 
     world, settings = prepared.problem.world, method_settings(name)
@@ -173,7 +177,7 @@ def _landmark(prepared: Prepared, job: Mapping[str, Any]) -> tuple[Answer, Graph
 
     checker = CountingChecker(prepared.checker)
     begin = perf_counter()
-    planner = _planner(prepared, checker, PlannerName.parse(str(job["planner"])), int(job["seed"]))
+    planner = _landmark_planner(prepared, checker, PlannerName.parse(str(job["planner"])), int(job["seed"]))
     before = perf_counter() - begin
     result = planner.plan(*prepared.ends, time_limit=max(limit - before, 1e-3), on_progress=on_progress, stop=stop)
     time = perf_counter() - begin

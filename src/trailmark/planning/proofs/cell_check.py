@@ -1,9 +1,8 @@
 """A second look at a proof by cells of SE(2): is the robot really nowhere free in the cells that shut it in?
 
 Where a proof is wrong, a way leads through one of those cells. So each is looked at by shapely alone, which shares
-nothing with what found it: what the robot covers at the cell's centre, less all that lies nearer to its outline than
-the robot moves within the cell, is covered throughout the cell; if it meets an obstacle, no place there is free. What
-is not settled so is divided, and with it the centres grow dense just where a way might be.
+nothing with what found it: if what the robot covers at every configuration of the cell meets an obstacle, no place
+there is free. What is not settled so is divided, and with it the centres grow dense just where a way might be.
 """
 
 # Tested by tests/planning/proofs/test_cell_check.py and test_claims.py.
@@ -34,7 +33,7 @@ BATCH = 2_000
 """Cells between two looks at the clock: some ten milliseconds."""
 
 HEADINGS = 17
-"""Of a box, of which those in between are told: what the robot covers with all of them it covers throughout."""
+"""Headings of a box at which the robot, eroded by how far it moves from one to the next, is intersected with itself."""
 
 CHILDREN = np.array(list(product((-0.5, 0.5), repeat=3)))
 
@@ -122,9 +121,9 @@ def _placed(ring: FloatArray, q: FloatArray) -> Any:
 
 
 def _core(outline: FloatArray, extent: FloatArray) -> list[FloatArray]:
-    """Return rings about what the robot covers wherever in a box it is, seen from the box's centre."""
+    """Return rings around what the robot covers at every configuration in a box, in its frame at the box's centre."""
     turn = min(float(extent[2]), np.pi)
-    # Between two of these headings a point moves by no more than from the middle to one of them.
+    # No heading of the box is farther than half a step from one of these.
     headings, half = np.linspace(-turn, turn, HEADINGS), turn / (HEADINGS - 1)
     moves = np.sqrt(2.0) * extent[0] + 2.0 * float(np.hypot(*outline.T).max()) * np.sin(0.5 * half) + 1e-9
     robot = shapely.Polygon(outline)
