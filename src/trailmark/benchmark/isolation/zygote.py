@@ -138,10 +138,9 @@ class Zygote:
                     # Before preparing and after it; whoever asks again has no more time by that.
                     waits += 1
                     if waits <= 2:
-                        begin = perf_counter()
-                        deadline = begin + min(part[WAIT], PREPARING) + first
+                        deadline = perf_counter() + min(part[WAIT], PREPARING) + first
                     continue
-                # The times that a child reports are compared with this clock.
+                # Times that a child reports are compared with this clock, which no message read late sets back.
                 answer.setdefault("answered", perf_counter() - begin)
                 answer |= part
                 deadline = perf_counter() + following
