@@ -365,7 +365,7 @@ def polygon(points: str) -> str:
         (goal("{region: [[0, 0], [1, 1], [2, x]]}"), "queries[0].goal.region[2][1]: expected a finite number"),
         (HEAD + "queries: [{nam: a, start: [0, 0, 0], goal: [0, 0, 0]}]", "queries[0].nam: unknown key; expected"),
         (HEAD + f"queries: [{QUERY}, {QUERY}]", "queries: expected each name once, got 'a' more than once"),
-        (HEAD + "obstacels: []", "obstacels: unknown key; expected boundary, bounds, name, obstacles, queries,"),
+        (HEAD + "obstacels: []", "obstacels: unknown key; expected boundary, bounds, grid, name, obstacles, queries,"),
         (HEAD + '"a\\nb": []', "'a\\nb': unknown key; expected boundary, "),
         (HEAD + disc("1, id: 7"), "obstacles[3].id: expected a text that is not empty"),
         (HEAD + disc("1, id: ''"), "obstacles[3].id: expected a text that is not empty"),
@@ -437,7 +437,7 @@ def test_json_schema_describes_the_contract() -> None:
     assert schema["title"] == "trailmark world"
     assert schema["additionalProperties"] is False
     contract = {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"}
-    assert set(schema["properties"]) == {*contract, "risk", "zones"}
+    assert set(schema["properties"]) == {*contract, "grid", "risk", "zones"}
     assert schema["required"] == ["trailmark", "bounds"]
     disc_schema = schema["$defs"]["DiscObstacle"]
     assert disc_schema["properties"]["radius"]["exclusiveMinimum"] == 0.0

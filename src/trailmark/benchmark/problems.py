@@ -51,25 +51,17 @@ class Problem:
     def text(self) -> str:
         """The whole problem as the text of a world file: what workers get, and what the results keep.
 
-        Made anew each time: of a map with thousands of queries, each problem's text is megabytes. Polygons do not tell
-        that a map is a grid: its cells stand in a comment.
+        Made anew each time: of a map with thousands of queries, each problem's text is kilobytes. The obstacles of a
+        grid map are its cells.
         """
-        from trailmark.formats.cell_obstacles import cells_of
-        from trailmark.formats.packed_cells import packed_cells
-
-        cells = cells_of(self.world)
-        return self._world_text if cells is None else self._world_text + packed_cells(cells)
-
-    @property
-    def _world_text(self) -> str:
         from trailmark.formats.world_yaml import world_text
 
-        return world_text(self.world)
+        return world_text(self.world, grid=True)
 
     @cached_property
     def key(self) -> str:
-        """SHA-256 of the world file: the same for the same problem, wherever it came from."""
-        return hashlib.sha256(self._world_text.encode()).hexdigest()
+        """SHA-256 of the text: the same for the same problem, wherever it came from."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
 
     @cached_property
     def steering(self) -> Steering | None:
@@ -146,7 +138,6 @@ def read_problem(text: str) -> Problem:
     Raises:
         FormatError: it does not.
     """
-    from trailmark.formats.packed_cells import unpacked_cells
     from trailmark.formats.world_yaml import world_from_data
     from trailmark.formats.yaml_data import parse_yaml
 
@@ -154,7 +145,4 @@ def read_problem(text: str) -> Problem:
     data = parse_yaml(text, source)
     if not isinstance(data, dict):
         raise FormatError(source, "no mapping; expected the text of a world file")
-    world = replace(world_from_data(data, source), sources=())
-    if (cells := unpacked_cells(text)) is not None:
-        world = replace(world, obstacles=cells.as_tuple())
-    return Problem(world)
+    return Problem(replace(world_from_data(data, source), sources=()))

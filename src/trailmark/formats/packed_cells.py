@@ -1,4 +1,4 @@
-"""Packed cells: the cells of a grid map as one line of text, which a YAML file may hold as a comment."""
+"""Packed cells: a grid map's cells as the ``grid`` of a world file, a bit for each cell."""
 
 # Tested by tests/formats/test_packed_cells.py.
 
@@ -6,40 +6,48 @@ from __future__ import annotations
 
 import base64
 import zlib
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trailmark.arguments import brief
 from trailmark.errors import WorldError
 from trailmark.formats.cell_obstacles import CellObstacles
 from trailmark.formats.grid import check_size
 
+if TYPE_CHECKING:
+    from trailmark.formats.schema import GridEntry
+
 __all__ = ["packed_cells", "unpacked_cells"]
 
-_BEGIN = "# cells: "
+
+def packed_cells(cells: CellObstacles) -> dict[str, Any]:
+    """Return the cells as a world file's ``grid``."""
+    rows, columns = cells.occupied.shape
+    return {
+        "rows": rows,
+        "columns": columns,
+        "cell": float(cells.cell),
+        "origin": [float(number) for number in cells.origin],
+        "occupied": base64.b64encode(zlib.compress(np.packbits(cells.occupied).tobytes())).decode(),
+    }
 
 
-def packed_cells(cells: CellObstacles) -> str:
-    """Return the cells as a line: shape, side and origin (metres, radians), and which are occupied."""
-    packed = base64.b64encode(zlib.compress(np.packbits(cells.occupied).tobytes())).decode()
-    numbers = (*cells.occupied.shape, float(cells.cell), *map(float, cells.origin))
-    return f"{_BEGIN}{' '.join(map(repr, numbers))} {packed}\n"
-
-
-def unpacked_cells(text: str) -> CellObstacles | None:
-    """Return the cells that the last line of a text holds, as :func:`packed_cells` wrote it; None if it does not.
+def unpacked_cells(entry: GridEntry) -> CellObstacles:
+    """Return the cells of a world file's ``grid``.
 
     Raises:
-        WorldError: a line that was changed since.
+        WorldError: too many cells, or other bits than its rows and columns need.
     """
-    line = text[text.rstrip("\n").rfind("\n") + 1 :]
-    if not line.startswith(_BEGIN):
-        return None
+    rows, columns = entry.rows, entry.columns
+    check_size(columns, rows)
+    size = -(-rows * columns // 8)
     try:
-        rows, columns, cell, x, y, yaw, packed = line[len(_BEGIN) :].split()
-        check_size(int(columns), int(rows))
-        bits = np.unpackbits(np.frombuffer(zlib.decompress(base64.b64decode(packed)), np.uint8))
-        occupied = bits[: int(rows) * int(columns)].reshape(int(rows), int(columns)).astype(np.bool_)
-        return CellObstacles(occupied, float(cell), (float(x), float(y), float(yaw)))
+        unpacked = zlib.decompressobj().decompress(base64.b64decode(entry.occupied, validate=True), size + 1)
     except (ValueError, zlib.error) as error:
-        raise WorldError(f"cells: expected what packed_cells wrote, got {brief(line)}") from error
+        raise WorldError(f"grid: expected occupied to be bits by zlib and base64, got other text ({error})") from error
+    if len(unpacked) != size:
+        got = f"more than {size:,}" if len(unpacked) > size else f"{len(unpacked):,}"
+        raise WorldError(f"grid: expected {size:,} bytes of bits for {rows} rows of {columns} cells, got {got}")
+    bits = np.unpackbits(np.frombuffer(unpacked, np.uint8), count=rows * columns)
+    x, y, yaw = entry.origin
+    return CellObstacles(bits.reshape(rows, columns).astype(np.bool_), entry.cell, (x, y, yaw))

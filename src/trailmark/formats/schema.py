@@ -40,6 +40,7 @@ Ring = Annotated[list[Point], Field(min_length=3)]
 Matrix = Annotated[list[Annotated[list[Number], Field(min_length=2, max_length=5)]], Field(min_length=2, max_length=5)]
 Share = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, le=1.0)]
 Confidence = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0.0, lt=1.0)]
+Count = Annotated[int, Field(strict=True, ge=1)]
 NotNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0.0)]
 
 _NAME = "a text (quote it if it looks like a number)"
@@ -54,6 +55,7 @@ _ID = "a text that is not empty and names no other obstacle (quote it if it look
 _MOTION = "a mapping {velocity, until}"
 _ZONES = "a list of mappings with the key kind: cost, keep-out, one-way or speed"
 _OBSTACLES = "a list of mappings with the key shape: disc, rectangle or polygon"
+_COUNT = "a whole number, 1 or more"
 _HOLES = "a list of rings, each of " + _RING
 
 
@@ -162,6 +164,16 @@ class ObstacleList(_Strict):
     obstacles: list[ObstacleEntry] = Field(description=_OBSTACLES)
 
 
+class GridEntry(_Strict):
+    """The cells of a grid map, instead of obstacles: they are read as a grid again, not as polygons."""
+
+    rows: Count = Field(description=_COUNT)
+    columns: Count = Field(description=_COUNT)
+    cell: Positive = Field(description=f"{_LENGTH}, a cell's side")
+    origin: _Three = Field(description="[x, y, yaw] of finite numbers (metres, radians) of its outer corner")
+    occupied: Text = Field(description="base64 of zlib of a bit a cell, row by row, the smallest y first")
+
+
 class RiskEntry(_Strict):
     """What the obstacles that carry estimates are grown for."""
 
@@ -266,6 +278,7 @@ class WorldFile(_Strict):
     )
     boundary: Ring | None = Field(default=None, description=_RING)
     obstacles: list[ObstacleEntry] | None = Field(default=None, description=_OBSTACLES)
+    grid: GridEntry | None = Field(default=None, description="a mapping {rows, columns, cell, origin, occupied}")
     queries: list[QueryEntry] | None = Field(default=None, description="a list of mappings {name, start, goal}")
     zones: list[Annotated[ZoneEntry, Field(discriminator="kind")]] | None = Field(default=None, description=_ZONES)
     risk: RiskEntry | None = Field(default=None, description="a mapping {confidence, pose_covariance, reach}")

@@ -36,6 +36,7 @@ _PARTS: dict[str, type[BaseModel]] = {
     "estimate": schema.EstimateEntry,
     "motion": schema.MotionEntry,
     "risk": schema.RiskEntry,
+    "grid": schema.GridEntry,
 }
 _MODELS = (*(model for name in ("robot", "obstacles", "zones") for model in _KINDS[name].values()), *_PARTS.values())
 _POINT_DEPTH = {"vertices": 1, "boundary": 1, "holes": 2}  # indices from the field down to one point

@@ -46,6 +46,7 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
         FormatError: a field is missing, unknown, of a wrong type or out of range, or a shape bounds no region; the
             message names the field, its value and what is allowed.
     """
+    from trailmark.formats.packed_cells import unpacked_cells
     from trailmark.formats.schema import WorldFile
     from trailmark.formats.validation import validate
 
@@ -57,6 +58,9 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
     robot = None if file.robot is None else _build(path, "robot", robot_from_entry, file.robot)
     boundary = None if file.boundary is None else _build(path, "boundary", Polygon, file.boundary)
     entries = file.obstacles or ()
+    if file.grid is not None and (discs or file.obstacles):
+        raise FormatError(path, "expected obstacles or a grid, got both")
+    grid = None if file.grid is None else _build(path, "grid", unpacked_cells, file.grid)
     obstacles = discs or [_build(path, f"obstacles[{i}]", _any_obstacle, entry) for i, entry in enumerate(entries)]
     estimates = [
         None if entry.estimate is None else _build(path, f"obstacles[{i}].estimate", _estimate, entry.estimate)
@@ -67,7 +71,7 @@ def world_from_data(data: dict[str, Any], path: Path) -> World:
     return World(
         name=path.stem if file.name is None else file.name,
         bounds=(xmin, ymin, xmax, ymax),
-        obstacles=tuple(obstacles),
+        obstacles=tuple(obstacles) if grid is None else grid.as_tuple(),
         robot=robot,
         boundary=boundary,
         queries=tuple(queries),
@@ -96,14 +100,25 @@ def _plain_discs(rows: Any) -> list[Shape] | None:
     return discs
 
 
-def world_text(world: World) -> str:
+def world_text(world: World, grid: bool = False) -> str:
     """Return the world as the text of a world file; reading it gives an equal world.
+
+    Args:
+        world: to be written.
+        grid: whether the obstacles of a grid map are written as its cells; as polygons otherwise.
 
     Raises:
         OutputError: a name that UTF-8 cannot hold.
     """
+    from trailmark.formats.cell_obstacles import cells_of
+    from trailmark.formats.packed_cells import packed_cells
+
+    cells = None if not grid or world.ids or world.estimates or world.moving else cells_of(world)
+    data = world_data(world if cells is None else replace(world, obstacles=()))
+    if cells is not None:
+        data["grid"] = packed_cells(cells)
     lines = list[str]()
-    for key, value in world_data(world).items():
+    for key, value in data.items():
         if key in _LISTS:
             lines += [f"{key}:", *(f"  - {_flow(entry)}" for entry in value)]
         else:

@@ -131,13 +131,13 @@ class Worlds:
             self._numbers[key] = len(self.pictures)
             self.pictures.append(scene.background())
         else:
-            scene = scene_of(_without("obstacles", text)) or scene_of(text)
+            scene = scene_of(_without("grid", _without("obstacles", text))) or scene_of(text)
         return None if scene is None else (scene, self._numbers[key])
 
 
 def _without(name: str, text: str) -> str:
-    """Return a world file's text without one of its lists; whole where it is written otherwise than a line an item."""
-    return re.sub(rf"^{name}:\n(?:[ -].*\n?)*", "", text, flags=re.MULTILINE)
+    """Return a world file's text without one of its keys; whole where a list is not written a line an item."""
+    return re.sub(rf"^{name}:.*\n(?:[ -].*\n?)*", "", text, flags=re.MULTILINE)
 
 
 def scene_of(text_of_world: str) -> Scene | None:
