@@ -13,7 +13,9 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.formats.cell_obstacles import CellObstacles
 from trailmark.shapes import Disc, Shape
+from trailmark.sketch.cells import cells_image
 from trailmark.sketch.svg import element, points, text
 from trailmark.world import Robot, World
 
@@ -26,6 +28,9 @@ VERTEX, CIRCLE = 7.0, 40.0
 
 MANY = 400
 """Obstacles from which on they are drawn as one region, without seams: few outlines for the cells of a grid map."""
+
+SHARP = 0.5
+"""Units of a cell's side above which cells stay sharp: pictures are shown at about twice their size."""
 
 
 @dataclass(frozen=True)
@@ -87,33 +92,50 @@ class Frame:
         outlines = se2.transform(states, robot.outline.vertices)
         return "".join(self.line(outline, closed=True) for outline in outlines)
 
-    def obstacles(
-        self, shapes: Iterable[Shape], tolerance: float, style: dict[str, str], limit: float = math.inf
-    ) -> str:
-        """Return obstacles as elements.
+    def obstacles(self, shapes: Iterable[Shape], tolerance: float, fill: str, limit: float = math.inf) -> str:
+        """Return obstacles as elements; those of a grid map as an image.
 
         Args:
             shapes: obstacles.
             tolerance: units of the picture by which outlines may be simplified.
-            style: attributes of the elements.
+            fill: their colour, such as ``#808080``.
             limit: characters of outlines, and of circles; where they would be more, outlines are simplified further,
                 and what is small is left out.
         """
+        cells: object = shapes
+        if isinstance(cells, CellObstacles) and cells.upright:
+            return self._cells(cells, fill)
         discs = [shape for shape in shapes if isinstance(shape, Disc)]
         rest = [shape.polygon().shapely() for shape in shapes if not isinstance(shape, Disc)]
         parts = []
         if rest:
             solid = shapely.union_all(np.array(rest, dtype=object)) if len(rest) > MANY else shapely.multipolygons(rest)
             rings = shapely.get_rings(shapely.orient_polygons(shapely.get_parts(solid)))
-            parts.append(element("path", d=self._rings(rings, tolerance, limit), **style))
+            parts.append(element("path", d=self._rings(rings, tolerance, limit), fill=fill))
         if discs:
             discs = sorted(discs, key=lambda disc: -disc.radius)[: int(min(len(discs), limit / CIRCLE))]
             at, radii = self.at(np.array([disc.center for disc in discs])), [disc.radius * self.scale for disc in discs]
             circles = (
                 element("circle", cx=x, cy=y, r=max(0.6, r)) for (x, y), r in zip(at.tolist(), radii, strict=True)
             )
-            parts.append(element("g", "".join(circles), **style))
+            parts.append(element("g", "".join(circles), fill=fill))
         return "".join(parts)
+
+    def _cells(self, cells: CellObstacles, fill: str) -> str:
+        """Return the cells of a grid map as an image."""
+        rows, columns = cells.occupied.shape
+        ((left, top),) = self.at(np.array([[cells.origin[0], cells.origin[1] + rows * cells.cell]])).tolist()
+        side = cells.cell * self.scale
+        return element(
+            "image",
+            x=left,
+            y=top,
+            width=columns * side,
+            height=rows * side,
+            href=cells_image(cells.occupied, fill),
+            preserveAspectRatio="none",
+            style="image-rendering:" + ("pixelated" if side > SHARP else "auto"),
+        )
 
     def _rings(self, rings: Any, tolerance: float, limit: float) -> str:
         """Return path data of rings, simplified further where they would take more characters than ``limit``."""

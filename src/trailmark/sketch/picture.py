@@ -114,7 +114,7 @@ def _world(frame: Frame, world: World) -> list[str]:
     width, height = frame.size
     parts = [element("rect", width=width, height=height, fill=OUTSIDE)]
     parts.append(element("path", d=frame.region([inside_of(world)]), fill="#ffffff", stroke=OBSTACLE))
-    parts.append(frame.obstacles(world.obstacles, 0.25, {"fill": OBSTACLE}, LIMIT))
+    parts.append(frame.obstacles(world.obstacles, 0.25, OBSTACLE, LIMIT))
     for zone in sorted(world.zones, key=lambda zone: -zone.region.area)[:MAX_ZONES]:
         colour = PREFER if isinstance(zone, CostZone) and zone.factor < 1.0 else ZONES[zone.kind]
         data = frame.region([zone.region.shapely()])

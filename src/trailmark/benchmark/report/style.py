@@ -48,7 +48,6 @@ svg .line { stroke-linejoin: round; stroke-linecap: round; }
 svg .halo-line { stroke: #fff; stroke-opacity: .85; stroke-linejoin: round; }
 .outside { fill: #e3e6ea; }
 .free { fill: #fff; stroke: #4a5059; }
-.solid, .solid circle { fill: #565c66; }
 svg .body { fill: #16191d; fill-opacity: .05; stroke: #16191d; stroke-opacity: .35; stroke-width: .8; }
 svg .refused { stroke: #c00; stroke-width: 1.2; stroke-dasharray: 2 2; }
 svg .end { fill: #fff; stroke: #16191d; stroke-width: 1.6; } svg .end.goal { fill: #b9bfc8; }

@@ -13,12 +13,13 @@ import numpy as np
 
 from trailmark.benchmark.problems import Problem, read_problem
 from trailmark.errors import TrailmarkError
-from trailmark.keep_out import with_keep_outs
 from trailmark.sketch.frame import FloatArray, Frame, inside_of
 from trailmark.sketch.svg import element, points, text
+from trailmark.zones import KeepOutZone
 
 __all__ = ["Scene", "Worlds", "scene_of"]
 
+OBSTACLE = "#565c66"  # lighter than in other pictures: lines of black lie over it
 WIDTH, TALLEST = 400.0, 520.0
 MAX_CHARACTERS = 60_000.0  # of a world's outlines, and of its discs
 MARGIN = 0.02  # of the longer side
@@ -53,8 +54,9 @@ class Scene:
         width, height = frame.size
         parts = [element("rect", width=width, height=height, class_="outside")]
         parts.append(element("path", d=frame.region([inside_of(world)]), class_="free"))
-        obstacles = with_keep_outs(world).obstacles
-        parts.append(frame.obstacles(obstacles, 0.5 / ZOOM, {"class_": "solid"}, MAX_CHARACTERS))
+        # Apart from one another, so that the cells of a grid map stay cells.
+        solid = (world.obstacles, tuple(zone.region for zone in world.zones if isinstance(zone, KeepOutZone)))
+        parts += [frame.obstacles(shapes, 0.5 / ZOOM, OBSTACLE, MAX_CHARACTERS) for shapes in solid]
         return "".join([*parts, *frame.ruler(class_="axis")])
 
     def ends(self) -> str:
