@@ -33,6 +33,9 @@ SHORT = 200
 RELAXING = Pace(1.5e-6)
 """For each cell of the relaxed problem."""
 
+WAIT = 3.0
+"""Times the time that a query has taken so far, for which a proof of infeasibility comes first once that is likely."""
+
 ABOUT_AS_GOOD = 1.03
 """Times the best path's cost up to which a path that the planner's own roadmap knows is about as good."""
 
@@ -106,6 +109,8 @@ def _search_lattices(
         query.take(lattices.first_path())
         if not query.solved:
             query.take_known(lookup.search_beside(lattices.expanded))
+        if lattices.shut_in and not query.solved:
+            proofs.come_first(WAIT * (perf_counter() - query.clock.begin))
 
 
 def _time_for_relaxed_problem(
@@ -129,7 +134,8 @@ def _search_closely(
     if far and lattices is not None:
         proofs.begin_in_background()
         _search_lattices(lattices, AT_SECOND - AT_FIRST, query, lookup, proofs)
-    if not query.solved:
+    if not query.solved and not proofs.begun:
+        # What a disc proves, the proof with headings that has begun mostly proves sooner.
         proofs.bound_below(query.settings.proof_share)
     if far and lattices is not None and rounds.may_succeed():
         _search_lattices(lattices, AT_MOST - AT_SECOND, query, lookup, proofs)

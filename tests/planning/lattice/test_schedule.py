@@ -206,14 +206,20 @@ def test_who_is_shut_in_is_looked_for_once_at_each_fineness(
     assert lattices.level == len(LEVELS)
     exhausted = [search[:3] for search in recorder.seen if search[4]]
     assert len(exhausted) == len(set(exhausted))
-    # From inside, every kind of lattice is exhausted sooner or later; without costs to go nothing is told by that.
-    guided = [level for level in LEVELS if level.cells]
-    inside = {kind[:2] for kind in exhausted if kind[2] == ends[0].tobytes()}
-    if robot is CAR:
-        assert inside == {(0.5 / level.fineness, level.headings) for level in guided}
-    else:
+    # From one end or the other every kind of lattice is exhausted; without costs to go nothing is told by that.
+    fine = {(0.5 / level.fineness, level.headings) for level in LEVELS if level.cells}
+    if robot is not CAR:
         # Positions lie closer where no headings are told apart.
-        assert inside == {(0.25 / level.fineness, 1) for level in guided}
+        fine = {(0.5 * size, 1) for size, _ in fine}
+    assert {kind[:2] for kind in exhausted} == fine
+    assert lattices.shut_in
+    # A large search from the other end follows none that has run dry.
+    dear = {level.fineness for level in LEVELS if level.nodes >= schedule.DEAR}
+    cheap = {level.fineness for level in LEVELS if level.nodes < schedule.DEAR}
+    scale = 0.5 if robot is CAR else 0.25
+    for fineness in dear - cheap:
+        found = [search[2] for search in recorder.seen if search[:1] == (scale / fineness,) and search[4]]
+        assert len(found) == len({search[1] for search in recorder.seen if search[:1] == (scale / fineness,)})
     # And none is looked at again after that.
     kinds = [search[:3] for search in recorder.seen]
     for i, search in enumerate(recorder.seen):

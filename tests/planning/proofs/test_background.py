@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import threading
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from trailmark.collision import StateChecker
-from trailmark.planning import LandmarkPlanner, rounds
+from trailmark.planning import LandmarkPlanner, PlannerSettings, rounds
 from trailmark.planning.proofs import enclosed
 from trailmark.planning.proofs.background import BackgroundProof
+from trailmark.planning.proofs.prover import Prover
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -64,6 +67,47 @@ def test_what_is_no_longer_wanted_ends_soon() -> None:
     assert not waiting.is_alive()
     assert not proof.found
     assert others() == 0
+
+
+class Asked:
+    """A query's answers to a prover; what ``stop`` returns is looked up in a list."""
+
+    solved, motion = False, SimpleNamespace(turns=True)
+    settings = PlannerSettings()
+
+    def __init__(self, world: World, left: list[float]) -> None:
+        self.checker, self.left = StateChecker(world), left
+        self.incumbent = SimpleNamespace(start=ENDS[0], goal=ENDS[1], bounded=False, infeasible=False, claim=self.claim)
+
+    def claim(self, cost: float) -> None:
+        self.incumbent.infeasible = cost == np.inf
+
+    def seconds_left(self) -> float:
+        return self.left.pop(0) if len(self.left) > 1 else self.left[0]
+
+
+def test_a_proof_comes_first_once_and_no_longer_than_it_takes() -> None:
+    query: Any = Asked(SHUT, [100.0])
+    with Prover(query, cast(Any, object())) as proofs:
+        proofs.come_first(60.0)  # none has begun
+        proofs.begin_in_background()
+        assert not proofs.infeasible()
+        proofs.come_first(60.0)
+        assert proofs.infeasible()
+    assert others() == 0
+
+
+@pytest.mark.parametrize("left", [[9.0, 9.0, 9.0, 0.0], [9.0, 9.0, 9.0, 6.9]])
+def test_who_is_stopped_or_has_waited_enough_waits_no_longer(left: list[float]) -> None:
+    query: Any = Asked(SLIT, left)
+    with Prover(query, cast(Any, object())) as proofs:
+        proofs.begin_in_background()
+        proofs.come_first(2.0)
+        assert len(query.left) == 1  # asked until the last answer, which ends it
+        query.left = [9.0, 8.0]
+        proofs.come_first(2.0)
+        assert query.left == [9.0, 8.0]
+        assert not proofs.infeasible()
 
 
 @pytest.mark.slow

@@ -66,6 +66,9 @@ LEVELS = (
 )
 """Searched in turn: small searches first, since which lattice leads through soon is a matter of luck."""
 
+DEAR = 10_000
+"""Nodes from which on a search takes so long that it is left out where one from the other end has run dry."""
+
 
 class View(NamedTuple):
     """One search for a path in another homotopy class.
@@ -119,6 +122,7 @@ class LatticeSchedule:
 
     Attributes:
         expanded: number of nodes expanded so far.
+        shut_in: whether a large search has run dry, which few do where there is a path.
         guides: costs to go made so far: by their cells, whether they lead to the goal, and their tightness. Those from
             the start may be shared with another that has the same.
     """
@@ -143,7 +147,10 @@ class LatticeSchedule:
         self.cells = max(1, round((xmax - xmin) * (ymax - ymin) / self.cell**2))
         self.guides: dict[tuple[int, bool, float], CostToGo] = {}
         self.level = self.views = self.expanded = 0
+        self.shut_in = False
         self._exhausted: set[tuple[float, int, bool, bool]] = set()
+        # Whether to search from the start first: not if the last search that ran dry was from the goal.
+        self._from_start = True
 
     @property
     def exhausted(self) -> bool:
@@ -156,11 +163,14 @@ class LatticeSchedule:
             self.level += 1
             if level.group in self.without:
                 continue
-            # Who is shut in is found out soonest from inside.
-            for forward in (True, False) if level.cells and self._both_ways else (True,):
+            for forward in self._directions(level):
                 path = self._search(level, forward)
                 if len(path):
                     return path
+                if level.nodes >= DEAR and self._key(level, forward) in self._exhausted:
+                    # A large search from the other end would most likely find no more than this one.
+                    self.shut_in = True
+                    break
         return np.empty((0, 3))
 
     def other_path(self, rng: np.random.Generator, limit: float) -> FloatArray:
@@ -212,8 +222,18 @@ class LatticeSchedule:
         self.expanded += expanded
         return self._shortened(path, forward=True)
 
+    def _directions(self, level: Level) -> tuple[bool, ...]:
+        """Return from which ends to search, True being the start: who is shut in is found out soonest from inside."""
+        if not (level.cells and self._both_ways):
+            return (True,)
+        return (self._from_start, not self._from_start)
+
+    def _key(self, level: Level, forward: bool) -> tuple[float, int, bool, bool]:
+        """Return what tells searches of one lattice from one end from others."""
+        return level.fineness, level.headings if self.motion.turns else 1, level.cells > 0, forward
+
     def _search(self, level: Level, forward: bool) -> FloatArray:
-        kind = (level.fineness, level.headings if self.motion.turns else 1, level.cells > 0, forward)
+        kind = self._key(level, forward)
         if kind in self._exhausted or not self._has_time(level.cells, forward, TIGHTNESS):
             return np.empty((0, 3))
         lattice = Lattice(self.checker, self.cell / level.fineness, kind[1], self.motion)
@@ -236,6 +256,7 @@ class LatticeSchedule:
             # A search that was given up for want of progress tells nothing.
             if level.cells and expanded < level.nodes and self.seconds_left() > 0.0:
                 self._exhausted.add(kind)
+                self._from_start = forward
             return path
         return self._shortened(path, forward)
 

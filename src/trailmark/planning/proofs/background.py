@@ -46,6 +46,11 @@ class BackgroundProof:
         """Wait for an answer, so long at most."""
         self._thread.join(max(0.0, seconds))
 
+    @property
+    def running(self) -> bool:
+        """Whether it is still looked for."""
+        return self._thread.is_alive()
+
     def cancel(self) -> None:
         """Let it end within some ten milliseconds, without waiting for that."""
         self._unwanted.set()

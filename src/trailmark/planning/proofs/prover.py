@@ -16,6 +16,9 @@ from trailmark.planning.query import Query
 
 __all__ = ["Prover"]
 
+SLICE = 0.01
+"""Seconds after which, while a proof is waited for, it is asked again whether to stop."""
+
 
 class Prover:
     """What can be proven about one query; use it as a context, which ends what runs in the background.
@@ -29,7 +32,7 @@ class Prover:
         self.query, self.bound = query, bound
         query.incumbent.bounded = bound is None
         self._background: BackgroundProof | None = None
-        self._seconds = 0.0
+        self._seconds, self._came_first = 0.0, False
 
     def __enter__(self) -> Self:
         return self
@@ -75,6 +78,20 @@ class Prover:
             seconds = max(0.0, query.seconds_left())
             self._background = BackgroundProof(query.checker, incumbent.start, incumbent.goal, seconds)
             self._background.begin()
+
+    def come_first(self, seconds: float) -> None:
+        """Let what runs in the background have the processor alone for so long, once, unless it ends sooner."""
+        if self._background is None or self._came_first:
+            return
+        self._came_first = True
+        end = self.query.seconds_left() - seconds
+        while self._background.running and self.query.seconds_left() > max(0.0, end):
+            self._background.wait(SLICE)
+
+    @property
+    def begun(self) -> bool:
+        """Whether a proof is, or was, looked for in the background."""
+        return self._background is not None
 
     def infeasible(self) -> bool:
         """Return whether it is proven by now that there is no path."""
