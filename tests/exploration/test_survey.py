@@ -104,6 +104,28 @@ def test_what_is_not_reachable_yet_is_told_from_what_never_is(behind: str) -> No
     assert not memory.never.any() or len(done.outlook.landmarks)
 
 
+def test_between_failures_other_places_get_their_turn_though_the_map_changes() -> None:
+    known = room()
+    state = known.state.copy()
+    state[14:20, 29] = UNKNOWN
+    known.set_state(state)
+    memory = Memory(known)
+    look(known, (0.5, 0.5, 0.0), memory)
+    memory.refused[10:20, 20:28] = memory.failed = 1
+    # As noise has it, with each reading.
+    state[15, 26] = OCCUPIED
+    known.set_state(state)
+    found, _ = look(known, (0.5, 0.5, 0.0), memory)
+    assert memory.refused[15, 25] == 1
+    columns = known.cells_of(found.outlook.landmarks[:, :2])[1]
+    assert len(columns)
+    assert (columns < 20).all()
+    # Once a way was found, what has changed in the meantime is looked at anew.
+    memory.failed = 0
+    look(known, (0.5, 0.5, 0.0), memory)
+    assert memory.refused[15, 25] == 0
+
+
 def test_what_no_heading_leads_to_is_excluded_at_once_for_a_robot_with_a_shape() -> None:
     # The same room behind a window: one landmark, with one heading, tells that none of its cells is reached.
     robot = Robot.rectangle(0.5, 0.3)

@@ -70,9 +70,9 @@ class Memory:
         looked: metres from which each cell was looked at and stayed unknown, infinite if never.
         tries: how often the robot came to a landmark to see a cell, and it stayed unknown.
         aim: the last landmark, x, y, and rows and columns of the cells that it was to show.
-        refused: how often no way to a cell was found since the map last changed around it.
+        refused: how often no way to a cell was found.
         never: cells to which no way leads whatever is where nothing is known yet, as the surfaces known then go.
-        again: of these, cells around which the map has changed since.
+        again: cells around which the map has changed since.
         refusal: why there is no way to the last landmark, in words.
         failed: landmarks in a row to which no way was found.
         levels: where the robot gets to, from NOWHERE to CERTAIN, as of the last survey.
@@ -155,8 +155,7 @@ def survey(
     found = search.candidates(sensor_range / cell, rng)
     if not len(found.cells) and memory.again.any():
         # Surfaces may have gone since: the end is proven for the map as it is.
-        memory.refused[memory.again] = 0
-        memory.never[:] = memory.again[:] = False
+        _try_again(memory, memory.again)
         found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
     frontiers, sees = frontiers.subset(np.asarray(seen)), found.sees[:, seen]
@@ -201,16 +200,25 @@ def survey(
 
 
 def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> NDArray[np.uint8]:
-    """Return where the robot gets to; where that has changed, what was refused is tried again."""
+    """Return where the robot gets to; where that has changed, what was refused is to be tried again."""
     memory.been[known.cells_of(np.asarray(pose)[None, :2])] = True
     if memory.reach is None:
         memory.reach = Reach(robot, known.cell)
     levels, changed = memory.reach.levels(known.state, memory.been)
     changed |= memory.reach.in_rooms_of(changed)
-    memory.refused[changed & ~memory.never] = 0
-    memory.again |= changed & memory.never
+    memory.again |= changed
+    if memory.failed == 0:
+        # Not between failures: noise changes the map with each reading, and other places are to get their turn.
+        _try_again(memory, ~memory.never)
     memory.levels = levels
     return levels
+
+
+def _try_again(memory: Memory, among: NDArray[np.bool_]) -> None:
+    """Forget the refusals of those cells around which the map has changed."""
+    cells = memory.again & among
+    memory.refused[cells] = 0
+    memory.never[cells] = memory.again[cells] = False
 
 
 def _groups_seen(sees: NDArray[np.bool_], frontiers: Frontiers) -> NDArray[np.bool_]:
