@@ -44,10 +44,10 @@ def unpacked_cells(entry: GridEntry) -> CellObstacles:
     try:
         unpacked = zlib.decompressobj().decompress(base64.b64decode(entry.occupied, validate=True), size + 1)
     except (ValueError, zlib.error) as error:
-        raise WorldError(f"grid: expected occupied to be bits by zlib and base64, got other text ({error})") from error
+        raise WorldError(f"expected occupied to be bits by zlib and base64, got other text ({error})") from error
     if len(unpacked) != size:
         got = f"more than {size:,}" if len(unpacked) > size else f"{len(unpacked):,}"
-        raise WorldError(f"grid: expected {size:,} bytes of bits for {rows} rows of {columns} cells, got {got}")
+        raise WorldError(f"expected {size:,} bytes of bits for {rows} rows of {columns} cells, got {got}")
     bits = np.unpackbits(np.frombuffer(unpacked, np.uint8), count=rows * columns)
     x, y, yaw = entry.origin
     return CellObstacles(bits.reshape(rows, columns).astype(np.bool_), entry.cell, (x, y, yaw))
