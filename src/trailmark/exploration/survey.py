@@ -70,9 +70,9 @@ class Memory:
         looked: metres from which each cell was looked at and stayed unknown, infinite if never.
         tries: how often the robot came to a landmark to see a cell, and it stayed unknown.
         aim: the last landmark, x, y, and rows and columns of the cells that it was to show.
-        refused: how often no way to a cell was found.
+        refused: how often no way to a cell was found, since changes around it were last taken into account.
         never: cells to which no way leads whatever is where nothing is known yet, as the surfaces known then go.
-        again: cells around which the map has changed since.
+        again: cells around which the map has changed since then.
         refusal: why there is no way to the last landmark, in words.
         failed: landmarks in a row to which no way was found.
         levels: where the robot gets to, from NOWHERE to CERTAIN, as of the last survey.
@@ -155,7 +155,7 @@ def survey(
     found = search.candidates(sensor_range / cell, rng)
     if not len(found.cells) and memory.again.any():
         # Surfaces may have gone since: the end is proven for the map as it is.
-        _try_again(memory, memory.again)
+        _try_again(memory, memory.again.copy())
         found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
     frontiers, sees = frontiers.subset(np.asarray(seen)), found.sees[:, seen]
@@ -209,14 +209,13 @@ def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> 
     memory.again |= changed
     if memory.failed == 0:
         # Not between failures: noise changes the map with each reading, and other places are to get their turn.
-        _try_again(memory, ~memory.never)
+        _try_again(memory, memory.again & ~memory.never)
     memory.levels = levels
     return levels
 
 
-def _try_again(memory: Memory, among: NDArray[np.bool_]) -> None:
-    """Forget the refusals of those cells around which the map has changed."""
-    cells = memory.again & among
+def _try_again(memory: Memory, cells: NDArray[np.bool_]) -> None:
+    """Forget that no way to cells, shape (rows, columns), was found, or leads there."""
     memory.refused[cells] = 0
     memory.never[cells] = memory.again[cells] = False
 

@@ -33,7 +33,7 @@ SHORT = 200
 RELAXING = Pace(1.5e-6)
 """For each cell of the relaxed problem."""
 
-WAIT = 3.0
+PROOF_WAIT = 3.0
 """Times the time that a query has taken so far, for which a proof of infeasibility comes first once that is likely."""
 
 ABOUT_AS_GOOD = 1.03
@@ -110,7 +110,7 @@ def _search_lattices(
         if not query.solved:
             query.take_known(lookup.search_beside(lattices.expanded))
         if lattices.shut_in and not query.solved:
-            proofs.come_first(WAIT * (perf_counter() - query.clock.begin))
+            proofs.wait(PROOF_WAIT * (perf_counter() - query.clock.begin))
 
 
 def _time_for_relaxed_problem(
@@ -134,7 +134,7 @@ def _search_closely(
     if far and lattices is not None:
         proofs.begin_in_background()
         _search_lattices(lattices, AT_SECOND - AT_FIRST, query, lookup, proofs)
-    if not query.solved and not proofs.begun:
+    if not query.solved and not proofs.in_background:
         # What a disc proves, the proof with headings that has begun mostly proves sooner.
         proofs.bound_below(query.settings.proof_share)
     if far and lattices is not None and rounds.may_succeed():

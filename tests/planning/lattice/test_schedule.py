@@ -214,10 +214,10 @@ def test_who_is_shut_in_is_looked_for_once_at_each_fineness(
     assert {kind[:2] for kind in exhausted} == fine
     assert lattices.shut_in
     # A large search from the other end follows none that has run dry.
-    dear = {level.fineness for level in LEVELS if level.nodes >= schedule.DEAR}
-    cheap = {level.fineness for level in LEVELS if level.nodes < schedule.DEAR}
+    large = {level.fineness for level in LEVELS if level.nodes >= schedule.LARGE}
+    small = {level.fineness for level in LEVELS if level.nodes < schedule.LARGE}
     scale = 0.5 if robot is CAR else 0.25
-    for fineness in dear - cheap:
+    for fineness in large - small:
         found = [search[2] for search in recorder.seen if search[:1] == (scale / fineness,) and search[4]]
         assert len(found) == len({search[1] for search in recorder.seen if search[:1] == (scale / fineness,)})
     # And none is looked at again after that.

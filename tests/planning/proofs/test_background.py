@@ -70,7 +70,7 @@ def test_what_is_no_longer_wanted_ends_soon() -> None:
 
 
 class Asked:
-    """A query's answers to a prover; what ``stop`` returns is looked up in a list."""
+    """A query as a prover sees it; the seconds left are those of a list, one after the other."""
 
     solved, motion = False, SimpleNamespace(turns=True)
     settings = PlannerSettings()
@@ -86,13 +86,13 @@ class Asked:
         return self.left.pop(0) if len(self.left) > 1 else self.left[0]
 
 
-def test_a_proof_comes_first_once_and_no_longer_than_it_takes() -> None:
+def test_a_proof_is_waited_for_no_longer_than_it_takes() -> None:
     query: Any = Asked(SHUT, [100.0])
     with Prover(query, cast(Any, object())) as proofs:
-        proofs.come_first(60.0)  # none has begun
+        proofs.wait(60.0)  # none has begun
         proofs.begin_in_background()
         assert not proofs.infeasible()
-        proofs.come_first(60.0)
+        proofs.wait(60.0)
         assert proofs.infeasible()
     assert others() == 0
 
@@ -102,10 +102,10 @@ def test_who_is_stopped_or_has_waited_enough_waits_no_longer(left: list[float]) 
     query: Any = Asked(SLIT, left)
     with Prover(query, cast(Any, object())) as proofs:
         proofs.begin_in_background()
-        proofs.come_first(2.0)
+        proofs.wait(2.0)
         assert len(query.left) == 1  # asked until the last answer, which ends it
         query.left = [9.0, 8.0]
-        proofs.come_first(2.0)
+        proofs.wait(2.0)
         assert query.left == [9.0, 8.0]
         assert not proofs.infeasible()
 

@@ -66,8 +66,8 @@ LEVELS = (
 )
 """Searched in turn: small searches first, since which lattice leads through soon is a matter of luck."""
 
-DEAR = 10_000
-"""Nodes from which on a search takes so long that it is left out where one from the other end has run dry."""
+LARGE = 10_000
+"""Nodes from which on a search counts as large: it is left out where one from the other end has run dry."""
 
 
 class View(NamedTuple):
@@ -167,7 +167,7 @@ class LatticeSchedule:
                 path = self._search(level, forward)
                 if len(path):
                     return path
-                if level.nodes >= DEAR and self._key(level, forward) in self._exhausted:
+                if level.nodes >= LARGE and self._key(level, forward) in self._exhausted:
                     # A large search from the other end would most likely find no more than this one.
                     self.shut_in = True
                     break

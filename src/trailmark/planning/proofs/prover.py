@@ -16,8 +16,8 @@ from trailmark.planning.query import Query
 
 __all__ = ["Prover"]
 
-SLICE = 0.01
-"""Seconds after which, while a proof is waited for, it is asked again whether to stop."""
+POLLING = 0.01
+"""Seconds between two looks at the clock, and whether to stop, while a proof is waited for."""
 
 
 class Prover:
@@ -32,7 +32,7 @@ class Prover:
         self.query, self.bound = query, bound
         query.incumbent.bounded = bound is None
         self._background: BackgroundProof | None = None
-        self._seconds, self._came_first = 0.0, False
+        self._seconds, self._waited = 0.0, False
 
     def __enter__(self) -> Self:
         return self
@@ -79,17 +79,17 @@ class Prover:
             self._background = BackgroundProof(query.checker, incumbent.start, incumbent.goal, seconds)
             self._background.begin()
 
-    def come_first(self, seconds: float) -> None:
-        """Let what runs in the background have the processor alone for so long, once, unless it ends sooner."""
-        if self._background is None or self._came_first:
+    def wait(self, seconds: float) -> None:
+        """Wait, once, for what runs in the background, so long at most: a search beside it would slow it down."""
+        if self._background is None or self._waited:
             return
-        self._came_first = True
+        self._waited = True
         end = self.query.seconds_left() - seconds
         while self._background.running and self.query.seconds_left() > max(0.0, end):
-            self._background.wait(SLICE)
+            self._background.wait(POLLING)
 
     @property
-    def begun(self) -> bool:
+    def in_background(self) -> bool:
         """Whether a proof is, or was, looked for in the background."""
         return self._background is not None
 
