@@ -41,13 +41,6 @@ def test_each_strategy_has_a_name_and_returns_a_landmark() -> None:
     assert chosen == {"nearest-frontier": 0, "gain-per-cost": 2, "tour": 2}
 
 
-def test_the_tour_ends_where_much_is_unknown_rather_than_where_little_was_left_behind() -> None:
-    places, sees = [(1.0, 0.0), (3.0, 0.0), (-2.0, 0.0)], [[0], [1], [2]]
-    assert tour(outlook(places, sees, [0.1, 0.1, 40.0])) in (0, 1)
-    assert tour(outlook(places, sees)) == 2
-    # Home is where it ends otherwise.
-    home = outlook(places, sees, [0.1, 0.1, 40.0])._replace(home=np.zeros(3), home_costs=np.array([1.0, 3.0, 2.0]))
-    assert tour(home._replace(areas=np.ones(3))) == tour(home)
 
 
 def test_what_is_left_on_one_side_is_seen_before_the_far_other_side() -> None:

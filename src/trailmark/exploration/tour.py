@@ -16,10 +16,6 @@ __all__ = ["covering_tour", "shortened_tour", "tour"]
 FAR = 1e6
 """Metres: in place of the cost of a way that was not found; finite, so that tours with such ways can be compared."""
 
-ENDING = 1.0
-"""Sensor ranges that it is worth to end the tour where the largest unknown area is expected, and not where nothing is:
-from there the robot has to go on, farther than the frontier shows."""
-
 SURER = 2.0
 """Metres of the tour that it is worth to come one metre earlier to where the standard deviation of the robot's place is
 expected to fall by one metre, as a loop is closed. What is mapped on the way there lies as far off as the robot.
@@ -32,10 +28,9 @@ ROUNDS = 10
 def tour(outlook: Outlook) -> int:
     """Return the first landmark of a short tour from here past landmarks that together see all frontiers.
 
-    The tour ends at home, or where there is none rather where much may be seen than elsewhere (:data:`ENDING`). What
-    has been left behind near the way is so seen before the robot goes on, wherever going back later would cost more; a
-    room is seen to the end before it is left. Of about equal tours, that is taken which comes early to where a loop is
-    closed (:data:`SURER`).
+    The tour ends at home, or where there is none at any landmark. What has been left behind near the way is so seen
+    before the robot goes on, wherever going back later would cost more; a room is seen to the end before it is left.
+    Of about equal tours, that is taken which comes early to where a loop is closed (:data:`SURER`).
 
     Source: tours of frontiers instead of the nearest: Kulich, Faigl & Přeučil, "On distance utility in the exploration
     task", ICRA 2011.
@@ -44,9 +39,8 @@ def tour(outlook: Outlook) -> int:
     ways = np.zeros((n + 2, n + 2))
     ways[1 : n + 1, 1 : n + 1] = outlook.between
     ways[0, 1 : n + 1] = ways[1 : n + 1, 0] = outlook.costs
-    # The last node is home, or a place that is nowhere far, and less far from where much is unknown.
-    known = 1.0 - outlook.areas / max(float(outlook.areas.max()), 1e-9)
-    ends = outlook.home_costs if outlook.home is not None else ENDING * outlook.sensor_range * known
+    # The last node is home, or a place that is nowhere far.
+    ends = outlook.home_costs if outlook.home is not None else np.zeros(n)
     ways[n + 1, 1 : n + 1] = ways[1 : n + 1, n + 1] = ends
     weights = np.zeros(n + 2)
     weights[1 : n + 1] = SURER * outlook.certainty
