@@ -20,7 +20,7 @@ from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.reachability import NOWHERE, Reach
 from trailmark.exploration.strategies import STRATEGIES
-from trailmark.exploration.survey import Memory, Survey, survey
+from trailmark.exploration.survey import EXCLUDED, Memory, Survey, survey
 from trailmark.exploration.views import sight
 from trailmark.goals import Goal
 from trailmark.planning.result import PlanResult
@@ -102,6 +102,29 @@ def test_what_is_not_reachable_yet_is_told_from_what_never_is(behind: str) -> No
     memory.again |= memory.never
     done = look(known, (0.5, 0.9, 0.0), memory)[0]
     assert not memory.never.any() or len(done.outlook.landmarks)
+
+
+@pytest.mark.parametrize("robot", [ROBOT, Robot.rectangle(0.5, 0.3)], ids=["disc", "rectangle"])
+def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robot: Robot) -> None:
+    # The robot came out of the hall on the left into the chamber on the right, whose door is closed now.
+    known = known_of([*["." * 20 + "#" + "." * 7] * 12, *["." * 20 + "#" + "#" * 7] * 8])
+    world = known.follow(World("hall", known.bounds, robot=robot))
+    planner, memory, rng = LandmarkPlanner(world, robot, seed=0), Memory(known), np.random.default_rng(0)
+    memory.been[10, 10] = True
+    here = np.array([2.45, 1.4, 0.0])
+    outlook = survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory).outlook
+    there = np.array([[0.6, 1.5, 0.0]])
+    found = Survey(outlook._replace(here=here, landmarks=there), "", "complete", ((),), np.array([True]))  # type: ignore[arg-type]
+    assert plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory).path is None
+    assert memory.closed_in
+    assert "closes the robot in" in memory.refusal
+    assert not (memory.refused == EXCLUDED).any()
+    # Without the place where it was, the same is a proof.
+    memory.been[10, 10], memory.closed_in = False, False
+    survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory)
+    plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory)
+    assert not memory.closed_in
+    assert memory.refused[15, 6] == EXCLUDED
 
 
 def test_between_failures_other_places_get_their_turn_though_the_map_changes() -> None:

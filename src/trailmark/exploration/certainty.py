@@ -6,7 +6,7 @@ import numpy as np
 
 from trailmark.se2 import FloatArray
 
-__all__ = ["expected_falls"]
+__all__ = ["expected_falls", "places_of"]
 
 
 def expected_falls(places: FloatArray, visited: FloatArray, sigmas: FloatArray, within: float) -> FloatArray:
@@ -29,3 +29,14 @@ def expected_falls(places: FloatArray, visited: FloatArray, sigmas: FloatArray, 
     apart = np.hypot(places[:, None, 0] - visited[None, :, 0], places[:, None, 1] - visited[None, :, 1])
     surest = np.where(apart <= within, sigmas[None, :], np.inf).min(axis=1)
     return np.asarray(np.maximum(sigmas[-1] - surest, 0.0))
+
+
+def places_of(trajectory: FloatArray, covariances: FloatArray) -> FloatArray:
+    """Return where the robot was and how sure that is: x, y and the largest standard deviation, metres, shape (n, 3).
+
+    Args:
+        trajectory: rows t, x, y, theta, shape (n, 4).
+        covariances: of its poses, shape (n, 3, 3).
+    """
+    largest = np.linalg.eigvalsh(covariances[:, :2, :2])[:, -1]
+    return np.column_stack([trajectory[:, 1:3], np.sqrt(np.maximum(largest, 0.0))])

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
-from trailmark.exploration.contact import contact_points, way_back
+from trailmark.exploration.certainty import places_of
+from trailmark.exploration.contact import contact_points, way_back, way_back_to
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.landmark_ways import plan_to
@@ -49,7 +50,6 @@ WAIT = 0.03
 
 ON_PATH = 2e-3
 """Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
-
 
 BACK = 0.5
 """Circumradii by which the robot backs off from what it ran into, besides what its map cannot tell."""
@@ -120,8 +120,7 @@ class Course:
         # A path that touches something is none for a robot that may be beside it.
         self.planner = LandmarkPlanner(world, robot, seed=seed, clearance=max(mapper.margin, ON_PATH))
         self._look: Look | None = None
-        self._stopped = Event()
-        self._threads = ThreadPoolExecutor(1, "looking for a way")
+        self._stopped, self._threads = Event(), ThreadPoolExecutor(1, "looking for a way")
 
     def update(self, moved: float, redrawn: bool, blocked: bool = False) -> list[str]:
         """See to it that there is a path to follow, as long as any landmark is left; return what happened.
@@ -176,9 +175,6 @@ class Course:
         here, escape = self._free(planner, self._mapper.pose)
         home = self._start if s.return_home else None
         events = list[str]()
-        covariances = self._mapper.covariances[:, :2, :2]
-        sigmas = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances)[:, -1], 0.0))
-        visited = np.column_stack([self._mapper.trajectory[:, 1:3], sigmas])
         # A sensor that does not see all around has done so where a path, with the turn at its end, was driven.
         self._looked_around = self._sees_around or (self.follower is None and self._expected is not None)
         self.follower = self._expected = None
@@ -196,7 +192,7 @@ class Course:
                 self._memory,
                 self._mapper.trajectory[:, 1:] if self._sees_around else None,
                 looked_around=self._looked_around,
-                visited=visited,
+                visited=places_of(self._mapper.trajectory, self._mapper.covariances),
             )
             if not len(found.outlook.landmarks):
                 events += self._go_home(found, planner, here, escape, until)
@@ -247,10 +243,9 @@ class Course:
         """Begin the way to a landmark that was chosen."""
         if planned.path is None:
             self._count_failure()
-            return [f"no path to a landmark: {self._memory.refusal}"]
+            return [f"no path to a landmark: {self._memory.refusal}", *self._leave()]
         self._follow(planned.path, escape, planner, turn=not self._sees_around)
-        self._since, self._expected = 0.0, expected
-        self.landmarks += 1
+        self._since, self._expected, self.landmarks = 0.0, expected, self.landmarks + 1
         return []
 
     def _count_failure(self) -> None:
@@ -327,6 +322,16 @@ class Course:
         away = BACK * robot.circumradius + 2.0 * known.cell + self._mapper.margin
         self._follow(Path(way_back(poses, away, robot.circumradius)), self._mapper.pose[None], self.planner)
         return ["ran into something that is not in the map: it is marked, and the robot backs off"]
+
+    def _leave(self) -> list[str]:
+        """Begin the way back, along which the robot came, out of a place in which the map closes it in."""
+        memory, mapper = self._memory, self._mapper
+        closed_in, memory.closed_in = memory.closed_in, False
+        back = way_back_to(mapper.trajectory[:, 1:], memory.main_room(), mapper.known, self.planner.robot)
+        if back is None or not closed_in:
+            return []
+        self._follow(Path(back), back[:1], self.planner)
+        return ["it drives back the way that it came"]
 
     def _pointless(self) -> bool:
         """Return whether most of what the landmark was chosen for has been seen."""

@@ -76,7 +76,11 @@ def plan_to(
     # A proof shuts off more than this one place: it may take as long as a way elsewhere.
     proving = max(seconds, settings.planning_time)
     excluded = never = _excluded(known, planner, among, here, goal, proving, stopped, result.status)
-    if excluded.any():
+    if excluded.any() and not _comes_back(known, planner, memory, here, settings.planning_time, stopped):
+        # The robot came from there: not those places are shut off, but where it stands.
+        memory.closed_in = True
+        memory.refusal = "the map closes the robot in where it stands"
+    elif excluded.any():
         memory.refused[excluded] = EXCLUDED
         memory.refusal = "not reachable yet, which is proven: what is unknown would have to be free"
         names = [name for name in planner.world.ids if name is not None and name.startswith(UNKNOWN_ID)]
@@ -108,6 +112,27 @@ def _way(
             found.append(progress.cost)
 
     return planner.plan(here, goal, seconds, gap=GAP, stop=stop, on_progress=note)
+
+
+def _comes_back(
+    known: KnownMap,
+    planner: LandmarkPlanner,
+    memory: Memory,
+    here: FloatArray,
+    seconds: float,
+    stopped: Callable[[], bool],
+) -> bool:
+    """Return whether a way is found to where there is most room of where the robot was.
+
+    Surfaces are known to a cell or so: a passage that just fits may close in the map once the robot is through.
+    """
+    there = np.argwhere(memory.been & memory.main_room())
+    row, column = (int(place[0]) for place in known.cells_of(here[None, :2]))
+    if not len(there) or memory.main_room()[row, column]:
+        return True
+    nearest = there[np.argmin(np.hypot(*(there - [row, column]).T))]
+    goal = Goal(pose=tuple(known.centres(*nearest[:, None])[0].tolist()))
+    return _way(planner, here, goal, seconds, stopped, 0.0).path is not None
 
 
 def _refuse(memory: Memory, row: int, column: int) -> NDArray[np.bool_]:

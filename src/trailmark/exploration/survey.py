@@ -75,6 +75,7 @@ class Memory:
         again: cells around which the map has changed since then.
         refusal: why there is no way to the last landmark, in words.
         failed: landmarks in a row to which no way was found.
+        closed_in: whether, as the map is, no way leads back to where the robot came from.
         levels: where the robot gets to, from NOWHERE to CERTAIN, as of the last survey.
         reach: tells that; None before the first survey.
     """
@@ -89,9 +90,17 @@ class Memory:
         self.refused = np.zeros(shape, np.uint8)
         self.never, self.again = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
         self.refusal = ""
-        self.failed = 0
+        self.failed, self.closed_in = 0, False
         self.levels = np.full(shape, CERTAIN, np.uint8)
         self.reach: Reach | None = None
+
+    def main_room(self) -> NDArray[np.bool_]:
+        """Return the cells of the largest room that the robot was in (:class:`Reach`), shape (rows, columns)."""
+        if self.reach is None:
+            return np.zeros(self.been.shape, np.bool_)
+        sizes = np.bincount(self.reach.rooms[self.levels == CERTAIN], minlength=1)
+        sizes[0] = 0
+        return np.asarray((self.reach.rooms == sizes.argmax()) & (self.reach.rooms > 0))
 
 
 class Survey(NamedTuple):
