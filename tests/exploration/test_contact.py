@@ -10,6 +10,7 @@ import pytest
 import shapely
 
 from trailmark import Rectangle, Robot, World
+from trailmark.collision.footprint import build_footprint
 from trailmark.estimation.simulation.raycast import RayCaster
 from trailmark.exploration import ExplorationSettings, Explorer
 from trailmark.exploration.contact import contact_points, way_back, way_back_to
@@ -51,19 +52,21 @@ def test_the_way_back_is_driven_through_what_the_map_takes_for_closed_by_a_cell_
     driven = np.column_stack([np.arange(0.5, 5.05, 0.1), np.full(46, 2.0), np.zeros(46)])
     there = np.zeros(state.shape, np.bool_)
     there[:, :10] = True
-    back = way_back_to(driven, there, known, robot)
+    footprint = build_footprint(robot)
+    back = way_back_to(there, driven, known, robot, footprint)
     assert back is not None
-    np.testing.assert_array_equal(back[0], driven[-1])
-    assert 0.9 <= back[-1, 0] < 1.0
+    np.testing.assert_array_equal(back.rest[0], driven[-1])
+    assert 0.9 <= back.target[0] < 1.0
     # A surface that reaches a cell into the robot's way, then two.
-    for row, free in ((22, True), (21, False)):
+    for row, free in ((22, True), (20, False)):
         state[row, 30] = OCCUPIED
         known.set_state(state)
-        assert (way_back_to(driven, there, known, robot) is not None) == free
-    assert way_back_to(driven[:20], ~there & (np.arange(60) > 50), known, robot) is None
+        assert (way_back_to(there, driven, known, robot, footprint) is not None) == free
+        assert back.endangered(known) != free
+    assert way_back_to(~there & (np.arange(60) > 50), driven[:20], known, robot, footprint) is None
     known.set_state(np.full(state.shape, FREE))
     ahead_alone = Robot.rectangle(0.6, 0.4).steered(0.5, reverse=False)
-    assert way_back_to(driven, there, known, ahead_alone) is None
+    assert way_back_to(there, driven, known, ahead_alone, footprint) is None
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])

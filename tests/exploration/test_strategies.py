@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.strategies import STRATEGIES
-from trailmark.exploration.tour import covering_tour, shortened_tour, tour
+from trailmark.exploration.tour import covering_tour, shortened_tour
 
 
 def outlook(places: list[tuple[float, float]], sees: list[list[int]], areas: list[float] | None = None) -> Outlook:
@@ -39,8 +39,6 @@ def test_each_strategy_has_a_name_and_returns_a_landmark() -> None:
     o = outlook([(1.0, 0.0), (9.0, 0.0), (-2.0, 0.0)], [[0], [1], [2]], [0.1, 0.1, 40.0])
     chosen = {name: strategy(o) for name, strategy in STRATEGIES.items()}
     assert chosen == {"nearest-frontier": 0, "gain-per-cost": 2, "tour": 2}
-
-
 
 
 def test_what_is_left_on_one_side_is_seen_before_the_far_other_side() -> None:

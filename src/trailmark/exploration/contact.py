@@ -6,12 +6,14 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from trailmark.collision.footprint import Footprint
+from trailmark.exploration.following import STEP, PathFollower
 from trailmark.exploration.known_map import OCCUPIED, KnownMap
 from trailmark.path import Path
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, motion_bound, transform
 
-__all__ = ["contact_points", "way_back", "way_back_to"]
+__all__ = ["WayBack", "contact_points", "way_back", "way_back_to"]
 
 AHEAD = 4
 """Half cells of the way on: what the robot ran into is taken to fill all that it would have swept there."""
@@ -53,27 +55,64 @@ def way_back(driven: FloatArray, distance: float, reach: float) -> FloatArray:
     return np.array(back[: int(np.searchsorted(along, distance)) + 1])
 
 
-def way_back_to(driven: FloatArray, there: NDArray[np.bool_], known: KnownMap, robot: Robot) -> FloatArray | None:
-    """Return what was driven since the robot was last in some cells, backwards, shape (m, 3).
-
-    The map may take this way for blocked, by a cell or so (:data:`DEEP`). None if the robot was never there, if
-    something stands in the way now, or if it cannot drive backwards.
+def _spaced(driven: FloatArray, reach: float) -> FloatArray:
+    """Return the first pose, those that are a step away from the one before, and the last; where a robot stands, one.
 
     Args:
-        driven: poses in the order of time, the last where the robot is, shape (n, 3).
+        driven: poses, shape (n, 3).
+        reach: metres from the robot's reference point to its farthest one.
+    """
+    kept = [0]
+    for i in range(1, len(driven)):
+        if motion_bound(driven[kept[-1]], driven[i], reach) >= STEP:
+            kept.append(i)
+    last = len(driven) - 1
+    return np.array(driven[[*kept[:-1], last] if len(kept) > 1 else [0, last]])
+
+
+class WayBack(PathFollower):
+    """Follows back what was driven, which nothing but what the map's resolution makes of it may block (:data:`DEEP`).
+
+    Args:
+        driven: poses in the order of time, the last where the robot is, shape (n, 3), n >= 2.
+        robot: that drove.
+        footprint: of the robot, dilated by the clearance that it keeps.
+    """
+
+    def __init__(self, driven: FloatArray, robot: Robot, footprint: Footprint) -> None:
+        super().__init__(Path(_spaced(driven[::-1], robot.circumradius)), robot, footprint)
+        self._robot = robot
+
+    def endangered(self, known: KnownMap) -> bool:
+        """Return whether a surface stands deep in the robot's body on the rest of the way."""
+        body = self._robot.outline.shapely().buffer(-DEEP * known.cell)
+        if body.is_empty:
+            return True
+        surfaces = known.centres(*np.nonzero(known.state == OCCUPIED))
+        for pose in self.rest:
+            near = surfaces[np.hypot(*(surfaces - pose[:2]).T) <= self._robot.circumradius]
+            placed = shapely.Polygon(transform(pose, shapely.get_coordinates(body)))
+            if len(near) and shapely.contains_xy(placed, near).any():
+                return True
+        return False
+
+
+def way_back_to(
+    there: NDArray[np.bool_], driven: FloatArray, known: KnownMap, robot: Robot, footprint: Footprint
+) -> WayBack | None:
+    """Return what follows back what was driven since the robot was last in some cells.
+
+    None if it never was, if something stands in the way now, or if it cannot drive backwards.
+
+    Args:
         there: which cells, shape (rows, columns).
+        driven: poses in the order of time, the last where the robot is, shape (n, 3).
         known: the map.
         robot: that drove.
+        footprint: of the robot, dilated by the clearance that it keeps.
     """
     was = np.flatnonzero(there[known.cells_of(driven[:, :2])])
-    body = robot.outline.shapely().buffer(-DEEP * known.cell)
-    if not len(was) or body.is_empty or not robot.reverse:
+    if not len(was) or was[-1] == len(driven) - 1 or not robot.reverse:
         return None
-    back = driven[was[-1] :][::-1]
-    surfaces = known.centres(*np.nonzero(known.state == OCCUPIED))
-    for pose in Path(back).resample(known.cell).states if len(back) > 1 else back:
-        near = surfaces[np.hypot(*(surfaces - pose[:2]).T) <= robot.circumradius]
-        placed = shapely.Polygon(transform(pose, shapely.get_coordinates(body)))
-        if shapely.contains_xy(placed, near).any():
-            return None
-    return np.array(back)
+    back = WayBack(driven[was[-1] :], robot, footprint)
+    return None if back.endangered(known) else back

@@ -18,7 +18,7 @@ from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.certainty import places_of
-from trailmark.exploration.contact import contact_points, way_back, way_back_to
+from trailmark.exploration.contact import WayBack, contact_points, way_back, way_back_to
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.landmark_ways import plan_to
@@ -228,9 +228,10 @@ class Course:
             return []
         self._look = None
         events = look.then(look.future.result())
-        if self.follower is not None and self._mapper.known.revision != look.revision:
+        follower = self.follower
+        if follower and not isinstance(follower, WayBack) and self._mapper.known.revision != look.revision:
             # It was planned before the last readings.
-            events += self._replan(self.follower, until)
+            events += self._replan(follower, until)
         return events
 
     def _begin(
@@ -325,13 +326,12 @@ class Course:
 
     def _leave(self) -> list[str]:
         """Begin the way back, along which the robot came, out of a place in which the map closes it in."""
-        memory, mapper = self._memory, self._mapper
+        memory, known, driven = self._memory, self._mapper.known, self._mapper.trajectory[:, 1:]
         closed_in, memory.closed_in = memory.closed_in, False
-        back = way_back_to(mapper.trajectory[:, 1:], memory.main_room(), mapper.known, self.planner.robot)
-        if back is None or not closed_in:
-            return []
-        self._follow(Path(back), back[:1], self.planner)
-        return ["it drives back the way that it came"]
+        if closed_in:
+            footprint = self.planner.checker.footprint
+            self.follower = way_back_to(memory.main_room(), driven, known, self.planner.robot, footprint)
+        return [] if self.follower is None else ["it drives back the way that it came"]
 
     def _pointless(self) -> bool:
         """Return whether most of what the landmark was chosen for has been seen."""
