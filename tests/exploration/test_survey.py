@@ -104,6 +104,23 @@ def test_what_is_not_reachable_yet_is_told_from_what_never_is(behind: str) -> No
     assert not memory.never.any() or len(done.outlook.landmarks)
 
 
+def test_proofs_from_before_the_last_drive_are_made_anew_before_the_end() -> None:
+    # The end of the hall is unknown, and was proven not to be reachable; nothing has changed there since.
+    known = room()
+    state = known.state.copy()
+    state[14:20, 29] = UNKNOWN
+    known.set_state(state)
+    memory = Memory(known)
+    found, planner = look(known, (0.5, 0.5, 0.0), memory)
+    memory.refused[:] = EXCLUDED
+    memory.never[:] = True
+    assert look(known, (0.5, 0.5, 0.0), memory)[0].status == "complete"  # proven for this map
+    plan_to(known, planner, found, 0, ExplorationSettings(), memory)
+    anew, _ = look(known, (0.5, 0.5, 0.0), memory)
+    assert anew.ended == ""
+    assert len(anew.outlook.landmarks)
+
+
 @pytest.mark.parametrize("robot", [ROBOT, Robot.rectangle(0.5, 0.3)], ids=["disc", "rectangle"])
 def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robot: Robot) -> None:
     # The robot came out of the hall on the left into the chamber on the right, whose door is closed now.

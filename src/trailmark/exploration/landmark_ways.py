@@ -70,6 +70,7 @@ def plan_to(
     memory.aim = None if result.path is None else (landmark[:2], surveyed.expected[index])
     if result.path is not None:
         memory.failed = 0
+        memory.outdated |= memory.refused == EXCLUDED
         return result
     among = _refuse(memory, row, column)
     memory.refusal = "none was found in time"

@@ -73,6 +73,7 @@ class Memory:
         refused: how often no way to a cell was found, since changes around it were last taken into account.
         never: cells to which no way leads whatever is where nothing is known yet, as the surfaces known then go.
         again: cells around which the map has changed since then.
+        outdated: cells of which it was proven that no way leads there before the robot last drove.
         refusal: why there is no way to the last landmark, in words.
         failed: landmarks in a row to which no way was found.
         closed_in: whether, as the map is, no way leads back to where the robot came from.
@@ -88,7 +89,7 @@ class Memory:
         self.tries = np.zeros(shape, np.int32)
         self.aim: tuple[FloatArray, tuple[NDArray[np.intp], NDArray[np.intp]]] | None = None
         self.refused = np.zeros(shape, np.uint8)
-        self.never, self.again = np.zeros(shape, np.bool_), np.zeros(shape, np.bool_)
+        self.never, self.again, self.outdated = (np.zeros(shape, np.bool_) for _ in range(3))
         self.refusal = ""
         self.failed, self.closed_in = 0, False
         self.levels = np.full(shape, CERTAIN, np.uint8)
@@ -162,9 +163,9 @@ def survey(
     here = (np.asarray(pose)[:2] - np.asarray(known.origin)) / cell
     search = Search(known, planner.checker, levels, memory.refused, frontiers, away, here)
     found = search.candidates(sensor_range / cell, rng)
-    if not len(found.cells) and memory.again.any():
-        # Surfaces may have gone since: the end is proven for the map as it is.
-        _try_again(memory, memory.again.copy())
+    if not len(found.cells) and (memory.again | memory.outdated).any():
+        # What has changed elsewhere may have opened a way: the end is proven for the map as it is.
+        _try_again(memory, memory.again | memory.outdated)
         found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
     frontiers, sees = frontiers.subset(np.asarray(seen)), found.sees[:, seen]
@@ -226,7 +227,7 @@ def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> 
 def _try_again(memory: Memory, cells: NDArray[np.bool_]) -> None:
     """Forget that no way to cells, shape (rows, columns), was found, or leads there."""
     memory.refused[cells] = 0
-    memory.never[cells] = memory.again[cells] = False
+    memory.never[cells] = memory.again[cells] = memory.outdated[cells] = False
 
 
 def _groups_seen(sees: NDArray[np.bool_], frontiers: Frontiers) -> NDArray[np.bool_]:
