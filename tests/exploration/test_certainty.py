@@ -4,8 +4,17 @@ import numpy as np
 
 from trailmark import Disc, Robot, World
 from trailmark.exploration import ExplorationSettings, Explorer
-from trailmark.exploration.certainty import expected_falls
+from trailmark.exploration.certainty import expected_falls, places_of
 from trailmark.exploration.outlook import Outlook
+
+
+def test_a_place_is_as_unsure_as_its_longest_axis() -> None:
+    trajectory = np.array([[0.0, 1.0, 2.0, 0.3], [0.1, 1.5, 2.0, 0.4]])
+    axis = np.array([0.6, 0.8, 0.0])
+    covariances = np.array([np.zeros((3, 3)), 0.04 * np.outer(axis, axis) + np.diag([1e-4, 1e-4, 9.0])])
+    np.testing.assert_allclose(
+        places_of(trajectory, covariances), [[1.0, 2.0, 0.0], [1.5, 2.0, np.sqrt(0.0401)]], atol=1e-12
+    )
 
 
 def test_a_place_is_as_sure_as_the_surest_visit_near_it() -> None:

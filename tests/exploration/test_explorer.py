@@ -288,6 +288,33 @@ def test_a_door_that_closes_ends_what_lies_behind() -> None:
     assert max(progress.pose[0] for progress in exploring.history) < 3.0
 
 
+@pytest.mark.parametrize(("wall", "status"), [(2.0, "complete"), (4.5, "stuck")])
+def test_a_door_that_closes_behind_the_robot_is_not_driven_into(wall: float, status: str) -> None:
+    # Where most of what is known lies behind the door, the map may be wrong there: that is no proof of the end.
+    open_door, closed = (replace(two_rooms(door), obstacles=moved(two_rooms(door), wall)) for door in (1.0, 0.0))
+    robot = SimulatedRobot(open_door, ROBOT, START, laser_scanner(1.2, 0.1), noise=0.0)
+
+    def farthest(outlook: Outlook) -> int:
+        return int(np.argmax(outlook.landmarks[:, 0]))
+
+    exploring = Explorer(robot, ROBOT, robot.sensor, start=START, bounds=BOUNDS, settings=SETTINGS, strategy=farthest)
+    while exploring.ended is None:
+        progress = exploring.step()
+        if progress.pose[0] > wall + 0.6 and robot.world is open_door:
+            robot.change_world(closed)
+        assert progress.time < 600.0
+    assert robot.world is closed
+    result = exploring.result()
+    assert result.evaluation is not None
+    assert result.evaluation.collisions == 0
+    assert (result.known.state[:, : int(10.0 * wall) - 2] == UNKNOWN).mean() > 0.1
+    assert result.status == status
+
+
+def moved(world: World, wall: float) -> tuple[Rectangle, ...]:
+    return tuple(Rectangle((wall, o.center[1]), o.length, o.width) for o in world.obstacles if isinstance(o, Rectangle))
+
+
 def test_it_says_what_it_expects() -> None:
     world = two_rooms(1.0)
     for options, message in (
