@@ -18,6 +18,7 @@ from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.landmark_ways import plan_to
+from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.reachability import NOWHERE, Reach
 from trailmark.exploration.strategies import STRATEGIES
 from trailmark.exploration.survey import EXCLUDED, Memory, Survey, survey
@@ -40,6 +41,22 @@ def known_of(rows: list[str], cell: float = 0.1) -> KnownMap:
 def room(width: int = 30, height: int = 30) -> KnownMap:
     rows = ["#" * width, *["#" + "." * (width - 2) + "#"] * (height - 2), "#" * width]
     return known_of(rows)
+
+
+def room_with_a_door() -> KnownMap:
+    """A room in the wall of which a part is unknown."""
+    known = room()
+    state = known.state.copy()
+    state[14:20, 29] = UNKNOWN
+    known.set_state(state)
+    return known
+
+
+def chosen(outlook: Outlook, landmark: tuple[float, float, float], any_heading: bool) -> Survey:
+    """A survey of one landmark, from which nothing is expected."""
+    nothing = np.empty(0, np.intp)
+    there = outlook._replace(landmarks=np.array([landmark]))
+    return Survey(there, "", "complete", ((nothing, nothing),), np.array([any_heading]))
 
 
 def look(
@@ -68,10 +85,7 @@ def test_a_place_without_a_way_keeps_nothing_from_being_done_if_nothing_would_be
 
 
 def test_a_door_is_seen_from_a_landmark_to_which_a_path_leads() -> None:
-    known = room()
-    state = known.state.copy()
-    state[14:20, 29] = UNKNOWN
-    known.set_state(state)
+    known = room_with_a_door()
     found, planner = look(known, (0.5, 0.5, 0.0))
     assert found.ended == ""
     assert found.outlook.sees.any(axis=0).all()
@@ -90,9 +104,8 @@ def test_what_is_not_reachable_yet_is_told_from_what_never_is(behind: str) -> No
     world = known.follow(World("hall", known.bounds, robot=ROBOT))
     planner, memory = LandmarkPlanner(world, ROBOT, seed=0), Memory(known)
     outlook = look(known, (0.5, 0.9, 0.0))[0].outlook
-    inside = np.array([[1.6, 1.3, 0.0]])
-    row, column = (int(at[0]) for at in known.cells_of(inside[:, :2]))
-    found = Survey(outlook._replace(landmarks=inside), "", "complete", ((),), np.array([True]))  # type: ignore[arg-type]
+    found = chosen(outlook, (1.6, 1.3, 0.0), any_heading=True)
+    row, column = (int(at[0]) for at in known.cells_of(found.outlook.landmarks[:, :2]))
     result = plan_to(known, planner, found, 0, ExplorationSettings(), memory)
     assert result.status == "infeasible"
     assert memory.refused[row, column] > 100
@@ -106,10 +119,7 @@ def test_what_is_not_reachable_yet_is_told_from_what_never_is(behind: str) -> No
 
 def test_proofs_from_before_the_last_drive_are_made_anew_before_the_end() -> None:
     # The end of the hall is unknown, and was proven not to be reachable; nothing has changed there since.
-    known = room()
-    state = known.state.copy()
-    state[14:20, 29] = UNKNOWN
-    known.set_state(state)
+    known = room_with_a_door()
     memory = Memory(known)
     found, planner = look(known, (0.5, 0.5, 0.0), memory)
     memory.refused[:] = EXCLUDED
@@ -130,8 +140,7 @@ def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robo
     memory.been[10, 10] = True
     here = np.array([2.45, 1.4, 0.0])
     outlook = survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory).outlook
-    there = np.array([[0.6, 1.5, 0.0]])
-    found = Survey(outlook._replace(here=here, landmarks=there), "", "complete", ((),), np.array([True]))  # type: ignore[arg-type]
+    found = chosen(outlook._replace(here=here), (0.6, 1.5, 0.0), any_heading=True)
     assert plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory).path is None
     assert memory.closed_in
     assert "closes the robot in" in memory.refusal
@@ -145,11 +154,8 @@ def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robo
 
 
 def test_between_failures_other_places_get_their_turn_though_the_map_changes() -> None:
-    known = room()
-    state = known.state.copy()
-    state[14:20, 29] = UNKNOWN
-    known.set_state(state)
-    memory = Memory(known)
+    known = room_with_a_door()
+    state, memory = known.state.copy(), Memory(known)
     look(known, (0.5, 0.5, 0.0), memory)
     memory.refused[10:20, 20:28] = memory.failed = 1
     # As noise has it, with each reading.
@@ -174,9 +180,8 @@ def test_what_no_heading_leads_to_is_excluded_at_once_for_a_robot_with_a_shape()
     planner, memory = LandmarkPlanner(world, robot, seed=0), Memory(known)
     rng, pose = np.random.default_rng(0), np.array([0.5, 0.6, 0.0])
     outlook = survey(known, planner, robot, pose, None, 2.0, ExplorationSettings(), rng, memory).outlook
-    inside = np.array([[2.1, 0.6, 0.0]])
     memory.levels[known.state == FREE] = 1
-    found = Survey(outlook._replace(landmarks=inside), "", "complete", ((),), np.array([False]))  # type: ignore[arg-type]
+    found = chosen(outlook, (2.1, 0.6, 0.0), any_heading=False)
     assert plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory).status == "infeasible"
     assert (memory.refused[3:10, 17:26] > 100).all()
     # On its own side only where the robot does not fit, whatever its heading.
