@@ -9,7 +9,7 @@ map is found by shapely (benchmarks.explore_oracle).
 Each run has a process of its own, and a limit on the processor's time that it uses: what takes longer hangs. What is
 measured is appended to a file of JSON Lines at once, and runs that stand there already are not run again.
 
-    python -m benchmarks.explore [--worlds 40] [--shipped] [--maps NAME.yaml ...] [--seeds 1] [--noise 0 1]
+    python -m benchmarks.explore [--worlds 40] [--shipped] [--maps NAME.{yaml,png} ...] [--seeds 1] [--noise 0 1]
         [--strategies NAME ...] [--workers 1] [--limit 600] [--runs FILE.jsonl] [--report [NAME]]
 """
 
@@ -130,7 +130,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, default=40, help="generated worlds, of the four kinds in turn")
     parser.add_argument("--shipped", action="store_true", help="the shipped worlds that are connected, too")
-    parser.add_argument("--maps", nargs="+", default=[], help="maps of the real data's folder explore, too: NAME.yaml")
+    parser.add_argument(
+        "--maps", nargs="+", default=[], help="NAME.yaml or NAME.png of the real data's folder explore, too"
+    )
     parser.add_argument("--seeds", type=int, default=1, help="runs of each kind in each world")
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0, 1.0], help="times the noise by default")
     parser.add_argument("--strategies", nargs="+", default=list(STRATEGIES))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from benchmarks.explore_oracle import Truth, boundary_errors, overlaps, seen_share, tour_length, truth_of
 from benchmarks.explore_worlds import KINDS, ROBOTS, SENSOR_RANGE, explore_world
 from benchmarks.suite import data_folder
-from trailmark import LandmarkPlanner, World
+from trailmark import LandmarkPlanner, Robot, World
 from trailmark.audit import check_path
 from trailmark.collision import StateChecker
 from trailmark.estimation.risk.allocation import regrow
@@ -43,6 +43,9 @@ ANCHOR = "tour with the map known"
 """Takes the place of a strategy: the lower anchor."""
 
 
+IMAGE_RANGE = 80.0
+"""Metres, one for each pixel: what the sensor sees in images, by the source of them (ARiADNE, env.py)."""
+
 WITHOUT_LOOPS = "tour-without-loops"
 """The strategy of that name, for the ablation."""
 
@@ -62,10 +65,13 @@ class Job(NamedTuple):
 
 
 def hidden_world(name: str) -> World:
-    """Return a generated world (``office 3``), a shipped one (``office``), or a map of the real data (``room.yaml``).
+    """Return a generated world (``office 3``), a shipped one (``office``), or a map of the real data.
 
-    Maps get a round robot that starts where it fits nearest to the middle.
+    Maps (``room.yaml``) get a round robot that starts where it fits nearest to the middle; images (``maze.png``), in
+    which the start is marked, one of two pixels.
     """
+    if name.endswith(".png"):
+        return replace(World.load(data_folder() / "explore" / name), robot=Robot.disc(2.0))
     if name.endswith(".yaml"):
         world, robot = World.load(data_folder() / "explore" / name), ROBOTS[0]
         xmin, ymin, xmax, ymax = world.bounds
@@ -80,9 +86,11 @@ def hidden_world(name: str) -> World:
 
 
 def sensor_range_of(name: str) -> float:
-    """Return the sensor's range, metres: a quarter of a shipped world's longer side."""
+    """Return the sensor's range, metres: a quarter of the longer side, but in images that of their source."""
     if " " in name:
         return SENSOR_RANGE
+    if name.endswith(".png"):
+        return IMAGE_RANGE
     xmin, ymin, xmax, ymax = hidden_world(name).bounds
     return 0.25 * max(xmax - xmin, ymax - ymin)
 
@@ -94,6 +102,8 @@ def run_job(job: Job) -> dict[str, Any]:
         return {"distance": tour_length(truth_of(world, reach))}
     confidence = CONFIDENCE if job.noise > 0.0 else None
     settings = ExplorationSettings(confidence=confidence)
+    if job.world.endswith(".png"):  # ten times as large as the others: as far from reading to reading, in its pixels
+        settings = replace(settings, cell=1.0, sense_period=1.0)
     begin, work = perf_counter(), process_time()
     explorer = Explorer(
         world,

@@ -10,12 +10,11 @@ import pytest
 import shapely
 
 from trailmark import Rectangle, Robot, World
-from trailmark.collision.footprint import build_footprint
 from trailmark.estimation.simulation.raycast import RayCaster
 from trailmark.exploration import ExplorationSettings, Explorer
-from trailmark.exploration.contact import contact_points, way_back, way_back_to
+from trailmark.exploration.contact import contact_points
 from trailmark.exploration.exploration_folder import keep_exploration, load_exploration
-from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
+from trailmark.exploration.known_map import OCCUPIED, UNKNOWN
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
 
 BOUNDS = (0.0, 0.0, 6.0, 4.0)
@@ -37,36 +36,6 @@ def test_contact_lies_ahead_and_not_where_the_robot_stands(robot: Robot, motion:
     away = shapely.distance(shapely.points(points), body)
     assert not shapely.contains_xy(body, *points.T).any()
     assert 0.5 * cell <= away.max() <= 2.0 * cell + 1e-9
-
-
-def test_the_way_back_is_what_was_driven_last() -> None:
-    driven = np.column_stack([np.arange(6.0), np.zeros((6, 2))])
-    np.testing.assert_array_equal(way_back(driven, 2.5, 0.3)[:, 0], [5.0, 4.0, 3.0, 2.0])
-    assert len(way_back(driven, 100.0, 0.3)) == 6
-    assert len(way_back(driven[:1], 1.0, 0.3)) == 1
-
-
-def test_the_way_back_is_driven_through_what_the_map_takes_for_closed_by_a_cell_alone() -> None:
-    known, robot = KnownMap((0.0, 0.0, 6.0, 4.0), 0.1), Robot.disc(0.3)
-    state = np.full(known.state.shape, FREE)
-    driven = np.column_stack([np.arange(0.5, 5.05, 0.1), np.full(46, 2.0), np.zeros(46)])
-    there = np.zeros(state.shape, np.bool_)
-    there[:, :10] = True
-    footprint = build_footprint(robot)
-    back = way_back_to(there, driven, known, robot, footprint)
-    assert back is not None
-    np.testing.assert_array_equal(back.rest[0], driven[-1])
-    assert 0.9 <= back.target[0] < 1.0
-    # A surface that reaches a cell into the robot's way, then two.
-    for row, free in ((22, True), (20, False)):
-        state[row, 30] = OCCUPIED
-        known.set_state(state)
-        assert (way_back_to(there, driven, known, robot, footprint) is not None) == free
-        assert back.endangered(known) != free
-    assert way_back_to(~there & (np.arange(60) > 50), driven[:20], known, robot, footprint) is None
-    known.set_state(np.full(state.shape, FREE))
-    ahead_alone = Robot.rectangle(0.6, 0.4).steered(0.5, reverse=False)
-    assert way_back_to(there, driven, known, ahead_alone, footprint) is None
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.0])

@@ -18,7 +18,7 @@ from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.certainty import places_of
-from trailmark.exploration.contact import WayBack, contact_points, way_back, way_back_to
+from trailmark.exploration.contact import contact_points
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.landmark_ways import plan_to
@@ -26,6 +26,7 @@ from trailmark.exploration.mapper import Mapper
 from trailmark.exploration.outlook import Outlook, Strategy
 from trailmark.exploration.result import Status
 from trailmark.exploration.survey import Memory, Survey, survey
+from trailmark.exploration.way_back import WayBack, way_back, way_back_to
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
@@ -326,11 +327,10 @@ class Course:
 
     def _leave(self) -> list[str]:
         """Begin the way back, along which the robot came, out of a place in which the map closes it in."""
-        memory, known, driven = self._memory, self._mapper.known, self._mapper.trajectory[:, 1:]
-        closed_in, memory.closed_in = memory.closed_in, False
-        if closed_in:
-            footprint = self.planner.checker.footprint
-            self.follower = way_back_to(memory.main_room(), driven, known, self.planner.robot, footprint)
+        memory, mapper, planner = self._memory, self._mapper, self.planner
+        if memory.closed_in:
+            memory.closed_in, footprint, driven = False, planner.checker.footprint, mapper.trajectory[:, 1:]
+            self.follower = way_back_to(memory.main_room(), driven, mapper.known, planner.robot, footprint)
         return [] if self.follower is None else ["it drives back the way that it came"]
 
     def _pointless(self) -> bool:

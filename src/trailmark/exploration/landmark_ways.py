@@ -127,9 +127,10 @@ def _comes_back(
 
     Surfaces are known to a cell or so: a passage that just fits may close in the map once the robot is through.
     """
-    there = np.argwhere(memory.been & memory.main_room())
+    main = memory.main_room()
+    there = np.argwhere(memory.been & main)
     row, column = (int(place[0]) for place in known.cells_of(here[None, :2]))
-    if not len(there) or memory.main_room()[row, column]:
+    if not len(there) or main[row, column]:
         return True
     nearest = there[np.argmin(np.hypot(*(there - [row, column]).T))]
     goal = Goal(pose=tuple(known.centres(*nearest[:, None])[0].tolist()))
