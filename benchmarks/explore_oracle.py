@@ -1,9 +1,9 @@
 """What is true of a world that was explored, by shapely and scipy: nothing of this is shared with what explores.
 
 A disc around the robot (of its circumradius) decides where it can get to. What can be seen from there is found for
-squares of :data:`SIDE`, along straight lines between their centres and places of a grid of :data:`STEP`. The shortest
-tour from which all of that is seen, as far as a greedy cover and local search find it, is the lower anchor of what an
-exploration drives: who plans it knows the map.
+squares of :data:`SIDE`, along straight lines between their centres and places of a grid of :data:`STEP`, both larger in
+worlds over :data:`LARGE`, in proportion. The shortest tour from which all of that is seen, as far as a greedy cover and
+local search find it, is the lower anchor of what an exploration drives: who plans it knows the map.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ BoolArray = NDArray[np.bool_]
 
 SIDE, STEP = 0.2, 0.25
 """Metres."""
+
+LARGE = 60.0
+"""Metres: of a world's longer side."""
 
 COVERED = 0.995
 """Share of what can be seen that the anchor's tour sees: no exploration need see more to be complete."""
@@ -56,6 +59,8 @@ class Truth(NamedTuple):
     """What can be seen from there, shape (n, 2)."""
     max_range: float
     """Of the sensor, metres."""
+    scale: float
+    """By which :data:`SIDE` and :data:`STEP` are larger."""
 
 
 def truth_of(world: World, max_range: float) -> Truth:
@@ -68,20 +73,22 @@ def truth_of(world: World, max_range: float) -> Truth:
     region = _part_with(room.buffer(-reach).difference(solids.buffer(reach - ROUNDNESS, quad_segs=32)), start)
     shapely.prepare(solids)
     shapely.prepare(region)
-    grid = _grid(world.bounds, STEP)
+    xmin, ymin, xmax, ymax = world.bounds
+    scale = max(1.0, max(xmax - xmin, ymax - ymin) / LARGE)
+    grid = _grid(world.bounds, scale * STEP)
     places = np.concatenate([start[None], grid[shapely.contains_xy(region, *grid.T)]])
-    ways = _ways(places, region)
+    ways = _ways(places, region, scale * STEP)
     _, label = csgraph.connected_components(ways, directed=False)
     mine = label == label[0]
     places, ways = places[mine], ways[mine][:, mine]
-    points = _grid(world.bounds, SIDE)
+    points = _grid(world.bounds, scale * SIDE)
     points = points[~shapely.intersects_xy(solids, *points.T)]
     seen = np.zeros(len(points), dtype=bool)
     order = np.random.default_rng(0).permutation(len(places))
     for view in places[order]:
         left = np.flatnonzero(~seen & (np.hypot(*(points - view).T) <= max_range))
         seen[left] = _in_sight(solids, view, points[left])
-    return Truth(solids, room, places, ways, points[seen], max_range)
+    return Truth(solids, room, places, ways, points[seen], max_range, scale)
 
 
 def seen_share(truth: Truth, state: NDArray[np.uint8], origin: tuple[float, float], cell: float) -> float:
@@ -116,7 +123,7 @@ def boundary_errors(truth: Truth, made: World) -> dict[str, float]:
     if outlines.is_empty:
         return {"rms": np.nan, "missing": 1.0, "inside": np.nan}
     surface = _along(shapely.intersection(truth.solids.boundary, truth.room))  # the bounds are no discovery
-    near = cKDTree(truth.targets).query(surface, distance_upper_bound=SIDE + 1e-6)[0]
+    near = cKDTree(truth.targets).query(surface, distance_upper_bound=truth.scale * SIDE + 1e-6)[0]
     surface = surface[np.isfinite(near)]
     off = shapely.distance(shapely.points(surface), outlines.boundary)
     own = shapely.points(_along(outlines.boundary))
@@ -132,7 +139,7 @@ def boundary_errors(truth: Truth, made: World) -> dict[str, float]:
 
 def tour_length(truth: Truth) -> float:
     """Return the length (metres) of a tour from the start that sees nearly all that can be seen."""
-    _, first = np.unique(np.floor(truth.places / (2.0 * STEP)), axis=0, return_index=True)
+    _, first = np.unique(np.floor(truth.places / (2.0 * truth.scale * STEP)), axis=0, return_index=True)
     views = np.unique(np.append(first, 0))
     targets = truth.targets[:: max(1, len(truth.targets) // 2500)]
     sees = np.zeros((len(views), len(targets)), dtype=bool)
@@ -217,9 +224,9 @@ def _part_with(region: Any, point: FloatArray) -> Any:
     return min(parts, key=lambda part: float(part.distance(shapely.Point(point))))
 
 
-def _ways(places: FloatArray, region: Any) -> sparse.csr_array:
+def _ways(places: FloatArray, region: Any, step: float) -> sparse.csr_array:
     """Return the graph of places up to a knight's move apart whose straight lines stay in a region."""
-    pairs = cKDTree(places).query_pairs(2.3 * STEP, output_type="ndarray")
+    pairs = cKDTree(places).query_pairs(2.3 * step, output_type="ndarray")
     lines = shapely.linestrings(places[pairs])
     pairs = pairs[shapely.covers(region, lines)]
     length = np.hypot(*(places[pairs[:, 0]] - places[pairs[:, 1]]).T)
