@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from trailmark.estimation.graph.pose_graph import Relation, optimise, relative_covariances
+from trailmark.estimation.graph.pose_graph import Relation, optimise, pose_covariances, relative_covariances
 from trailmark.estimation.scans.clouds import relative
 from trailmark.se2 import FloatArray, compose
 
@@ -67,3 +67,28 @@ def test_covariances_are_those_of_the_errors_after_the_best_alignment() -> None:
     ratio = np.sqrt(np.einsum("nii->ni", sampled) / np.einsum("nii->ni", stated))
     assert np.abs(ratio - 1.0).max() < 0.2
     assert abs(ratio.mean() - 1.0) < 0.05
+
+
+def test_covariances_of_a_long_corridor_are_those_of_its_steps_added_up() -> None:
+    """Headings that are known to 1e-4 after a first one that is not: Cholesky factors of such a graph do not exist."""
+    n, rng = 1500, np.random.default_rng(0)
+    poses = np.column_stack([0.8 * np.arange(n), 0.3 * rng.standard_normal(n), 0.5 * np.sin(np.arange(n))])
+    relations, expected = [], [np.zeros((3, 3))]
+    for i, step in enumerate(relative(poses[k], poses[k + 1]) for k in range(n - 1)):
+        along, own = rotation(-poses[i + 1, 2]), np.diag([1.0, 1e-3, 7e-5 if i else 0.08]) ** 2
+        relations.append(Relation(i, i + 1, step, along @ own @ along.T))
+        # Of a pose's error in the frame of the next one (by the adjoint of SE(2)).
+        adjoint = rotation(step[2])
+        adjoint[:2, 2] = step[1], -step[0]
+        back = np.linalg.inv(adjoint)
+        expected.append(back @ expected[-1] @ back.T + relations[-1].covariance)
+    turns = np.array([rotation(pose[2]) for pose in poses])
+    worlds = turns @ np.array(expected) @ turns.transpose(0, 2, 1)
+    sigma = np.sqrt(np.einsum("nii->ni", worlds))
+    off = np.abs(pose_covariances(relations, poses) - worlds)[1:] / (sigma[1:, :, None] * sigma[1:, None, :])
+    assert off.max() <= 1e-3
+
+
+def rotation(angle: float) -> FloatArray:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -120,8 +120,9 @@ def _covariances(graph: Any, values: Any, turn: FloatArray) -> FloatArray:
     """Return the poses' covariances in the frame of the first one, in the world's axes."""
     import gtsam
 
-    marginals = gtsam.Marginals(graph, values)
-    own = np.array([marginals.marginalCovariance(i) for i in range(len(turn))])
+    # Not by gtsam.Marginals: its Cholesky factors fail where headings are known to 1e-4 and far places to metres.
+    tree = graph.linearize(values).eliminateMultifrontal(function=gtsam.EliminateQR)
+    own = np.array([tree.marginalCovariance(i) for i in range(len(turn))])
     return np.asarray(turn @ own @ turn.transpose(0, 2, 1))
 
 
@@ -133,7 +134,9 @@ def _graph(relations: Sequence[Relation], poses: FloatArray) -> tuple[Any, Any]:
     for i, pose in enumerate(poses):
         values.insert(i, gtsam.Pose2(*pose))
     for relation in relations:
-        noise = gtsam.noiseModel.Gaussian.Covariance(relation.covariance)
+        # Not of the covariance as it is: gtsam leaves out what lies beside its diagonal where it is under 1e-9.
+        upper = np.linalg.cholesky(np.linalg.inv(relation.covariance)).T
+        noise = gtsam.noiseModel.Gaussian.SqrtInformation(upper, False)
         graph.add(gtsam.BetweenFactorPose2(relation.a, relation.b, gtsam.Pose2(*relation.pose), noise))
     graph.add(gtsam.PriorFactorPose2(0, gtsam.Pose2(*poses[0]), gtsam.noiseModel.Isotropic.Sigma(3, 1e-6)))
     return graph, values
