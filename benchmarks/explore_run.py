@@ -102,8 +102,6 @@ def run_job(job: Job) -> dict[str, Any]:
         return {"distance": tour_length(truth_of(world, reach))}
     confidence = CONFIDENCE if job.noise > 0.0 else None
     settings = ExplorationSettings(confidence=confidence)
-    if job.world.endswith(".png"):  # ten times as large as the others: as far from reading to reading, in its pixels
-        settings = replace(settings, cell=1.0, sense_period=1.0)
     begin, work = perf_counter(), process_time()
     explorer = Explorer(
         world,

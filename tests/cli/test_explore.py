@@ -289,3 +289,26 @@ def test_ctrl_c_in_the_middle_and_on_to_the_end(
     assert second.history[-1].distance > first.history[-1].distance
     assert len(second.log.records) > len(first.log.records)
     assert (second.first_known <= first.first_known).all()
+
+
+@pytest.mark.slow
+def test_whatever_goes_wrong_what_was_mapped_is_kept(
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, folder, step = tmp_path / "small.yaml", tmp_path / "run", Explorer.step
+    file.write_text(SMALL)
+
+    def fails(explorer: Explorer) -> Any:
+        if len(explorer.history) == 8:
+            raise RuntimeError("the sensor's driver")
+        return step(explorer)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Explorer, "step", fails)
+        with pytest.raises(RuntimeError, match="the sensor's driver"):
+            shell("explore", file, "--sensor-range", "2", "--output", folder)
+    assert sorted(kept.name for kept in folder.iterdir()) == ["log.jsonl", "resume.npz"]
+    assert len(load_exploration(folder).history) == 8
+    run = shell("explore", "--resume", folder, "--json")
+    assert run.status == 0
+    assert json.loads(run.out)["status"] == "complete"

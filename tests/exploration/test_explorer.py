@@ -12,7 +12,8 @@ import pytest
 import shapely
 from tests.support import exploration_faults as faults
 
-from trailmark import ConfigurationError, Rectangle, Robot, World
+from trailmark import ConfigurationError, LandmarkPlanner, Rectangle, Robot, World
+from trailmark.estimation import map_log
 from trailmark.estimation.logs.records import Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
@@ -118,6 +119,25 @@ def test_where_the_robot_does_not_fit_it_looks_through() -> None:
     columns = result.known.cells_of(np.array([[3.5, 2.0]]))[1]
     assert (result.known.state[:, int(columns[0]) :] == FREE).any()
     check_map(result, world)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+def test_a_world_of_a_hundred_metres_gets_a_map_on_the_same_scale(noise: float) -> None:
+    """Beams that are as dense as cells of 0.4 m do not fill a map of cells of 0.05 m."""
+    walls = [
+        Rectangle((60.0, 34.0), 4.0, 68.0),
+        Rectangle((60.0, 84.0), 4.0, 12.0),
+        Rectangle((90.0, 45.0), 20.0, 10.0),
+    ]
+    world, robot = World("large", (0.0, 0.0, 120.0, 90.0), tuple(walls)), Robot.disc(2.0)
+    found = Explorer(world, robot, "laser", start=(20.0, 20.0, 0.0), sensor_range=40.0, noise=noise).run()
+    assert found.status == "complete"
+    assert found.log.cell == pytest.approx(0.4)
+    assert len(found.world.obstacles) < 60
+    assert map_log(found.log, robot=robot).world.obstacles == found.world.obstacles
+    made, true = (LandmarkPlanner(w, robot).plan((20, 20, 0), (100, 20, 0), 1.0) for w in (found.world, world))
+    assert made.cost == pytest.approx(true.cost, rel=0.05)
 
 
 @pytest.mark.parametrize("field_of_view", [np.pi, 0.5 * np.pi])

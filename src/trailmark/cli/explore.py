@@ -115,7 +115,13 @@ def explore(
                 keep_exploration(explorer.saved()._replace(options=options), folder)
 
         progress.stage("exploring")
-        result = explorer.run(on_progress=follow)
+        try:
+            result = explorer.run(on_progress=follow)
+        except Exception:
+            # Whatever goes wrong hours after it began: --resume goes on from there.
+            if explorer.history and explorer.ended is None:
+                keep_exploration(explorer.saved()._replace(options=options), folder)
+            raise
         if not result.history:
             raise KeyboardInterrupt  # before anything was sensed: there is nothing to keep
         progress.stage("writing")

@@ -189,8 +189,14 @@ def map_log(
         ),
     ] = "blocked",
     cell: Annotated[
-        str, typer.Option("--cell", metavar="METRES", help="Side of a scan map's cells.", rich_help_panel=_NOISE)
-    ] = "0.05",
+        str | None,
+        typer.Option(
+            "--cell",
+            metavar="METRES",
+            help="Side of a scan map's cells; by default 0.05, or what the log of an exploration says if that is more.",
+            rich_help_panel=_NOISE,
+        ),
+    ] = None,
     shapes: Annotated[
         str,
         typer.Option(
@@ -231,6 +237,7 @@ def map_log(
         from trailmark.estimation.graph.g2o import write_g2o
         from trailmark.estimation.logs import load_log, log_files
         from trailmark.estimation.maps.log_map import map_log as map_records
+        from trailmark.estimation.maps.map_settings import CELL
         from trailmark.formats.nav2_output import save_nav2_map
         from trailmark.formats.tum import write_tum
 
@@ -294,7 +301,8 @@ def map_log(
             write_tum(tum_file, mapped.trajectory)
             written.append(tum_file)
         if nav2_file is not None:
-            written += save_nav2_map(mapped.world, nav2_file, settings.mapping.cell)
+            side = settings.mapping.cell or CELL if mapped.scans is None else mapped.scans.grid.cell
+            written += save_nav2_map(mapped.world, nav2_file, side)
         if g2o_file is not None:
             if mapped.matched is None:
                 raise UsageError(f"--graph {graph!r} given with poses by {mapped.poses}, allowed: --poses match")

@@ -56,7 +56,10 @@ def settings_of(**given: Any) -> MapSettings:
         count = read_count(given["confirm"], "--confirm", 1, 1_000_000)
         slam, s = replace(slam, confirm=count), replace(s, mapping=replace(s.mapping, confirm=count))
     mapping: MappingSettings = replace(
-        s.mapping, unknown=given["unknown"], shapes=given["shapes"], cell=read_length(given["cell"], "--cell")
+        s.mapping,
+        unknown=given["unknown"],
+        shapes=given["shapes"],
+        cell=None if given["cell"] is None else read_length(given["cell"], "--cell"),
     )
     if given["pose_memory"] is not None:
         mapping = replace(mapping, pose_memory=read_length(given["pose_memory"], "--pose-memory"))

@@ -23,8 +23,8 @@ class ExplorationSettings:
     """
 
     cell: Positive | None = None
-    """Metres: side of a cell of the map; by default a fifth of the robot's inscribed radius, from 0.02 to 0.25 m and
-    within ``max_cells``: the width of a passage is known to about two cells."""
+    """Metres: side of a cell of the map; by default a fifth of the robot's inscribed radius, at least 0.02 m and within
+    ``max_cells``: the width of a passage is known to about two cells."""
     max_cells: Count = 4_000_000
     """Cells of the map, at most: each takes about 30 bytes."""
     sense_period: Positive = 0.1
@@ -52,5 +52,5 @@ class ExplorationSettings:
         if self.cell is not None:
             return self.cell
         xmin, ymin, xmax, ymax = bounds
-        fine = min(0.25, max(0.02, robot.inscribed_disc.radius / 5.0))
+        fine = max(0.02, robot.inscribed_disc.radius / 5.0)
         return max(fine, math.sqrt((xmax - xmin) * (ymax - ymin) / self.max_cells))

@@ -57,6 +57,10 @@ STRAYED: Final = 0.01, 0.004
 LEAST: Final = 0.01
 """Metres by which end points scatter at least about a map made of cells."""
 
+FAR: Final = 10.0
+"""Metres that a sensor sees, from which on scans are matched at distances in proportion: what is built for it is as
+large, and driven through as fast."""
+
 PLACES: Final = 20
 """Narrow places that a run leads through, over which the risk is spread."""
 
@@ -227,13 +231,20 @@ class ScanMapper:
 
     def _graph_settings(self) -> GraphSettings:
         """Return how to match scans: by what the scanner and the odometry say of their noise."""
-        s = GraphSettings()
-        s = replace(s, max_range=min(s.max_range, self._sensor.max_range), scatter=max(self._sensor.sigma, LEAST))
+        s, far = GraphSettings(), max(1.0, self._sensor.max_range / FAR)
+        s = replace(
+            s,
+            max_range=min(far * s.max_range, self._sensor.max_range),
+            key_distance=far * s.key_distance,
+            local_length=far * s.local_length,
+            loop_distance=far * s.loop_distance,
+            scatter=max(self._sensor.sigma, LEAST),
+        )
         if self._states_exactness:
             return s  # scans say otherwise
         # Of a step from node to node, with something for wheels that slip.
         place, heading = SLIPPING * np.sqrt(self._errors / max(self._driven, s.key_distance / CHECK) * s.key_distance)
-        floor = min(float(place), s.odometry_floor[0]), min(float(heading), s.odometry_floor[1])
+        floor = min(float(place), far * s.odometry_floor[0]), min(float(heading), s.odometry_floor[1])
         grown = min(floor[0] / s.key_distance, s.odometry[0]), min(floor[1] / s.key_distance, s.odometry[1])
         return replace(s, odometry=grown, odometry_floor=floor)
 

@@ -56,7 +56,9 @@ def logs(draw: st.DrawFn) -> Log:
     times = sorted(draw(st.lists(numbers, min_size=1, max_size=6)))
     marks = draw(st.lists(st.tuples(st.integers(-9, 9).map(float), numbers, numbers), max_size=3))
     name = draw(st.text(st.characters(codec="utf-8"), max_size=5))
-    return Log(name, tuple(draw(records(t)) for t in times), np.array(marks, dtype=np.float64).reshape(-1, 3))
+    rows = np.array(marks, dtype=np.float64).reshape(-1, 3)
+    cell = draw(st.none() | st.floats(1e-3, 10.0))
+    return Log(name, tuple(draw(records(t)) for t in times), rows, cell=cell)
 
 
 def same(a: Any, b: Any) -> bool:
@@ -173,7 +175,8 @@ def test_bad_lines(tmp_path: Path, line: str, problem: str) -> None:
         ('{"trailmark_log": true}', "header: trailmark_log: expected 1 (the schema version), got True"),
         ('{"trailmark_log": 1, "nam": "a"}', "got 'nam'"),
         ('{"name": "a"}', "header: expected a field 'trailmark_log', got none"),
-        (GOOD, "header: field: expected name, trailmark_log, got"),
+        ('{"trailmark_log": 1, "cell": 0}', "header: cell: expected"),
+        (GOOD, "header: field: expected cell, name, trailmark_log, got"),
         ("{", "not valid JSON"),
     ],
 )

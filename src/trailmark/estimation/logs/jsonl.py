@@ -2,7 +2,8 @@
 
 The first line is the header, records follow in the order of time, landmarks stand anywhere among them:
 
-- ``{"trailmark_log": 1, "name": "yard"}``: the schema version, and what reports call the log (optional);
+- ``{"trailmark_log": 1, "name": "yard", "cell": 0.1}``: the schema version, what reports call the log (optional), and
+  the side of the cells that the scans' beams are as dense as (optional: explorations say it);
 - ``{"type": "odometry", "t": 0.0, "v": 0.5, "omega": 0.1}``: velocities that hold until the next odometry record;
 - ``{"type": "increment", "t", "dx", "dy", "dtheta", "covariance"}``: covariance 3 x 3 (optional);
 - ``{"type": "detection", "t", "z", "kind", "identity", "covariance"}``: z two numbers, range and bearing, or x and y
@@ -53,7 +54,7 @@ def read_jsonl(path: Path, bad: BadRecords) -> Log:
     """
     lines = read_lines(path, bad)
     try:
-        name = parse_header(next(lines, "")).name
+        header = parse_header(next(lines, ""))
     except RecordError as error:
         raise FormatError(path, str(error), 1) from None
     records: list[Record] = []
@@ -75,7 +76,8 @@ def read_jsonl(path: Path, bad: BadRecords) -> Log:
             latest = found.t
             records.append(found)
     rows = np.array(landmarks, dtype=np.float64).reshape(-1, 3)
-    return Log(name_of(path) if name is None else name, tuple(records), rows)
+    name = name_of(path) if header.name is None else header.name
+    return Log(name, tuple(records), rows, cell=header.cell)
 
 
 def write_jsonl(path: Path, log: Log) -> None:
@@ -87,7 +89,8 @@ def write_jsonl(path: Path, log: Log) -> None:
         OutputError: the path cannot be written, or a record is none that could be read back: values that are not
             finite, times that go back.
     """
-    lines = [json.dumps({"trailmark_log": 1, "name": log.name}, ensure_ascii=False)]
+    header = {"trailmark_log": 1, "name": log.name} | ({} if log.cell is None else {"cell": log.cell})
+    lines = [json.dumps(header, ensure_ascii=False)]
     lines += (
         json.dumps({"type": "landmark", "identity": int(identity), "x": x, "y": y})
         for identity, x, y in log.landmarks.tolist()

@@ -128,6 +128,7 @@ class Log(NamedTuple):
         landmarks: (m, 3) rows identity, x, y of surveyed features for evaluation; empty if the log has none.
         dropped: how many bad records were left out (with ``skip_bad``).
         notes: one sentence each on good records that the reader left out or changed, with their count.
+        cell: metres, side of the cells that the scans' beams are as dense as; None where nobody says.
     """
 
     name: str
@@ -135,6 +136,7 @@ class Log(NamedTuple):
     landmarks: FloatArray
     dropped: int = 0
     notes: tuple[str, ...] = ()
+    cell: float | None = None
 
 
 def first_pose(records: Sequence[Record]) -> tuple[float, float, float] | None:

@@ -31,6 +31,8 @@ class Header(NamedTuple):
     """The schema version."""
     name: str | None = None
     """What reports call the log."""
+    cell: Positive | None = None
+    """Metres: side of the cells that the scans' beams are as dense as."""
 
 
 class Landmark(NamedTuple):
@@ -61,7 +63,11 @@ _Triple = tuple[Finite, Finite, Finite]
 _Ranges = Annotated[list[Any], Rule('a list of numbers of 0 or more, "inf" and null', _are_ranges)]
 _POSE = {"x": Finite, "y": Finite, "theta": Finite}
 _BEAMS = {"ranges": _Ranges, "angle_min": Finite, "angle_increment": Finite, "range_max": Positive | Literal["inf"]}
-_HEADER = {"trailmark_log": Annotated[int, Rule("1 (the schema version)", lambda version: version == 1)], "name": str}
+_HEADER = {
+    "trailmark_log": Annotated[int, Rule("1 (the schema version)", lambda version: version == 1)],
+    "name": str,
+    "cell": Positive,
+}
 
 _FORMS: dict[str, tuple[Any, dict[str, Any]]] = {
     "odometry": (Odometry, {"t": Finite, "v": Finite, "omega": Finite}),

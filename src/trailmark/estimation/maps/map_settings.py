@@ -25,7 +25,10 @@ from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.estimation.slam.slam_settings import SlamSettings
 
-__all__ = ["MapSettings", "MappingSettings", "ObstacleSource", "PoseSource"]
+__all__ = ["CELL", "MapSettings", "MappingSettings", "ObstacleSource", "PoseSource"]
+
+CELL = 0.05
+"""Metres: side of a map's cells."""
 
 ObstacleSource = Literal["detections", "scans"]
 PoseSource = Literal["match", "slam", "log", "odometry"]
@@ -46,8 +49,9 @@ class MappingSettings:
     pose_memory: PositiveOrInfinite = math.inf
     """Metres of driving after which the errors of poses are others: within them they do not average out. Infinite for
     dead reckoning; a few metres for poses that a SLAM program has corrected."""
-    cell: Positive = 0.05
-    """Side of the grid's cells, metres."""
+    cell: Positive | None = None
+    """Side of the grid's cells, metres; by default :data:`CELL`, or what the log says if that is more: between beams
+    that are not as dense, cells stay unknown."""
     clear_range: NonNegativeOrInfinite = 8.0
     """Metres: how far a beam that met nothing shows space to be free, at most."""
     min_hits: Count = 2

@@ -18,7 +18,7 @@ from trailmark.checked import Numbers, Probability, checked_arguments, shaped
 from trailmark.errors import WorldError
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log, Scan
-from trailmark.estimation.maps.map_settings import MappingSettings
+from trailmark.estimation.maps.map_settings import CELL, MappingSettings
 from trailmark.estimation.scans.scan_features import find_features
 from trailmark.estimation.scans.scan_poses import scan_poses
 from trailmark.se2 import FloatArray, configurations, difference, transform
@@ -101,7 +101,8 @@ def map_scans(
             raise EstimationError(
                 f"pose_covariances: expected one for each of {len(scans)} scans, got {len(covariances)}"
             )
-    grid, lines, discs = _read(scans, x, covariances, s, on_progress)
+    cell = s.cell or max(CELL, (log.cell if isinstance(log, Log) else None) or 0.0)
+    grid, lines, discs = _read(scans, x, covariances, s, cell, on_progress)
     dropped = 0
     for tracks in (lines, discs):
         tracks.merge()
@@ -130,6 +131,7 @@ def _read(
     x: FloatArray,
     covariances: FloatArray,
     s: MappingSettings,
+    cell: float,
     on_progress: Callable[[int, int], None] | None,
 ) -> tuple[EvidenceGrid, LineTracks, DiscTracks]:
     """Enter all scans in the grid and the tracks."""
@@ -144,10 +146,10 @@ def _read(
             np.minimum(low, ends.min(axis=0, initial=np.inf)),
             np.maximum(high, ends.max(axis=0, initial=-np.inf)),
         )
-    low, high = low - 4.0 * s.cell, high + 4.0 * s.cell
+    low, high = low - 4.0 * cell, high + 4.0 * cell
     # On the lines of one grid for all maps of the same cells, so that maps can be compared.
-    low, high = np.floor(low / s.cell) * s.cell, np.ceil(high / s.cell) * s.cell
-    grid = EvidenceGrid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), s.cell)
+    low, high = np.floor(low / cell) * cell, np.ceil(high / cell) * cell
+    grid = EvidenceGrid((float(low[0]), float(low[1]), float(high[0]), float(high[1])), cell)
     lines, discs = LineTracks(s.gate, covariances[0], s.gap), DiscTracks(s.gate, covariances[0])
     place, heading = np.sqrt(0.5 * (covariances[:, 0, 0] + covariances[:, 1, 1])), np.sqrt(covariances[:, 2, 2])
     driven = np.cumsum(np.hypot(*np.diff(x[:, :2], axis=0, prepend=x[:1, :2]).T))
