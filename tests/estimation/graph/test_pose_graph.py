@@ -89,6 +89,15 @@ def test_covariances_of_a_long_corridor_are_those_of_its_steps_added_up() -> Non
     assert off.max() <= 1e-3
 
 
+def test_small_covariances_keep_what_lies_beside_their_diagonal() -> None:
+    """gtsam takes entries under 1e-9 for 0."""
+    covariance = np.array([[1e-10, 9e-11, 0.0], [9e-11, 1e-10, 0.0], [0.0, 0.0, 1e-10]])
+    poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    relations = [Relation(0, 1, poses[1], covariance)]
+    frame = 1e-12 * np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 1.0], [0.0, 1.0, 1.0]])  # of the first pose, a metre away
+    np.testing.assert_allclose(pose_covariances(relations, poses)[1], covariance + frame, rtol=1e-6, atol=1e-17)
+
+
 def rotation(angle: float) -> FloatArray:
     c, s = math.cos(angle), math.sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
