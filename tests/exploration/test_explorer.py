@@ -135,6 +135,9 @@ def test_a_world_of_a_hundred_metres_gets_a_map_on_the_same_scale(noise: float) 
     assert found.status == "complete"
     assert found.log.cell == pytest.approx(0.4)
     assert len(found.world.obstacles) < 60
+    surfaces = shapely.union_all([shape.polygon().shapely() for shape in found.world.obstacles]).boundary
+    seen = shapely.points([(58.0, y) for y in np.arange(5.0, 60.0)] + [(x, 40.0) for x in np.arange(82.0, 98.0)])
+    assert shapely.distance(seen, surfaces).max() <= 0.1  # not as coarse as the cells
     assert map_log(found.log, robot=robot).world.obstacles == found.world.obstacles
     made, true = (LandmarkPlanner(w, robot).plan((20, 20, 0), (100, 20, 0), 1.0) for w in (found.world, world))
     assert made.cost == pytest.approx(true.cost, rel=0.05)

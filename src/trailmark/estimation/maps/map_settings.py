@@ -72,7 +72,8 @@ class MappingSettings:
     min_wall: Positive = 0.2
     """Shortest stretch that becomes a wall, metres."""
     explained: Positive = 0.1
-    """Metres from a wall or disc within which occupied cells count as part of it."""
+    """Metres from a wall or disc within which occupied cells count as part of it; a cell in any case: its points
+    lie anywhere in theirs."""
     max_unknown_cells: int = 4
     """Cells of an unknown patch, met by no beam, up to which it counts as free like what is around it."""
     shapes: Literal["fitted", "hulls", "boxes"] = "fitted"

@@ -134,10 +134,10 @@ def _explained(occupied: BoolArray, shapes: Sequence[Shape], grid: EvidenceGrid,
     """Return which of the occupied cells belong to shapes."""
     import shapely
 
-    explained = np.zeros_like(occupied)
+    explained, reach = np.zeros_like(occupied), max(s.explained, grid.cell)
     if shapes and occupied.any():
         tree = shapely.STRtree([shape.polygon(1e-2).shapely() for shape in shapes])
-        inside, _ = tree.query(shapely.points(grid.centres(occupied)), predicate="dwithin", distance=s.explained)
+        inside, _ = tree.query(shapely.points(grid.centres(occupied)), predicate="dwithin", distance=reach)
         rows, columns = np.nonzero(occupied)
         explained[rows[inside], columns[inside]] = True
     return explained
