@@ -66,8 +66,11 @@ class Truth(NamedTuple):
 def truth_of(world: World, max_range: float) -> Truth:
     """Return the truth about a world with a robot and a query, for a sensor that sees all around."""
     assert world.robot is not None
-    solids = shapely.union_all([shape.polygon(ROUNDNESS).shapely() for shape in world.obstacles])
     room = shapely.box(*world.bounds)
+    shapes = [shape.polygon(ROUNDNESS).shapely() for shape in world.obstacles]
+    if world.boundary is not None:  # what lies outside is solid
+        shapes.append(room.difference(world.boundary.shapely()))
+    solids = shapely.union_all(shapes)
     start = np.array(world.query().start[:2])
     reach = world.robot.circumradius
     region = _part_with(room.buffer(-reach).difference(solids.buffer(reach - ROUNDNESS, quad_segs=32)), start)
