@@ -102,6 +102,9 @@ def explore(
         protect_inputs((*hidden.sources, *beginning.robot_file), *(folder / name for name in FILES))
         explorer, options = beginning.explorer(hidden, limits, saved), beginning.kept()
 
+        def keep() -> None:
+            keep_exploration(explorer.saved()._replace(options=options), folder)
+
         def follow(state: ExplorationProgress) -> None:
             progress.details = (
                 f"{state.area:,.1f} m² known",
@@ -112,7 +115,7 @@ def explore(
             )
             if explorer.ended is not None:
                 progress.stage("mapping")
-                keep_exploration(explorer.saved()._replace(options=options), folder)
+                keep()
 
         progress.stage("exploring")
         try:
@@ -120,7 +123,7 @@ def explore(
         except Exception:
             # Whatever goes wrong hours after it began: --resume goes on from there.
             if explorer.history and explorer.ended is None:
-                keep_exploration(explorer.saved()._replace(options=options), folder)
+                keep()
             raise
         if not result.history:
             raise KeyboardInterrupt  # before anything was sensed: there is nothing to keep

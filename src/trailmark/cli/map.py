@@ -237,7 +237,6 @@ def map_log(
         from trailmark.estimation.graph.g2o import write_g2o
         from trailmark.estimation.logs import load_log, log_files
         from trailmark.estimation.maps.log_map import map_log as map_records
-        from trailmark.estimation.maps.map_settings import CELL
         from trailmark.formats.nav2_output import save_nav2_map
         from trailmark.formats.tum import write_tum
 
@@ -301,8 +300,7 @@ def map_log(
             write_tum(tum_file, mapped.trajectory)
             written.append(tum_file)
         if nav2_file is not None:
-            side = settings.mapping.cell or CELL if mapped.scans is None else mapped.scans.grid.cell
-            written += save_nav2_map(mapped.world, nav2_file, side)
+            written += save_nav2_map(mapped.world, nav2_file, settings.mapping.cell_side(read.cell))
         if g2o_file is not None:
             if mapped.matched is None:
                 raise UsageError(f"--graph {graph!r} given with poses by {mapped.poses}, allowed: --poses match")

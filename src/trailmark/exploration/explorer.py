@@ -220,11 +220,11 @@ class Explorer:
 
     def log(self) -> Log:
         """Return all that was recorded and used, with the truth where a simulator knows it."""
-        records, seen = list(self.mapper.records), any(isinstance(record, Scan) for record in self.mapper.records)
+        records, scanned = list(self.mapper.records), any(isinstance(record, Scan) for record in self.mapper.records)
         if isinstance(self._driver, SimulatedRobot):
             records += (Pose(t, x, y, theta, truth=True) for t, x, y, theta in self._driver.truth.tolist())
             records.sort(key=lambda record: record.t)
-        return Log(self.name, tuple(records), np.empty((0, 3)), cell=self.mapper.known.cell if seen else None)
+        return Log(self.name, tuple(records), np.empty((0, 3)), cell=self.mapper.known.cell if scanned else None)
 
     def saved(self) -> SavedExploration:
         """Return all that another explorer of the same world, robot and sensor needs to go on (``resumed``)."""

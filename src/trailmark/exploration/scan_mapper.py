@@ -58,8 +58,7 @@ LEAST: Final = 0.01
 """Metres by which end points scatter at least about a map made of cells."""
 
 FAR: Final = 10.0
-"""Metres that a sensor sees, from which on scans are matched at distances in proportion: what is built for it is as
-large, and driven through as fast."""
+"""Metres: for sensors of a longer range, the lengths of scan matching grow in proportion, as the robot's speed does."""
 
 PLACES: Final = 20
 """Narrow places that a run leads through, over which the risk is spread."""

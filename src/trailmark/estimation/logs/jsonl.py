@@ -3,7 +3,7 @@
 The first line is the header, records follow in the order of time, landmarks stand anywhere among them:
 
 - ``{"trailmark_log": 1, "name": "yard", "cell": 0.1}``: the schema version, what reports call the log (optional), and
-  the side of the cells that the scans' beams are as dense as (optional: explorations say it);
+  the side of the cells of the map by which a robot explored as it took the scans (optional);
 - ``{"type": "odometry", "t": 0.0, "v": 0.5, "omega": 0.1}``: velocities that hold until the next odometry record;
 - ``{"type": "increment", "t", "dx", "dy", "dtheta", "covariance"}``: covariance 3 x 3 (optional);
 - ``{"type": "detection", "t", "z", "kind", "identity", "covariance"}``: z two numbers, range and bearing, or x and y

@@ -128,7 +128,7 @@ class Log(NamedTuple):
         landmarks: (m, 3) rows identity, x, y of surveyed features for evaluation; empty if the log has none.
         dropped: how many bad records were left out (with ``skip_bad``).
         notes: one sentence each on good records that the reader left out or changed, with their count.
-        cell: metres, side of the cells that the scans' beams are as dense as; None where nobody says.
+        cell: side of the cells of the map by which a robot explored as it took the scans, metres; None if not stated.
     """
 
     name: str

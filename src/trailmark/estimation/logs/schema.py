@@ -32,7 +32,7 @@ class Header(NamedTuple):
     name: str | None = None
     """What reports call the log."""
     cell: Positive | None = None
-    """Metres: side of the cells that the scans' beams are as dense as."""
+    """Metres: side of the cells of the map by which a robot explored as it took the scans."""
 
 
 class Landmark(NamedTuple):

@@ -25,10 +25,10 @@ from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.estimation.slam.slam_settings import SlamSettings
 
-__all__ = ["CELL", "MapSettings", "MappingSettings", "ObstacleSource", "PoseSource"]
+__all__ = ["MapSettings", "MappingSettings", "ObstacleSource", "PoseSource"]
 
 CELL = 0.05
-"""Metres: side of a map's cells."""
+"""Metres: side of a map's cells, at least, where none is asked for."""
 
 ObstacleSource = Literal["detections", "scans"]
 PoseSource = Literal["match", "slam", "log", "odometry"]
@@ -50,8 +50,8 @@ class MappingSettings:
     """Metres of driving after which the errors of poses are others: within them they do not average out. Infinite for
     dead reckoning; a few metres for poses that a SLAM program has corrected."""
     cell: Positive | None = None
-    """Side of the grid's cells, metres; by default :data:`CELL`, or what the log says if that is more: between beams
-    that are not as dense, cells stay unknown."""
+    """Side of the grid's cells, metres; by default 0.05, or the side of an exploration's own cells if its log states a larger
+    one: its beams are about as far apart, and smaller cells between them would stay unknown."""
     clear_range: NonNegativeOrInfinite = 8.0
     """Metres: how far a beam that met nothing shows space to be free, at most."""
     min_hits: Count = 2
@@ -84,6 +84,14 @@ class MappingSettings:
 
     def __post_init__(self) -> None:
         checked_fields(self, EstimationError)
+
+    def cell_side(self, explored: float | None) -> float:
+        """Return the side of the grid's cells, metres.
+
+        Args:
+            explored: side of the cells that the log states, metres (:attr:`trailmark.estimation.Log.cell`), or None.
+        """
+        return self.cell or max(CELL, explored or 0.0)
 
 
 @dataclass(frozen=True)

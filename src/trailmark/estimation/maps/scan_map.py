@@ -18,7 +18,7 @@ from trailmark.checked import Numbers, Probability, checked_arguments, shaped
 from trailmark.errors import WorldError
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.logs.records import Log, Scan
-from trailmark.estimation.maps.map_settings import CELL, MappingSettings
+from trailmark.estimation.maps.map_settings import MappingSettings
 from trailmark.estimation.scans.scan_features import find_features
 from trailmark.estimation.scans.scan_poses import scan_poses
 from trailmark.se2 import FloatArray, configurations, difference, transform
@@ -101,7 +101,7 @@ def map_scans(
             raise EstimationError(
                 f"pose_covariances: expected one for each of {len(scans)} scans, got {len(covariances)}"
             )
-    cell = s.cell or max(CELL, (log.cell if isinstance(log, Log) else None) or 0.0)
+    cell = s.cell_side(log.cell if isinstance(log, Log) else None)
     grid, lines, discs = _read(scans, x, covariances, s, cell, on_progress)
     dropped = 0
     for tracks in (lines, discs):
