@@ -50,8 +50,8 @@ class MappingSettings:
     """Metres of driving after which the errors of poses are others: within them they do not average out. Infinite for
     dead reckoning; a few metres for poses that a SLAM program has corrected."""
     cell: Positive | None = None
-    """Side of the grid's cells, metres; by default 0.05, or the side of an exploration's own cells if its log states a larger
-    one: its beams are about as far apart, and smaller cells between them would stay unknown."""
+    """Side of the grid's cells, metres; by default 0.05, or the side of an exploration's own cells if its log states a
+    larger one: its beams are about as far apart, and smaller cells between them would stay unknown."""
     clear_range: NonNegativeOrInfinite = 8.0
     """Metres: how far a beam that met nothing shows space to be free, at most."""
     min_hits: Count = 2
