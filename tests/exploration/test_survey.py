@@ -131,6 +131,25 @@ def test_proofs_from_before_the_last_drive_are_made_anew_before_the_end() -> Non
     assert len(anew.outlook.landmarks)
 
 
+def test_while_the_robot_stands_noise_makes_nothing_be_proven_for_ever() -> None:
+    memory = Memory(room_with_a_door())
+    ended, surveys = "", 0
+    while not ended and surveys < 10:
+        # All is proven not to be reachable, and by the next reading the map has changed around it.
+        known = room_with_a_door()
+        state = known.state.copy()
+        state[15, 26] = OCCUPIED if surveys % 2 else FREE
+        known.set_state(state)
+        memory.refused[:], memory.failed = EXCLUDED, 1
+        found, _ = look(known, (0.5, 0.5, 0.0), memory)
+        ended, surveys = found.ended, surveys + 1
+    assert "everything" in ended
+    assert surveys == 2
+    # A robot that has driven since does not go by that.
+    memory.confirmed, memory.again[:] = False, True
+    assert look(room_with_a_door(), (0.5, 0.5, 0.0), memory)[0].ended == ""
+
+
 @pytest.mark.parametrize("robot", [ROBOT, Robot.rectangle(0.5, 0.3)], ids=["disc", "rectangle"])
 def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robot: Robot) -> None:
     # The robot came out of the hall on the left into the chamber on the right, whose door is closed now.
@@ -187,6 +206,12 @@ def test_what_no_heading_leads_to_is_excluded_at_once_for_a_robot_with_a_shape()
     # On its own side only where the robot does not fit, whatever its heading.
     assert (memory.refused[2:11, 2:12] < 100).all()
     assert memory.never[6, 21]
+    # What is around and not proven has its own turn later, however often this was refused by proof.
+    for _ in range(3):
+        memory.refused[3:10, 17:26] = 0
+        plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory)
+    around = memory.refused[memory.refused < 100]
+    assert around.max() == 1
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -134,7 +134,7 @@ class Course:
         follower, known = self.follower, self._mapper.known
         self._since += moved
         if moved > 0.0:
-            self._failures, self._searched = 0, 0.0
+            self._failures, self._searched, self._memory.confirmed = 0, 0.0, False
         if follower is None:
             return self._timed(self._decide if self._look is None else self._looked)
         off = follower.advance(self._mapper.pose, moved)

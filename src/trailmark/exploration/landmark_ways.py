@@ -72,6 +72,7 @@ def plan_to(
         memory.failed = 0
         memory.outdated |= memory.refused == EXCLUDED
         return result
+    before = memory.refused.copy()
     among = _refuse(memory, row, column)
     memory.refusal = "none was found in time"
     # A proof shuts off more than this one place: it may take as long as a way elsewhere.
@@ -82,6 +83,9 @@ def plan_to(
         memory.closed_in = True
         memory.refusal = "the map closes the robot in where it stands"
     elif excluded.any():
+        if excluded[row, column]:
+            # That says nothing of the places around for which it is not proven, too: they get their own turn, later.
+            memory.refused = np.where(before > 0, before, memory.refused)
         memory.refused[excluded] = EXCLUDED
         memory.refusal = "not reachable yet, which is proven: what is unknown would have to be free"
         names = [name for name in planner.world.ids if name is not None and name.startswith(UNKNOWN_ID)]

@@ -77,6 +77,7 @@ class Memory:
         refusal: why there is no way to the last landmark, in words.
         failed: landmarks in a row to which no way was found.
         closed_in: whether, as the map is, no way leads back to where the robot came from.
+        confirmed: whether all that was refused has been tried again since the robot last drove.
         levels: where the robot gets to, from NOWHERE to CERTAIN, as of the last survey.
         reach: tells that; None before the first survey.
     """
@@ -91,7 +92,7 @@ class Memory:
         self.refused = np.zeros(shape, np.uint8)
         self.never, self.again, self.outdated = (np.zeros(shape, np.bool_) for _ in range(3))
         self.refusal = ""
-        self.failed, self.closed_in = 0, False
+        self.failed, self.closed_in, self.confirmed = 0, False, False
         self.levels = np.full(shape, CERTAIN, np.uint8)
         self.reach: Reach | None = None
 
@@ -163,9 +164,11 @@ def survey(
     here = (np.asarray(pose)[:2] - np.asarray(known.origin)) / cell
     search = Search(known, planner.checker, levels, memory.refused, frontiers, away, here)
     found = search.candidates(sensor_range / cell, rng)
-    if not len(found.cells) and (memory.again | memory.outdated).any():
-        # What has changed elsewhere may have opened a way: the end is proven for the map as it is.
+    if not len(found.cells) and not memory.confirmed and (memory.again | memory.outdated).any():
+        # What has changed elsewhere may have opened a way. Once, as long as the robot stands: with noise each reading
+        # changes the map, and the same would be proven again and again.
         _try_again(memory, memory.again | memory.outdated)
+        memory.confirmed = True
         found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
     frontiers, sees = frontiers.subset(np.asarray(seen)), found.sees[:, seen]

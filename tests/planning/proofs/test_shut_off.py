@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
@@ -42,6 +44,21 @@ def test_a_place_with_two_headings_that_are_apart_takes_two_enclosures() -> None
     place = np.array([[3.0, 1.8]])
     assert checker.valid((3.0, 1.8, 0.0))
     assert shut_off(checker, np.array([0.7, 0.7, 0.0]), place[0], place, seconds=SECONDS).all()
+
+
+def test_headings_that_nearly_fit_are_told_from_those_that_do() -> None:
+    # Four things cage the robot, upright; across, it collides by a little more than a centimetre.
+    things = [(3.84, 6.4, 4.0, 6.72), (4.0, 6.4, 4.4, 6.44), (4.38, 7.18, 4.42, 7.2), (4.76, 6.8, 4.84, 7.04)]
+    boxes = tuple(Rectangle(((a + c) / 2.0, (b + d) / 2.0), c - a, d - b) for a, b, c, d in things)
+    robot = replace(Robot.rectangle(0.6, 0.4), clearance=0.057)
+    checker = StateChecker(World("cage", (0.0, 0.0, 19.2, 17.2), boxes), robot)
+    place = np.array([[4.42, 6.82]])
+    assert checker.valid((*place[0], np.pi / 2.0))
+    assert not checker.valid((*place[0], 0.02))
+    assert shut_off(checker, np.array([15.0, 15.0, 0.0]), place[0], place, seconds=SECONDS).all()
+    # Without one of them it gets out.
+    checker = StateChecker(World("cage", (0.0, 0.0, 19.2, 17.2), boxes[:3]), robot)
+    assert not shut_off(checker, np.array([15.0, 15.0, 0.0]), place[0], place, seconds=SECONDS).any()
 
 
 @pytest.mark.parametrize("seed", range(4))

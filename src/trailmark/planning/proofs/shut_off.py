@@ -20,7 +20,7 @@ from trailmark.collision.footprint import Footprint
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.planning.proofs.cell_kinds import decided, room_for_cores
-from trailmark.planning.proofs.cells import BLOCKED, LEVELS, Division
+from trailmark.planning.proofs.cells import BLOCKED, FREE, LEVELS, Division
 from trailmark.planning.proofs.enclosure import DEPTH, SHARES, Space, enclosure
 from trailmark.se2 import FloatArray
 
@@ -28,6 +28,10 @@ __all__ = ["shut_off"]
 
 ROUNDING = 1e-12
 """Metres beside a cell's edge where rounding may put a place on either side: neither is taken for granted."""
+
+DEEPER = 4
+"""Levels by which cells at a place are divided further, to tell whether the robot collides there: each halves what is
+left untold."""
 
 TURNS = 32
 """Headings at a place that enclosures are looked for around."""
@@ -81,7 +85,8 @@ def shut_off(
         if found.end == 0:
             break  # what it does not hold is shut off, whatever the heading
     # Collisions are looked for where they matter: where no heading is shut in, nothing is told.
-    _note_collisions(*space.parts, space.division(level, SHARES[0]), level, at, covered)
+    finest = min(level + DEEPER, LEVELS - 1)
+    _note_collisions(*space.parts, space.division(finest, SHARES[0]), level, finest, at, covered)
     shut = np.zeros(len(at), np.bool_)
     shut[order] = covered.all(axis=1)
     return shut
@@ -111,20 +116,53 @@ def _note_collisions(
     robot: Footprint,
     division: Division,
     level: int,
+    finest: int,
     places: FloatArray,
     covered: NDArray[np.bool_],
 ) -> None:
     """Note in which other parts of a turn the robot collides whatever its heading, where some of them are noted."""
-    half, placed, parts = division.half[level], room_for_cores(division), covered.shape[1]
+    placed, parts = room_for_cores(division), covered.shape[1]
     for p in range(len(places)):
         if not covered[p].any():
             continue
-        x = division.x0 + (2.0 * floor((places[p, 0] - division.x0) / (2.0 * half)) + 1.0) * half
-        y = division.y0 + (2.0 * floor((places[p, 1] - division.y0) / (2.0 * half)) + 1.0) * half
         for k in range(parts):
             if not covered[p, k]:
-                theta = (2 * k + 1) * pi / parts - pi
-                kind = decided(level, level, x, y, cos(theta), sin(theta), division, grid, field, robot, placed)
-                covered[p, k] = kind == BLOCKED
+                covered[p, k] = _collides(grid, field, robot, division, level, finest, places[p], k, placed)
                 if not covered[p, k]:
                     break
+
+
+@njit(cache=True, nogil=True)
+def _collides(
+    grid: ObstacleGrid,
+    field: ClearanceField,
+    robot: Footprint,
+    division: Division,
+    level: int,
+    finest: int,
+    place: FloatArray,
+    part: int,
+    placed: FloatArray,
+) -> bool:
+    """Return whether the robot, proven, collides at a place with all headings of a part of a level's turn.
+
+    Where a cell around it does not tell, smaller ones do: near to a collision a cell is never blocked as a whole.
+    """
+    levels, parts, count = np.empty(2 * finest + 2, np.int64), np.empty(2 * finest + 2, np.int64), 1
+    levels[0], parts[0] = level, part
+    while count > 0:
+        count -= 1
+        at, k = levels[count], parts[count]
+        half, turns = division.half[at], division.turns[at]
+        x = division.x0 + (2.0 * floor((place[0] - division.x0) / (2.0 * half)) + 1.0) * half
+        y = division.y0 + (2.0 * floor((place[1] - division.y0) / (2.0 * half)) + 1.0) * half
+        theta = (2 * k + 1) * pi / (1 << turns) - pi
+        kind = decided(at, finest, x, y, cos(theta), sin(theta), division, grid, field, robot, placed)
+        if kind == BLOCKED:
+            continue
+        if kind == FREE or at == finest:
+            return False
+        for child in range(1 << (division.turns[at + 1] - turns)):
+            levels[count], parts[count] = at + 1, (k << (division.turns[at + 1] - turns)) + child
+            count += 1
+    return True
