@@ -14,6 +14,7 @@ from scipy import ndimage
 
 from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
+from trailmark.exploration import landmark_ways
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
@@ -21,7 +22,7 @@ from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.reachability import NOWHERE, Reach
 from trailmark.exploration.strategies import STRATEGIES
-from trailmark.exploration.survey import EXCLUDED, Memory, Survey, survey
+from trailmark.exploration.survey import EXCLUDED, MOST_TRIES, Memory, Survey, survey
 from trailmark.exploration.views import sight
 from trailmark.goals import Goal
 from trailmark.planning.result import PlanResult
@@ -170,6 +171,28 @@ def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robo
     plan_to(known, planner, found, 0, ExplorationSettings(planning_time=5.0), memory)
     assert not memory.closed_in
     assert memory.refused[15, 6] == EXCLUDED
+
+
+def test_where_nothing_is_found_any_longer_the_robot_came_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    # As in the test before, but the proof takes too long.
+    known = known_of([*["." * 20 + "#" + "." * 7] * 12, *["." * 20 + "#" + "#" * 7] * 8])
+    world, robot = known.follow(World("hall", known.bounds, robot=ROBOT)), Robot.rectangle(0.5, 0.3)
+    planner, memory, rng = LandmarkPlanner(world, robot, seed=0), Memory(known), np.random.default_rng(0)
+    memory.been[10, 10] = True
+    here = np.array([2.45, 1.4, 0.0])
+    outlook = survey(known, planner, robot, here, None, 2.0, ExplorationSettings(), rng, memory).outlook
+    found = chosen(outlook._replace(here=here), (0.6, 1.5, 0.0), any_heading=True)
+    monkeypatch.setattr(landmark_ways, "_excluded", lambda *_: np.zeros(memory.been.shape, np.bool_))
+    for failed in (1, 2, 3):
+        plan_to(known, planner, found, 0, ExplorationSettings(planning_time=0.2), memory)
+        assert memory.failed == failed
+        assert memory.closed_in == (failed == 3)
+    # Once it has left, nothing speaks against what it did not find from there; what is proven stays.
+    assert memory.refused[15, 6] == MOST_TRIES
+    memory.refused[0, 0] = EXCLUDED
+    memory.forget_failures()
+    assert memory.refused[15, 6] == memory.failed == 0
+    assert memory.refused[0, 0] == EXCLUDED
 
 
 def test_between_failures_other_places_get_their_turn_though_the_map_changes() -> None:

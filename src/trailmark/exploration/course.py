@@ -26,7 +26,7 @@ from trailmark.exploration.mapper import Mapper
 from trailmark.exploration.outlook import Outlook, Strategy
 from trailmark.exploration.result import Status
 from trailmark.exploration.survey import Memory, Survey, survey
-from trailmark.exploration.way_back import WayBack, way_back, way_back_to
+from trailmark.exploration.way_back import BACK, WayBack, way_back, way_back_to
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
@@ -51,9 +51,6 @@ WAIT = 0.03
 
 ON_PATH = 2e-3
 """Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
-
-BACK = 0.5
-"""Circumradii by which the robot backs off from what it ran into, besides what its map cannot tell."""
 
 MAX_FAILED = 100
 """Ways in a row that are not found, or given up before anything is driven, before the robot is stuck: by then each
@@ -331,7 +328,10 @@ class Course:
         if memory.closed_in:
             memory.closed_in, footprint, driven = False, planner.checker.footprint, mapper.trajectory[:, 1:]
             self.follower = way_back_to(memory.main_room(), driven, mapper.known, planner.robot, footprint)
-        return [] if self.follower is None else ["it drives back the way that it came"]
+        if self.follower is None:
+            return []
+        memory.forget_failures()
+        return ["it drives back the way that it came"]
 
     def _pointless(self) -> bool:
         """Return whether most of what the landmark was chosen for has been seen."""

@@ -26,6 +26,10 @@ FIRST, LAST, FINAL = 0.15, 4.0, 16.0
 """Of the planning time, where it is not certain that there is a way: at first, twice as long after each landmark in a
 row to which none was found; when all else has been seen; and before a place is left undecided."""
 
+DOUBTFUL = 3
+"""Landmarks in a row to which none was found, nor proven that there is none, from which on it is asked whether the
+robot gets away at all."""
+
 GAP = 0.02
 """Share by which a way may be longer than the shortest."""
 
@@ -78,7 +82,8 @@ def plan_to(
     # A proof shuts off more than this one place: it may take as long as a way elsewhere.
     proving = max(seconds, settings.planning_time)
     excluded = never = _excluded(known, planner, among, here, goal, proving, stopped, result.status)
-    if excluded.any() and not _comes_back(known, planner, memory, here, settings.planning_time, stopped):
+    doubtful = excluded.any() or memory.failed >= DOUBTFUL
+    if doubtful and not _comes_back(known, planner, memory, here, settings.planning_time, stopped):
         # The robot came from there: not those places are shut off, but where it stands.
         memory.closed_in = True
         memory.refusal = "the map closes the robot in where it stands"

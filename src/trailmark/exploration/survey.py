@@ -104,6 +104,10 @@ class Memory:
         sizes[0] = 0
         return np.asarray((self.reach.rooms == sizes.argmax()) & (self.reach.rooms > 0))
 
+    def forget_failures(self) -> None:
+        """Forget to where no way was found, without proof that there is none: the robot stood where none leads out."""
+        self.refused[self.refused <= MOST_TRIES] = self.failed = 0
+
 
 class Survey(NamedTuple):
     """What is left to be seen."""

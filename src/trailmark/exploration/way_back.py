@@ -13,7 +13,10 @@ from trailmark.path import Path
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray, motion_bound, transform
 
-__all__ = ["WayBack", "way_back", "way_back_to"]
+__all__ = ["BACK", "WayBack", "way_back", "way_back_to"]
+
+BACK = 0.5
+"""Circumradii by which the robot backs off from what it ran into, besides what its map cannot tell."""
 
 DEEP = 1.5
 """Cells inside the robot: a surface that deep in its body, where it has driven, has come there since; one less deep may
