@@ -23,6 +23,7 @@ from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
 from trailmark.planning.result import PlanResult
+from trailmark.world import Query
 
 ROBOT = Robot.disc(0.2)
 BOUNDS = (0.0, 0.0, 6.0, 4.0)
@@ -145,6 +146,52 @@ def test_what_lies_behind_the_robots_back_is_looked_at(field_of_view: float) -> 
     assert result.evaluation is not None
     assert result.evaluation.seen > 0.99
     check_map(result, world)
+
+
+def narrow_gap() -> World:
+    """Return two rooms and a gap that is 4 cm wider than the robot: half a cell of its map by default."""
+    walls = Rectangle((4.0, 1.29), 0.5, 2.58), Rectangle((4.0, 4.71), 0.5, 2.58)
+    start = Query("start", (1.5, 1.5, 0.4), (6.5, 4.5, 0.0))
+    return World("gap", (0.0, 0.0, 8.0, 6.0), walls, Robot.rectangle(1.2, 0.8), queries=(start,))
+
+
+def test_cells_are_divided_where_larger_ones_do_not_tell_whether_the_robot_fits() -> None:
+    world = narrow_gap()
+    exploring = Explorer(world, sensor_range=4.0, noise=0.0)
+    by_default = exploring.mapper.known.cell
+    result = exploring.run()
+    assert result.status == "complete"
+    assert result.evaluation is not None
+    assert result.evaluation.seen > 0.99
+    assert result.evaluation.collisions == 0
+    assert result.known.cell in [by_default / 2**n for n in range(1, 4)]
+    assert any("cells of" in step.event for step in result.history)
+    assert result.log.cell == result.known.cell
+    assert result.first_known.shape == result.known.state.shape
+    assert not np.isinf(result.first_known[result.known.state != UNKNOWN]).any()
+    check_map(result, world)
+    assert exploring.planner.plan(world.queries[0].start, world.queries[0].goal, 5.0).path is not None
+
+    # A side that the user asks for stays.
+    kept = Explorer(world, sensor_range=4.0, noise=0.0, settings=ExplorationSettings(cell=0.08, planning_time=0.05))
+    assert not kept.mapper.refine()
+    assert not Explorer(world, settings=ExplorationSettings(max_cells=20_000), noise=0.0).mapper.refine()
+
+
+def test_an_exploration_whose_cells_were_divided_goes_on() -> None:
+    world = narrow_gap()
+    whole = Explorer(world, sensor_range=4.0, noise=0.0)
+    cell = whole.mapper.known.cell
+    while whole.mapper.known.cell == cell:
+        whole.step()
+    saved = whole.saved()
+    assert saved.first_known.shape == whole.mapper.known.state.shape
+    resumed = Explorer(world, sensor_range=4.0, noise=0.0, resumed=saved)
+    assert resumed.mapper.known.cell == whole.mapper.known.cell
+    result = resumed.run()
+    assert result.status == "complete"
+    assert result.evaluation is not None
+    assert result.evaluation.seen > 0.99
 
 
 def test_a_closed_room_stays_unknown() -> None:
@@ -381,7 +428,7 @@ def test_who_only_looks_for_ways_and_finds_none_is_stuck() -> None:
         start=(1.2, 3.0, 1.57),
         sensor_range=6.0,
         noise=0.0,
-        settings=ExplorationSettings(planning_time=1e-4),
+        settings=ExplorationSettings(cell=0.07, planning_time=1e-4),
     )
     result = explorer.run()
     assert result.status == "stuck"

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,11 @@ __all__ = [
     "UNKNOWN",
     "WHOLE",
     "Cells",
+    "quarters",
     "rectangles",
 ]
+
+Kind = TypeVar("Kind", bound=np.generic)
 
 UNKNOWN: Final = 0
 FREE: Final = 1
@@ -109,3 +112,9 @@ def rectangles(mask):  # type: ignore[no-untyped-def]  # numba infers the types
             open_at[first] = count
             count += 1
     return found[:count].copy()
+
+
+def quarters(cells: NDArray[Kind], shape: tuple[int, ...]) -> NDArray[Kind]:
+    """Return what is kept for cells for each of their quarters, as far as a grid of cells of half the side goes."""
+    rows, columns = shape
+    return cells.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]

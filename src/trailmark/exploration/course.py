@@ -5,17 +5,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
-from threading import Event
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.arguments import brief
-from trailmark.errors import ConfigurationError
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.certainty import places_of
 from trailmark.exploration.contact import contact_points
@@ -23,10 +18,12 @@ from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.mapper import Mapper
-from trailmark.exploration.outlook import Outlook, Strategy
+from trailmark.exploration.outlook import Strategy
 from trailmark.exploration.result import Status
+from trailmark.exploration.strategies import choice_of
 from trailmark.exploration.survey import Memory, Survey, survey
-from trailmark.exploration.way_back import BACK, WayBack, way_back, way_back_to
+from trailmark.exploration.way_back import BACK, way_back, way_back_to
+from trailmark.exploration.way_search import WaySearch
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
@@ -46,9 +43,6 @@ DECISION = 0.1
 """Seconds after which a way that is being looked for is waited for no longer, and no other landmark is chosen, before
 the sensor has been read again."""
 
-WAIT = 0.03
-"""Seconds that it is waited for at least: most ways are found sooner, and others are asked for at the next reading."""
-
 ON_PATH = 2e-3
 """Metres that a robot may be beside its path in any case: rounding, and rows of a car's curves."""
 
@@ -58,17 +52,6 @@ place has been looked at again and again, and the sensor's noise goes on changin
 
 MAX_SEARCH = 150.0
 """Planning times that may be spent on them, likewise: the last ones are looked for much longer than the first."""
-
-
-class Look(NamedTuple):
-    """A way that is being looked for, in a thread beside the sensing."""
-
-    future: Future[PlanResult]
-    """Tells what comes of it."""
-    then: Callable[[PlanResult], list[str]]
-    """To go on with; returns what happened."""
-    revision: int
-    """Of the map that it is looked for in."""
 
 
 class Course:
@@ -111,14 +94,12 @@ class Course:
         self._mapper, self._start, self._range = mapper, start, sensor.max_range
         self._sees_around = self._looked_around = sensor.field_of_view >= 2.0 * np.pi - 1e-9
         self._choose, self._settings = strategy, settings
-        self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
+        self._seed, self._rng, self._memory = seed, np.random.default_rng(seed), Memory(mapper.known)
         self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
-        self._since, self._failures, self._searched = 0.0, 0, 0.0
-        world = mapper.known.follow(World(name, mapper.known.bounds, robot=robot))
-        # A path that touches something is none for a robot that may be beside it.
-        self.planner = LandmarkPlanner(world, robot, seed=seed, clearance=max(mapper.margin, ON_PATH))
-        self._look: Look | None = None
-        self._stopped, self._threads = Event(), ThreadPoolExecutor(1, "looking for a way")
+        self._robot, self._name = robot, name
+        self._since, self._failures = 0.0, 0
+        self.planner = self._planner()
+        self._search = WaySearch()
 
     def update(self, moved: float, redrawn: bool, blocked: bool = False) -> list[str]:
         """See to it that there is a path to follow, as long as any landmark is left; return what happened.
@@ -128,12 +109,23 @@ class Course:
             redrawn: whether the map was drawn anew.
             blocked: whether the robot ran into something, and stands there.
         """
-        follower, known = self.follower, self._mapper.known
         self._since += moved
         if moved > 0.0:
-            self._failures, self._searched, self._memory.confirmed = 0, 0.0, False
+            self._failures, self._search.seconds, self._memory.confirmed = 0, 0.0, False
+        events = self._go_on(moved, redrawn, blocked)
+        closed_in = self._memory.closed_in and not self._search.is_on
+        if closed_in or (self.ended is not None and self.ended[0] == "stuck"):
+            if self.refine():
+                self.ended, events = None, [*events, self._refined]
+            elif closed_in:
+                events += self._leave()
+        return events
+
+    def _go_on(self, moved: float, redrawn: bool, blocked: bool) -> list[str]:
+        """Follow the path, or see to it that there is one; return what happened. See :meth:`update`."""
+        follower, known = self.follower, self._mapper.known
         if follower is None:
-            return self._timed(self._decide if self._look is None else self._looked)
+            return self._timed(self._looked if self._search.is_on else self._decide)
         off = follower.advance(self._mapper.pose, moved)
         if blocked:
             return self._back_off(follower)
@@ -149,6 +141,30 @@ class Course:
             self.planner.update(world)
         return self.planner
 
+    def refine(self) -> bool:
+        """Divide the map's cells, which do not tell any longer whether a way is free; return whether that can be done.
+
+        What was found out about the cells, and the roadmap, begin anew.
+        """
+        state = self._mapper.known.state
+        if not self._mapper.refine():
+            return False
+        self.follower = self._expected = None
+        self._memory = self._memory.divided(state, self._mapper.known)
+        self.planner = self._planner()
+        return True
+
+    @property
+    def _refined(self) -> str:
+        return f"cells of {self._mapper.known.cell:.3g} m from now on: larger ones do not tell whether the robot fits"
+
+    def _planner(self) -> LandmarkPlanner:
+        """Return a planner in the map as it is."""
+        known = self._mapper.known
+        world = known.follow(World(self._name, known.bounds, robot=self._robot))
+        # A path that touches something is none for a robot that may be beside it.
+        return LandmarkPlanner(world, self._robot, seed=self._seed, clearance=max(self._mapper.margin, ON_PATH))
+
     @property
     def tolerance(self) -> float:
         """Metres that the robot may be beside its path."""
@@ -156,8 +172,7 @@ class Course:
 
     def stop(self) -> None:
         """Look for no way any longer, once the exploration has ended."""
-        self._stopped.set()
-        self._threads.shutdown()
+        self._search.stop()
 
     def _timed(self, decide: Callable[[float], list[str]]) -> list[str]:
         """Return what happens in a decision, and keep how long it takes."""
@@ -176,7 +191,7 @@ class Course:
         # A sensor that does not see all around has done so where a path, with the turn at its end, was driven.
         self._looked_around = self._sees_around or (self.follower is None and self._expected is not None)
         self.follower = self._expected = None
-        while self.ended is None and self.follower is None and self._look is None:
+        while not (self.ended or self.follower or self._search.is_on or self._memory.closed_in):
             begin = perf_counter()
             found = survey(
                 known,
@@ -195,8 +210,8 @@ class Course:
             if not len(found.outlook.landmarks):
                 events += self._go_home(found, planner, here, escape, until)
                 break
-            index = self._index(found.outlook)
-            plan = partial(plan_to, known, planner, found, index, s, self._memory, self._stopped.is_set)
+            index = choice_of(self._choose, found.outlook)
+            plan = partial(plan_to, known, planner, found, index, s, self._memory, self._search.is_stopped)
             events += self._look_for(plan, partial(self._begin, planner, escape, found.expected[index]), until)
             if 2.0 * perf_counter() - begin >= until:
                 break  # another one would take too long
@@ -206,30 +221,18 @@ class Course:
         self, plan: Callable[[], PlanResult], then: Callable[[PlanResult], list[str]], until: float
     ) -> list[str]:
         """Look for a way, and go on by what comes of it: at once, or after further readings."""
-
-        def timed() -> PlanResult:
-            begin = perf_counter()
-            try:
-                return plan()
-            finally:
-                self._searched += perf_counter() - begin
-
-        self._look = Look(self._threads.submit(timed), then, self._mapper.known.revision)
+        self._search.begin(plan, then, self._mapper.known.revision)
         return self._looked(until)
 
     def _looked(self, until: float) -> list[str]:
         """Go on by what comes of the way that is being looked for, if that is known soon."""
-        look = self._look
-        assert look is not None  # noqa: S101 # the caller has looked
-        wait([look.future], max(until - perf_counter(), WAIT))
-        if not look.future.done():
+        found = self._search.outcome(until)
+        if found is None:
             return []
-        self._look = None
-        events = look.then(look.future.result())
-        follower = self.follower
-        if follower and not isinstance(follower, WayBack) and self._mapper.known.revision != look.revision:
+        events = found.then(found.result)
+        if self.follower and self._mapper.known.revision != found.revision:
             # It was planned before the last readings.
-            events += self._replan(follower, until)
+            events += self._replan(self.follower, until)
         return events
 
     def _begin(
@@ -242,7 +245,7 @@ class Course:
         """Begin the way to a landmark that was chosen."""
         if planned.path is None:
             self._count_failure()
-            return [f"no path to a landmark: {self._memory.refusal}", *self._leave()]
+            return [f"no path to a landmark: {self._memory.refusal}"]
         self._follow(planned.path, escape, planner, turn=not self._sees_around)
         self._since, self._expected, self.landmarks = 0.0, expected, self.landmarks + 1
         return []
@@ -250,21 +253,16 @@ class Course:
     def _count_failure(self) -> None:
         """End where nothing but changes of the map comes of looking for ways."""
         self._failures += 1
-        if self._failures >= MAX_FAILED or self._searched >= MAX_SEARCH * self._settings.planning_time:
-            tried = f"{self._failures} searches in a row, {self._searched:.1f} s in all"
+        if self._failures >= MAX_FAILED or self._search.seconds >= MAX_SEARCH * self._settings.planning_time:
+            tried = f"{self._failures} searches in a row, {self._search.seconds:.1f} s in all"
             self.ended = "stuck", f"no way that could be driven was found in {tried}, while the map went on changing"
-
-    def _index(self, outlook: Outlook) -> int:
-        """Return the strategy's choice."""
-        index, count = self._choose(outlook), len(outlook.landmarks)
-        if not isinstance(index, int | np.integer) or not 0 <= index < count:
-            raise ConfigurationError(f"strategy: expected the index of one of {count} landmarks, got {brief(index)}")
-        return int(index)
 
     def _go_home(
         self, found: Survey, planner: LandmarkPlanner, here: FloatArray, escape: FloatArray, until: float
     ) -> list[str]:
-        """End, after the way home where that is asked for."""
+        """End, after the way home where that is asked for; or go on with smaller cells, where larger ones tell less."""
+        if (found.narrow or found.status == "stuck") and self.refine():
+            return [self._refined]
         target = self._start
         if self._settings.return_home:
             target, _ = self._free(planner, target)
@@ -325,9 +323,8 @@ class Course:
     def _leave(self) -> list[str]:
         """Begin the way back, along which the robot came, out of a place in which the map closes it in."""
         memory, mapper, planner = self._memory, self._mapper, self.planner
-        if memory.closed_in:
-            memory.closed_in, footprint, driven = False, planner.checker.footprint, mapper.trajectory[:, 1:]
-            self.follower = way_back_to(memory.main_room(), driven, mapper.known, planner.robot, footprint)
+        memory.closed_in, footprint, driven = False, planner.checker.footprint, mapper.trajectory[:, 1:]
+        self.follower = way_back_to(memory.main_room(), driven, mapper.known, planner.robot, footprint)
         if self.follower is None:
             return []
         memory.forget_failures()

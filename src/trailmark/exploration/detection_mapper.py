@@ -159,6 +159,10 @@ class DetectionMapper:
         self._look(sweep)
         return Intake(1, tuple(refused), False, False)
 
+    def refine(self) -> bool:
+        """Return that the map stays as it is: its discs do not depend on its cells."""
+        return False
+
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
         found = self._aligned(self._unplaced)

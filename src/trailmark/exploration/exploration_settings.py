@@ -14,6 +14,10 @@ from trailmark.robot import Robot
 __all__ = ["ExplorationSettings"]
 
 
+FINEST = 1.0 / 40.0
+"""Of the robot's inscribed radius: side of a cell, at least, that comes of dividing others."""
+
+
 @dataclass(frozen=True)
 class ExplorationSettings:
     """How to explore.
@@ -24,7 +28,8 @@ class ExplorationSettings:
 
     cell: Positive | None = None
     """Metres: side of a cell of the map; by default a fifth of the robot's inscribed radius, at least 0.02 m and within
-    ``max_cells``: the width of a passage is known to about two cells."""
+    ``max_cells``: the width of a passage is known to about two cells. Where it has to be known better, cells by default
+    are divided, as far as ``max_cells`` and the sensor's noise let them."""
     max_cells: Count = 4_000_000
     """Cells of the map, at most: each takes about 30 bytes."""
     sense_period: Positive = 0.1
@@ -46,6 +51,10 @@ class ExplorationSettings:
 
     def __post_init__(self) -> None:
         checked_fields(self, ConfigurationError)
+
+    def may_divide(self, robot: Robot, cell: float, count: int) -> bool:
+        """Return whether a map's cells may be divided to as many of a side, metres."""
+        return self.cell is None and cell >= FINEST * robot.inscribed_disc.radius and count <= self.max_cells
 
     def cell_side(self, robot: Robot, bounds: tuple[float, float, float, float]) -> float:
         """Return the side of the map's cells, metres."""

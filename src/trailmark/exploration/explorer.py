@@ -9,9 +9,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from trailmark.arguments import brief, callback, each_of, one_of, whole
-from trailmark.errors import ConfigurationError, as_raised, expected_name
+from trailmark.errors import ConfigurationError, as_raised
 from trailmark.estimation.logs.records import Detection, Log, Pose, Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.exploration.cells import quarters
 from trailmark.exploration.course import Course
 from trailmark.exploration.exploration_folder import SavedExploration
 from trailmark.exploration.exploration_settings import ExplorationSettings
@@ -23,7 +24,7 @@ from trailmark.exploration.outlook import Strategy
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult, Status
 from trailmark.exploration.robots import DriveReport, ExploringRobot
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector, laser_scanner
-from trailmark.exploration.strategies import STRATEGIES
+from trailmark.exploration.strategies import strategy_of
 from trailmark.exploration.visible_area import evaluate
 from trailmark.planning import LandmarkPlanner
 from trailmark.se2 import FloatArray, configurations, difference
@@ -54,7 +55,7 @@ class Explorer:
         world_or_robot: a hidden world, explored by a simulated robot; or a robot (:class:`ExploringRobot`).
         robot: footprint and drive; the world's own if None.
         sensor: ``laser``, ``detections``, or the sensor's description.
-        strategy: one of :data:`STRATEGIES`, or a function that chooses from an :class:`Outlook`.
+        strategy: a name that the shell takes, or a function that chooses from an :class:`Outlook`.
         sensor_range: metres, of a sensor that is given by its name.
         start: where the robot stands, shape (3,), which it knows; by default that of the world's first query.
         bounds: xmin, ymin, xmax, ymax of what is to be explored; the world's own if None.
@@ -85,7 +86,7 @@ class Explorer:
         resumed: SavedExploration | None = None,
     ) -> None:
         self.settings = one_of(settings or ExplorationSettings(), ExplorationSettings, "settings:")
-        self.strategy, choose = _strategy(strategy)
+        self.strategy, choose = strategy_of(strategy)
         self.seed = whole(seed, "seed:", 0)
         world = world_or_robot if isinstance(world_or_robot, World) else None
         own = robot if robot is not None else None if world is None else world.robot
@@ -181,6 +182,7 @@ class Explorer:
             self._moved, self._ended = 0.0, self._course.ended
             if self._course.follower is not None and self._ended is None:
                 driven = self._drive(self._course.follower)
+        self._note_known()
         if self._ended is None and driven is None:
             self._driver.drive(np.zeros((1, 3)), self.settings.sense_period)
             self._time += self.settings.sense_period
@@ -235,6 +237,11 @@ class Explorer:
 
     def _resume(self, saved: SavedExploration) -> None:
         """Take over what was recorded and found before."""
+        shape = saved.first_known.shape
+        while self.mapper.known.state.shape != shape and self._course.refine():
+            pass  # its cells had been divided
+        if self.mapper.known.state.shape != shape:
+            raise ConfigurationError(f"resume: expected a map of {self._first_known.shape} cells, got {shape}")
         for records in _readings(saved.log.records):
             self.mapper.take(records)
         self.mapper.known.add_contact(saved.contacts)
@@ -243,10 +250,6 @@ class Explorer:
         self._time = self._last_reading = last.time
         self._distance, self._seconds = last.distance, saved.seconds
         self._course.landmarks, self._course.decisions = last.landmarks, saved.decisions.tolist()
-        if saved.first_known.shape != self._first_known.shape:
-            raise ConfigurationError(
-                f"resume: expected a map of {self._first_known.shape} cells, got {saved.first_known.shape}"
-            )
         self._first_known = saved.first_known.copy()
         if isinstance(self._driver, SimulatedRobot) and saved.robot_state is not None:
             self._driver.restore(saved.robot_state)
@@ -270,12 +273,17 @@ class Explorer:
             self._ended = "time", f"the time limit of {s.time_limit:g} s is used up"
         if self._ended is None and self._distance >= s.distance_limit:
             self._ended = "distance", f"the distance limit of {s.distance_limit:g} m is used up"
+        return intake
+
+    def _note_known(self) -> None:
+        """Take note of when each cell was known first."""
         known = self.mapper.known
+        if self._first_known.shape != known.state.shape:  # its cells have been divided
+            self._first_known, self._revision = quarters(self._first_known, known.state.shape), -1
         if known.revision != self._revision:
             self._revision = known.revision
             new = (known.state != 0) & np.isinf(self._first_known)
             self._first_known[new] = self._time
-        return intake
 
     def _drive(self, follower: PathFollower) -> DriveReport:
         """Drive on along the path for one period."""
@@ -328,15 +336,6 @@ def _readings(records: Sequence[Record]) -> Iterator[list[Record]]:
         read = read or is_reading
     if some:
         yield some
-
-
-def _strategy(strategy: str | Strategy) -> tuple[str, Strategy]:
-    """Return a strategy's name and function."""
-    if callable(strategy):
-        return getattr(strategy, "__name__", "custom"), strategy
-    if strategy not in STRATEGIES:
-        raise ConfigurationError(f"strategy: {expected_name(str(strategy), STRATEGIES)}")
-    return strategy, STRATEGIES[strategy]
 
 
 def _sensor(sensor: object, sensor_range: float, cell: float) -> Scanner | Detector:

@@ -136,6 +136,14 @@ class KnownMap:
         self._cells, self._scans = Cells.unknown(rows, columns), 0
         self._enter_contacts()
 
+    def refined(self) -> KnownMap:
+        """Return a map of cells of half the side, of which nothing is known but what the robot ran into."""
+        finer = KnownMap(self.bounds, 0.5 * self.cell)
+        finer.noise = self.noise
+        quarters = 0.25 * self.cell * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+        finer.add_contact((self.contacts[:, None] + quarters).reshape(-1, 2))
+        return finer
+
     def add_contact(self, points: FloatArray) -> bool:
         """Enter what the robot ran into, points of shape (n, 2): their cells stay occupied, whatever beams tell.
 

@@ -59,6 +59,9 @@ class Mapper(Protocol):
     def take(self, records: Sequence[Record]) -> Intake:
         """Take in what was sensed, and bring pose and map up to date."""
 
+    def refine(self) -> bool:
+        """Replace the map by one of cells of half the side, if noise and settings let it; return whether they do."""
+
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
 

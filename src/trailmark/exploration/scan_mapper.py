@@ -66,6 +66,12 @@ PLACES: Final = 20
 SPACING: Final = 0.25, 0.3
 """Metres and radians between scans by which the map is drawn anew, or from the log: in between little else is seen."""
 
+DENSE: Final = 0.25
+"""Times SPACING, where cells are divided: of smaller ones each scan shows fewer."""
+
+SURFACES: Final = 4.0
+"""Times the noise: side of a cell, at least, that comes of dividing others; smaller ones tell of noise alone."""
+
 POINTS: Final = 200
 """End points of a scan, at most, by which odometry is checked."""
 
@@ -158,6 +164,15 @@ class ScanMapper:
                     f"scan at {record.t:.3f} s left out: expected what the map shows here, got another place"
                 )
         return Intake(readings, tuple(refused), self._strange >= STRANGE, self._moved)
+
+    def refine(self) -> bool:
+        """Replace the map by one of cells of half the side, if noise and settings let it; return whether they do."""
+        finer, may_divide = self.known.refined(), self._settings.may_divide
+        if finer.cell < SURFACES * finer.noise or not may_divide(self._robot, finer.cell, finer.state.size):
+            return False
+        self.known = finer
+        self._draw(DENSE)
+        return True
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
@@ -271,8 +286,7 @@ class ScanMapper:
         if self._slam is None and len(self._scans) % CHECK == CHECK - 1 and not self._is_exact(scan):
             self._match_from_now_on()
         if strange and self._slam is not None:
-            # Perhaps wheels have slipped.
-            at = self._slam.match(scan, self._reckoning.pose)
+            at = self._slam.match(scan, self._reckoning.pose)  # perhaps wheels have slipped
             strange = not self.known.agreement(scan, at, self._sensor.max_range).is_sure
         self._strange = self._strange + 1 if strange else 0
         self._left_out = [scan] if strange else []
@@ -311,21 +325,26 @@ class ScanMapper:
         """Draw the map anew where poses were moved, by scans that lie apart and the last ones; return whether."""
         assert self._slam is not None  # noqa: S101 # the callers know
         poses = self._slam.poses
-        if np.hypot(*(poses - np.array(self._drawn))[:, :2].T).max() <= MOVED * self.known.cell:
-            return False
-        self.known.clear()
-        for i in np.flatnonzero(_apart(poses)).tolist():
+        self._moved = bool(np.hypot(*(poses - np.array(self._drawn))[:, :2].T).max() > MOVED * self.known.cell)
+        if self._moved:
+            self.known.clear()
+            self._draw()
+        return self._moved
+
+    def _draw(self, spacing: float = 1.0) -> None:
+        """Enter scans that lie so many times SPACING apart, and the last ones, in a map in which nothing is known."""
+        poses = self.trajectory[:, 1:]
+        for i in np.flatnonzero(_apart(poses, spacing)).tolist():
             self.known.add_scan(self._scans[i][0], poses[i], self._sensor.max_range)
-        self._drawn, self._moved = list(poses), True
-        return True
+        self._drawn = list(poses)
 
 
-def _apart(poses: FloatArray) -> NDArray[np.bool_]:
+def _apart(poses: FloatArray, spacing: float = 1.0) -> NDArray[np.bool_]:
     """Return which scans, by their poses of shape (m, 3), lie apart from the ones before, and the last ones."""
     chosen, last = np.zeros(len(poses), np.bool_), 0
     for i, pose in enumerate(poses):
         off = np.abs(difference(poses[last], pose))
-        if i == 0 or np.hypot(off[0], off[1]) > SPACING[0] or off[2] > SPACING[1]:
+        if i == 0 or np.hypot(off[0], off[1]) > spacing * SPACING[0] or off[2] > spacing * SPACING[1]:
             chosen[i], last = True, i
     chosen[-RECENT:] = True
     return chosen

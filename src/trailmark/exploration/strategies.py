@@ -10,10 +10,12 @@ from typing import Final
 
 import numpy as np
 
+from trailmark.arguments import brief
+from trailmark.errors import ConfigurationError, expected_name
 from trailmark.exploration.outlook import Outlook, Strategy
 from trailmark.exploration.tour import tour
 
-__all__ = ["STRATEGIES", "gain_per_cost", "nearest_frontier"]
+__all__ = ["STRATEGIES", "choice_of", "gain_per_cost", "nearest_frontier", "strategy_of"]
 
 
 def nearest_frontier(outlook: Outlook) -> int:
@@ -40,3 +42,28 @@ STRATEGIES: Final[Mapping[str, Strategy]] = MappingProxyType(
     {"nearest-frontier": nearest_frontier, "gain-per-cost": gain_per_cost, "tour": tour}
 )
 """By the names that the shell takes."""
+
+
+def strategy_of(strategy: str | Strategy) -> tuple[str, Strategy]:
+    """Return the name and the function of a strategy that is given by either.
+
+    Raises:
+        ConfigurationError: a name of none.
+    """
+    if callable(strategy):
+        return getattr(strategy, "__name__", "custom"), strategy
+    if strategy not in STRATEGIES:
+        raise ConfigurationError(f"strategy: {expected_name(str(strategy), STRATEGIES)}")
+    return strategy, STRATEGIES[strategy]
+
+
+def choice_of(strategy: Strategy, outlook: Outlook) -> int:
+    """Return the index of the landmark that a strategy chooses.
+
+    Raises:
+        ConfigurationError: what it returns is none.
+    """
+    index, count = strategy(outlook), len(outlook.landmarks)
+    if not isinstance(index, int | np.integer) or not 0 <= index < count:
+        raise ConfigurationError(f"strategy: expected the index of one of {count} landmarks, got {brief(index)}")
+    return int(index)

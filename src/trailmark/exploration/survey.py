@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.exploration.candidates import Search, middles_of
+from trailmark.exploration.cells import quarters
 from trailmark.exploration.certainty import expected_falls
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import Frontiers, frontiers_of
@@ -104,6 +105,21 @@ class Memory:
         sizes[0] = 0
         return np.asarray((self.reach.rooms == sizes.argmax()) & (self.reach.rooms > 0))
 
+    def divided(self, state: NDArray[np.uint8], known: KnownMap) -> Memory:
+        """Return what holds as well in a map of cells of half the side; where ways lead is to be asked anew.
+
+        What was known before counts as looked at, although beams may lie too far apart to show all quarters.
+
+        Args:
+            state: of the cells before, UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
+            known: the map.
+        """
+        finer, shape = Memory(known), known.state.shape
+        finer.sensed, finer.been = self.sensed, quarters(self.been, shape)
+        finer.looked = np.where(quarters(state, shape) == UNKNOWN, quarters(self.looked, shape), np.float32(0.0))
+        finer.tries = quarters(self.tries, shape)
+        return finer
+
     def forget_failures(self) -> None:
         """Forget to where no way was found, without proof that there is none: the robot stood where none leads out."""
         self.refused[self.refused <= MOST_TRIES] = self.failed = 0
@@ -118,12 +134,16 @@ class Survey(NamedTuple):
     """Why nothing is left, in a sentence; empty as long as something is."""
     status: Status
     """``complete`` where nothing is left: nothing is in sight from the centre of any cell that the robot gets to, but
-    through gaps of a cell or two, and what stayed unknown although it was looked at. ``stuck`` where something would
-    be in sight from a place to which no way was found, nor is it proven that there is none."""
+    through gaps of a cell or two, and what stayed unknown although it was looked at. That no way leads elsewhere was
+    proven since the robot last drove: what opens while it stands is not looked at again. ``stuck`` where something
+    would be in sight from a place to which no way was found, nor is it proven that there is none."""
     expected: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
     """For each landmark, rows and columns of the unknown cells at the frontiers that are in sight from it."""
     any_heading: NDArray[np.bool_]
     """Which landmarks may be come to with any heading, shape (n,)."""
+    narrow: bool
+    """Whether something would be in sight from a place to which, as the surfaces were measured, it is proven that no
+    way leads, but to which one may lead as far as the cells tell."""
 
 
 def survey(
@@ -213,7 +233,8 @@ def survey(
         )
     unknown = frontiers.unknown
     expected = tuple((unknown[row, 0], unknown[row, 1]) for row in sees)
-    return Survey(outlook, ended, status, expected, np.isnan(found.headings))
+    narrow = bool(ended) and search.shows_more(EXCLUDED)
+    return Survey(outlook, ended, status, expected, np.isnan(found.headings), narrow)
 
 
 def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> NDArray[np.uint8]:
