@@ -149,49 +149,60 @@ def test_what_lies_behind_the_robots_back_is_looked_at(field_of_view: float) -> 
 
 
 def narrow_gap() -> World:
-    """Return two rooms and a gap that is 4 cm wider than the robot: half a cell of its map by default."""
-    walls = Rectangle((4.0, 1.29), 0.5, 2.58), Rectangle((4.0, 4.71), 0.5, 2.58)
+    """Return two rooms and a gap that is 2 cm wider than the robot: a quarter of a cell of its map by default."""
+    walls = Rectangle((4.0, 1.295), 0.5, 2.59), Rectangle((4.0, 4.705), 0.5, 2.59)
     start = Query("start", (1.5, 1.5, 0.4), (6.5, 4.5, 0.0))
-    return World("gap", (0.0, 0.0, 8.0, 6.0), walls, Robot.rectangle(1.2, 0.8), queries=(start,))
+    return World("gap", (0.0, 0.0, 8.0, 6.0), walls, Robot.disc(0.4), queries=(start,))
 
 
 def test_cells_are_divided_where_larger_ones_do_not_tell_whether_the_robot_fits() -> None:
     world = narrow_gap()
     exploring = Explorer(world, sensor_range=4.0, noise=0.0)
-    by_default = exploring.mapper.known.cell
-    result = exploring.run()
-    assert result.status == "complete"
-    assert result.evaluation is not None
-    assert result.evaluation.seen > 0.99
-    assert result.evaluation.collisions == 0
-    assert result.known.cell in [by_default / 2**n for n in range(1, 4)]
-    assert any("cells of" in step.event for step in result.history)
-    assert result.log.cell == result.known.cell
-    assert result.first_known.shape == result.known.state.shape
-    assert not np.isinf(result.first_known[result.known.state != UNKNOWN]).any()
-    check_map(result, world)
-    assert exploring.planner.plan(world.queries[0].start, world.queries[0].goal, 5.0).path is not None
+    by_default, before = exploring.mapper.known.cell, 0.0
+    while exploring.mapper.known.cell == by_default:
+        before = exploring.history[-1].area if exploring.history else 0.0
+        exploring.step()
+    known, saved = exploring.mapper.known, exploring.saved()
+    assert known.cell == by_default / 2
+    assert "from now on" in exploring.history[-1].event
+    assert exploring.history[-1].area > 0.95 * before
+    assert exploring.ended is None
+    assert exploring.planner.world.obstacles
+    assert saved.log.cell == known.cell
+    assert saved.first_known.shape == known.state.shape
+    assert not np.isinf(saved.first_known[known.state != UNKNOWN]).any()
 
-    # A side that the user asks for stays.
-    kept = Explorer(world, sensor_range=4.0, noise=0.0, settings=ExplorationSettings(cell=0.08, planning_time=0.05))
-    assert not kept.mapper.refine()
-    assert not Explorer(world, settings=ExplorationSettings(max_cells=20_000), noise=0.0).mapper.refine()
-
-
-def test_an_exploration_whose_cells_were_divided_goes_on() -> None:
-    world = narrow_gap()
-    whole = Explorer(world, sensor_range=4.0, noise=0.0)
-    cell = whole.mapper.known.cell
-    while whole.mapper.known.cell == cell:
-        whole.step()
-    saved = whole.saved()
-    assert saved.first_known.shape == whole.mapper.known.state.shape
     resumed = Explorer(world, sensor_range=4.0, noise=0.0, resumed=saved)
-    assert resumed.mapper.known.cell == whole.mapper.known.cell
-    result = resumed.run()
+    assert resumed.mapper.known.cell == known.cell
+    driven = resumed.history[-1].distance
+    for _ in range(20):
+        resumed.step()
+    result = resumed.result()
+    assert result.history[-1].distance > driven
+    assert result.first_known.shape == result.known.state.shape
+    assert result.evaluation is not None
+    assert result.evaluation.collisions == 0
+    check_map(result, world)
+
+
+def test_a_side_of_cells_that_is_asked_for_stays() -> None:
+    assert Explorer(narrow_gap(), noise=0.0).mapper.refine()
+    for settings in (ExplorationSettings(cell=0.08), ExplorationSettings(max_cells=20_000)):
+        exploring = Explorer(narrow_gap(), noise=0.0, settings=settings)
+        cell = exploring.mapper.known.cell
+        assert not exploring.mapper.refine()
+        assert exploring.mapper.known.cell == cell
+    # Smaller cells would tell of noise alone.
+    assert not Explorer(narrow_gap(), noise=3.0).mapper.refine()
+
+
+def test_what_only_a_finer_map_could_tell_is_said() -> None:
+    world = replace(narrow_gap(), robot=Robot.disc(0.405))
+    result = Explorer(world, sensor_range=4.0, noise=0.0, settings=ExplorationSettings(cell=0.08)).run()
     assert result.status == "complete"
     assert result.evaluation is not None
-    assert result.evaluation.seen > 0.99
+    assert result.evaluation.seen < 0.9
+    assert "as far as cells of 0.08 m tell" in result.reason
 
 
 def test_a_closed_room_stays_unknown() -> None:

@@ -12,7 +12,7 @@ import shapely
 from trailmark import Disc, Polygon, Rectangle, Robot, World
 from trailmark.estimation.simulation.raycast import RayCaster
 from trailmark.estimation.simulation.virtual_sensors import Scanner
-from trailmark.exploration.cells import rectangles
+from trailmark.exploration.cells import quarters, rectangles
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Shape
@@ -218,3 +218,16 @@ def test_what_a_scan_says_of_the_map() -> None:
     assert elsewhere.new > 50
     nothing = known.agreement(scan._replace(ranges=np.full(720, np.inf)), pose, 6.0)
     assert nothing.is_strange
+
+
+def test_cells_of_half_the_side_keep_what_the_robot_ran_into() -> None:
+    known = entered(room(), [(4.0, 3.0, 0.0)])
+    known.add_contact(np.array([[1.02, 2.03]]))
+    finer = known.refined()
+    assert finer.cell == known.cell / 2
+    assert finer.noise == known.noise
+    assert finer.bounds == known.bounds
+    assert (finer.state == OCCUPIED).sum() == 4
+    assert (finer.state == FREE).sum() == 0
+    assert np.abs(finer.contacts - known.contacts).max() == pytest.approx(known.cell / 4)
+    assert np.array_equal(quarters(np.arange(6).reshape(2, 3), (3, 5))[:, ::2], [[0, 1, 2], [0, 1, 2], [3, 4, 5]])

@@ -57,7 +57,7 @@ def chosen(outlook: Outlook, landmark: tuple[float, float, float], any_heading: 
     """A survey of one landmark, from which nothing is expected."""
     nothing = np.empty(0, np.intp)
     there = outlook._replace(landmarks=np.array([landmark]))
-    return Survey(there, "", "complete", ((nothing, nothing),), np.array([any_heading]))
+    return Survey(there, "", "complete", ((nothing, nothing),), np.array([any_heading]), narrow=False)
 
 
 def look(
@@ -477,3 +477,21 @@ def test_ways_that_are_not_found_keep_nothing_else_from_being_seen(monkeypatch: 
     assert hidden.statuses.count("timeout") >= 2
     assert found.status == "stuck"
     assert "nor is it proven" in found.ended
+
+
+def test_where_cells_are_divided_what_was_looked_at_counts_and_where_ways_lead_is_asked_anew() -> None:
+    known = room_with_a_door()
+    _, _ = look(known, (1.5, 1.5, 0.0), memory := Memory(known))
+    memory.refused[5, 5], memory.looked[20, 20], memory.tries[3, 4] = EXCLUDED, 1.5, 2
+    finer = known.refined()
+    divided = memory.divided(known.state, finer)
+    assert divided.looked.shape == finer.state.shape == (60, 60)
+    assert (divided.refused == 0).all()
+    assert not divided.never.any()
+    assert divided.sensed == memory.sensed
+    assert divided.been[30:32, 30:32].all()
+    assert divided.been.sum() == 4 * memory.been.sum()
+    assert (divided.tries[6:8, 8:10] == 2).all()
+    unknown = known.state.repeat(2, axis=0).repeat(2, axis=1) == UNKNOWN
+    assert (divided.looked[~unknown] == 0.0).all()
+    assert np.array_equal(divided.looked[unknown], memory.looked.repeat(2, axis=0).repeat(2, axis=1)[unknown])

@@ -14,7 +14,7 @@ from trailmark.robot import Robot
 __all__ = ["ExplorationSettings"]
 
 
-FINEST = 1.0 / 40.0
+FINEST = 1.0 / 50.0
 """Of the robot's inscribed radius: side of a cell, at least, that comes of dividing others."""
 
 

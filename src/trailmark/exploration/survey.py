@@ -234,6 +234,8 @@ def survey(
     unknown = frontiers.unknown
     expected = tuple((unknown[row, 0], unknown[row, 1]) for row in sees)
     narrow = bool(ended) and search.shows_more(EXCLUDED)
+    if narrow and status == "complete":
+        ended += f", as far as cells of {cell:.3g} m tell where it fits"
     return Survey(outlook, ended, status, expected, np.isnan(found.headings), narrow)
 
 
