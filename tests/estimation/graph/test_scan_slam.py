@@ -154,3 +154,19 @@ def test_odometry_that_jumps_or_slips_is_not_believed() -> None:
         guess.append(compose(guess[-1], step))
     found = match_scans(scans()[:40], np.array(guess))
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.3
+
+
+def test_the_other_face_of_a_thin_wall_is_not_taken_for_the_known_one() -> None:
+    """Behind a door hardly anything but the wall's other face holds the scan along the way."""
+    wall = shapely.difference(shapely.box(0.0, 5.0, 8.0, 5.18), shapely.box(3.6, 4.0, 4.4, 6.0))
+    rooms = (room(0.0, 0.0, 8.0, 14.0), wall)
+    true = np.column_stack([np.full(26, 4.0), 2.5 + 0.2 * np.arange(26), np.full(26, math.pi / 2)])
+    seen = [
+        cast(rooms, pose.tolist(), beams=360, field=2.0 * math.pi, range_max=4.5, t=float(i))
+        for i, pose in enumerate(true)
+    ]
+    rng = np.random.default_rng(0)
+    odometry = true + np.cumsum(rng.normal(0.0, [0.004, 0.004, 0.001], true.shape), axis=0)
+    settings = GraphSettings(max_range=4.5, scatter=0.01, odometry=(0.03, 0.03), odometry_floor=(0.03, 0.01))
+    found = match_scans(seen, odometry, settings).poses
+    assert np.hypot(*(found - found[0] - true + true[0])[:, :2].T).max() < 0.05

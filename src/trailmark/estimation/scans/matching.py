@@ -15,14 +15,17 @@ from typing import NamedTuple
 import numpy as np
 
 from trailmark.compiled import njit
-from trailmark.estimation.scans.clouds import PointCloud
+from trailmark.estimation.scans.clouds import PointCloud, transformed
 from trailmark.estimation.scans.local_map import SIGMA, LocalMap
 from trailmark.se2 import FloatArray, wrap
 
-__all__ = ["Match", "Window", "match_covariance", "refine", "search"]
+__all__ = ["Match", "Window", "facing_score", "match_covariance", "refine", "search"]
 
 FREE = 1.0
 """Metres: the standard deviation along a direction in which the map does not hold the scan."""
+
+FACING = 0.5
+"""Cosine of the angle between the directions of a point's surface and of the map's, at least, where they are one."""
 
 NO_PRIOR = np.zeros((3, 3))
 
@@ -116,6 +119,28 @@ def refine(
     )  # fmt: skip
     found[2] = wrap(found[2])
     return Match(found, score)
+
+
+def facing_score(area: LocalMap, cloud: PointCloud, pose: FloatArray) -> float:
+    """Return the mean likelihood of points under a pose, where those at surfaces that face another way count as 0.
+
+    The faces of a thin wall lie a wall's thickness apart: points of the one do not lie on the other, however near, and
+    none is seen from behind.
+
+    Args:
+        area: the map.
+        cloud: in the frame at the pose, one point or more.
+        pose: shape (3,).
+    """
+    points, normals = transformed(cloud, pose)
+    column, row = np.floor((points - [area.x0, area.y0]) / area.cell).astype(np.intp).T
+    rows, columns = area.nearest.shape
+    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    row, column = row[inside], column[inside]
+    across, own, ray = area.normals[area.nearest[row, column]], normals[inside], points[inside] - pose[:2]
+    seen = (across * ray).sum(axis=1) <= 0.0
+    same = np.where(own.any(axis=1), (across * own).sum(axis=1) >= FACING, seen) | ~across.any(axis=1)
+    return float(area.likelihood[0, row, column][same].sum()) / (255.0 * len(points))
 
 
 def match_covariance(
@@ -286,8 +311,8 @@ def _refine(nearest, likelihood, x0, y0, cell, lines, across, points, normals, p
                         for d in range(3):
                             H[a, d] += weight * J[a] * J[d]
                 continue
-            # The other face of a thin wall, or another surface.
-            if (mx != 0.0 or my != 0.0) and mx * nx + my * ny < 0.5:
+            # The other face of a thin wall, or another surface; a face is not seen from behind.
+            if (mx * nx + my * ny < FACING) if mx != 0.0 or my != 0.0 else nx * rx + ny * ry > 0.0:
                 continue
             error = nx * ex + ny * ey
             weight = 1.0 / (SIGMA**2 * (1.0 + (error / scale) ** 2) ** 2)
