@@ -24,16 +24,16 @@ from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, point_cloud, relative
 from trailmark.estimation.scans.local_map import SIGMA, LocalMap
 from trailmark.estimation.scans.matching import Window, facing_score, match_covariance, refine, search
-from trailmark.se2 import FloatArray, compose, difference
+from trailmark.se2 import FloatArray, compose
 
 __all__ = ["ScanPoses", "ScanSlam", "match_scans"]
 
 MAX_WINDOW = Window(2.0, np.radians(60.0))
 """The largest window around what odometry says that is searched: beyond, it is no guess."""
 
-FAR_OFF = 0.1
-"""Metres from the guess from which on a match is compared with the best one near the guess: the search asks how near
-points come to surfaces, not how these face."""
+OTHER_FACE = 0.5
+"""Share of a match's score, at least, that points on surfaces facing as theirs have in it: otherwise it is compared
+with the match near the guess."""
 
 MATCHED = 400
 """End points, at most, that are searched for in a local map: a scanner with more beams shows no more shapes."""
@@ -183,10 +183,13 @@ class ScanSlam:
                 step, information = relative(here, guess), _inverse(noise)
         self._keys.relations.append(Relation(last, own, step, noise))
         start = guess if found is None else found.pose
-        pose = refine(self._area, cloud, start, information=self._weight * information, guess=guess).pose
-        if np.hypot(*(start - guess)[:2]) > FAR_OFF:
-            near = refine(self._area, cloud, guess, information=self._weight * information).pose
-            pose = self._likelier(cloud, guess, information / len(points), near, pose)
+        match = refine(self._area, cloud, start, information=self._weight * information, guess=guess)
+        area = self._area
+        if facing_score(area, cloud, match.pose) < OTHER_FACE * match.score:
+            # The search asks how near points come to surfaces, not how these face.
+            near = refine(self._area, cloud, guess, information=self._weight * information)
+            match = max(near, match, key=lambda m: facing_score(area, cloud, m.pose))
+        pose = match.pose
         if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
             self._keys.relations.pop()
             return
@@ -202,26 +205,6 @@ class ScanSlam:
                 self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, s.outlier_gate)
                 self._renew_area()
                 self.corrections += 1
-
-    def _likelier(
-        self, cloud: PointCloud, guess: FloatArray, information: FloatArray, *poses: FloatArray
-    ) -> FloatArray:
-        """Return the pose under which a cloud's points, and the surfaces that they lie on, are likeliest.
-
-        Args:
-            cloud: in the frame at the pose.
-            guess: the pose by odometry, shape (3,).
-            information: of the guess, for one point, shape (3, 3).
-            poses: to choose from, each of shape (3,).
-        """
-        area = self._area
-        assert area is not None  # noqa: S101 # the caller has matched in it
-
-        def likelihood(pose: FloatArray) -> float:
-            error = difference(guess, pose)
-            return facing_score(area, cloud, pose) - 0.5 * float(error @ information @ error)
-
-        return max(poses, key=likelihood)
 
     def match(self, scan: Scan, odometry: FloatArray) -> FloatArray:
         """Return where a scan, with its pose by odometry, fits best what was seen just before, and leave it out."""
