@@ -13,7 +13,7 @@ from tests.estimation.ray_casting import cast, room
 
 from trailmark.estimation.scans.clouds import PointCloud, joined, point_cloud
 from trailmark.estimation.scans.local_map import LocalMap, local_map
-from trailmark.estimation.scans.matching import Window, match_covariance, refine, search
+from trailmark.estimation.scans.matching import Window, facing_score, match_covariance, refine, search
 from trailmark.se2 import FloatArray, wrap
 
 OFFICE = (
@@ -128,3 +128,20 @@ def test_what_shows_nothing_matches_nowhere() -> None:
     assert search(AREA, nothing.points, np.zeros(3), WINDOW) is None
     empty = local_map(nothing, (0.0, 0.0, 1.0, 1.0))
     assert search(empty, AREA.points, np.zeros(3), WINDOW) is None
+
+
+def test_points_of_a_walls_other_face_do_not_count() -> None:
+    x = np.arange(-2.0, 2.0, 0.05)
+    wall = np.column_stack([x, np.full(len(x), 2.0)])
+    towards = np.tile([0.0, -1.0], (len(x), 1))
+    area = local_map(PointCloud(wall, towards))
+    here, behind = np.zeros(3), np.array([0.0, 4.0, math.pi])
+    assert facing_score(area, PointCloud(wall, towards), here) == pytest.approx(1.0, abs=0.1)
+    # From behind, the same points are seen at the same places; with directions of their own, and without.
+    seen = PointCloud(np.column_stack([-x, np.full(len(x), 2.0)]), towards)
+    assert refine(area, seen, behind).score > 0.9
+    assert facing_score(area, seen, behind) == 0.0
+    assert facing_score(area, PointCloud(seen.points, np.zeros_like(towards)), behind) == 0.0
+    # Points without a direction count where the face is turned to the scanner; outside the map nothing does.
+    assert facing_score(area, PointCloud(wall, np.zeros_like(towards)), here) == pytest.approx(1.0, abs=0.1)
+    assert facing_score(area, PointCloud(wall + 50.0, towards), here) == 0.0
