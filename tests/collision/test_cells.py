@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 from benchmarks.random_worlds import random_world, star_polygon
+from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
@@ -96,7 +97,7 @@ def assert_same(cells: Cells, world: World) -> None:
     assert cells.grid[5:] == grid[5:]
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_random_changes_make_what_is_built_anew(seed: int) -> None:
     rng = np.random.default_rng(seed)
     boundary = Polygon(np.array([[0.5, 0.3], [11.0, 1.0], [11.5, 11.0], [6.0, 7.0], [1.0, 11.9]])) if seed % 3 else None
@@ -105,7 +106,7 @@ def test_random_changes_make_what_is_built_anew(seed: int) -> None:
     grid = build_grid(world, float(rng.choice([0.2, 0.37, 1.0, 3.0])), whole=True)
     cells = Cells(world, grid, build_field(grid))
     held: list[tuple[Cells, list[np.ndarray]]] = []
-    for _ in range(25):
+    for _ in range(16):
         if rng.random() < 0.3:
             # Old versions, which someone still uses, or no longer.
             held = [(cells, [array.copy() for array in arrays_of(cells)]), *held[: rng.integers(4)]]
@@ -120,7 +121,7 @@ def test_two_versions_of_the_same_one_do_not_know_each_other() -> None:
     world = random_world(1, 15, size=SIZE, radii=(0.2, 2.0), discs=0.3, holes=0.4)
     grid = build_grid(world, 0.3, whole=True)
     branches = [(Cells(world, grid, build_field(grid)), list(world.obstacles))]
-    for _ in range(60):
+    for _ in range(25):
         cells, shapes = branches[int(rng.integers(len(branches)))]
         shapes = list(shapes)
         cells = cells.edited(changed(rng, shapes))
@@ -161,21 +162,22 @@ def test_crowded_discs_are_listed_once_a_cell_and_answers_are_the_same() -> None
     assert is_crowded(sparse.discs, 0.25, sparse.rows * sparse.columns)
     assert len(sparse.items) < 0.1 * len(whole.items)
     assert np.array_equal(np.diff(sparse.cell_start, axis=1) > 0, np.diff(whole.cell_start, axis=1) > 0)
-    for x, y in rng.uniform((0, 0), (30, 20), (3000, 2)):
+    for x, y in rng.uniform((0, 0), (30, 20), (600, 2)):
         assert point_clearance(sparse, x, y, 0.7) == point_clearance(whole, x, y, 0.7)
         assert point_depth(sparse, x, y, 0.7) <= point_depth(whole, x, y, 0.7)
         assert (point_depth(sparse, x, y, 0.7) > 0.0) == (point_depth(whole, x, y, 0.7) > 0.0)
     robot = Robot.rectangle(0.5, 0.3)
-    q = np.column_stack([rng.uniform(15, 30, 2000), rng.uniform(0, 20, 2000), rng.uniform(-3, 3, 2000)])
+    q = np.column_stack([rng.uniform(15, 30, 800), rng.uniform(0, 20, 800), rng.uniform(-3, 3, 800)])
     changed = world.edited(remove=[3, 40], add=[Disc((25.0, 10.0), 1.0)])
     first = StateChecker(world, robot)
     assert np.array_equal(first.edited(changed).valid(q), StateChecker(changed, robot).valid(q))
-    assert np.array_equal(first.valid(q), [world_free(world, robot, state) for state in q])
+    assert np.array_equal(first.valid(q), free_of_discs(world, robot, q))
 
 
-def world_free(world: World, robot: Robot, q: FloatArray) -> bool:
-    """Whether shapely finds the robot at q apart from all discs and within the bounds."""
-    body = shapely.Polygon(se2.transform(q, robot.outline.vertices))
-    discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
-    apart = all(body.distance(shapely.Point(disc.center)) > disc.radius for disc in discs)
-    return bool(apart and shapely.box(*world.bounds).covers(body))
+def free_of_discs(world: World, robot: Robot, q: FloatArray) -> NDArray[np.bool_]:
+    """Whether shapely finds the robot at each q apart from all discs and within the bounds."""
+    bodies = shapely.polygons([se2.transform(state, robot.outline.vertices) for state in q])
+    free = shapely.covers(shapely.box(*world.bounds), bodies)
+    for disc in (shape for shape in world.obstacles if isinstance(shape, Disc)):
+        free &= shapely.distance(bodies, shapely.Point(disc.center)) > disc.radius
+    return np.asarray(free)

@@ -46,13 +46,13 @@ def checker_for(robot: Robot, *obstacles: Shape, exact: Literal["kernel", "fcl"]
 def test_motions_in_random_worlds(world: str, name: str) -> None:
     checker, oracle = StateChecker(WORLDS[world], ROBOTS[name]), Oracle(WORLDS[world], ROBOTS[name])
     rng = np.random.default_rng(12)
-    a, b = short_motions(checker.world, 700, rng, 6.0)
-    b[:100, :2] = a[:100, :2]
-    b[100:200, 2] = se2.wrap(a[100:200, 2] + math.pi)
-    b[200:250, 2] = a[200:250, 2]
+    a, b = short_motions(checker.world, 300, rng, 6.0)
+    b[:40, :2] = a[:40, :2]
+    b[40:80, 2] = se2.wrap(a[40:80, 2] + math.pi)
+    b[80:100, 2] = a[80:100, 2]
     accepted = checker.motions_valid(a, b)
     assert (accepted == [checker.motion_valid(*ends) for ends in zip(a, b, strict=True)]).all()
-    assert 15 < accepted.sum() < 685
+    assert 5 < accepted.sum() < 295
 
     # Sound: none of the accepted ones collides anywhere.
     states = motion_states(a, b, 150)
@@ -71,14 +71,14 @@ def test_motions_in_random_worlds(world: str, name: str) -> None:
     assert not (accepted[ok] & (proven == kernels.BLOCKED)).any()
     assert not (~accepted[ok] & (proven == kernels.FREE)).any()
     reference = StateChecker(checker.world, checker.robot, exact="fcl")
-    assert (reference.motions_valid(a[:150], b[:150]) == accepted[:150]).all()
+    assert (reference.motions_valid(a[:110], b[:110]) == accepted[:110]).all()
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_field_contradicts_no_exact_verdict(world: str, name: str) -> None:
     checker, oracle = StateChecker(WORLDS[world], ROBOTS[name]), Oracle(WORLDS[world], ROBOTS[name])
-    q = random_states(checker.world, 4000, np.random.default_rng(13), 3.0)
+    q = random_states(checker.world, 1500, np.random.default_rng(13), 3.0)
     proven = kernels.field_states(checker.field, checker.footprint, q)
     collides = oracle.collides(q)
     assert not collides[proven == kernels.FREE].any()
@@ -98,7 +98,7 @@ poses = st.tuples(st.floats(6.0, 14.0), st.floats(6.0, 14.0), st.floats(-math.pi
     st.tuples(st.floats(0.01, 0.99), st.floats(0.01, 0.99)),
     st.sampled_from([1e-5, 1e-3]),
 )
-@settings(max_examples=150)
+@settings(max_examples=60)
 def test_no_needle_is_small_enough_to_be_missed(
     name: str,
     a: tuple[float, float, float],
