@@ -70,7 +70,7 @@ def agree(tree: SearchTable, known: Known) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(written=st.lists(st.tuples(nodes, entries), max_size=60), others=st.lists(nodes, max_size=20))
 def test_the_table_is_a_dict(written: list[tuple[int, tuple[int, float, int]]], others: list[int]) -> None:
     tree, known = new_table(4), Known()

@@ -15,7 +15,7 @@ from benchmarks.attack_worlds import SHAPES, Attack, abutting, carved, collinear
 from trailmark.collision import StateChecker
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.proofs import LowerBound, enclosed
-from trailmark.planning.proofs import bound as module
+from trailmark.planning.proofs.bound import LARGE
 from trailmark.shapes import Polygon, Rectangle
 from trailmark.world import Robot, World
 
@@ -23,13 +23,12 @@ OFFSETS = (0.0, 1e3, 1e4, 1e5, 1e6, 5e6)
 SCALES = (1.0, 1.0, 0.1, 30.0, 1e4)
 
 
-def judge(attack: Attack, monkeypatch: pytest.MonkeyPatch) -> None:
+def judge(attack: Attack) -> None:
     """The bound is below the known cost, and is more than the straight way's: something was proven."""
     start, goal = attack.states[0], attack.states[-1]
     most = attack.cost * (1.0 + 1e-12) + 1e-9
-    for large, known in ((module.LARGE, np.inf), (0, 1.05 * attack.cost), (0, attack.cost)):
-        monkeypatch.setattr(module, "LARGE", large)
-        found = LowerBound(attack.world, attack.robot).of(start, goal, known)
+    for large, known in ((LARGE, np.inf), (0, 1.05 * attack.cost), (0, attack.cost)):
+        found = LowerBound(attack.world, attack.robot, large=large).of(start, goal, known)
         assert found.cost <= most
         # No part of the proof gave way to rounding, either.
         assert len(found.path) >= 2 or found.cost >= attack.cost * (1.0 - 1e-6)
@@ -37,16 +36,17 @@ def judge(attack: Attack, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [uneven, collinear, abutting, slit, carved])
-def test_discs(make: Callable[..., Attack], monkeypatch: pytest.MonkeyPatch) -> None:
-    for seed in range(24):
-        judge(make(seed, scale=SCALES[seed % 5], offset=OFFSETS[seed % 6]), monkeypatch)
+def test_discs(make: Callable[..., Attack]) -> None:
+    for seed in range(8):
+        judge(make(seed, scale=SCALES[seed % 5], offset=OFFSETS[seed % 6]))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", sorted(SHAPES))
-def test_other_shapes_in_corridors_of_their_own(shape: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    for seed in range(12):
-        judge(carved(seed, shape, scale=SCALES[seed % 5], offset=OFFSETS[seed % 6]), monkeypatch)
+def test_other_shapes_in_corridors_of_their_own(shape: str) -> None:
+    first = 3 * sorted(SHAPES).index(shape)
+    for seed in range(first, first + 3):
+        judge(carved(seed, shape, scale=SCALES[seed % 5], offset=OFFSETS[seed % 6]))
 
 
 @pytest.mark.slow
@@ -56,7 +56,7 @@ def test_a_shallow_wall_is_not_called_shut() -> None:
     wall = Polygon(np.array([(-6, -6), (6, -6), (6, 3), (-6, 3)]), (np.array(hole),))
     post = Polygon(np.array([(1.984, -5.5), (2.024, -5.5), (2.024, 0.00414), (1.984, 0.00414)]))
     world = World("shallow", (-6, -6, 6, 3), (wall, post))
-    result = LandmarkPlanner(world, Robot.disc(1.0), seed=0).plan((-3, -2, 0), (3.5, -2, 0), 5.0)
+    result = LandmarkPlanner(world, Robot.disc(1.0), seed=0).plan((-3, -2, 0), (3.5, -2, 0), 5.0, gap=0.1)
     assert result.status == "solved"
     assert result.path is not None
     assert result.lower_bound is not None
@@ -66,7 +66,7 @@ def test_a_shallow_wall_is_not_called_shut() -> None:
 @pytest.mark.parametrize("offset", OFFSETS)
 def test_a_wall_with_vertices_in_a_row_is_gone_round_at_any_heading(offset: float) -> None:
     x = np.linspace(0, 10, 11)
-    for heading in np.linspace(0.0, 2.0 * np.pi, 20, endpoint=False):
+    for heading in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
         turn = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
 
         def at(v: Any, turn: Any = turn) -> Any:
@@ -85,7 +85,7 @@ def test_a_wall_with_vertices_in_a_row_is_gone_round_at_any_heading(offset: floa
 def test_abutting_rectangles_do_not_end_the_process() -> None:
     c, s = np.cos(0.7), np.sin(0.7)
     world = World("row", (-6, -6, 6, 6), tuple(Rectangle((i * c, i * s), 1.0, 0.5, 0.7) for i in (-1, 0, 1)))
-    result = LandmarkPlanner(world, Robot.disc(0.4), seed=0).plan((s, -c, 0), (-s, c, 0), 1.0)
+    result = LandmarkPlanner(world, Robot.disc(0.4), seed=0).plan((s, -c, 0), (-s, c, 0), 1.0, gap=0.01)
     assert result.status == "solved"
     assert result.path is not None
     assert result.lower_bound is not None
@@ -100,6 +100,6 @@ def test_a_corner_that_is_just_wide_enough_is_not_called_shut(spare: float) -> N
     wall = Rectangle((5.0 + corridor / 2.0, 5.0 + corridor / 2.0), 10.0 - corridor, 10.0 - corridor)
     checker = StateChecker(World("corner", (0.0, 0.0, 10.0, 10.0), (wall,)), robot)
     start, forwards, backwards = (8.0, 0.3, 0.0), (0.3, 8.0, -np.pi / 2), (0.3, 8.0, np.pi / 2)
-    assert not enclosed(checker, start, forwards, seconds=2.0)
+    assert not enclosed(checker, start, forwards, seconds=0.5)
     # There is no room to arrive the other way round.
     assert enclosed(checker, start, backwards)

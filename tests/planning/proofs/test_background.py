@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trailmark.collision import StateChecker
-from trailmark.planning import LandmarkPlanner, PlannerSettings, rounds
+from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanProgress
 from trailmark.planning.proofs import enclosed
 from trailmark.planning.proofs.background import BackgroundProof
 from trailmark.planning.proofs.prover import Prover
@@ -119,12 +119,11 @@ def test_planning_ends_with_the_proof_and_leaves_no_thread() -> None:
     assert LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0, max_iterations=2).status == "infeasible"
 
 
-def test_an_error_ends_the_thread_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(self: rounds.Rounds, *arguments: object) -> None:
-        assert others() == 1
-        raise KeyboardInterrupt
+def test_an_error_ends_the_thread_too() -> None:
+    def fail(progress: PlanProgress) -> None:
+        if others() == 1:
+            raise KeyboardInterrupt
 
-    monkeypatch.setattr(rounds.Rounds, "_refine", fail)
     with pytest.raises(KeyboardInterrupt):
-        LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0)
+        LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0, on_progress=fail)
     assert others() == 0

@@ -16,7 +16,7 @@ FINEST = 9
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(set(ROBOTS) - {"disc"}))
+@pytest.mark.parametrize("name", ["L", "offset", "star", "thin"])
 def test_nothing_in_a_blocked_cell_is_valid(name: str) -> None:
     robot = ROBOTS[name]
     world = random_world(5, 25, size=20.0, radii=(0.3, 3.0), discs=0.3, holes=0.2, boundary=True, origin=(-7.0, 3.0))
@@ -26,9 +26,9 @@ def test_nothing_in_a_blocked_cell_is_valid(name: str) -> None:
     inside = []
     for level in range(FINEST + 1):
         half, headings = division.half[level], 1 << division.turns[level]
-        cells = np.zeros((400, COLUMNS), np.int32)
+        cells = np.zeros((200, COLUMNS), np.int32)
         cells[:, 0] = level
-        cells[:, 1:4] = rng.integers(0, (division.columns << level, division.rows << level, headings), (400, 3))
+        cells[:, 1:4] = rng.integers(0, (division.columns << level, division.rows << level, headings), (200, 3))
         blocked = [
             kind_of(cells, cell, division, *space.parts, placed, FINEST) == BLOCKED for cell in range(len(cells))
         ]
@@ -45,5 +45,5 @@ def test_nothing_in_a_blocked_cell_is_valid(name: str) -> None:
     c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
     x, y = space.pivot
     q = np.column_stack([poses[:, 0] - c * x + s * y, poses[:, 1] - s * x - c * y, poses[:, 2]])
-    assert len(q) > 5_000
+    assert len(q) > 2_500
     assert Oracle(world, robot).collides(q).all()

@@ -31,7 +31,7 @@ def test_in_a_uniform_world_it_is_nearly_the_straight_distance() -> None:
 
 def test_no_path_costs_less() -> None:
     rng, tight = np.random.default_rng(3), 0
-    for _ in range(40):
+    for _ in range(16):
         zones: list[CostZone | SpeedZone] = []
         for _ in range(rng.integers(1, 5)):
             corner, sides = rng.uniform(0.0, 8.0, 2), rng.uniform(0.05, 6.0, 2)
@@ -49,7 +49,7 @@ def test_no_path_costs_less() -> None:
         q = q[checker.valid(q)]
         for a, b in zip(q[:-1:2], q[1::2], strict=False):
             if checker.motion_valid(a, b):
-                direct = sampled_cost(world, objective, np.array([a, b]), 2e-3)
+                direct = sampled_cost(world, objective, np.array([a, b]), 5e-3)
                 bound = eikonal.of(a, b)
                 assert bound <= direct * 1.002 + 0.02
                 tight += bound > 0.5 * direct

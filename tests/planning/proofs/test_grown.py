@@ -39,14 +39,14 @@ def judge(polygon: shapely.Polygon, regions: list[shapely.Geometry], r: float) -
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.005, 0.02, 0.05]), st.sampled_from([0.3, 1.0, 2.5]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_shallow_places_are_not_filled(seed: int, most: float, r: float) -> None:
     wall = uneven_wall(np.random.default_rng(seed), most)
     judge(wall, grown(np.array([wall], dtype=object), r), r)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.5, 3.0]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_strips_and_buffers_are_the_same_but_for_chords(seed: int, r: float) -> None:
     rng = np.random.default_rng(seed)
     star = star_polygon(rng, (0.0, 0.0), 2.0)

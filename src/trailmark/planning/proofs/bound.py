@@ -32,7 +32,7 @@ DIGITS = 1e-14
 """Share of the largest coordinate, and of the region's size, that a length may be wrong by, too."""
 
 LARGE = 20_000
-"""Vertices of a region from which on it is looked at only as far as a query needs."""
+"""Vertices of a region from which on it is looked at only as far as a query needs, unless told otherwise."""
 
 MANY = 150_000
 """Vertices of a region for each of which it takes twice as long as in a small one."""
@@ -84,10 +84,11 @@ class LowerBound:
         world: obstacles, bounds, boundary.
         robot: footprint.
         grid: the world's outlines in cells, if they are there already.
+        large: vertices of a region from which on it is looked at only as far as a query needs.
     """
 
-    def __init__(self, world: World, robot: Robot, grid: ObstacleGrid | None = None) -> None:
-        self.world, self.robot = world, robot
+    def __init__(self, world: World, robot: Robot, grid: ObstacleGrid | None = None, *, large: int = LARGE) -> None:
+        self.world, self.robot, self.large = world, robot, large
         self._grid = grid
         self._before: tuple[LowerBound, FloatArray] | None = None
 
@@ -101,7 +102,7 @@ class LowerBound:
             grid: its outlines in cells.
             freed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed, shape (f, 4).
         """
-        changed = LowerBound(world, self.robot, grid)
+        changed = LowerBound(world, self.robot, grid, large=self.large)
         if self.ready:
             changed._before = self, freed
         elif self._before is not None:
@@ -158,7 +159,7 @@ class LowerBound:
         longest = limit * self._stretch
         if self.tangents is not None:
             found = self._along_tangents(self.tangents, a, b, by)
-        elif self.ready or self._size <= LARGE or not np.isfinite(longest):
+        elif self.ready or self._size <= self.large or not np.isfinite(longest):
             found = self._shortest(a, b)
         else:
             found = self._shortest_within(a, b, longest)
@@ -180,7 +181,7 @@ class LowerBound:
         """Return how much of the region :meth:`of` will have to cut, in vertices of a small one."""
         if self.ready or self.tangents is not None:
             return 0.0
-        if self._size <= LARGE or not np.isfinite(limit):
+        if self._size <= self.large or not np.isfinite(limit):
             return _work(self._size)
         xmin, ymin, xmax, ymax = self.world.bounds
         center = self._center[0]
