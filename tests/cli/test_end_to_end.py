@@ -52,7 +52,7 @@ def judge(world: World, record: dict[str, Any], start: Any, goal: Any) -> None:
 def test_a_whole_process_prints_writes_and_draws(terminal: Shell, worlds: Path, tmp_path: Path) -> None:
     office = World.load(worlds / "office.yaml")
     outputs = ["--output", tmp_path / "path.json", "--plot", tmp_path / "path.png"]
-    words = ["plan", worlds / "office.yaml", "--seed", 3, "--json", *outputs]
+    words = ["plan", worlds / "office.yaml", "--seed", 3, "--time-limit", 1, "--json", *outputs]
     run = terminal(sys.executable, "-m", "trailmark.cli", *words)
     assert run.status == 0, run.err
     record = json.loads(run.out)

@@ -33,7 +33,7 @@ class FakeExplorer:
 
     def run(self, on_progress: Any) -> Any:
         result = made_exploration()
-        history = (*result.history[::12], result.history[-1])  # few frames are drawn sooner
+        history = (*result.history[::45], result.history[-1])  # few frames are drawn sooner
         for row in history:
             on_progress(row)
         return replace(result, status=self.status, history=history)
@@ -200,6 +200,7 @@ def test_a_world_is_asked_for(shell: Shell, tmp_path: Path) -> None:
 
 PROGRAM = """
 import sys, time
+from dataclasses import replace
 sys.path.insert(0, {root!r})
 import trailmark.exploration.explorer as module
 from tests.exploration.made_exploration import made_exploration
@@ -211,10 +212,11 @@ class Slow:
         pass
     def run(self, on_progress):
         result = made_exploration()
-        for row in result.history[::30]:
+        history = (*result.history[::30], result.history[-1])
+        for row in history:
             on_progress(row)
             time.sleep(0.5)
-        return result
+        return replace(result, history=history)
 
 module.Explorer = Slow
 sys.exit(main(["explore", {world!r}, "--start", "1,1,0", "--output", {output!r}, "--json"]))

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.support.forks import Forks, complaints
 
 import trailmark
 
@@ -128,15 +129,17 @@ def test_a_full_disk_is_one_line() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("disguised", [False, True])
-def test_signals_end_in_one_line(number: signal.Signals, status: int, disguised: bool, yard: Path) -> None:
+def test_signals_end_in_one_line(
+    number: signal.Signals, status: int, disguised: bool, yard: Path, forks: Forks
+) -> None:
     program = f"""
-import signal, sys, time, trailmark
+import os, signal, sys, threading, time, trailmark
 from trailmark.cli import main
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job would ignore it
 class Slow:
     def __init__(self, *args, **named): pass
     def plan(self, *args, **named):
-        print("planning", flush=True)
+        threading.Timer(0.1, os.kill, (os.getpid(), {int(number)})).start()
         try:
             time.sleep(30)
         except KeyboardInterrupt:
@@ -146,15 +149,9 @@ class Slow:
 trailmark.LandmarkPlanner = Slow
 sys.exit(main(["plan", {str(yard)!r}, "--output", {str(yard.parent / "path.json")!r}]))
 """
-    with subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "planning\n"
-        process.send_signal(number)
-        _, err = process.communicate(timeout=120)
-    assert process.returncode == status
-    assert err == f"trailmark: error: {'interrupted' if number == signal.SIGINT else 'terminated'}\n"
+    done = forks.run(["-c", program], timeout=120.0)
+    assert (done.returncode, done.stdout) == (status, "")
+    assert complaints(done) == f"trailmark: error: {'interrupted' if number == signal.SIGINT else 'terminated'}\n"
     assert list(yard.parent.iterdir()) == [yard]
 
 
@@ -227,9 +224,8 @@ def test_collecting_garbage_less_often_ends_with_the_command(shell: Shell, monke
     assert gc.get_threshold() == before
 
 
-@pytest.mark.parametrize("loaded", ["numba", "ompl.base"])
-def test_a_process_ends_without_complaints(loaded: str) -> None:
-    done = python(f"from trailmark.cli import main; import {loaded}; main(['--version'])")
+def test_a_process_ends_without_complaints() -> None:
+    done = python("from trailmark.cli import main; import numba, ompl.base; main(['--version'])")
     assert (done.returncode, done.stderr) == (0, "")
 
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
-import pytest
+from tests.support.forks import Forks
 
 SCRIPT = """
 import os, signal, sys, threading, time
@@ -49,7 +46,7 @@ def error(values, seconds):
     busy(values, seconds)
     raise ValueError("expected more")
 
-kernel, values = globals()[sys.argv[1]], np.zeros(3)
+values = np.zeros(3)
 
 def interrupt():
     time.sleep(0.05)
@@ -63,23 +60,24 @@ def call(seconds):
     except ValueError as e:
         return str(e)
 
-expected = call(0.0)
-for _ in range(3):
-    values[1] = 0.0
-    thread = threading.Thread(target=interrupt)
-    try:
-        thread.start()
-        kernel(values, 60.0)
-        sys.exit("the kernel returned")
-    except KeyboardInterrupt:
-        pass
-    thread.join()
-assert type(call(0.0)) is type(expected)
-print("sound")
+for kernel in (array, named, nested, error):
+    expected = call(0.0)
+    for _ in range(3):
+        values[1] = 0.0
+        thread = threading.Thread(target=interrupt)
+        try:
+            thread.start()
+            kernel(values, 60.0)
+            sys.exit("the kernel returned")
+        except KeyboardInterrupt:
+            pass
+        thread.join()
+    assert type(call(0.0)) is type(expected)
+    print(kernel.__name__, "sound", flush=True)
 """
 
 
-@pytest.mark.parametrize("kernel", ["array", "named", "nested", "error"])
-def test_ctrl_c_while_a_kernel_runs_is_raised_when_it_returns(kernel: str) -> None:
-    run = subprocess.run([sys.executable, "-c", SCRIPT, kernel], capture_output=True, text=True, timeout=120)
-    assert (run.returncode, run.stdout.strip()) == (0, "sound"), run.stderr[-500:]
+def test_ctrl_c_while_a_kernel_runs_is_raised_when_it_returns(forks: Forks) -> None:
+    run = forks.run(["-c", SCRIPT], timeout=120.0)
+    said = [f"{kernel} sound" for kernel in ("array", "named", "nested", "error")]
+    assert (run.returncode, run.stdout.splitlines()) == (0, said), run.stderr[-500:]

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-import trailmark
+from tests.support.forks import Forks, complaints
 
 JOBS = """
 import os
@@ -51,23 +49,28 @@ print([sum(kernel.stats.cache_hits.values()) for kernel in kernels])
 """
 
 
-def run(folder: Path, program: str) -> str:
-    (folder / "jobs.py").write_text(JOBS)
-    path = os.pathsep.join([str(folder), str(Path(trailmark.__file__).resolve().parents[1])])
-    environment = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")} | {"PYTHONPATH": path}
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=120, env=environment
-    )
-    assert done.stderr == ""
-    return done.stdout.strip()
+Run = Callable[[str], str]
+
+
+@pytest.fixture
+def run(tmp_path: Path, forks: Forks) -> Run:
+    (tmp_path / "jobs.py").write_text(JOBS)
+
+    def started(program: str) -> str:
+        begin = f"import sys; sys.path.insert(0, {os.fspath(tmp_path)!r})\n"
+        done = forks.run(["-c", begin + program], timeout=120.0)
+        assert (done.returncode, complaints(done)) == (0, "")
+        return done.stdout.strip()
+
+    return started
 
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor: one process")
-def test_a_second_process_compiles_from_the_end(tmp_path: Path) -> None:
+def test_a_second_process_compiles_from_the_end(tmp_path: Path, run: Run) -> None:
     done = tmp_path / "done"
     done.mkdir()
     program = PROGRAM.replace("FOLDER", repr(os.fspath(done))).replace("FILES", "4")
-    assert run(tmp_path, program) == "[0, 1, 1]"
+    assert run(program) == "[0, 1, 1]"
     by: dict[str, list[str]] = {}
     for name in sorted(file.name for file in done.iterdir()):
         number, process = name.split(" by ")
@@ -75,20 +78,20 @@ def test_a_second_process_compiles_from_the_end(tmp_path: Path) -> None:
     assert list(by.values()) == [["0", "1", "2"]] * 2
 
 
-def test_what_is_compiled_already_starts_no_process(tmp_path: Path) -> None:
+def test_what_is_compiled_already_starts_no_process(tmp_path: Path, run: Run) -> None:
     done = tmp_path / "done"
     done.mkdir()
     program = PROGRAM.replace("FOLDER", repr(os.fspath(done))).replace("FILES", "1")
-    run(tmp_path, program)
+    run(program)
     for file in done.iterdir():
         file.unlink()
-    assert run(tmp_path, program) == "[1, 1, 1]"
+    assert run(program) == "[1, 1, 1]"
     assert len({file.name.split(" by ")[1] for file in done.iterdir()}) == 1
 
 
-def test_a_second_process_that_cannot_work_changes_nothing(tmp_path: Path) -> None:
+def test_a_second_process_that_cannot_work_changes_nothing(tmp_path: Path, run: Run) -> None:
     done = tmp_path / "done"
     done.mkdir()
     program = PROGRAM.replace("FOLDER", repr(os.fspath(done))).replace("FILES", "1")
     broken = "import sys; sys.executable = '/dev/null/none'\n"
-    assert run(tmp_path, broken + program) == "[0, 0, 0]"
+    assert run(broken + program) == "[0, 0, 0]"

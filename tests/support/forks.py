@@ -27,7 +27,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-__all__ = ["Forks"]
+__all__ = ["Forks", "complaints"]
 
 ROOT = Path(__file__).resolve().parents[2]
 SILENT = {"MPLBACKEND": "Agg", "OMP_NUM_THREADS": "1"}
@@ -103,6 +103,11 @@ class Forks:
             assert byte, "the process that forks has ended"
             line += byte
         return line.decode().strip()
+
+
+def complaints(done: subprocess.CompletedProcess[str]) -> str:
+    """Return what a program wrote on stderr but for the end of OMPL's bindings, which it had loaded before it began."""
+    return done.stderr.partition("nanobind: leaked")[0]
 
 
 def main() -> None:
