@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -71,7 +71,7 @@ def test_parking(worlds: Path, name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 9))
+@pytest.mark.parametrize("seed", range(1, 4))
 def test_better_paths_are_driven_as_well(worlds: Path, seed: int) -> None:
     # All that rounds of improvement make of the first path, not only the last.
     world = shipped(worlds, "parking", 4.5)
@@ -94,16 +94,41 @@ def test_better_paths_are_driven_as_well(worlds: Path, seed: int) -> None:
         assert not Oracle(world, world.robot).collides(states).any()
 
 
-@pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
-def test_an_office(worlds: Path, reverse: bool) -> None:
-    world = shipped(worlds, "office", 0.6, reverse)
+class Office(NamedTuple):
+    """What was planned through a door of an office once, and what was told meanwhile."""
+
+    world: World
+    query: Query
+    result: PlanResult
+    seen: list[PlanProgress]
+
+
+def through_the_door(worlds: Path, reverse: bool) -> Office:
+    world, seen = shipped(worlds, "office", 0.6, reverse), list[PlanProgress]()
     query = world.query("door")
-    _, result = planned(world, query)
-    path = referee(world, query, result)
-    assert path.steering == Steering(0.6, reverse)
-    assert result.lower_bound is not None
-    assert result.lower_bound <= path.cost + 1e-9
-    assert reverse or path.cusps == 0
+    return Office(world, query, planned(world, query, on_progress=seen.append)[1], seen)
+
+
+@pytest.fixture(scope="module")
+def office(worlds: Path) -> Office:
+    return through_the_door(worlds, reverse=True)
+
+
+def require_sound(planned: Office) -> CurvePath:
+    path = referee(planned.world, planned.query, planned.result)
+    assert planned.result.lower_bound is not None
+    assert planned.result.lower_bound <= path.cost + 1e-9
+    return path
+
+
+def test_an_office(office: Office) -> None:
+    assert require_sound(office).steering == Steering(0.6)
+
+
+def test_an_office_forwards_only(worlds: Path) -> None:
+    path = require_sound(through_the_door(worlds, reverse=False))
+    assert path.steering == Steering(0.6, reverse=False)
+    assert path.cusps == 0
 
 
 def test_a_free_way_is_the_shortest_curve_itself() -> None:
@@ -151,7 +176,7 @@ def test_what_is_too_tight_for_a_car_ends_in_time_with_how_far_it_got() -> None:
     walls = (Rectangle((5.0, 3.9), 10.0, 0.4), Rectangle((5.0, 6.1), 10.0, 0.4), Rectangle((10.2, 5.0), 0.4, 2.6))
     world = World("dead end", (-8.0, -4.0, 20.0, 14.0), walls, Robot.rectangle(2.0, 1.0).steered(3.0, reverse=False))
     query = Query("out", (7.0, 5.0, 0.0), (15.0, 5.0, 0.0))
-    _, result = planned(world, query, time_limit=1.0, max_iterations=None)
+    _, result = planned(world, query, time_limit=0.4, max_iterations=None)
     assert result.status == "timeout"
     assert result.time["total"] is not None
     assert result.time["total"] < 30.0  # without a limit on its rounds it would not end
@@ -172,21 +197,16 @@ def test_the_same_seed_gives_the_same_path_and_queries_share_the_roadmap(worlds:
     assert back.path.cost < 1.05 * first.path.cost
 
 
-def test_progress_tells_of_curves(worlds: Path) -> None:
-    world = shipped(worlds, "office", 0.6)
-    query = world.query("door")
-    seen: list[PlanProgress] = []
-    _, result = planned(world, query, on_progress=seen.append)
+def test_progress_tells_of_curves(office: Office) -> None:
+    seen, result = office.seen, office.result
     costs = [state.cost for state in seen if state.cost is not None]
     assert costs == sorted(costs, reverse=True)
     assert all(isinstance(state.path, CurvePath) for state in seen if state.path is not None)
     assert costs[-1] == result.cost
 
 
-def test_the_record_holds_what_rebuilds_the_curves(worlds: Path) -> None:
-    world = shipped(worlds, "office", 0.6)
-    query = world.query("door")
-    _, result = planned(world, query)
+def test_the_record_holds_what_rebuilds_the_curves(office: Office) -> None:
+    result = office.result
     record = json.loads(json.dumps(result.to_dict("office", "door")))
     curve = record["curve"]
     assert curve["kind"] == "reeds-shepp"
@@ -210,10 +230,10 @@ def test_landmarks_beforehand(worlds: Path) -> None:
 def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
     world = random_world(11, 25, size=30.0, radii=(0.5, 2.5))
     planner = LandmarkPlanner(world, ROBOTS["rectangle"].steered(1.5, reverse), seed=0, landmarks=400)
-    ends = free_samples(planner.checker, 40, random_state=2).reshape(-1, 2, 3)
-    answered = planner.plan_many(ends[:, 0], ends[:, 1], 2.0)
+    ends = free_samples(planner.checker, 28, random_state=2).reshape(-1, 2, 3)
+    answered = planner.plan_many(ends[:, 0], ends[:, 1], 2.0, max_iterations=1)
     solved = [i for i, result in enumerate(answered) if result.path is not None]
-    assert len(solved) >= 15
+    assert len(solved) >= 10
     judge = Oracle(world, planner.robot, 1e-6)
     for i in solved:
         path = answered[i].path
@@ -226,7 +246,7 @@ def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
     nodes = len(planner.roadmap)
     snapshot = planner._model.shared.snapshot(lambda: planner.relaxation)
     known = ends[[i for i in solved if snapshot.find_path(ends[i, 0].copy(), ends[i, 1].copy()) is not None]]
-    assert len(known) >= 12
-    alone, beside = (planner.plan_many(known[:, 0], known[:, 1], 2.0, workers=n) for n in (1, 2))
+    assert len(known) >= 8
+    alone, beside = (planner.plan_many(known[:, 0], known[:, 1], 2.0, max_iterations=1, workers=n) for n in (1, 2))
     assert len(planner.roadmap) == nodes
     assert [result.cost for result in alone] == [result.cost for result in beside]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from functools import cache
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -24,6 +25,7 @@ from trailmark.shapes import Rectangle
 KINDS = ["disc", "rectangle", "L", "thin"]
 
 
+@cache
 def obstacles_of(world: World) -> shapely.Geometry:
     """Return all that blocks, discs as polygons that lie within them by up to 1e-4 of their radius."""
     shapes = [
@@ -35,24 +37,22 @@ def obstacles_of(world: World) -> shapely.Geometry:
     shapes.append(shapely.difference(frame, shapely.box(*world.bounds)))
     if world.boundary is not None:
         shapes.append(shapely.difference(shapely.box(*world.bounds), world.boundary.shapely()))
-    return shapely.union_all(shapes)
-
-
-def depths(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
-    """Return how far (metres) the robot reaches into obstacles at each state, 0 where it is free."""
-    blocked = obstacles_of(world)
+    blocked = shapely.union_all(shapes)
     shapely.prepare(blocked)
+    return blocked
+
+
+def is_deep(world: World, robot: Robot, states: np.ndarray, depth: float) -> bool:
+    """Return whether the robot reaches farther into obstacles (metres) than that at any state."""
+    blocked = obstacles_of(world)
     if isinstance(robot.footprint, Disc):
-        r = robot.footprint.radius
-        return np.asarray(np.maximum(0.0, r - shapely.distance(shapely.points(states[:, :2]), blocked)))
+        return bool((robot.footprint.radius - shapely.distance(shapely.points(states[:, :2]), blocked)).max() > depth)
     bodies = shapely.polygons(se2.transform(states, robot.outline.vertices))
-    hit = shapely.intersects(blocked, bodies)
-    found = np.zeros(len(states))
-    for i in np.flatnonzero(hit):
-        overlap = shapely.intersection(blocked, bodies[i])
-        # At least the radius of the largest disc in the overlap.
-        found[i] = shapely.length(shapely.maximum_inscribed_circle(overlap)) if overlap.area > 0.0 else 0.0
-    return found
+    overlaps = shapely.intersection(blocked, bodies[shapely.intersects(blocked, bodies)])
+    areas = shapely.area(overlaps)
+    # At least the radius of the largest disc in the overlap; the largest overlaps first.
+    largest = overlaps[np.argsort(-areas)[: np.count_nonzero(areas)]]
+    return any(shapely.length(shapely.maximum_inscribed_circle(overlap)) > depth for overlap in largest)
 
 
 def fault_of(world: World, robot: Robot, states: np.ndarray) -> str | None:
@@ -70,23 +70,23 @@ def test_random_motions_agree_with_dense_sampling(kind: str, offset: float) -> N
     rng = np.random.default_rng(2)
     faulty = free = 0
     final = FinalCheck(world, robot)
-    for _ in range(80):
+    for _ in range(40):
         states = np.empty((2, 3))
         states[0] = *rng.uniform(3, 27, 2), rng.uniform(-np.pi, np.pi)
         states[1] = states[0] + rng.normal(0, (2, 2, 1.5))
         states[:, :2] += origin
         path = Path(states)
-        depth = depths(world, robot, path.resample(0.02).states).max()
+        deep = is_deep(world, robot, path.resample(0.02).states, 1e-3)
         fault = final.fault(path, path.states[0], path.states[-1])
         # Discs are polygons here; what overlaps by less is left open.
-        if depth > 1e-3:
+        if deep:
             assert fault is not None
             faulty += 1
         elif fault is None:
             free += 1
         else:
             # Sampling may have missed a corner, by less than a corner of 45 degrees moves between two samples.
-            assert depths(world, robot, path.resample(2e-4).states).max() > 0.0
+            assert is_deep(world, robot, path.resample(2e-4).states, 0.0)
     assert faulty > 10
     assert free > 5
 
@@ -98,7 +98,7 @@ def test_an_obstacle_pushed_into_a_path_is_found(kind: str, depth: float) -> Non
     """Grazing from all sides: a disc is put beside a swept path and pushed in by a little more than the rim."""
     robot = ROBOTS[kind]
     rng = np.random.default_rng(3)
-    for _ in range(12):
+    for _ in range(6):
         states = np.array([[10, 10, rng.uniform(-3, 3)], [*rng.uniform(11, 15, 2), rng.uniform(-3, 3)]])
         path = Path(states)
         fine = path.resample(1e-3).states
@@ -133,7 +133,7 @@ def test_after_changes_it_finds_what_one_made_anew_finds(kind: str) -> None:
     world, robot = random_world(5, 25, size=30.0, radii=(0.3, 2.0), discs=0.3, holes=0.4, boundary=True), ROBOTS[kind]
     final = FinalCheck(world, robot)
     faults = 0
-    for k in range(100):
+    for k in range(60):
         i = int(rng.integers(len(world.obstacles)))
         x, y = rng.uniform(3, 27, 2).tolist()
         if k % 3 == 0:
@@ -142,7 +142,7 @@ def test_after_changes_it_finds_what_one_made_anew_finds(kind: str) -> None:
             world = world.edited(remove=[i]) if k % 3 == 1 else world.edited(move={i: (0.5, -0.2, 0.3)})
         final = final.edited(world)
         anew = FinalCheck(world, robot)
-        for _ in range(10):
+        for _ in range(5):
             states = np.empty((2, 3))
             states[0] = *rng.uniform(3, 27, 2), rng.uniform(-np.pi, np.pi)
             states[1] = states[0] + rng.normal(0, (1, 1, 0.5))
@@ -152,7 +152,7 @@ def test_after_changes_it_finds_what_one_made_anew_finds(kind: str) -> None:
             # Of several obstacles that are met, either may name another.
             assert str(found).partition(" overlaps")[0] == str(expected).partition(" overlaps")[0]
             faults += found is not None
-    assert 50 < faults < 950
+    assert 15 < faults < 285
     walled = replace(world, boundary=Polygon(np.array([[1, 1], [4, 1], [4, 4], [1, 4]])))
     start, goal = np.array([20.0, 20, 0]), np.array([20.1, 20, 0])
     assert final.edited(walled).fault(Path(np.array([start, goal])), start, goal) is not None
@@ -175,19 +175,19 @@ def test_curves_agree_with_dense_sampling(reverse: bool) -> None:
     final, steering = FinalCheck(world, robot), Steering(2.0, reverse)
     rng = np.random.default_rng(4)
     faulty = free = 0
-    for _ in range(100):
+    for _ in range(50):
         knots = np.column_stack([rng.uniform(3, 27, (3, 2)), rng.uniform(-3, 3, 3)])
         knots[1:, :2] = knots[0, :2] + rng.normal(0, 2, (2, 2))
         path = CurvePath(knots, steering)
-        depth = depths(world, robot, path.resample(0.02).states).max()
+        deep = is_deep(world, robot, path.resample(0.02).states, 1e-3)
         fault = final.fault(path, path.states[0], path.states[-1])
-        if depth > 1e-3:
+        if deep:
             assert fault is not None
             faulty += 1
         elif fault is None:
             free += 1
         else:
-            assert depths(world, robot, path.resample(2e-4).states).max() > 0.0
+            assert is_deep(world, robot, path.resample(2e-4).states, 0.0)
     assert faulty > 10
     assert free > 5
 
@@ -247,10 +247,10 @@ def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.M
 
     monkeypatch.setattr(BatchSolver, "answer", wrong)
     with pytest.warns(InternalErrorWarning):
-        result = planner.plan(START, GOAL, time_limit=1.0)
+        result = planner.plan(START, GOAL, time_limit=0.3)
     assert (result.status, result.path) == ("timeout", None)
     with pytest.warns(InternalErrorWarning):
-        (result,) = planner.plan_many([START], [GOAL], time_limit=1.0)
+        (result,) = planner.plan_many([START], [GOAL], time_limit=0.3)
     assert (result.status, result.path) == ("timeout", None)
 
 
@@ -275,5 +275,5 @@ def test_good_paths_cause_no_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for robot in (Robot.disc(0.4), Robot.rectangle(0.8, 0.4), Robot.rectangle(0.8, 0.4).steered(0.5)):
-            result = LandmarkPlanner(WALL, robot, seed=0).plan(START, GOAL, time_limit=5.0)
+            result = LandmarkPlanner(WALL, robot, seed=0).plan(START, GOAL, time_limit=20.0, max_iterations=2)
             assert result.status == "solved"

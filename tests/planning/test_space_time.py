@@ -66,7 +66,7 @@ def random_moving(rng: np.random.Generator, fastest: float = 4.0) -> Moving:
 def test_a_motion_is_clear_just_when_no_moment_shows_contact(name: str) -> None:
     rng, robot = np.random.default_rng(5), ROBOTS[name]
     verdicts = np.zeros((2, 2), int)
-    for _ in range(300):
+    for _ in range(150):
         moving = random_moving(rng)
         a, b = np.column_stack([rng.uniform(-4, 4, (2, 2)), rng.uniform(-3, 3, 2)])
         speed = rng.uniform(0.5, 5.0)
@@ -86,8 +86,8 @@ def test_a_motion_is_clear_just_when_no_moment_shows_contact(name: str) -> None:
         if abs(least) > 0.1:
             assert clear == (least > 0.0)
         assert not (clear and least <= 0.0)
-    assert verdicts[0, 0] > 10
-    assert verdicts[1, 1] > 20
+    assert verdicts[0, 0] > 5
+    assert verdicts[1, 1] > 10
 
 
 def test_grazing_is_decided_to_a_micrometre() -> None:
@@ -309,13 +309,13 @@ def test_a_disc_that_turns_on_its_way_keeps_to_its_times() -> None:
 def test_many_moving_obstacles_never_give_a_path_that_meets_one(name: str) -> None:
     rng, robot, speed = np.random.default_rng(11), ROBOTS[name], 2.0
     found = 0
-    for seed in range(4):
+    for seed in range(2):
         world = random_world(seed, 25, size=40.0)
         planner = LandmarkPlanner(world, robot, seed=0)
         q = np.column_stack([rng.uniform(2, 38, (500, 2)), rng.uniform(-3, 3, 500)])
         q = q[planner.checker.valid(q)]
         start, goal = q[np.argmin(q[:, :2].sum(axis=1))], q[np.argmax(q[:, :2].sum(axis=1))]
-        path = planner.plan(start, goal, time_limit=5.0).path
+        path = planner.plan(start, goal, time_limit=20.0, max_iterations=1).path
         assert path is not None
         for _ in range(8):
             places = rng.uniform(0.0, 40.0, (12, 2))
@@ -324,7 +324,7 @@ def test_many_moving_obstacles_never_give_a_path_that_meets_one(name: str) -> No
             result = planner.replan(start, goal, path, speed=speed)
             check(result, changed, robot, speed, start, goal)
             found += result.path is not None
-    assert found > 12
+    assert found > 6
 
 
 def test_cars_take_what_is_swept_for_occupied_and_bad_speeds_are_refused() -> None:
