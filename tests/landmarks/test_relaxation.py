@@ -87,8 +87,8 @@ def test_clearance_is_right_where_it_matters(name: str, seed: int) -> None:
     relaxation = Relaxation(checker)
     where = centres(relaxation)
     cells = np.arange(len(where))
-    if len(cells) > 20_000:
-        cells = np.random.default_rng(0).choice(cells, 20_000, replace=False)
+    if len(cells) > 5_000:
+        cells = np.random.default_rng(0).choice(cells, 5_000, replace=False)
     assert np.array_equal(relaxation.cells(where), np.arange(len(where)))
     assert relaxation.cell_centers(cells) == pytest.approx(where[cells], abs=1e-9)
     exact = distances(world, shapely.points(where[cells]))
@@ -118,8 +118,9 @@ def test_a_small_disc_does_not_go_through_obstacles_larger_than_a_cell() -> None
     relaxation = Relaxation(StateChecker(world, Robot.disc(0.005)))
     assert relaxation.size > 10 * relaxation.radius
     where = centres(relaxation)
-    union = shapely.union_all([shapely.Point(d.center).buffer(d.radius, quad_segs=500) for d in discs])
+    union = shapely.union_all([shapely.Point(d.center).buffer(d.radius, quad_segs=60) for d in discs])
     union = shapely.union(union, walls[0].polygon().shapely())
+    shapely.prepare([union, union.boundary])
     points = shapely.points(where)
     deep = shapely.contains(union, points) & (
         shapely.distance(points, union.exterior if union.geom_type == "Polygon" else union.boundary) > relaxation.size
@@ -245,7 +246,7 @@ def test_component_holds_all_that_a_disc_reaches(seed: int, fineness: int) -> No
     assert component[relaxation.cells(reached)].all()
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 10_000), name=st.sampled_from(sorted(set(ROBOTS) - {"thin"})), fineness=st.integers(0, 2))
 def test_no_certified_path_crosses_from_one_component_to_another(seed: int, name: str, fineness: int) -> None:
     world = random_world(seed, 60, size=25.0, radii=(0.3, 2.0), discs=0.2)
@@ -265,7 +266,7 @@ def test_no_certified_path_crosses_from_one_component_to_another(seed: int, name
         assert relaxation.component(q[members[0]])[cells[members]].all()
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     slack=st.sampled_from([0.0, 1e-6, 1e-3]),
     heading=st.floats(-math.pi, math.pi),

@@ -166,15 +166,15 @@ def test_what_is_enclosed_needs_no_landmarks() -> None:
     outer = np.array([[10.0, 10.0], [39.0, 10.0], [39.0, 39.0], [10.0, 39.0]])
     ring = Polygon(outer, (np.array([[11.0, 11.0], [38.0, 11.0], [38.0, 38.0], [11.0, 38.0]]),))
     checker = StateChecker(World("ring", (0, 0, 40, 40), (ring,)), Robot.disc(0.5))
-    everywhere = landmarks_for_range(checker, 4.0, random_state=6)
-    assert landmarks_for_range(checker, 4.0, reachable_from=np.array([5.0, 5.0, 0.0]), random_state=6) < everywhere
+    everywhere = landmarks_for_range(checker, 6.0, random_state=6)
+    assert landmarks_for_range(checker, 6.0, reachable_from=np.array([5.0, 5.0, 0.0]), random_state=6) < everywhere
 
 
 def test_a_seed_decides() -> None:
     checker = CASES["office"][0]
-    counts = [landmarks_for_range(checker, 3.0, random_state=seed) for seed in (7, 7)]
+    counts = [landmarks_for_range(checker, 6.0, random_state=seed) for seed in (7, 7)]
     assert counts[0] == counts[1]
-    again = landmarks_for_range(checker, 3.0, random_state=np.random.default_rng(7))
+    again = landmarks_for_range(checker, 6.0, random_state=np.random.default_rng(7))
     assert again == counts[0]
 
 

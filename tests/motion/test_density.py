@@ -42,7 +42,7 @@ def weighted(world: World, objective: Objective) -> WeightedMotion:
 def test_lines_cost_what_sampling_says(objective: Objective) -> None:
     world, rng = world_with(), np.random.default_rng(1)
     motion = weighted(world, objective)
-    for _ in range(60):
+    for _ in range(25):
         ends = np.column_stack([rng.uniform(0.05, 9.95, (2, 2)), np.zeros(2)])
         cost, error = motion.cost_within(ends)
         sampled = sampled_cost(world, objective, ends)
@@ -58,7 +58,7 @@ def test_the_error_is_a_bound_on_the_error() -> None:
     world = world_with(())
     motion = weighted(world, Objective(clearance=5.0))
     kind = motion.kind
-    for y in np.linspace(0.1, 9.9, 25):
+    for y in np.linspace(0.1, 9.9, 11):
         rough, fine = (line_cost(kind.density, kind.grid, kind.field, 0.1, y, 9.9, y, t) for t in (0.1, 1e-5))
         assert abs(rough[0] - fine[0]) <= rough[1] + fine[1]
 
@@ -75,7 +75,7 @@ def test_a_line_along_a_border_costs_one_side_or_the_other() -> None:
 
 def test_the_least_density_is_below_every_density() -> None:
     rng = np.random.default_rng(5)
-    for _ in range(20):
+    for _ in range(10):
         zones = []
         for _ in range(rng.integers(1, 6)):
             x, y, size = rng.uniform(0.0, 8.0), rng.uniform(0.0, 8.0), rng.uniform(0.5, 6.0)

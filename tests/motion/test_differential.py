@@ -15,7 +15,7 @@ from trailmark.collision import StateChecker
 from trailmark.errors import ShapeError
 from trailmark.landmarks import free_samples
 from trailmark.motion import DifferentialMotion, motion_of
-from trailmark.planning import LandmarkPlanner
+from trailmark.planning import LandmarkPlanner, PlannerSettings
 from trailmark.planning.final_check import FinalCheck
 from trailmark.roadmap import Roadmap
 from trailmark.se2 import FloatArray, difference
@@ -88,10 +88,10 @@ def test_certified_motions_meet_nothing(name: str) -> None:
     robot = ROBOTS[name].differential()
     motion = motion_in(world, robot)
     rng = np.random.default_rng(3)
-    a = free_samples(motion.checker, 400, random_state=1)
-    b = a + np.column_stack([rng.uniform(-4, 4, (400, 2)), rng.uniform(-2, 2, 400)])
+    a = free_samples(motion.checker, 200, random_state=1)
+    b = a + np.column_stack([rng.uniform(-4, 4, (200, 2)), rng.uniform(-2, 2, 200)])
     free = motion.motions_valid(a, b)
-    assert 20 < free.sum() < 380
+    assert 10 < free.sum() < 190
     oracle, missed = Oracle(world, robot), 0
     for start, end, certified in zip(a, b, free, strict=True):
         states = motion.driven(np.array([start, end]))
@@ -100,7 +100,7 @@ def test_certified_motions_meet_nothing(name: str) -> None:
         assert not (certified and hit)
         missed += not certified and not hit
     # What grazes something within 200 states of a piece may be refused.
-    assert missed <= 4
+    assert missed <= 2
 
 
 def narrow(width: float) -> World:
@@ -114,14 +114,14 @@ def narrow(width: float) -> World:
 def test_paths_turn_in_place_and_drive_ahead(robot: Robot) -> None:
     # In the corridor a cart cannot turn round: it has to be headed there before.
     world = narrow(0.55)
-    planner = LandmarkPlanner(world, robot, seed=1)
+    planner = LandmarkPlanner(world, robot, seed=1, settings=PlannerSettings(patience=1))
     result = planner.plan((1.0, 1.0, 2.0), (9.0, 5.0, -1.0), 2.0)
     assert result.path is not None
     assert_driven(result.path.states, bool(robot.reverse))
     assert result.cost == pytest.approx(result.path.cost)
     assert result.lower_bound is not None
     assert result.lower_bound <= result.path.cost <= 1.25 * result.lower_bound
-    many = planner.plan_many([(1.0, 1.0, 2.0)], [(9.0, 5.0, -1.0)], 2.0)[0]
+    many = planner.plan_many([(1.0, 1.0, 2.0)], [(9.0, 5.0, -1.0)], 0.5)[0]
     assert many.path is not None
     assert_driven(many.path.states, bool(robot.reverse))
     world = planner.world.edited(add=[Disc((1.8, 2.4), 0.2)])

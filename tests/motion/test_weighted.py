@@ -36,7 +36,7 @@ def test_certification_is_that_of_the_plain_motion(name: str) -> None:
     checker = StateChecker(WORLD, ROBOTS[name])
     weighted = motion_of(checker)
     assert isinstance(weighted, WeightedMotion)
-    a, b = pairs(0, 150, checker)
+    a, b = pairs(0, 60, checker)
     plain, own = (np.asarray(motions_free(kind, a, b)) for kind in (weighted.motion.kind, weighted.kind))
     np.testing.assert_array_equal(plain, own)
     assert 0 < own.sum() < len(own)
@@ -46,7 +46,7 @@ def test_certification_is_that_of_the_plain_motion(name: str) -> None:
 def test_a_cost_is_between_the_length_and_the_factor_times_it(name: str) -> None:
     checker = StateChecker(WORLD, ROBOTS[name])
     weighted = motion_of(checker)
-    a, b = pairs(1, 100, checker)
+    a, b = pairs(1, 40, checker)
     length, cost = (np.asarray(costs(kind, a, b)) for kind in (weighted.motion.kind, weighted.kind))  # type: ignore[attr-defined]
     assert (cost >= length * (1.0 - 1e-9)).all()
     assert (cost <= 2.0 * length * (1.0 + 1e-9)).all()
@@ -61,7 +61,7 @@ def test_a_cost_is_between_the_length_and_the_factor_times_it(name: str) -> None
 def test_a_curve_is_charged_along_its_arcs(objective: Objective) -> None:
     checker = StateChecker(WORLD, ROBOTS["car"])
     weighted = motion_of(checker, objective=objective)
-    a, b = pairs(2, 15, checker)
+    a, b = pairs(2, 6, checker)
     for start, end in zip(a, b, strict=True):
         states = np.array(weighted.path(np.array([start, end])).resample(0.005).states)
         states[:, 2] = 0.0
