@@ -17,7 +17,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from time import perf_counter
@@ -79,7 +79,7 @@ def run(case: Case, settings: PlannerSettings, seed: int, limit: float, *, first
     return {"status": result.status, "first": result.time["first_solution"], "cost": result.cost}
 
 
-def block(case: Case, stage: str, seed: int, limit: float) -> Iterator[dict[str, Any]]:
+def block(case: Case, stage: str, seed: int, limit: float, repeats: int) -> Iterator[dict[str, Any]]:
     """Yield the runs of all variants on one problem: up to the first path, repeatedly, or up to the limit."""
     chosen = variants(case)
     # Loads what this robot's kind of motion needs.
@@ -87,7 +87,7 @@ def block(case: Case, stage: str, seed: int, limit: float) -> Iterator[dict[str,
     best: dict[str, dict[str, Any]] = {}
     spent = dict.fromkeys(chosen, 0.0)
     rng = np.random.default_rng([seed, len(stage)])
-    for _ in range(REPEATS if stage == "first" else 1):
+    for _ in range(repeats if stage == "first" else 1):
         for name in rng.permutation(list(chosen)).tolist():
             if spent[name] > ENOUGH:
                 continue
@@ -125,7 +125,7 @@ def measure(given: list[Case], record: Path, options: argparse.Namespace) -> Non
         for number, (stage, case, seed) in enumerate(missing):
             if perf_counter() - begin > 60.0 * options.minutes:
                 break
-            lines = [json.dumps(row) + "\n" for row in block(case, stage, seed, options.time_limit)]
+            lines = [json.dumps(row) + "\n" for row in block(case, stage, seed, options.time_limit, options.repeats)]
             # In one piece: a block that was cut short is made anew.
             file.write("".join(lines))
             file.flush()
@@ -140,8 +140,13 @@ def _read(record: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in record.read_text().splitlines()] if record.exists() else []
 
 
-def main() -> int:
-    """Measure what is missing, and write the table and the plot."""
+def main(words: Sequence[str] | None = None, given: Sequence[Case] | None = None) -> int:
+    """Measure what is missing, and write the table and the plot.
+
+    Args:
+        words: of the command line; the program's own if it is None.
+        given: the problems; those of :func:`ablation_cases` if it is None.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     parser.add_argument("--record", type=Path, default=folder / "trailmark" / "ablation.jsonl", help="of the runs")
@@ -150,13 +155,17 @@ def main() -> int:
     parser.add_argument(
         "--problems", default="", help="groups and kinds that hold this text, such as 'random 50, disc'"
     )
+    parser.add_argument(
+        "--repeats", type=int, default=REPEATS, help="times that a first path is sought by each at most"
+    )
     parser.add_argument("--count", type=int, default=1_000_000, help="problems at most")
     parser.add_argument("--minutes", type=float, default=35.0, help="after which no further block begins")
     parser.add_argument("--no-write", action="store_true", help="print the table only")
-    options = parser.parse_args()
+    options = parser.parse_args(words)
     warm_up()
-    given = [case for case in ablation_cases() if options.problems in f"{case.group} {case.kind}"][: options.count]
-    measure(given, options.record, options)
+    given = ablation_cases() if given is None else given
+    chosen = [case for case in given if options.problems in f"{case.group} {case.kind}"][: options.count]
+    measure(chosen, options.record, options)
     print(publish(_read(options.record)[1:], options.time_limit, write=not options.no_write))
     return 0
 

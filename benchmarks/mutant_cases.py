@@ -123,10 +123,14 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
     ]
 
 
-def cases(seed: int, size: int) -> list[Case]:
-    """Return the cases; ``size`` colliding motions in each, and other numbers in proportion."""
+def cases(seed: int, size: int, scenes: int | None = None) -> list[Case]:
+    """Return the cases, or those of the first ``scenes`` alone.
+
+    There are ``size`` colliding motions in each, and other numbers in proportion.
+    """
     rng = np.random.default_rng(seed)
-    return [*(_case(*scene, rng, size) for scene in _scenes()), *_corners(rng, size)]
+    found = [_case(*scene, rng, size) for scene in _scenes()[:scenes]]
+    return found if scenes is not None else [*found, *_corners(rng, size)]
 
 
 def _corners(rng: np.random.Generator, size: int) -> list[Case]:

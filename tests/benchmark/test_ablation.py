@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import pytest
 from benchmarks import ablation
 from benchmarks.ablation_problems import ablation_cases
 from benchmarks.ablation_report import CONTROL, FULL, compare, draw, names_in, page
+from benchmarks.ahead_problems import Case
 
 from trailmark.benchmark.problems import Problem
 from trailmark.planning.mechanisms import MECHANISMS
@@ -52,16 +52,20 @@ def test_the_page_has_a_row_for_each_variant_and_the_plot_is_a_picture() -> None
     assert draw(ROWS, 1.0).startswith(b"\x89PNG")
 
 
+@pytest.fixture(scope="module")
+def given() -> list[Case]:
+    return ablation_cases()
+
+
 @pytest.mark.slow
-def test_problems_are_of_every_group_from_the_front() -> None:
-    given = ablation_cases()
+def test_problems_are_of_every_group_from_the_front(given: list[Case]) -> None:
     assert {case.group for case in given[:12]} >= {"worlds", "random", "passages", "mixed", "cars"}
     assert len({case.problem.key for case in given}) == len(given)
 
 
 @pytest.mark.slow
-def test_variants_are_those_that_concern_the_robot() -> None:
-    by_group = {case.group: case for case in ablation_cases()}
+def test_variants_are_those_that_concern_the_robot(given: list[Case]) -> None:
+    by_group = {case.group: case for case in given}
     car, straight = (ablation.variants(by_group[group]) for group in ("cars", "passages"))
     assert "planner lattice" in straight
     assert "planner lattice" not in car
@@ -73,20 +77,17 @@ def test_variants_are_those_that_concern_the_robot() -> None:
 
 @pytest.mark.slow
 def test_a_slice_is_measured_resumed_and_not_mixed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, around: Problem, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, around: Problem, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    case = next(case for case in ablation_cases() if case.group == "passages")
-    monkeypatch.setattr(ablation, "ablation_cases", lambda: [type(case)("worlds", "around", around, feasible=True)])
+    cases = [Case("worlds", "around", around, feasible=True)]
     record = tmp_path / "record.jsonl"
-    words = ["ablation", "--record", str(record), "--seeds", "1", "--time-limit", "0.05", "--no-write"]
-    monkeypatch.setattr(sys, "argv", words)
-    assert ablation.main() == 0
+    words = ["--record", str(record), "--seeds", "1", "--time-limit", "0.05", "--repeats", "1", "--no-write"]
+    assert ablation.main(words, cases) == 0
     assert "| planner paper" in capsys.readouterr().out
     rows = [json.loads(line) for line in record.read_text().splitlines()]
     assert {r["stage"] for r in rows[1:]} == {"first", "cost"}
     assert all(r["first"] is not None for r in rows[1:] if r["variant"] == FULL)
-    assert ablation.main() == 0
+    assert ablation.main(words, cases) == 0
     assert len(record.read_text().splitlines()) == len(rows)
-    monkeypatch.setattr(sys, "argv", [*words, "--time-limit", "0.1"])
     with pytest.raises(SystemExit, match="expected runs of this code and limit"):
-        ablation.main()
+        ablation.main([*words, "--time-limit", "0.1"], cases)
