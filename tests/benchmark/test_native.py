@@ -194,7 +194,7 @@ def test_paths_and_figures_of_every_planner(name: str) -> None:
     assert (np.diff(times) >= 0.0).all()
     assert (np.diff(costs) < 0.0).all()
     assert (times[0], costs[0]) == (record.time_to_first_solution, record.first_solution_length)
-    assert costs[-1] == pytest.approx(record.solution_length, abs=1e-5)
+    assert costs[-1] == pytest.approx(record.solution_length, rel=1e-5)
 
 
 @built
