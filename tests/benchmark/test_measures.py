@@ -57,13 +57,13 @@ def test_a_car_has_the_curvature_of_its_circles(scale: float) -> None:
 
 
 def least(world: World, robot: Robot, states: np.ndarray) -> float:
-    """The least distance on a walk of millimetres, with shapes of shapely's own."""
+    """The least distance on a walk of a few millimetres, with shapes of shapely's own."""
     outline = robot.outline.vertices if not isinstance(robot.footprint, Disc) else np.zeros((1, 2))
     radius = robot.footprint.radius if isinstance(robot.footprint, Disc) else 0.0
     solid = [shape.polygon().shapely() for shape in world.obstacles if not isinstance(shape, Disc)]
     discs = [shape for shape in world.obstacles if isinstance(shape, Disc)]
     found = math.inf
-    for q in Path(states).resample(2e-3).states:
+    for q in Path(states).resample(4e-3).states:
         corners = se2.transform(q, outline)
         body = shapely.Point(corners[0]) if radius else shapely.Polygon(corners)
         apart = [body.distance(shape) for shape in solid]
@@ -85,14 +85,14 @@ def test_the_least_clearance(robot: Robot, bent: bool) -> None:
     judge = Referee(world, robot)
     rng = np.random.default_rng(3)
     accepted = 0
-    while accepted < 4:
+    while accepted < 2:
         middle = rng.uniform((1.0, 1.0, -3.0), (9.0, 5.0, 3.0), (2, 3))
         states = np.vstack([START, middle, GOAL])
         if judge.fault(states, START, GOAL) is not None:
             continue
         accepted += 1
         found, wanted = measured(judge, states, SCALE).min_clearance, least(world, robot, states)
-        # The walk may step over the very place by a millimetre.
+        # The walk may step over the very place by two millimetres.
         assert -5e-3 <= found - wanted <= 3.0 * PRECISE
 
 

@@ -37,7 +37,7 @@ def check_curve(answer: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("planner", ["landmark", "lattice", "PRM", "RRTConnect+certified", "BITstar+certified"])
 def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: Problem) -> None:
-    answer = worker.run(job(around, planner, seed=5, limit=0.6))
+    answer = worker.run(job(around, planner, seed=5, limit=0.4))
     assert (answer["status"], answer["solved"], answer["seed"]) == (Status.EXACT_SOLUTION, True, 5), answer
     assert answer["correct_solution"], answer["failure"]
     check_curve(answer)
@@ -101,7 +101,8 @@ def test_parameters_reach_the_planner(worker: Worker, ahead: Problem) -> None:
 def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, around: Problem) -> None:
     car = Problem(around.world.with_robot(Robot.rectangle(0.8, 0.4).steered(0.6, reverse)))
     # The first job of a worker compiles what cars need, if no cache holds it.
-    answer = worker.run(job(car, planner, seed=2, limit=2.0))
+    # OMPL lengthens some curves by rounding, which it leaves out of the path only if it has some time.
+    answer = worker.run(job(car, planner, seed=2, limit=2.0 if planner.startswith("BITstar") else 0.6))
     assert answer["solved"], answer
     assert answer["correct_solution"], answer["failure"]
     check_curve(answer)
