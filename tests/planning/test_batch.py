@@ -43,18 +43,18 @@ def queries(planner: LandmarkPlanner, n: int, seed: int = 8) -> tuple[FloatArray
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
+@pytest.mark.parametrize("name", ["disc", "L"])
 def test_paths_are_valid_bounded_and_leave_nothing_behind(name: str, judge: Judge) -> None:
     planner = planner_for(name)
-    planner.build(1500)
-    starts, goals = queries(planner, 40)
+    planner.build(700)
+    starts, goals = queries(planner, 20)
     # Here what is new to the roadmap is learnt.
     assert {r.status for r in planner.plan_many(starts, goals, time_limit=20.0, max_iterations=4)} == {"solved"}
     nodes, edges = len(planner.roadmap), len(planner.roadmap.edges)
     seen: list[tuple[int, int]] = []
     results = planner.plan_many(starts, goals, on_progress=lambda done, of: seen.append((done, of)))
-    assert seen == [(i + 1, 40) for i in range(40)]
-    assert [r.status for r in results] == ["solved"] * 40
+    assert seen == [(i + 1, 20) for i in range(20)]
+    assert [r.status for r in results] == ["solved"] * 20
     assert (len(planner.roadmap), len(planner.roadmap.edges)) == (nodes, edges)
     for start, goal, result in zip(starts, goals, results, strict=True):
         assert result.path is not None
@@ -77,10 +77,10 @@ def test_paths_are_valid_bounded_and_leave_nothing_behind(name: str, judge: Judg
 @pytest.mark.parametrize("name", ["disc", "rectangle"])
 def test_paths_are_nearly_as_short_as_plans(name: str) -> None:
     planner = planner_for(name)
-    starts, goals = queries(planner, 12)
+    starts, goals = queries(planner, 8)
     many = np.array([r.cost for r in planner.plan_many(starts, goals)], dtype=np.float64)
     one = LandmarkPlanner(WORLD, ROBOTS[name], seed=5, checker=planner.checker)
-    single = [one.plan(a, b, time_limit=30.0, max_iterations=3).cost for a, b in zip(starts, goals, strict=True)]
+    single = [one.plan(a, b, time_limit=30.0, max_iterations=2).cost for a, b in zip(starts, goals, strict=True)]
     ratio = many / np.minimum(many, np.array(single, dtype=np.float64))
     assert np.median(ratio) < 1.03
     assert ratio.max() < 1.5
@@ -91,8 +91,8 @@ def test_answers_do_not_depend_on_the_number_of_threads() -> None:
     answers = []
     for workers in (1, 5):
         planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, settings=PlannerSettings(patience=2))
-        planner.build(800)
-        starts, goals = queries(planner, 30)
+        planner.build(500)
+        starts, goals = queries(planner, 16)
         # One query is planned until it settles.
         answers.append(planner.plan_many(starts, goals, time_limit=600.0, workers=workers))
     for other in answers[1:]:
@@ -104,13 +104,13 @@ def test_answers_do_not_depend_on_the_number_of_threads() -> None:
 @pytest.mark.slow
 def test_many_threads_ask_one_planner_while_it_grows() -> None:
     planner = planner_for("L")
-    planner.build(6000)
-    starts, goals = queries(planner, 40)
+    planner.build(2000)
+    starts, goals = queries(planner, 24)
     # What the roadmap does not answer, it would learn.
     snapshot = planner._model.shared.snapshot(lambda: planner.relaxation)
     known = [snapshot.find_path(a.copy(), b.copy()) is not None for a, b in zip(starts, goals, strict=True)]
     starts, goals = starts[known], goals[known]
-    assert len(starts) > 30
+    assert len(starts) > 12
     nodes = len(planner.roadmap)
     expected = planner.plan_many(starts, goals, time_limit=60.0)
 

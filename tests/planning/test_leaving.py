@@ -15,6 +15,7 @@ from trailmark import (
     KeepOutZone,
     LandmarkPlanner,
     Path,
+    PlannerSettings,
     PlanProgress,
     PlanResult,
     Polygon,
@@ -32,6 +33,8 @@ ROBOTS = {
     "car": Robot.rectangle(0.8, 0.4).steered(1.0),
     "dubins": Robot.rectangle(0.8, 0.4).steered(1.0, reverse=False),
 }
+QUICK = PlannerSettings(patience=1)
+"""Paths settle at the first round that gains nothing."""
 BOUNDS = (0.0, 0.0, 20.0, 12.0)
 MIDDLE = Rectangle((6.0, 6.0), 6.0, 6.0)
 # Two towers on a base: from one to the other, the straight way leaves the zone and comes back.
@@ -45,7 +48,7 @@ def zone(shape: Shape) -> KeepOutZone:
 def plan(
     world: World, robot: Robot, start: tuple[float, ...], goal: tuple[float, ...], seconds: float = 2.0
 ) -> PlanResult:
-    return LandmarkPlanner(world, robot, seed=1).plan(start, goal, time_limit=seconds)
+    return LandmarkPlanner(world, robot, seed=1, settings=QUICK).plan(start, goal, time_limit=seconds)
 
 
 def overlaps(robot: Robot, states: np.ndarray, shape: Shape) -> np.ndarray:
@@ -53,8 +56,8 @@ def overlaps(robot: Robot, states: np.ndarray, shape: Shape) -> np.ndarray:
     region = shapely.buffer(shape.polygon(1e-9).shapely(), -2e-6)
     if isinstance(robot.footprint, Disc):
         return np.array(shapely.distance(region, shapely.points(states[:, :2])) < robot.footprint.radius)
-    bodies = [shapely.Polygon(se2.transform(q, robot.outline.vertices)) for q in states]
-    return np.array(shapely.intersects(region, np.array(bodies)))
+    shapely.prepare(region)
+    return np.array(shapely.intersects(region, shapely.polygons(se2.transform(states, robot.outline.vertices))))
 
 
 def assert_leaves(world: World, robot: Robot, path: Path) -> None:
@@ -109,7 +112,7 @@ def test_a_start_in_two_zones_leaves_both() -> None:
 
 def test_the_cheapest_of_several_goals_is_outside() -> None:
     world = World("w", BOUNDS, zones=(zone(MIDDLE),))
-    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0, settings=QUICK)
     # The cheapest one is in the zone still, in which a path may not end.
     goals = [Goal((6.0, 7.0, 0.0)), Goal((15.0, 6.0, 0.0), cost=9.0), Goal((1.0, 10.0), cost=0.5)]
     result = planner.plan((6.0, 6.0, 0.0), goals)
@@ -157,7 +160,7 @@ def test_a_zone_that_covers_everything_cannot_be_left() -> None:
 
 def test_updates_replans_and_progress() -> None:
     world = World("w", BOUNDS, (Disc((12.0, 6.0), 1.0),), zones=(zone(MIDDLE),))
-    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+    planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0, settings=QUICK)
     start, goal = (6.0, 6.0, 0.0), (18.0, 6.0, 0.0)
     seen: list[PlanProgress] = []
     first = planner.plan(start, goal, on_progress=seen.append)

@@ -43,7 +43,7 @@ GAP = box(7.0, 4.0, 9.0, 6.0)
 
 
 def plan(world: World, robot: Robot, seconds: float = 1.0) -> PlanResult:
-    return LandmarkPlanner(world, robot, seed=1).plan(START, GOAL, time_limit=seconds)
+    return LandmarkPlanner(world, robot, seed=1, settings=QUICK).plan(START, GOAL, time_limit=seconds)
 
 
 def first_path(world: World, robot: Robot) -> PlanResult:
@@ -88,7 +88,8 @@ def test_the_way_back_is_another_one() -> None:
         assert path is not None
         assert_right_way(world, path)
         assert abs(path.length - length) < 2.5
-    there, back = planner.plan_many([START, GOAL], [GOAL, START], time_limit=3.0)
+    planner.build(200)
+    there, back = planner.plan_many([START, GOAL], [GOAL, START], time_limit=20.0, max_iterations=2)
     assert there.path is not None
     assert back.path is not None
     for result in (there, back):
@@ -112,7 +113,7 @@ def test_a_zone_over_everything_lets_pass_along_its_heading_only() -> None:
 @pytest.mark.parametrize("heading", [math.pi, -math.pi, math.pi - 1e-12])
 def test_half_a_turn_is_one_heading(heading: float) -> None:
     world = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, heading, 0.2),))
-    planner = LandmarkPlanner(world, ROBOTS["disc"], seed=0)
+    planner = LandmarkPlanner(world, ROBOTS["disc"], seed=0, settings=QUICK)
     back = planner.plan(GOAL, START).path
     assert back is not None
     assert back.length == pytest.approx(12.0, abs=1e-6)
@@ -142,7 +143,7 @@ def test_worlds_with_zones_change() -> None:
     assert first.path is not None
     opened = world.edited(remove=["low"])
     planner.update(opened)
-    second = planner.replan(START, GOAL, first.path, improvement=1.0)
+    second = planner.replan(START, GOAL, first.path, improvement=0.2)
     assert second.path is not None
     assert_right_way(opened, second.path)
     planner.update(World("w", BOUNDS, WALL, ids=("low", "high")))

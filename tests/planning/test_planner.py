@@ -121,7 +121,7 @@ def test_a_round_robot_turns_evenly_along_its_way(judge: Judge) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("heading", [0.0, math.pi / 2, 0.7])
+@pytest.mark.parametrize("heading", [math.pi / 2, 0.7])
 def test_start_and_goal_in_contact(heading: float, judge: Judge) -> None:
     # A block at any angle, the robot's side flush with it, on one side at the start and on the other at the goal.
     across = np.array([-math.sin(heading), math.cos(heading)])
@@ -157,22 +157,22 @@ def test_half_a_turn_both_ways(judge: Judge) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("gap", [0.63, 0.8])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_gap_hardly_wider_than_the_robot(gap: float, seed: int, judge: Judge) -> None:
     start, goal = (4.0, 2.0, 1.0), (16.0, 2.0, -2.0)
     world = wall(gap)
-    result = LandmarkPlanner(world, seed=seed).plan(start, goal, LONG, max_iterations=12)
+    result = LandmarkPlanner(world, seed=seed).plan(start, goal, LONG, max_iterations=12, gap=math.inf)
     accepted(judge, world, start, goal, result)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_bend_that_asks_for_turning_on_the_way(seed: int, judge: Judge) -> None:
     # A rod of length l and width w gets round a bend of width c if l + 2 w <= 2 sqrt(2) c; here with 6 % to spare.
     robot = Robot.rectangle(2.4, 0.3)
     world = bend(1.13, robot)
     start, goal = (1.5, 0.565, 0.0), (9.435, 8.5, math.pi / 2)
-    result = LandmarkPlanner(world, seed=seed).plan(start, goal, LONG, max_iterations=12)
+    result = LandmarkPlanner(world, seed=seed).plan(start, goal, LONG, max_iterations=12, gap=math.inf)
     accepted(judge, world, start, goal, result)
 
 
@@ -211,7 +211,7 @@ def test_a_proof_that_seems_long_is_begun_where_a_path_is_sought_in_vain() -> No
     assert planner.plan((2.0, 3.0, 0.0), (8.0, 3.0, 0.0), LONG).status == "infeasible"
 
 
-@pytest.mark.parametrize("limit", [0.05, 0.5])
+@pytest.mark.parametrize("limit", [0.05, 0.2])
 def test_the_time_limit_is_kept(limit: float) -> None:
     # The inscribed disc gets round the bend, the robot does not, by half a percent: no proof so soon, no path.
     planner = LandmarkPlanner(bend(1.055, Robot.rectangle(2.4, 0.3)), seed=0)
@@ -482,10 +482,10 @@ def test_without_a_path_the_nearest_approach_is_told() -> None:
 def test_the_nearest_approach_of_a_disc_begins_with_the_heading_of_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     # No path is taken, so that there is none to tell but what comes near.
     monkeypatch.setattr(Query, "take", lambda self, states: np.inf)
-    monkeypatch.setattr("trailmark.planning.solve.shortest_disc_path", lambda query, proofs: False)
     world = World("wall", (0, 0, 20, 20), (Rectangle((10.0, 5.0), 1.0, 10.0),), Robot.disc(0.5))
     start = np.array((3.0, 3.0, 2.0))
-    result = LandmarkPlanner(world, seed=0).plan(start, (17, 3, 0), 60.0, max_iterations=1)
+    settings = PlannerSettings(without=("disc-path",))
+    result = LandmarkPlanner(world, seed=0, settings=settings).plan(start, (17, 3, 0), 60.0, max_iterations=1)
     assert result.status == "timeout"
     assert result.nearest is not None
     assert (result.nearest.states[0] == start).all()
