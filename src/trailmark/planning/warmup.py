@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from trailmark.path import Path
 from trailmark.planning.pace import Pace
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
+
+if TYPE_CHECKING:
+    from trailmark.planning.planner import LandmarkPlanner
 
 __all__ = [
     "SMALL",
@@ -93,13 +97,11 @@ def _run(jobs: Sequence[Callable[[], None]]) -> None:
     Pace.forget_all()
 
 
-def _plan(kind: Kind, objective: str = "length") -> None:
-    """Plan between a start and a goal."""
+def _hasty(kind: Kind, objective: str) -> LandmarkPlanner:
+    """Return a planner that does a little of everything: a car's edges and sweeps take long under an objective."""
     from trailmark.planning.planner import LandmarkPlanner
     from trailmark.planning.settings import PlannerSettings
 
-    world, (start, goal) = SMALL
-    # A little of everything is enough: a car's edges and sweeps take long under an objective.
     settings = PlannerSettings(
         first_landmarks=20,
         drives=500,
@@ -108,8 +110,15 @@ def _plan(kind: Kind, objective: str = "length") -> None:
         first_sweeps=1,
         polishing_sweeps=1,
         patience=1,
+        least_gain=1.0,
     )
-    planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, objective=objective, settings=settings, warm=False)
+    return LandmarkPlanner(SMALL[0], ROBOTS[kind], seed=0, objective=objective, settings=settings, warm=False)
+
+
+def _plan(kind: Kind, objective: str = "length") -> None:
+    """Plan between a start and a goal."""
+    world, (start, goal) = SMALL
+    planner = _hasty(kind, objective)
     found = planner.plan(start, goal, time_limit=600.0, max_iterations=1)
     planner.checker.clearance(start)
     if found.path is None:
@@ -151,10 +160,8 @@ def _plan_in_grid(kind: Kind) -> None:
 
 def _plan_many(kind: Kind, objective: str = "length") -> None:
     """Plan between many starts and goals."""
-    from trailmark.planning.planner import LandmarkPlanner
-
-    world, (start, goal) = SMALL
-    planner = LandmarkPlanner(world, ROBOTS[kind], seed=0, objective=objective, warm=False)
+    _, (start, goal) = SMALL
+    planner = _hasty(kind, objective)
     planner.build(50)
     planner.plan_many([start, goal], [goal, start], time_limit=600.0)
 
