@@ -27,15 +27,20 @@ SLOT, ROAD = np.array([10.8, 1.9, 0.0]), np.array([4.0, 5.0, 0.0])
 
 def planned(objective: Objective | str | None = None, start: Any = ROAD, goal: Any = SLOT) -> PlanResult:
     planner = LandmarkPlanner(WORLD, seed=0, objective=objective)
-    result = planner.plan(start, goal, time_limit=60.0, max_iterations=6)
+    result = planner.plan(start, goal, time_limit=60.0, max_iterations=4)
     assert isinstance(result.path, CurvePath)
     assert np.array_equal(result.path.knots[[0, -1]], [start, goal])
     assert not Oracle(WORLD, planner.robot).collides(result.path.resample(0.01).states).any()
     return result
 
 
-def test_changes_of_direction_are_what_a_driver_avoids_by_default() -> None:
-    paid, plain = planned(), planned("length")
+@pytest.fixture(scope="module")
+def paid() -> PlanResult:
+    return planned()
+
+
+def test_changes_of_direction_are_what_a_driver_avoids_by_default(paid: PlanResult) -> None:
+    plain = planned("length")
     assert isinstance(paid.path, CurvePath)
     assert isinstance(plain.path, CurvePath)
     assert paid.path.cusps < plain.path.cusps
@@ -54,10 +59,10 @@ def test_changes_of_direction_are_what_a_driver_avoids_by_default() -> None:
 def test_the_factor_decides_whether_a_car_turns_round() -> None:
     # Straight back, or round by a three-point turn.
     start, goal = np.array([16.0, 5.5, 0.0]), np.array([4.0, 5.5, 0.0])
-    back = planned(Objective(reverse=1.2), start, goal).path
-    assert isinstance(back, CurvePath)
-    assert back.reverse_length == pytest.approx(12.0)
-    assert planned(Objective(reverse=1.2), start, goal).cost == pytest.approx(14.4)
+    result = planned(Objective(reverse=1.2), start, goal)
+    assert isinstance(result.path, CurvePath)
+    assert result.path.reverse_length == pytest.approx(12.0)
+    assert result.cost == pytest.approx(14.4)
 
 
 def test_a_longer_curve_may_have_fewer_changes_of_direction() -> None:
@@ -72,11 +77,11 @@ def test_a_longer_curve_may_have_fewer_changes_of_direction() -> None:
     assert path.length > short.length
 
 
-def test_many_queries_and_new_plans_pay_too() -> None:
-    planner, before = LandmarkPlanner(WORLD, seed=0, landmarks=200), planned().path
+def test_many_queries_and_new_plans_pay_too(paid: PlanResult) -> None:
+    planner, before = LandmarkPlanner(WORLD, seed=0, landmarks=50), paid.path
     assert before is not None
     for result in (
-        planner.plan_many([ROAD], [SLOT], 20.0, max_iterations=3)[0],
+        planner.plan_many([ROAD], [SLOT], 20.0, max_iterations=1)[0],
         planner.replan(ROAD, SLOT, before, 20.0),
     ):
         path = result.path

@@ -113,6 +113,7 @@ def test_a_one_way_zone_is_gone_round_against_its_direction(name: str) -> None:
 def test_many_queries_mind_the_objective_too() -> None:
     world = World("dear", (0.0, 0.0, 10.0, 10.0), zones=(CostZone(SQUARE, 4.0),))
     planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
+    planner.build(300)
     results = planner.plan_many(ENDS, ENDS[::-1], time_limit=20.0, max_iterations=3)
     for result in results:
         require_priced(world, result, Objective())

@@ -31,7 +31,7 @@ BOUNDS = (0.0, 0.0, 16.0, 10.0)
 # A wall with two gaps, in the middle and at the top: the direct way leads through the middle.
 WALL = (Rectangle((8.0, 2.0), 1.0, 4.0), Rectangle((8.0, 7.0), 1.0, 2.0))
 START, GOAL = (2.0, 5.0, 0.0), (14.0, 5.0, 0.0)
-QUICK = PlannerSettings(patience=2)
+QUICK = PlannerSettings(patience=2, drives=1_000)
 """Of a planner whose paths need not be the shortest."""
 
 

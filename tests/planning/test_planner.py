@@ -245,9 +245,9 @@ def test_the_seed_decides() -> None:
 
     def paths(seed: int) -> list[Any]:
         planner = LandmarkPlanner(world, ROBOTS["L"], seed=seed)
-        q = free_samples(planner.checker, 4, random_state=1)
-        found = [planner.plan(a, b, LONG, max_iterations=2) for a, b in pairwise(q)]
-        assert [result.seed for result in found] == [seed] * 3
+        q = free_samples(planner.checker, 3, random_state=1)
+        found = [planner.plan(a, b, LONG, max_iterations=1) for a, b in pairwise(q)]
+        assert [result.seed for result in found] == [seed] * 2
         return [None if result.path is None else result.path.states.tolist() for result in found]
 
     assert paths(5) == paths(5)
