@@ -50,7 +50,7 @@ def test_a_car_in_reverse_travels_backwards() -> None:
 def test_random_paths_against_samples() -> None:
     rng = np.random.default_rng(3)
     collided = 0
-    for _ in range(60):
+    for _ in range(25):
         zones = [OneWayZone(SQUARE, rng.uniform(-3, 3), rng.uniform(0, 3)) for _ in range(2)]
         states = rng.uniform([0, 0, -3], [8, 8, 3], (6, 3))
         audit = check_path(world_of(*zones), ROBOT, states)
@@ -65,4 +65,4 @@ def test_random_paths_against_samples() -> None:
                 said = any(c.obstacle == f"one-way zone {i}" and c.begin <= at <= c.end for c in audit.collisions)
                 assert said == (inside and off > zone.tolerance)
         collided += not audit.free
-    assert 10 < collided < 60
+    assert 4 < collided < 25

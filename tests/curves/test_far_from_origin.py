@@ -106,8 +106,8 @@ def test_rounding_makes_no_curve_longer(origin: tuple[float, float], radius: flo
 def test_lengths_are_right_for_a_goal_within_rounding(origin: tuple[float, float], radius: float) -> None:
     steering = Steering(radius, reverse=False)
     rng = np.random.default_rng(8)
-    ends = [row[:2] for row in curves(origin, radius, False, 240)]
-    for _ in range(120):
+    ends = [row[:2] for row in curves(origin, radius, False, 120)]
+    for _ in range(60):
         a, b = rng.uniform((-8, -8, -math.pi), (8, 8, math.pi), (2, 3)) + np.array([*origin, 0.0])
         ends.append((a, b))
     around = np.arange(0.0, 2.0 * math.pi, 0.005)

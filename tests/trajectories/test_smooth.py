@@ -178,7 +178,7 @@ def test_directions_of_one_way_zones_are_kept() -> None:
 def test_a_cars_curvature_is_continuous_but_for_stops(reverse: bool) -> None:
     rng = np.random.default_rng(8)
     smoothed = 0
-    for _ in range(8):
+    for _ in range(4):
         knots = np.column_stack([rng.uniform(-15.0, 15.0, (4, 2)), rng.uniform(-3.0, 3.0, 4)])
         path = CurvePath(knots, Steering(1.0, reverse))
         robot = ROBOT.steered(1.0, reverse)
@@ -199,7 +199,7 @@ def test_a_cars_curvature_is_continuous_but_for_stops(reverse: bool) -> None:
         trajectory = smooth.timed(1.0, 0.5, 1.0, 1.0)
         assert_within_limits(trajectory)
         smoothed += trajectory.duration < path.timed(1.0, 0.5, 1.0, 1.0).duration - 1.0
-    assert smoothed >= 4
+    assert smoothed >= 2
 
 
 def test_a_smooth_path_is_a_path() -> None:
