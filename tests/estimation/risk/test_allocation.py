@@ -57,6 +57,7 @@ def shares(n: int, weights: list[float] | None) -> list[float]:
 
 
 @pytest.mark.slow
+@settings(max_examples=30)
 @given(st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=20))
 def test_risks_add_up_to_what_there_is(weights: list[float]) -> None:
     for given_weights in (None, weights):

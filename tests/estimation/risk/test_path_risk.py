@@ -65,8 +65,8 @@ def test_shapes_that_turn_and_stretch_against_draws_judged_by_themselves(estimat
     robot, pose = Robot.rectangle(1.2, 0.8), np.diag([0.01, 0.02, 0.003])
     states = np.array([[-4.0, -0.2, 0.0], [0.0, 0.0, 0.3], [2.0, -0.3, -0.2], [6.0, 0.0, 0.0]])
     risk = path_risk(world_of(estimate, robot=robot, pose=pose), states, draws=DRAWS)
-    rng, draws, hits = np.random.default_rng(8), 600, 0
-    along = np.vstack([a + np.linspace(0, 1, 40)[:, None] * (b - a) for a, b in itertools.pairwise(states)])
+    rng, draws, hits = np.random.default_rng(8), 300, 0
+    along = np.vstack([a + np.linspace(0, 1, 30)[:, None] * (b - a) for a, b in itertools.pairwise(states)])
     errors = rng.multivariate_normal(np.zeros(len(estimate.covariance)), estimate.covariance, draws)
     poses = rng.multivariate_normal(np.zeros(3), pose, draws)
     outline = np.array([[-0.6, -0.4], [0.6, -0.4], [0.6, 0.4], [-0.6, 0.4]])
@@ -79,7 +79,7 @@ def test_shapes_that_turn_and_stretch_against_draws_judged_by_themselves(estimat
     share, spread = hits / draws, 4.0 * math.sqrt(0.25 / draws)
     # The turn of the robot counts as if it moved its farthest point towards the obstacle: never less than there is.
     assert share - spread <= risk.probability <= 1.35 * share + spread
-    assert 0.02 < share < 0.9
+    assert 0.01 < share < 0.9
 
 
 def moved(shape: Shape, error: FloatArray) -> shapely.Geometry:
