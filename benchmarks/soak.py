@@ -60,6 +60,9 @@ SLOWER = 1.25
 JUDGED = 20
 """One path of so many is judged."""
 
+SIZE = 40.0
+"""Metres: of the random world's sides."""
+
 STATES = 400
 """Configurations of each problem that queries join."""
 
@@ -80,13 +83,13 @@ class Problem(NamedTuple):
     reference: Reference
 
 
-def problems(seed: int) -> list[Problem]:
-    """Return what is planned: worlds that ship and random ones, among them one for a car."""
+def problems(seed: int, size: float = SIZE) -> list[Problem]:
+    """Return what is planned: a world that ships and a random one of some size, for cars, too."""
     from trailmark.library import shipped_worlds
 
     found = []
     office = World.load(shipped_worlds()["office"])
-    clutter = random_world(seed, 60, size=40.0, radii=(0.5, 3.0), discs=0.3, holes=0.2)
+    clutter = random_world(seed, round(60 * (size / SIZE) ** 2), size=size, radii=(0.5, 3.0), discs=0.3, holes=0.2)
     for name, world, robot in (
         ("office", office, office.robot),
         ("clutter", clutter, ROBOTS["rectangle"]),
@@ -122,10 +125,11 @@ class Soak:
     Args:
         seed: of all chances.
         folder: where roadmaps and worlds are saved.
+        size: of the random world.
     """
 
-    def __init__(self, seed: int, folder: Path) -> None:
-        self.problems, self.seed, self.folder = problems(seed), seed, folder
+    def __init__(self, seed: int, folder: Path, size: float = SIZE) -> None:
+        self.problems, self.seed, self.folder = problems(seed, size), seed, folder
         self.counts: Counter[str] = Counter()
         self.seconds: dict[str, list[float]] = {"plan": [], "again": [], "many": []}
         self.wrong: list[str] = []
@@ -252,18 +256,18 @@ class Soak:
                     self.wrong.append(f"{problem.name}: {complaint}")
 
 
-def measure(minutes: float, threads: int, seed: int) -> dict[str, Any]:
+def measure(minutes: float, threads: int, seed: int, size: float = SIZE) -> dict[str, Any]:
     """Return what was measured."""
     rows: list[dict[str, float]] = []
     with tempfile.TemporaryDirectory() as folder:
         # What the library finds of its own errors before they do harm is an error all the same.
         warnings.simplefilter("error", InternalErrorWarning)
-        soak = Soak(seed, Path(folder))
+        soak = Soak(seed, Path(folder), size)
         begin = time.perf_counter()
         soak.start(threads)
         for k in range(1, SAMPLES + 1):
-            while time.perf_counter() - begin < 60.0 * minutes * k / SAMPLES:
-                time.sleep(0.2)
+            while (left := 60.0 * minutes * k / SAMPLES - (time.perf_counter() - begin)) > 0.0:
+                time.sleep(min(0.2, left))
             with soak.pause():
                 memory = resident()
             medians, counts = soak.take()

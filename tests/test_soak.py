@@ -24,7 +24,7 @@ def test_verdicts() -> None:
 
 
 def test_a_short_soak() -> None:
-    found = measure(minutes=0.05, threads=3, seed=0)
+    found = measure(minutes=0.02, threads=3, seed=0, size=15.0)
     assert found["wrong"] == []
     assert len(found["rows"]) == SAMPLES
     assert found["rows"][-1]["queries"] > 0
