@@ -34,7 +34,7 @@ def test_strategies_are_told_with_noise_and_without_there_is_nothing_to_tell() -
             told.append(outlook)
             return int(np.argmin(outlook.costs))
 
-        settings = ExplorationSettings(time_limit=15.0)
+        settings = ExplorationSettings(time_limit=8.0)
         explorer = Explorer(
             world, strategy=first, sensor_range=2.0, start=(0.6, 1.5, 0.0), noise=noise, settings=settings
         )

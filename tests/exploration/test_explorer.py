@@ -125,23 +125,22 @@ def test_where_the_robot_does_not_fit_it_looks_through() -> None:
 @pytest.mark.slow
 def test_a_large_world_gets_a_map_on_its_own_scale() -> None:
     """Beams that are as dense as cells of 0.4 m do not fill a map of cells of 0.05 m."""
-    world, robot = World("large", (0.0, 0.0, 80.0, 50.0), (Rectangle((40.0, 19.0), 4.0, 38.0),)), Robot.disc(2.0)
-    found = Explorer(world, robot, "laser", start=(30.0, 25.0, 0.0), sensor_range=40.0).run()
+    world, robot = World("large", (0.0, 0.0, 40.0, 25.0), (Rectangle((20.0, 8.0), 4.0, 16.0),)), Robot.disc(2.0)
+    found = Explorer(world, robot, "laser", start=(15.0, 12.5, 0.0), sensor_range=20.0).run()
     assert found.status == "complete"
     assert found.log.cell == pytest.approx(0.4)
     assert len(found.world.obstacles) < 40
     surfaces = shapely.union_all([shape.polygon().shapely() for shape in found.world.obstacles]).boundary
-    seen = shapely.points([(x, y) for x in (38.0, 42.0) for y in np.arange(4.0, 36.0)])
+    seen = shapely.points([(x, y) for x in (18.0, 22.0) for y in np.arange(4.0, 14.0)])
     assert shapely.distance(seen, surfaces).max() <= 0.15  # not as coarse as the cells
     assert map_log(found.log, robot=robot).world.obstacles == found.world.obstacles
-    made, true = (LandmarkPlanner(w, robot).plan((30, 20, 0), (50, 20, 0), 1.0) for w in (found.world, world))
+    made, true = (LandmarkPlanner(w, robot).plan((15, 10, 0), (25, 10, 0), 1.0, gap=0.01) for w in (found.world, world))
     assert made.cost == pytest.approx(true.cost, rel=0.05)
 
 
-@pytest.mark.parametrize("field_of_view", [np.pi, 0.5 * np.pi])
-def test_what_lies_behind_the_robots_back_is_looked_at(field_of_view: float) -> None:
+def test_what_lies_behind_the_robots_back_is_looked_at() -> None:
     world = two_rooms(1.0)
-    result = explorer(world, sensor=Scanner(181, field_of_view, 3.0)).run()
+    result = explorer(world, sensor=Scanner(181, 0.5 * np.pi, 3.0)).run()
     assert result.status == "complete"
     assert result.evaluation is not None
     assert result.evaluation.seen > 0.99
@@ -175,7 +174,7 @@ def test_cells_are_divided_where_larger_ones_do_not_tell_whether_the_robot_fits(
     resumed = Explorer(world, sensor_range=4.0, noise=0.0, resumed=saved)
     assert resumed.mapper.known.cell == known.cell
     driven = resumed.history[-1].distance
-    for _ in range(20):
+    for _ in range(8):
         resumed.step()
     result = resumed.result()
     assert result.history[-1].distance > driven

@@ -190,7 +190,7 @@ def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path
     assert (first.x, first.y, first.theta) == tuple(START)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_with_the_margin_nothing_true_lies_where_the_map_is_free(seed: int) -> None:
     sure = ExplorationSettings(confidence=0.99)
     robot = SimulatedRobot(WORLD, ROBOT, START, LASER, seed=seed)

@@ -95,9 +95,9 @@ def test_a_drive_in_pieces_leads_where_the_whole_does() -> None:
 
 
 def test_records_state_the_noise_that_there_is() -> None:
-    """Errors of 400 drives, normalised by the covariance of their composed records, have the mean 3 of a chi-square."""
+    """Errors of 150 drives, normalised by the covariance of their composed records, have the mean 3 of a chi-square."""
     rng, squares = np.random.default_rng(1), []
-    for seed in range(400):
+    for seed in range(150):
         robot = laser(seed=seed, slip=0.0)
         robot.drive(TURN, 60.0)
         records = [record for record in robot.sense() if isinstance(record, Increment)]
@@ -114,7 +114,7 @@ def test_records_state_the_noise_that_there_is() -> None:
         error = robot.pose - pose
         error[2] = wrap(error[2])
         squares.append(error @ np.linalg.solve(covariance, error))
-    means = [rng.choice(squares, 400).mean() for _ in range(500)]
+    means = [rng.choice(squares, 150).mean() for _ in range(500)]
     assert np.quantile(means, 0.001) < 3.0 < np.quantile(means, 0.999)
 
 

@@ -35,7 +35,7 @@ def seen_by_shapely(world: World, points: FloatArray, views: FloatArray, max_ran
 
 def test_what_is_seen_is_what_shapely_sees() -> None:
     world, rng = two_rooms(1.0), np.random.default_rng(0)
-    places = np.column_stack([rng.uniform(0.5, 3.5, 12), rng.uniform(0.5, 3.5, 12), np.zeros(12)])
+    places = np.column_stack([rng.uniform(0.5, 3.5, 6), rng.uniform(0.5, 3.5, 6), np.zeros(6)])
     area = visible_area(world, places, 5.0)
     xs, ys = (np.arange(0.5 * area.side, high, area.side) for high in BOUNDS[2:])
     grid = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
