@@ -140,7 +140,7 @@ def test_a_large_world_gets_a_map_on_its_own_scale() -> None:
 
 def test_what_lies_behind_the_robots_back_is_looked_at() -> None:
     world = two_rooms(1.0)
-    result = explorer(world, sensor=Scanner(181, 0.5 * np.pi, 3.0)).run()
+    result = explorer(world, sensor=Scanner(91, 0.5 * np.pi, 3.0)).run()
     assert result.status == "complete"
     assert result.evaluation is not None
     assert result.evaluation.seen > 0.99

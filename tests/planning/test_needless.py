@@ -82,7 +82,7 @@ def test_a_cars_paths() -> None:
     assert isinstance(planner.motion, CurveMotion)
     lengths = planner.motion.steering.lengths
     knots = 0
-    for start, goal in random_pairs(planner, 4, 3):
+    for start, goal in random_pairs(planner, 3, 3):
         result = planner.plan(start, goal, 60.0, max_iterations=1)
         if result.path is None:
             continue
@@ -91,7 +91,7 @@ def test_a_cars_paths() -> None:
         longer = lengths(q[:-2], q[2:]) > lengths(q[:-2], q[1:-1]) + lengths(q[1:-1], q[2:]) + 1e-9
         assert (~motions.motions_valid(q[:-2], q[2:]) | longer).all()
         knots += len(q) - 2
-    assert knots > 3
+    assert knots > 2
 
 
 def test_what_is_left_out_by_hand() -> None:
