@@ -206,9 +206,8 @@ def test_a_database_that_is_not_ours_or_in_use(shell: Shell, yard: Path, tmp_pat
     assert "another benchmark is writing to it" in run.problem
 
 
-def start(yard: Path, results: Path, runs: int) -> subprocess.Popen[str]:
+def words_for(yard: Path, results: Path, runs: int) -> list[str]:
     words = [
-        *COMMAND,
         yard,
         "--query",
         "across",
@@ -221,7 +220,7 @@ def start(yard: Path, results: Path, runs: int) -> subprocess.Popen[str]:
         "--output",
         results,
     ]
-    return subprocess.Popen(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return list(map(str, words))
 
 
 def wait_for(results: Path, runs: int, process: subprocess.Popen[str]) -> None:
@@ -243,12 +242,13 @@ def left_behind(mark: str) -> list[int]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_stopped_at_once_and_continued(
-    number: signal.Signals, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stopped_at_once_and_continued(number: signal.Signals, shell: Shell, yard: Path, tmp_path: Path) -> None:
     results, runs, mark = tmp_path / "results.db", 12, secrets.token_hex(16)
-    monkeypatch.setenv("TRAILMARK_TEST_MARK", mark)
-    with start(yard, results, runs) as process:
+    words = words_for(yard, results, runs)
+    marked = os.environ | {"TRAILMARK_TEST_MARK": mark}
+    with subprocess.Popen(
+        [*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=marked
+    ) as process:
         wait_for(results, 3, process)
         kept = count(results)
         process.send_signal(number)
@@ -260,13 +260,16 @@ def test_stopped_at_once_and_continued(
         said = f"{there} of {runs} runs are in {results}; the same command makes the others\n"
         assert err == said + "trailmark: error: interrupted\n"
         assert out == ""
-    with start(yard, results, runs) as process:
-        out, err = process.communicate(timeout=60)
-    assert (process.returncode, err) == (0, "")
-    assert f"{runs - there} runs made" in out
+    run = shell("benchmark", *words)
+    assert (run.status, run.err) == (0, "")
+    assert f"{runs - there} runs made" in run.out
     assert sorted(rows(results, "SELECT seed FROM runs")) == [(seed,) for seed in range(runs)]
     assert rows(results, "PRAGMA integrity_check") == [("ok",)]
     assert sorted(file.name for file in tmp_path.iterdir()) == [results.name, yard.name]
+    assert_nothing_is_left(mark)
+
+
+def assert_nothing_is_left(mark: str) -> None:
     deadline = time.perf_counter() + 5.0
     while left_behind(mark) and time.perf_counter() < deadline:
         time.sleep(0.05)
@@ -274,7 +277,11 @@ def test_stopped_at_once_and_continued(
 
 
 @pytest.mark.slow
-def test_progress_on_a_terminal(terminal: Terminal, yard: Path, tmp_path: Path) -> None:
+def test_progress_on_a_terminal(
+    terminal: Terminal, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mark = secrets.token_hex(16)
+    monkeypatch.setenv("TRAILMARK_TEST_MARK", mark)
     words = [*COMMAND, yard, "--query", "across", "-p", HONEST, "--runs", 8, "--output", tmp_path / "results.db"]
     run = terminal(*words)
     assert run.status == 0
@@ -282,3 +289,4 @@ def test_progress_on_a_terminal(terminal: Terminal, yard: Path, tmp_path: Path) 
     assert "starting workers" in run.err
     assert " left" in run.err
     assert "/8" in run.err
+    assert_nothing_is_left(mark)
