@@ -93,7 +93,7 @@ def reading(ekf: SlamFilter, feature: int, rng: np.random.Generator) -> FloatArr
     return np.asarray(SENSOR.sample(ekf.pose, ekf.feature(feature), rng))
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 99999), steps=st.integers(1, 60))
 def test_equal_to_the_dense_filter(seed: int, steps: int) -> None:
     rng = np.random.default_rng(seed)
@@ -139,10 +139,10 @@ def wander(ekf: SlamFilter, updates: int, rng: np.random.Generator) -> None:
         ekf.update(reading(ekf, i, rng), SENSOR, i)
 
 
-def test_covariance_stays_symmetric_and_positive_definite_over_thousands_of_updates() -> None:
+def test_covariance_stays_symmetric_and_positive_definite_over_a_thousand_updates() -> None:
     # A start that is certain: the hardest, since what the features then share is the motion's noise alone.
     ekf = SlamFilter()
-    wander(ekf, 3000, np.random.default_rng(1))
+    wander(ekf, 1000, np.random.default_rng(1))
     assert np.array_equal(ekf.P, ekf.P.T)
     np.linalg.cholesky(ekf.P)
     assert -np.pi < ekf.pose[2] <= np.pi
@@ -153,7 +153,7 @@ def test_covariance_stays_positive_with_a_prior_much_wider_than_the_readings() -
     sharp = RangeBearing(1e-4, 1e-4)
     ekf = SlamFilter((0.0, 0.0, 0.0), np.diag([1e-12, 1e-12, 1e-12]))
     i = ekf.add_known_feature([5.0, 0.0], 1e4 * np.eye(2))
-    for _ in range(2000):
+    for _ in range(500):
         ekf.update(sharp.sample(ekf.pose, [5.0, 0.0], rng), sharp, i)
         assert np.linalg.eigvalsh(ekf.P).min() > 0.0
     assert np.array_equal(ekf.P, ekf.P.T)

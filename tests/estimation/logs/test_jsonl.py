@@ -70,7 +70,7 @@ def same(a: Any, b: Any) -> bool:
     return type(a) is type(b) and bool(a == b)
 
 
-@settings(max_examples=60)  # each writes a file
+@settings(max_examples=25)  # each writes a file
 @given(log=logs(), suffix=st.sampled_from(["jsonl", "jsonl.gz"]))
 def test_a_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, log: Log, suffix: str) -> None:
     path = tmp_path_factory.getbasetemp() / f"round.{suffix}"

@@ -50,8 +50,8 @@ def errors(mapped: MappedLog) -> tuple[float, float]:
 
 
 def test_smoothing_makes_the_trajectory_better() -> None:
-    filtered = [errors(map_log(log(seed), MapSettings(smooth=False))) for seed in range(3)]
-    batch = [errors(map_log(log(seed), RIGHT)) for seed in range(3)]
+    filtered = [errors(map_log(log(seed), MapSettings(smooth=False))) for seed in range(2)]
+    batch = [errors(map_log(log(seed), RIGHT)) for seed in range(2)]
     assert np.mean([t for _, t in batch]) < 0.8 * np.mean([t for _, t in filtered])
     assert map_log(log(), MapSettings(smooth=False)).batch is None
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.estimation.ray_casting import cast, end_points, room
 
@@ -82,6 +82,7 @@ def test_both_ways_of_grouping_find_things_that_stand_apart() -> None:
         assert found == sorted(np.flatnonzero(owner == i).tolist() for i in range(3))
 
 
+@settings(max_examples=40)
 @given(seeds, st.integers(1, 60), st.booleans())
 def test_every_end_point_is_in_one_group(seed: int, n: int, whole_turn: bool) -> None:
     rng = np.random.default_rng(seed)

@@ -51,7 +51,7 @@ def test_a_walls_front_is_one_line_refined_with_every_scan() -> None:
 
 def test_with_exact_poses_the_covariance_is_that_of_the_errors() -> None:
     errors, stated = [], []
-    for seed in range(60):
+    for seed in range(30):
         tracks = LineTracks(0.999999, np.zeros((3, 3)), 0.3)
         follow_lines(tracks, scans(WALL, 4, np.random.default_rng(seed)))
         errors.append(tracks.difference(tracks.states[0], np.array([3.0, 0.0])))
@@ -64,7 +64,7 @@ def test_with_exact_poses_the_covariance_is_that_of_the_errors() -> None:
 def test_errors_that_poses_have_in_common_do_not_average_out() -> None:
     """All scans of a run share the error of their poses; the stated covariance must hold nevertheless."""
     errors, stated = [], []
-    for seed in range(60):
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         offset = rng.multivariate_normal(np.zeros(3), POSE_SIGMA)
         tracks = follow_lines(LineTracks(0.999999, POSE_SIGMA, 0.3), scans(WALL, 8, rng), offset)
@@ -79,7 +79,7 @@ def test_errors_of_different_episodes_average_out_and_no_more() -> None:
     """Each episode shares one error of its poses; episodes are of unequal length."""
     errors, stated = [], []
     lengths = (1, 2, 6)
-    for seed in range(60):
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         tracks = LineTracks(0.999999, POSE_SIGMA, 0.3)
         for episode, length in enumerate(lengths):
