@@ -24,7 +24,7 @@ for name in ("landmark", "RRTstar"):
         planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
     else:
         planner = problem.set_planner(name)
-    problem.solve(3.0)
+    problem.solve(1.0)
     rows = problem.path.states
     ends = [[state(problem.information, q) for q in pair] for pair in zip(rows[:-1], rows[1:])]
     tell(**{name: sum(objective.motionCost(*pair).value() for pair in ends)})

@@ -147,7 +147,7 @@ bench = ot.Benchmark(problem.setup, "office")
 bench.addPlanner(og.RRTConnect(problem.information))
 bench.addPlanner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
 request = ot.Request()
-request.maxTime, request.maxMem, request.runCount, request.displayProgress = 1.0, 2000.0, 2, False
+request.maxTime, request.maxMem, request.runCount, request.displayProgress = 0.4, 2000.0, 2, False
 request.saveConsoleOutput = False
 with planning():
     bench.benchmark(request)
