@@ -95,12 +95,11 @@ def test_one_writer_at_a_time_and_readers_at_any(database: Path) -> None:
         pass
 
 
-def test_a_database_that_another_program_has_locked(database: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trailmark.benchmark.store.BUSY", 0.05)
+def test_a_database_that_another_program_has_locked(database: Path) -> None:
     with closing(sqlite3.connect(database, isolation_level=None)) as db:
         db.execute("BEGIN EXCLUSIVE")
         with pytest.raises(StoreError, match="locked by another program"):
-            Store(database)
+            Store(database, busy=0.05)
 
 
 def foreign_database(file: Path) -> None:

@@ -73,18 +73,19 @@ class Store:
 
     Args:
         path: the file; made if it is not there.
+        busy: seconds to wait for another program that has locked it.
 
     Raises:
         StoreError: the file is no results database, of another schema, damaged, or another benchmark writes to it.
         OutputError: it cannot be written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, busy: float = BUSY) -> None:
         check_writable(path)
         self.path = path
         self._lock = _locked(path)
         try:
-            self._db = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
+            self._db = sqlite3.connect(path, timeout=busy, isolation_level=None, check_same_thread=False)
             with self._errors_in_one_line():
                 self._open()
         except BaseException:

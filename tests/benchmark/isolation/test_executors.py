@@ -91,15 +91,14 @@ def test_a_killed_worker_only_repeats_its_runs(tmp_path: Path) -> None:
     assert sorted(runs_in(results)) == [(1, seed) for seed in range(RUNS)]
 
 
-def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trailmark.benchmark.isolation.executors.ANSWER_LIMIT", 0.5)
+def test_a_scheduler_that_does_not_answer() -> None:
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))  # and nobody listens
         address = f"tcp://127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(WorkerError, match="does not answer") as caught, cluster(address):
+        with pytest.raises(WorkerError, match="does not answer") as caught, cluster(address, answer_limit=0.5):
             pass
     assert "\n" not in str(caught.value)
-    with pytest.raises(WorkerError, match="does not answer"), cluster("no address"):
+    with pytest.raises(WorkerError, match="does not answer"), cluster("no address", answer_limit=0.5):
         pass
 
 

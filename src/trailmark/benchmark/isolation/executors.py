@@ -41,8 +41,12 @@ def local(workers: int) -> Iterator[Pool]:
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Pool]:
+def cluster(address: str, *, answer_limit: float = ANSWER_LIMIT) -> Iterator[Pool]:
     """Run jobs on the workers of a Dask cluster, on each as many at once as it has threads.
+
+    Args:
+        address: of its scheduler.
+        answer_limit: seconds to wait for the scheduler, when it is first asked and at the end.
 
     Raises:
         WorkerError: Dask is not installed, or no scheduler answers at the address.
@@ -54,7 +58,7 @@ def cluster(address: str) -> Iterator[Pool]:
             "--scheduler needs Dask: pip install 'distributed>=2024.8' (what pip install 'trailmark[cluster]' adds)"
         ) from None
     try:
-        client: Any = Client(address, timeout=ANSWER_LIMIT, set_as_default=False)  # type: ignore[no-untyped-call]  # Dask's own
+        client: Any = Client(address, timeout=answer_limit, set_as_default=False)  # type: ignore[no-untyped-call]  # Dask's own
     except (OSError, ValueError, TimeoutError) as error:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise WorkerError(
@@ -64,4 +68,4 @@ def cluster(address: str) -> Iterator[Pool]:
     try:
         yield Pool(client.get_executor(retries=3), lambda: max(1, sum(client.nthreads().values())))
     finally:
-        client.close(timeout=ANSWER_LIMIT)
+        client.close(timeout=answer_limit)
