@@ -68,12 +68,16 @@ def dependencies(program: str, root: Path = ROOT) -> dict[str, list[Path]]:
     trailmark`` asks for all of it; a program that imports none of it runs the shell command, and depends on all too.
     """
     found: dict[str, list[Path]] = {}
-    waiting = [program, f"{program}.__main__"]
+    waiting, seen = [program, f"{program}.__main__"], set[str]()
     while waiting:
-        name, files = _locate(waiting.pop(), root)
+        module = waiting.pop()
+        if module in seen:
+            continue
+        seen.add(module)
+        name, files = _locate(module, root)
         if files and name not in found and name not in DESCRIBING:
             found[name] = files
-            waiting += [module for file in files for module in _imports(file.read_text(encoding="utf-8"))]
+            waiting += [imported for file in files for imported in _imports(file.read_text(encoding="utf-8"))]
     if not any(name.startswith("trailmark") for name in found):
         found["trailmark"] = sorted((root / "src" / "trailmark").rglob("*.py"))
     return found
