@@ -23,6 +23,7 @@ from trailmark.exploration.explorer import Explorer
 from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.result import ExplorationResult
 from trailmark.exploration.tour import tour
+from trailmark.exploration.warmup import warm_up_exploration
 from trailmark.library import shipped_worlds
 from trailmark.world import Query
 
@@ -102,6 +103,7 @@ def run_job(job: Job) -> dict[str, Any]:
         return {"distance": tour_length(truth_of(world, reach))}
     confidence = CONFIDENCE if job.noise > 0.0 else None
     settings = ExplorationSettings(confidence=confidence)
+    warm_up_exploration()
     begin, work = perf_counter(), process_time()
     explorer = Explorer(
         world,

@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trailmark.errors import ShapeError
-from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, signed_area, triangulate
+from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, signed_area
+from trailmark.triangles import triangulate
 
 SQUARE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
 HOLE = np.array([[1.0, 1.0], [2.0, 1.0], [2.0, 2.0], [1.0, 2.0]])

@@ -15,7 +15,8 @@ from trailmark import se2
 from trailmark.arguments import brief, number, number_array, one_of
 from trailmark.errors import ConfigurationError, ShapeError
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Polygon, triangulate
+from trailmark.shapes import Polygon
+from trailmark.triangles import triangulate
 
 __all__ = ["Ends", "Goal", "ReachedGoal", "goals_of"]
 

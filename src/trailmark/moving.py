@@ -9,7 +9,8 @@ import numpy as np
 
 from trailmark.arguments import brief, one_of, real
 from trailmark.errors import ShapeError, WorldError
-from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, Shape, displaced, triangulate
+from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, Shape, displaced
+from trailmark.triangles import triangulate
 
 __all__ = ["DISC_ERROR", "Moving"]
 

@@ -27,12 +27,10 @@ __all__ = [
     "Polygon",
     "Rectangle",
     "Shape",
-    "convex_pieces",
     "displaced",
     "shape_of",
     "shapes_of",
     "signed_area",
-    "triangulate",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -284,34 +282,9 @@ def signed_area(ring: ArrayLike) -> float:
     return float(0.5 * (np.dot(x, next_y) - np.dot(y, next_x)))
 
 
-def triangulate(polygon: Polygon) -> FloatArray:
-    """Return triangles that fill the polygon exactly and lie in it, shape (m, 3, 2), counter-clockwise.
-
-    The triangulation is constrained Delaunay (GEOS), so it uses the polygon's own vertices only.
-    """
-    import shapely
-
-    parts = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon.shapely()))
-    corners = shapely.get_coordinates(parts).reshape(-1, 4, 2)[:, :3]
-    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    clockwise = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] < 0.0
-    corners[clockwise] = corners[clockwise][:, ::-1]
-    return np.ascontiguousarray(corners)
-
-
 def _box_of(points: FloatArray) -> tuple[float, float, float, float]:
     low, high = points.min(axis=0), points.max(axis=0)
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
-
-
-def convex_pieces(polygon: Polygon) -> list[FloatArray]:
-    """Return convex polygons that make up a polygon, each of shape (n, 2): itself, or triangles."""
-    import shapely
-
-    region = polygon.shapely()
-    if not polygon.holes and shapely.convex_hull(region).area <= region.area * (1.0 + 1e-12):
-        return [polygon.vertices]
-    return list(triangulate(polygon))
 
 
 def _ring(points: ArrayLike, name: str) -> FloatArray:

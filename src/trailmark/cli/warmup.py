@@ -65,6 +65,7 @@ def warmup(as_json: JsonOption = False) -> None:
 
 def _stages() -> dict[str, Callable[[], None]]:
     """Return what is compiled, by name: each part for each kind of motion, and what asks for no kind."""
+    from trailmark.exploration.warmup import warm_up_exploration
     from trailmark.planning.warmup import (
         ROBOTS,
         warm_up,
@@ -85,7 +86,7 @@ def _stages() -> dict[str, Callable[[], None]]:
         "OMPL's planners": _warm_up_pointwise,
         "audits": _warm_up_audits,
         "maps from logs": _warm_up_logs,
-        "exploration": _warm_up_exploration,
+        "exploration": warm_up_exploration,
     }
     # Cars last: a second process begins at the end, and they take about as long as all else.
     kinds = sorted(ROBOTS, key="curve".__eq__)
@@ -141,16 +142,3 @@ def _warm_up_logs() -> None:
     )
     map_log(log)
     map_log(log, MapSettings(obstacles="detections", fit_noise="on"))
-
-
-def _warm_up_exploration() -> None:
-    """Explore a room for a few seconds of the robot's clock, with either sensor and with noise."""
-    from trailmark.exploration import ExplorationSettings, Explorer
-    from trailmark.planning.warmup import ROBOTS
-    from trailmark.shapes import Disc
-    from trailmark.world import World
-
-    room = World("room", (0.0, 0.0, 6.0, 4.0), (Disc((2.0, 2.0), 0.2), Disc((4.0, 2.0), 0.2)), ROBOTS["straight"])
-    settings = ExplorationSettings(confidence=0.9, time_limit=3.0)
-    for sensor in ("laser", "detections"):
-        Explorer(room, None, sensor, start=(1.0, 1.0, 0.0), sensor_range=2.0, settings=settings).run()

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
 from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape, triangulate
+from trailmark.shapes import Disc, Polygon, Shape
+from trailmark.triangles import triangulate
 from trailmark.world import Robot, World
 
 __all__ = ["FclScene"]

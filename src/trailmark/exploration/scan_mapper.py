@@ -16,8 +16,9 @@ from trailmark.estimation.graph.submaps import MIN_POINTS
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.log_map import map_log
 from trailmark.estimation.scans.clouds import joined, point_cloud, relative
+from trailmark.estimation.scans.correlation import Window, search
 from trailmark.estimation.scans.local_map import local_map
-from trailmark.estimation.scans.matching import Window, refine, search
+from trailmark.estimation.scans.matching import refine
 from trailmark.estimation.scans.scan_poses import DeadReckoning
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
@@ -30,8 +31,7 @@ from trailmark.world import Robot, World
 __all__ = ["ScanMapper"]
 
 TRUSTED: Final = 0.002, 0.001
-"""Metres and radians: where the odometry states less than that as its error over ten metres, it is taken as exact, for
-scans could not be matched as well."""
+"""Metres and radians: odometry that states a smaller error over ten metres is taken as exact; no match is as good."""
 
 STRANGE: Final = 3
 """Scans in a row that do not fit the map, after which the robot is lost."""

@@ -20,7 +20,8 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.curves.words import drive
 from trailmark.se2 import FloatArray
-from trailmark.shapes import Disc, Polygon, Shape, convex_pieces
+from trailmark.shapes import Disc, Polygon, Shape
+from trailmark.triangles import convex_pieces
 from trailmark.world import World
 
 __all__ = ["way_out"]

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from tests.estimation.ray_casting import cast, room
 
 from trailmark.estimation.scans.clouds import PointCloud, joined, point_cloud
+from trailmark.estimation.scans.correlation import Window, match_covariance, search
 from trailmark.estimation.scans.local_map import LocalMap, local_map
-from trailmark.estimation.scans.matching import Window, facing_score, match_covariance, refine, search
+from trailmark.estimation.scans.matching import facing_score, refine
 from trailmark.se2 import FloatArray, wrap
 
 OFFICE = (

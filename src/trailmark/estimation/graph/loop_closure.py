@@ -15,7 +15,8 @@ from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.pose_graph import Relation
 from trailmark.estimation.graph.submaps import KeyScans
 from trailmark.estimation.scans.clouds import relative
-from trailmark.estimation.scans.matching import Window, match_covariance, refine, search
+from trailmark.estimation.scans.correlation import Window, match_covariance, search
+from trailmark.estimation.scans.matching import refine
 from trailmark.se2 import FloatArray, compose
 
 __all__ = ["LoopFinder"]

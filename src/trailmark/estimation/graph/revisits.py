@@ -14,7 +14,8 @@ from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.pose_graph import Relation
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.scans.clouds import relative
-from trailmark.estimation.scans.matching import match_covariance, refine
+from trailmark.estimation.scans.correlation import match_covariance
+from trailmark.estimation.scans.matching import refine
 
 __all__ = ["revisit_relations"]
 

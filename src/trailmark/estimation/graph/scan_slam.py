@@ -22,8 +22,9 @@ from trailmark.estimation.graph.revisits import revisit_relations
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, point_cloud, relative
+from trailmark.estimation.scans.correlation import Window, match_covariance, search
 from trailmark.estimation.scans.local_map import SIGMA, LocalMap
-from trailmark.estimation.scans.matching import Window, facing_score, match_covariance, refine, search
+from trailmark.estimation.scans.matching import facing_score, refine
 from trailmark.se2 import FloatArray, compose
 
 __all__ = ["ScanPoses", "ScanSlam", "match_scans"]

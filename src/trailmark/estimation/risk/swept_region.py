@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from trailmark.robot import Robot
 from trailmark.se2 import difference, interpolate, transform
-from trailmark.shapes import triangulate
+from trailmark.triangles import triangulate
 
 __all__ = ["swept_region"]
 
