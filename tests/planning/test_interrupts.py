@@ -30,6 +30,7 @@ PLANNING = (
     "planning/single_query.py",
     "planning/many_queries.py",
     "planning/solve.py",
+    "planning/solving_steps.py",
     "planning/query.py",
     "planning/rounds.py",
     "planning/batch.py",

@@ -53,6 +53,7 @@ FILES = (
     "planning/single_query.py",
     "planning/many_queries.py",
     "planning/solve.py",
+    "planning/solving_steps.py",
     "planning/query.py",
     "planning/rounds.py",
     "planning/improvement.py",
