@@ -212,13 +212,21 @@ def _search(levels, x0, y0, cell, points, guess, cells, turns, step, top, weight
 def _surface(likelihood, x0, y0, cell, points, pose, cells, turns, step):  # type: ignore[no-untyped-def]  # numba infers the types
     """Return the covariance of x, y, theta by the correlation surface, shape (3, 3)."""
     n, width = len(points), 2 * cells + 1
+    rows, columns = likelihood.shape
     xs, ys = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
     sums = np.empty((2 * turns + 1, width, width))
+    whole = np.empty((width, width), dtype=np.int32)
     for k in range(2 * turns + 1):
         _cells(points, pose[0], pose[1], pose[2] + (k - turns) * step, x0, y0, cell, xs, ys)
-        for i in range(width):
-            for j in range(width):
-                sums[k, i, j] = _sum(likelihood, xs, ys, i - cells, j - cells) / 255.0
+        whole[:] = 0
+        # Point by point: what lies around one is added row by row, many cells at a time.
+        for p in range(n):
+            row, column = ys[p] - cells, xs[p] - cells
+            first, last = max(0, -column), min(width, columns - column)
+            for i in range(max(0, -row), min(width, rows - row)):
+                for j in range(first, last):
+                    whole[np.uint32(i), np.uint32(j)] += likelihood[np.uint32(row + i), np.uint32(column + j)]
+        sums[k] = whole.T / 255.0  # by x, then by y
     top = sums.max()
     moments, total = np.zeros((3, 3)), 0.0
     d = np.empty(3)
