@@ -16,6 +16,7 @@ from tests.support.forks import Forks
 from trailmark import Disc, LandmarkPlanner, Moving, PlanResult, Robot, StateChecker
 from trailmark.landmarks import free_samples
 from trailmark.lock import Lock
+from trailmark.planning.settings import PlannerSettings
 
 WORLD = random_world(3, 40, size=40.0, discs=0.3)
 LIMIT = 600.0
@@ -28,7 +29,7 @@ def pickled(value: Any) -> Any:
 
 def used(robot: Robot) -> LandmarkPlanner:
     """Return a planner with a life behind it: queries one by one and many at once, changes, moving obstacles."""
-    planner = LandmarkPlanner(WORLD, robot, seed=0, warm=False)
+    planner = LandmarkPlanner(WORLD, robot, seed=0, warm=False, settings=PlannerSettings(patience=1))
     ends = free_samples(planner.checker, 4, random_state=1)
     path = planner.plan(ends[0], ends[1], LIMIT, max_iterations=1).path
     assert path is not None

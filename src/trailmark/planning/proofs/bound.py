@@ -88,8 +88,7 @@ class LowerBound:
     """
 
     def __init__(self, world: World, robot: Robot, grid: ObstacleGrid | None = None, *, large: int = LARGE) -> None:
-        self.world, self.robot, self.large = world, robot, large
-        self._grid = grid
+        self.world, self.robot, self.large, self._grid = world, robot, large, grid
         self._before: tuple[LowerBound, FloatArray] | None = None
 
     def edited(self, world: World, grid: ObstacleGrid, freed: FloatArray) -> LowerBound:
