@@ -12,10 +12,13 @@ PATH is the root of the other checkout, for example a ``git worktree`` of an ear
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import subprocess
 import sys
+import tempfile
+from dataclasses import replace
 from inspect import signature
 from pathlib import Path
 from time import perf_counter
@@ -24,6 +27,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.machine import describe_machine, markdown_table
+from trailmark import LandmarkPlanner
+from trailmark.errors import TrailmarkError
 from trailmark.world import Query, Robot, World
 
 CAR = "car: "
@@ -33,18 +38,16 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 
 
-def answer(worlds: int) -> None:
-    """Answer problems by name, read from standard input, until it ends: what the two processes do."""
+def write_problems(worlds: int, folder: Path) -> None:
+    """Write the problems as world files, which any version reads, one query each, in the order of their names.
+
+    A grid map comes as cells, and beside it as polygons, for a checkout that knows no cells in world files.
+    """
     from benchmarks.ahead_problems import cases
     from benchmarks.car import PROBLEMS
-    from trailmark.planning import LandmarkPlanner
-    from trailmark.planning.warmup import warm_up
+    from trailmark.formats.cell_obstacles import cells_of
 
-    warm_up()
-    # By length alone in either checkout, of which an earlier one knows nothing else.
-    charged = "objective" in signature(LandmarkPlanner).parameters
-    length: dict[str, Any] = {"objective": "length"} if charged else {}
-    known: list[tuple[str, World, Robot, Query]] = [
+    found: list[tuple[str, World, Robot, Query]] = [
         (case.problem.key, case.problem.world, case.problem.robot, case.problem.query)
         for case in cases(worlds, data=True)
         if case.feasible is not False
@@ -52,7 +55,31 @@ def answer(worlds: int) -> None:
     for car in PROBLEMS:
         world = car.load()
         assert world.robot is not None
-        known.append((CAR + car.name, world, world.robot, world.query(car.query)))
+        found.append((CAR + car.name, world, world.robot, world.query(car.query)))
+    for number, (key, world, robot, query) in enumerate(found):
+        alone = replace(world, name=key, robot=robot, queries=(query,))
+        alone.save(folder / f"{number:04}.yaml")
+        if cells_of(world) is not None:
+            polygons = World(key, world.bounds, tuple(world.obstacles), robot, world.boundary, (query,))
+            polygons.save(folder / f"{number:04}-polygons.yaml")
+
+
+def answer(folder: Path) -> None:
+    """Answer problems by name, read from standard input, until it ends: what the two processes do."""
+    from trailmark.planning.warmup import warm_up
+
+    warm_up()
+    # By length alone in either checkout, of which an earlier one knows nothing else.
+    charged = "objective" in signature(LandmarkPlanner).parameters
+    length: dict[str, Any] = {"objective": "length"} if charged else {}
+    known: list[tuple[str, World, Robot, Query]] = []
+    for file in sorted(folder.glob("????.yaml")):
+        for version in (file, file.with_name(f"{file.stem}-polygons.yaml")):
+            with contextlib.suppress(TrailmarkError):  # what this checkout does not read is nothing to compare
+                world = World.load(version)
+                assert world.robot is not None
+                known.append((world.name, world, world.robot, world.queries[0]))
+                break
     print(json.dumps([key for key, *_ in known]), flush=True)
     for line in sys.stdin:
         wanted, seed, limit = json.loads(line)
@@ -77,9 +104,9 @@ def answer(worlds: int) -> None:
 class Side:
     """A process that answers by one checkout's package."""
 
-    def __init__(self, root: Path, worlds: int) -> None:
+    def __init__(self, root: Path, folder: Path) -> None:
         own = {**os.environ, "PYTHONPATH": os.pathsep.join([str(root / "src"), str(ROOT)])}
-        command = [sys.executable, "-m", "benchmarks.first_path", "--answer", "--worlds", str(worlds)]
+        command = [sys.executable, "-m", "benchmarks.first_path", "--answer", str(folder)]
         self.process = subprocess.Popen(
             command, cwd=ROOT, env=own, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
@@ -115,14 +142,16 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--limit", type=float, default=0.25)
-    parser.add_argument("--answer", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--answer", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.answer:
-        answer(options.worlds)
+    if options.answer is not None:
+        answer(options.answer)
         return 0
     if options.base is None:
         parser.error("--base is missing: the other checkout's root")
-    sides = [Side(options.base.resolve(), options.worlds), Side(ROOT, options.worlds)]
+    with tempfile.TemporaryDirectory() as folder:
+        write_problems(options.worlds, Path(folder))
+        sides = [Side(root, Path(folder)) for root in (options.base.resolve(), ROOT)]
     # A world that ships with one checkout alone is nothing to compare.
     both = [key for key in sides[1].keys if key in sides[0].keys]
     rows: list[dict[str, Any]] = []
