@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from trailmark.errors import FormatError
-from trailmark.formats import cell_obstacles, load_world
+from trailmark.formats import load_world
 from trailmark.formats.nav2_map import free_cells
 from trailmark.formats.schema import MapFile
 from trailmark.world import World
@@ -272,10 +272,10 @@ def test_missing_image_and_directory(tmp_path: Path) -> None:
         load_world(write_map(tmp_path, grey([0]), image="."))
 
 
-def test_noise_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cell_obstacles, "MAX_CORNERS", 3)
-    with pytest.raises(FormatError, match=r"map\.pgm: map: expected outlines with at most 3 corners, got 4"):
-        load_world(write_map(tmp_path, grey([0])))
+def test_noise_is_refused(tmp_path: Path) -> None:
+    board = Image.fromarray((np.indices((708, 708)).sum(axis=0) % 2 * 255).astype(np.uint8))
+    with pytest.raises(FormatError, match=r"map\.pgm: map: expected outlines with at most 1,000,000 corners, got 1,0"):
+        load_world(write_map(tmp_path, board))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from trailmark.errors import FormatError, TrailmarkError
-from trailmark.formats import grid, load_world
+from trailmark.formats import load_world
 from trailmark.world import Query, World
 
 GREY, FREE, YELLOW = (127, 127, 127, 255), (195, 195, 194, 255), (255, 216, 0, 255)
@@ -83,9 +83,8 @@ def test_images_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     file.write_bytes(whole[:8])
     with pytest.raises(FormatError, match=r"cave.png: not an image that can be read"):
         load_world(file)
-    file.write_bytes(whole)
-    monkeypatch.setattr(grid, "MAX_CELLS", 39)
-    with pytest.raises(FormatError, match="expected 1 to 39 cells, got 40 x 40"):
+    file = saved(tmp_path, Image.new("L", (8001, 8000)))
+    with pytest.raises(FormatError, match="expected 1 to 64,000,000 cells, got 8001 x 8000"):
         load_world(file)
 
 
