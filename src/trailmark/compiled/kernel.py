@@ -18,7 +18,9 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
+from numba.core.typed_passes import IRLegalization
 
+from trailmark.compiled.borrowing import Borrowing
 from trailmark.compiled.cache import KernelCache, cache_of
 from trailmark.compiled.python_api import CheckedPythonAPI
 from trailmark.compiled.signals import signals_wait
@@ -51,6 +53,15 @@ class KernelCompiler(Compiler):
             self.state.flags.no_cpython_wrapper = True
             # Callers find the code by this key, whatever it is.
             context.get_executable = lambda library, descriptor, environment: object()
+
+    def define_pipelines(self) -> Any:
+        """Return numba's passes; functions that other kernels call count no references where they own nothing."""
+        pipelines = super().define_pipelines()
+        if Kernel.compiling > 1:
+            for passes in pipelines:
+                passes.add_pass_after(Borrowing, IRLegalization)
+                passes.finalize()
+        return pipelines
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """Compile a function, for Python or for the kernel that calls it."""

@@ -16,16 +16,23 @@ from numba.core.dispatcher import Dispatcher
 
 __all__ = ["origin_of"]
 
+COMPILER = ("trailmark.compiled.kernel", "trailmark.compiled.borrowing")
+"""Modules that decide how kernels are compiled: all of their files count."""
+
 _LITERAL = (bool, int, float, complex, str, bytes, type(None), np.generic)
 
 
 @cache
 def origin_of(function: Callable[..., Any]) -> str:
-    """Return a digest of a kernel's code, of the constants it reads and of all kernels that it calls, near and far."""
+    """Return a digest of a kernel's code, of the constants it reads and of all kernels that it calls, near and far.
+
+    How kernels are compiled counts as well.
+    """
     found = [function]
     for kernel in found:  # grows by those that they call
         found += [called for called in _parts(kernel)[1] if called not in found]
-    return hashlib.sha256("".join(sorted(_parts(kernel)[0] for kernel in found)).encode()).hexdigest()
+    digests = [*map(_file_digest, COMPILER), *sorted(_parts(kernel)[0] for kernel in found)]
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 @cache

@@ -37,7 +37,7 @@ def judge(attack: Attack) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [uneven, collinear, abutting, slit, carved])
 def test_discs(make: Callable[..., Attack]) -> None:
-    for seed in range(8):
+    for seed in (*range(8), 17):  # the last one: small and far away
         judge(make(seed, scale=SCALES[seed % 5], offset=OFFSETS[seed % 6]))
 
 
@@ -45,7 +45,7 @@ def test_discs(make: Callable[..., Attack]) -> None:
 @pytest.mark.parametrize("shape", sorted(SHAPES))
 def test_other_shapes_in_corridors_of_their_own(shape: str) -> None:
     first = 3 * sorted(SHAPES).index(shape)
-    for seed in range(first, first + 3):
+    for seed in {first, first + 1, first + 2, 11}:  # the last one: far away, for every shape
         judge(carved(seed, shape, scale=SCALES[seed % 5], offset=OFFSETS[seed % 6]))
 
 
@@ -100,6 +100,6 @@ def test_a_corner_that_is_just_wide_enough_is_not_called_shut(spare: float) -> N
     wall = Rectangle((5.0 + corridor / 2.0, 5.0 + corridor / 2.0), 10.0 - corridor, 10.0 - corridor)
     checker = StateChecker(World("corner", (0.0, 0.0, 10.0, 10.0), (wall,)), robot)
     start, forwards, backwards = (8.0, 0.3, 0.0), (0.3, 8.0, -np.pi / 2), (0.3, 8.0, np.pi / 2)
-    assert not enclosed(checker, start, forwards, seconds=0.5)
+    assert not enclosed(checker, start, forwards, seconds=5.0)  # it ends by itself before
     # There is no room to arrive the other way round.
     assert enclosed(checker, start, backwards)

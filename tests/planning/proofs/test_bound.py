@@ -50,8 +50,8 @@ def test_no_path_costs_less(name: str) -> None:
             result = planner.plan(start, goal, 20.0, max_iterations=2)
             found = bound.of(start, goal)
             assert found.cost >= se2.distance(start, goal) - 1e-9
-            if result.path is not None:
-                assert found.cost <= result.path.cost + 1e-9
+            assert result.path is not None
+            assert found.cost <= result.path.cost + 1e-9
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.1, 0.4, 0.9]))

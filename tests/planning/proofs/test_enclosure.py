@@ -47,7 +47,8 @@ def test_a_gap_too_narrow_is_closed(robot: Robot, gap: float) -> None:
 @pytest.mark.parametrize("gap", [1.0, 1.01])
 def test_a_gap_just_wide_enough_is_not(gap: float) -> None:
     checker = StateChecker(wall_with_gap(gap), ROBOTS["rectangle"])
-    assert not enclosed(checker, (2.0, 2.5, 0.0), (9.0, 2.5, 0.0), seconds=0.15)
+    # It ends by itself long before.
+    assert not enclosed(checker, (2.0, 2.5, 0.0), (9.0, 2.5, 0.0), seconds=2.0)
 
 
 def test_its_cells_hold_one_end_and_not_the_other() -> None:
@@ -72,7 +73,7 @@ def test_a_rod_passes_a_corner_up_to_its_known_length(share: float, closed: bool
     corridor = Polygon(np.array([(0, 0), (8, 0), (8, a), (b, a), (b, 8), (0, 8)], dtype=np.float64))
     world = World("corner", (0.0, 0.0, 8.0, 8.0), boundary=corridor)
     checker, start = StateChecker(world, robot), (5.5, 0.5 * a, 0.0)
-    assert enclosed(checker, start, (0.5 * b, 5.5, -0.5 * math.pi), seconds=SECONDS if closed else 0.25) is closed
+    assert enclosed(checker, start, (0.5 * b, 5.5, -0.5 * math.pi), seconds=SECONDS) is closed
     # The end that goes first stays the first: nothing turns round in such corridors.
     assert enclosed(checker, start, (0.5 * b, 5.5, 0.5 * math.pi), seconds=SECONDS)
 
@@ -95,9 +96,9 @@ def test_nothing_is_claimed_where_the_planner_finds_a_path(name: str) -> None:
         q = np.random.default_rng(seed).uniform((0, 0, -np.pi), (30, 30, np.pi), (400, 3))
         q = q[planner.checker.valid(q)]
         for start, goal in zip(q[:2], q[2:4], strict=True):
-            if planner.plan(start, goal, 0.2, gap=np.inf).status == "solved":
+            if planner.plan(start, goal, 2.0, gap=np.inf).status == "solved":
                 found += 1
-                assert not enclosed(planner.checker, start, goal, seconds=0.1)
+                assert not enclosed(planner.checker, start, goal, seconds=1.0)
     assert found > 1
 
 

@@ -176,34 +176,42 @@ def _dear(
     """
     dear = np.full((rows + 2, columns + 2), CLOSED, np.int32)
     down, across = _under(y0 - field.y0, size, rows, field), _under(x0 - field.x0, size, columns, field)
+    distance, slack = field.distance, field.slack
     for row in range(rows):
         for column in range(columns):
-            dear[row + 1, column + 1] = _dear_cell(field, down[row], across[column], size, radius, roomy, tightness)
+            dear[row + 1, column + 1] = _dear_cell(
+                distance, slack, down, row, across, column, size, radius, roomy, tightness
+            )
     return dear
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _dear_cell(
-    field: ClearanceField,
+    distance: NDArray[np.float32],
+    slack: float,
     down: NDArray[np.int64],
+    row: int,
     across: NDArray[np.int64],
+    column: int,
     size: float,
     radius: float,
     roomy: float,
     tightness: float,
 ) -> int:
-    """Return what crossing one cell costs, by the field's rows and columns under it."""
-    distance = field.distance
-    i, j = down[0], across[0]
+    """Return what crossing one cell costs, by the field's rows and columns under all of them.
+
+    Arrays are taken whole: to count references to a part, cut out for each cell, takes longer than the cell does.
+    """
+    i, j = down[row, 0], across[column, 0]
     room = distance[i, j] if i < distance.shape[0] and j < distance.shape[1] else 0.0
-    if radius - 0.71 * size - field.slack <= room < roomy:
-        for u in range(1, len(down)):
-            for v in range(1, len(across)):
-                i, j = down[u], across[v]
+    if radius - 0.71 * size - slack <= room < roomy:
+        for u in range(1, down.shape[1]):
+            for v in range(1, across.shape[1]):
+                i, j = down[row, u], across[column, v]
                 if i < distance.shape[0] and j < distance.shape[1]:
                     room = max(room, distance[i, j])
     # Half of the slack: where the field cannot tell, the disc may fit.
-    if room + 0.5 * field.slack < radius:
+    if room + 0.5 * slack < radius:
         return CLOSED
     lack = min(1.0, max(0.0, (roomy - room) / (roomy - radius)))
     return round(UNIT * (1.0 + tightness * lack))
@@ -239,14 +247,14 @@ def _lower(
         row, column = values[waiting] // columns, values[waiting] % columns
         if keys[waiting] > cost[row, column]:
             continue
-        dear = _dear_cell(field, down[row], across[column], size, radius, roomy, tightness)
+        dear = _dear_cell(field.distance, field.slack, down, row, across, column, size, radius, roomy, tightness)
         if dear == CLOSED:
             continue
         for k in range(8):
             i, j = row + _STEP_Y[k], column + _STEP_X[k]
             if not (0 <= i < rows and 0 <= j < columns):
                 continue
-            other = _dear_cell(field, down[i], across[j], size, radius, roomy, tightness)
+            other = _dear_cell(field.distance, field.slack, down, i, across, j, size, radius, roomy, tightness)
             if other == CLOSED:
                 continue
             step = 0.5 * (dear + other) * size / UNIT * (sqrt(2.0) if k % 2 else 1.0)

@@ -1,0 +1,222 @@
+"""Full disks, interrupts and kills at every step of writing: outputs are whole or absent, and nothing else is left."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from benchmarks.made_results import random_results
+from tests.benchmark.conftest import experiment, solved
+from tests.cli.logs import recorded
+
+from trailmark.benchmark.errors import StoreError
+from trailmark.benchmark.store import Store
+from trailmark.estimation import save_log
+
+Shell = Callable[..., Any]
+FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+ENDS: list[tuple[BaseException, int]] = [(FULL, 2), (KeyboardInterrupt(), 130)]
+BEFORE = ["nothing there", "older files there"]
+PAIRS = list(zip(ENDS, BEFORE, strict=True))
+
+
+@contextmanager
+def fault(monkeypatch: pytest.MonkeyPatch, at: int, what: BaseException) -> Iterator[list[str]]:
+    """Raise ``what`` at the ``at``-th step of writing files, counted over all of them; yields the steps taken."""
+    steps: list[str] = []
+
+    def step(name: str, real: Callable[..., Any]) -> Callable[..., Any]:
+        def called(*words: Any, **more: Any) -> Any:
+            steps.append(name)
+            if len(steps) == at:
+                raise what
+            return real(*words, **more)
+
+        return called
+
+    class File:
+        """A file whose writes may fail; half of the content is there then."""
+
+        def __init__(self, file: Any) -> None:
+            self.file = file
+
+        def __enter__(self) -> File:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            self.file.close()
+
+        def write(self, data: bytes) -> None:
+            self.file.write(data[: len(data) // 2])
+            step("write", lambda: None)()
+            self.file.write(data[len(data) // 2 :])
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(self.file, name)
+
+    fdopen, os_open = os.fdopen, os.open
+
+    def opened(path: Any, flags: int, *rest: Any, **more: Any) -> int:
+        made = step("open", os_open) if str(path).endswith(".tmp") else os_open
+        return int(made(path, flags, *rest, **more))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", opened)
+        patch.setattr(os, "fdopen", lambda handle, mode, *rest: File(fdopen(handle, mode, *rest)))
+        patch.setattr(os, "fsync", step("fsync", os.fsync))
+        patch.setattr(Path, "replace", step("replace", Path.replace))
+        yield steps
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir() if file.is_file()}
+
+
+@pytest.fixture
+def commands(tmp_path: Path, yard: Path, planner: Any) -> dict[str, list[object]]:
+    """Commands that write, with their inputs in one folder and their outputs in another."""
+    (tmp_path / "out").mkdir()
+    log = tmp_path / "drive.jsonl"
+    save_log(recorded(), log)
+    results = random_results(tmp_path / "results.db", ["landmark", "PRM"], problems=1, runs=3)
+    out = tmp_path / "out"
+    return {
+        "plan": ["plan", yard, "--output", out / "path.json", "--plot", out / "path.png"],
+        "csv": ["plan", yard, "--output", out / "path.csv"],
+        "convert": ["worlds", "convert", yard, out / "world.yaml"],
+        "map": ["map", log, "--output", out / "map.yaml"],
+        "report": ["report", results, "--html", out / "report.html", "--markdown", out / "report.md"],
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "what", "status", "before"),
+    [
+        *(("convert", what, status, before) for what, status in ENDS for before in BEFORE),
+        # All write by one function, of which a quick command shows all.
+        *((name, *end, before) for name in ("plan", "csv", "map", "report") for end, before in PAIRS),
+    ],
+)
+def test_at_every_step_outputs_are_whole_or_absent(
+    shell: Shell,
+    tmp_path: Path,
+    commands: dict[str, list[object]],
+    monkeypatch: pytest.MonkeyPatch,
+    name: str,
+    what: BaseException,
+    status: int,
+    before: str,
+) -> None:
+    out = tmp_path / "out"
+    assert shell(*commands[name]).status == 0
+    whole = contents(out)
+    older = {file: content + b"\n" for file, content in whole.items()} if before == "older files there" else {}
+    for at in range(1, 50):
+        shutil.rmtree(out)
+        out.mkdir()
+        for file, content in older.items():
+            (out / file).write_bytes(content)
+        with fault(monkeypatch, at, what) as steps:
+            run = shell(*commands[name])
+        for file, content in contents(out).items():
+            # Times in records differ from run to run; whether a file is whole tells its end.
+            assert content == older.get(file) or content[-4:] == whole[file][-4:], (at, file)
+        assert set(older) <= set(contents(out)) <= set(whole), at
+        if run.status == 0:
+            break
+        assert (run.status, run.err.count("\n")) == (status, 1), (at, run)
+    else:
+        pytest.fail("it never ended well")
+    assert len(steps) == 4 * len(whole)  # each of them was made to fail
+    assert at == len(steps) + 1
+
+
+LIMITED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+from trailmark.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_files_that_may_not_get_large_enough(tmp_path: Path, worlds: Path) -> None:
+    out = tmp_path / "office.yaml"
+    words = ["worlds", "convert", str(worlds / "office.yaml"), str(out)]
+    done = subprocess.run([sys.executable, "-c", LIMITED, *words], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2
+    assert done.stderr == f"trailmark: error: {out}: cannot be written: File too large\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from trailmark.formats.files import write_atomically
+print("begun", flush=True)
+for i in range(10**6):
+    write_atomically(Path(sys.argv[1]), str(i % 10) * 2_000_000)
+"""
+
+
+def test_kills_leave_whole_files(tmp_path: Path) -> None:
+    file = tmp_path / "out.txt"
+    file.write_text("x" * 2_000_000)
+    for moment in range(8):
+        with subprocess.Popen([sys.executable, "-c", WRITER, file], stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "begun\n"
+            time.sleep(0.013 * (moment + 1))
+            process.send_signal(signal.SIGKILL)
+        text = file.read_text()
+        assert len(text) == 2_000_000
+        assert text == text[0] * len(text)
+
+
+def test_a_full_disk_under_the_results_keeps_those_that_are_there(tmp_path: Path) -> None:
+    file = tmp_path / "results.db"
+    with Store(file) as store:
+        row, planner = store.experiment(experiment()), store.planner("good", "")
+        assert store.add(row, planner, solved(0))
+        pages = store._db.execute("PRAGMA page_count").fetchone()[0]
+        store._db.execute(f"PRAGMA max_page_count = {pages + 2}")
+        kept, problem = 1, ""
+        while not problem:
+            try:
+                kept += store.add(row, planner, solved(kept, failure="because " * 100))
+            except StoreError as error:
+                problem = str(error)
+    assert "full" in problem
+    with Store(file) as store:
+        assert len(store.finished(row)) == kept
+        assert store._db.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+
+
+JUMPING = """
+import itertools, sys, time
+jumps = itertools.cycle([0.0, 1e9, -1e9, float(2**40), 1.0])
+time.time = lambda: next(jumps)
+time.time_ns = lambda: int(next(jumps) * 1e9)
+from trailmark.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.slow
+def test_the_clock_on_the_wall_may_jump(tmp_path: Path, worlds: Path) -> None:
+    words = ["plan", str(worlds / "office.yaml"), "--time-limit", "0.08", "--output", str(tmp_path / "path.csv")]
+    words += ["--plot", str(tmp_path / "path.png")]
+    done = subprocess.run([sys.executable, "-c", JUMPING, *words], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len((tmp_path / "path.csv").read_text().splitlines()) > 2
+    assert "path found" in done.stdout
