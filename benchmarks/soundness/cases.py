@@ -95,7 +95,7 @@ def ask(world: World, asked: Question) -> str | None:
     if asked.what == "enclosed":
         claimed = enclosed(StateChecker(world, robot), *states, seconds=asked.seconds)
         return "an enclosure is claimed although a way is known" if claimed else None
-    planner = LandmarkPlanner(world, robot, seed=asked.seed)
+    planner = LandmarkPlanner(world, robot, seed=asked.seed, objective="length")  # as known costs are
     if asked.what == "plan":
         return judge_result(
             world, robot, states, planner.plan(states[0], states[1], time_limit=asked.seconds), asked.cost

@@ -273,7 +273,7 @@ def bounds(rng: Rng, report: Report, scale: str | None = None) -> None:
     world = random_scene(rng, scale or str(rng.choice(list(SCALES))), make)
     robot = world.robot
     assert robot is not None
-    planner, bound = LandmarkPlanner(world, robot, seed=0), LowerBound(world, robot)
+    planner, bound = LandmarkPlanner(world, robot, seed=0, objective="length"), LowerBound(world, robot)
     q = _uniform(world, 200, rng)
     q = q[np.asarray(planner.checker.valid(q))]
     q = q[: len(q) // 2 * 2][:12]
