@@ -219,7 +219,8 @@ def _surface(likelihood, x0, y0, cell, points, pose, cells, turns, step):  # typ
     for k in range(2 * turns + 1):
         _cells(points, pose[0], pose[1], pose[2] + (k - turns) * step, x0, y0, cell, xs, ys)
         whole[:] = 0
-        # Point by point: what lies around one is added row by row, many cells at a time.
+        # Point by point: what lies around one is added row by row, many cells at a time. Unsigned indices, since numba
+        # would ask of each signed one whether it counts from the end.
         for p in range(n):
             row, column = ys[p] - cells, xs[p] - cells
             first, last = max(0, -column), min(width, columns - column)
