@@ -30,7 +30,7 @@ from trailmark import LandmarkPlanner, clock
 from trailmark.collision import StateChecker
 from trailmark.formats.files import write_atomically
 from trailmark.landmarks import free_samples
-from trailmark.planning.warmup import warm_up_queries
+from trailmark.planning.warmup import warm_up
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -94,7 +94,7 @@ def main() -> None:
     parser.add_argument("--no-write", action="store_true")
     options = parser.parse_args()
     for kind in ("straight", "translation"):
-        warm_up_queries(kind)
+        warm_up(kind, "many")
     lines = []
     for name, world, robot in _worlds(options.quick):
         checker = StateChecker(world, robot)

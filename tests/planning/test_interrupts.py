@@ -17,7 +17,7 @@ from tests.support.interrupts import interrupted, lines_run
 from trailmark import LandmarkPlanner
 from trailmark.landmarks import free_samples
 from trailmark.planning import PlanProgress
-from trailmark.planning.warmup import warm_up, warm_up_queries
+from trailmark.planning.warmup import warm_up
 
 FloatArray = NDArray[np.float64]
 Judge = Callable[..., float]
@@ -91,7 +91,7 @@ def test_many_queries_after_an_interrupt_at_any_line_are_free(judge: Judge) -> N
     def many() -> object:
         return planner.plan_many(pairs[:, 0], pairs[:, 1], 20.0, max_iterations=1)
 
-    warm_up_queries()
+    warm_up(use="many")
     fresh = lines_run(PLANNING + ROADMAP, many)
     planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=300, checker=planner.checker)
     # The first one also learns how fast the machine is.

@@ -31,8 +31,9 @@ def signatures():
                     found[f"{name}.{key}"] = len(value.signatures)
     return found
 
-warm_up()
-warm_up("translation")
+for kind in ("straight", "translation"):
+    for use in ("plan", "changes"):
+        warm_up(kind, use)
 report = {"warm": signatures()}
 ring = [(8, 8), (12, 8), (12, 12), (8, 12)]
 hole = [(9, 9), (11, 9), (11, 11), (9, 11)]

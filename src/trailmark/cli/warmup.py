@@ -66,21 +66,16 @@ def warmup(as_json: JsonOption = False) -> None:
 def _stages() -> dict[str, Callable[[], None]]:
     """Return what is compiled, by name: each part for each kind of motion, and what asks for no kind."""
     from trailmark.exploration.warmup import warm_up_exploration
-    from trailmark.planning.warmup import (
-        ROBOTS,
-        warm_up,
-        warm_up_moving,
-        warm_up_queries,
-        warm_up_weighted,
-        warm_up_weighted_queries,
-    )
+    from trailmark.planning.warmup import ROBOTS, warm_up
 
     parts: dict[str, Callable[[Any], None]] = {
         "planning": warm_up,
-        "many queries": warm_up_queries,
-        "objectives and zones": warm_up_weighted,
-        "many queries under objectives": warm_up_weighted_queries,
-        "moving obstacles": warm_up_moving,
+        "many queries": partial(warm_up, use="many"),
+        "changed worlds": partial(warm_up, use="changes"),
+        "moving obstacles": partial(warm_up, use="moving"),
+        "objectives and zones": partial(warm_up, weighted=True),
+        "many queries under objectives": partial(warm_up, use="many", weighted=True),
+        "changed worlds under objectives": partial(warm_up, use="changes", weighted=True),
     }
     others = {
         "OMPL's planners": _warm_up_pointwise,

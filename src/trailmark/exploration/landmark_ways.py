@@ -18,6 +18,7 @@ from trailmark.goals import Goal
 from trailmark.planning.planner import LandmarkPlanner
 from trailmark.planning.proofs.shut_off import shut_off
 from trailmark.planning.result import PlanProgress, PlanResult, Status
+from trailmark.planning.warmup import warm_up
 from trailmark.se2 import FloatArray
 
 __all__ = ["plan_to"]
@@ -64,6 +65,7 @@ def plan_to(
         memory: of the exploration.
         stopped: asked between steps whether to end early.
     """
+    warm_up(use="reachability")
     here, landmark = surveyed.outlook.here, surveyed.outlook.landmarks[index]
     row, column = (int(place[0]) for place in known.cells_of(landmark[None, :2]))
     tried = int(memory.refused[row, column])

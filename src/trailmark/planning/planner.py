@@ -17,7 +17,7 @@ from trailmark.errors import ConfigurationError, WorldError, as_raised
 from trailmark.goals import Ends
 from trailmark.landmarks import Relaxation
 from trailmark.lock import Lock
-from trailmark.motion import Motion, kind_of
+from trailmark.motion import Motion
 from trailmark.objective import Objective
 from trailmark.path import Path
 from trailmark.planning.many_queries import answer_queries, ends_of
@@ -31,7 +31,7 @@ from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.single_query import GAP
 from trailmark.planning.updating import Update
-from trailmark.planning.warmup import warm_up_for, warm_up_moving
+from trailmark.planning.warmup import Use, warm_up_for
 from trailmark.planning.world_model import WorldModel
 from trailmark.roadmap import Roadmap
 from trailmark.world import Robot, World
@@ -52,13 +52,13 @@ class LandmarkPlanner:
     (:class:`trailmark.planning.lattice.search.Lattice`), guided by costs to go that shun tight places, from both ends
     and on ever finer lattices; that mostly gives a first path.
 
-    The rest goes in rounds. The relaxed problem (the robot's inscribed disc on a grid) says where short
-    paths are likely; valid configurations drawn there are clustered by K-means; the centres, repaired to valid
-    configurations, join the roadmap as landmarks; a lazy search finds the shortest path of certified motions.
-    While there is none, each round draws from a wider band and places more landmarks, in the end over all that
-    the robot might reach: a path that exists with some room is found with probability one as time goes on. Then it is
-    shortened, and each round looks for another way around and places more landmarks, until the path settles or the time
-    is up. A disc's shortest path is computed instead (:mod:`trailmark.planning.disc_path`), if time allows.
+    The rest goes in rounds. The relaxed problem (the robot's inscribed disc on a grid) says where short paths are
+    likely; valid configurations drawn there are clustered by K-means; the centres, repaired to valid configurations,
+    join the roadmap as landmarks; a lazy search finds the shortest path of certified motions. While there is none, each
+    round draws from a wider band and places more landmarks, in the end over all that the robot might reach: a path that
+    exists with some room is found with probability one as time goes on. Then it is shortened, and each round looks for
+    another way around and places more landmarks, until the path settles or the time is up. A disc's shortest path is
+    computed instead (:mod:`trailmark.planning.disc_path`), if time allows.
 
     A robot with a turning radius is a car: its roadmap is made of Reeds-Shepp curves, or Dubins curves if it does not
     reverse, a path is a :class:`trailmark.curves.CurvePath`. It goes without lattices: in tight places short drives
@@ -120,8 +120,12 @@ class LandmarkPlanner:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
+        self._warm_up("plan")
+
+    def _warm_up(self, use: Use) -> None:
+        """Compile what a use needs on a machine's first, before the limit of a query begins."""
         if self._warm:
-            warm_up_for(self.robot, self.world, self._model.objective)
+            warm_up_for(self.robot, self.world, self._model.objective, use)
 
     @property
     def _model(self) -> WorldModel:
@@ -228,6 +232,7 @@ class LandmarkPlanner:
             WorldError: a change of an obstacle that this world does not hold. Nothing is changed then.
         """
         one_of(changes, (Changes, World), "changes:", error=WorldError)
+        self._warm_up("changes")
         with self._updating:
             self._models, update = self._models.updated(changes)
         return update
@@ -248,7 +253,8 @@ class LandmarkPlanner:
         """Return the path to follow from here on, in a world that changed while another path was being followed.
 
         The rest of the path from where the robot is is kept while it is free and no other is known to be better by more
-        than ``min_gain``. Where it is blocked it is led around; failing that, the query is planned anew.
+        than ``min_gain``. Where it is blocked it is led around; failing that, the query is planned anew. The result
+        has ``kept`` and ``reason``; it is ``infeasible`` where the robot or the goal stands in an obstacle.
 
         Args:
             start: where the robot is, shape (3,).
@@ -263,15 +269,11 @@ class LandmarkPlanner:
             speed: m/s: at cost c of its path the robot is c / ``speed`` s from now, certified clear of moving obstacles
                 then, up to their horizons (:mod:`.space_time`). Without it, and for cars, what they sweep is occupied.
 
-        Returns:
-            The result, with ``kept`` and ``reason``. ``infeasible`` where the robot or the goal stands in an obstacle.
-
         Raises:
             ConfigurationError: start or goal is no configuration, or an option is out of range.
         """
         one_of(path, Path, "path:")
-        if self._warm and speed is not None:
-            warm_up_moving(kind_of(self._models.robot))
+        self._warm_up("changes" if speed is None else "moving")
         options = ReplanOptions(
             deadline=perf_counter() + _limits(time_limit, None)[0],
             min_gain=number(min_gain, "min gain:", minimum=0.0),
@@ -326,9 +328,7 @@ class LandmarkPlanner:
         callback(stop, "stop:")
         if all(isinstance(q, Sized) and len(q) == 0 for q in (starts, goals)):
             return []
-        if self._warm:
-            # Else what they compile, on a machine's first use, would take up the limit.
-            warm_up_for(self.robot, self.world, self._model.objective, many=True)
+        self._warm_up("many")
         begin, model = perf_counter(), self._model
         return answer_queries(
             model,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
-from typing import TYPE_CHECKING
+from functools import cache, partial
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -21,16 +21,7 @@ from trailmark.world import Robot, World
 if TYPE_CHECKING:
     from trailmark.planning.planner import LandmarkPlanner
 
-__all__ = [
-    "SMALL",
-    "warm_up",
-    "warm_up_for",
-    "warm_up_grid",
-    "warm_up_moving",
-    "warm_up_queries",
-    "warm_up_weighted",
-    "warm_up_weighted_queries",
-]
+__all__ = ["SMALL", "Use", "warm_up", "warm_up_for"]
 
 SMALL = World("warm-up", (0.0, 0.0, 6.0, 4.0), (Rectangle((3.0, 1.0), 0.5, 2.0),)), np.array([[1.0, 1, 0], [5, 1, 1]])
 """A small world, and a start and a goal that no single motion joins."""
@@ -43,58 +34,50 @@ ROBOTS: dict[Kind, Robot] = {
 }
 
 
-@lru_cache(maxsize=4)
-def warm_up(kind: Kind = "straight") -> None:
-    """Run every kernel that plans a kind of motion once: half a minute on a machine's first use, else a second."""
-    _run([partial(job, kind) for job in (_plan, _drive, _certify, _enclose, _shorten, _bound)])
+Use = Literal["plan", "many", "changes", "moving", "grid", "reachability"]
+"""What kernels are for: single queries; :meth:`LandmarkPlanner.plan_many`; changed worlds and paths in them; those with
+moving obstacles; grid maps; and the proof that places cannot be reached, of :mod:`trailmark.exploration`."""
 
 
-@lru_cache(maxsize=4)
-def warm_up_queries(kind: Kind = "straight") -> None:
-    """Run every kernel that only :meth:`LandmarkPlanner.plan_many` needs once, as :func:`warm_up` does the others."""
-    _run([partial(job, kind) for job in (_plan_many, _certify)])
+@cache
+def warm_up(kind: Kind = "straight", use: Use = "plan", *, weighted: bool = False) -> None:
+    """Run every kernel that a use of the planner needs once: half a minute on a machine's first use, else a second.
 
-
-@lru_cache(maxsize=4)
-def warm_up_weighted_queries(kind: Kind = "straight") -> None:
-    """Run every kernel once that only :meth:`LandmarkPlanner.plan_many` under other objectives than length needs."""
-    _run([partial(_plan_many, kind, "clearance")])
-
-
-@lru_cache(maxsize=4)
-def warm_up_weighted(kind: Kind = "straight") -> None:
-    """Run every kernel once that only zones and other objectives than length need, as :func:`warm_up` does."""
-    _run([partial(_plan, kind, "clearance"), partial(_shorten, kind, "clearance")])
-
-
-def warm_up_for(robot: Robot, world: World, objective: Objective, *, many: bool = False) -> None:
-    """Run every kernel once that queries of a robot in a world, under an objective, need: one by one, or many."""
-    kind = kind_of(robot)
-    (warm_up_queries if many else warm_up)(kind)
-    if cells_of(world) is not None:
-        warm_up_grid(kind)
-    if is_weighted(world, objective):
-        (warm_up_weighted_queries if many else warm_up_weighted)(kind)
-
-
-@lru_cache(maxsize=4)
-def warm_up_grid(kind: Kind = "straight") -> None:
-    """Run every kernel once that only grid maps need, as :func:`warm_up` does the others."""
-    _run([partial(_plan_in_grid, kind)])
-
-
-@lru_cache(maxsize=4)
-def warm_up_moving(kind: Kind = "straight") -> None:
-    """Run every kernel once that only :meth:`LandmarkPlanner.replan` with a speed needs, as :func:`warm_up` does."""
-    if kind in ("straight", "translation"):
-        _run([partial(_pass_moving, kind)])
-
-
-def _run(jobs: Sequence[Callable[[], None]]) -> None:
-    with compiled_side_by_side(jobs):
+    Args:
+        kind: of motion.
+        use: what for; each finds what the others compiled.
+        weighted: what only zones and other objectives than length need, in place of what all need.
+    """
+    objective = "clearance" if weighted else "length"
+    with compiled_side_by_side(jobs := [partial(job, kind, objective) for job in _jobs(use, kind, weighted)]):
         for job in jobs:
             job()
     Pace.forget_all()
+
+
+def warm_up_for(robot: Robot, world: World, objective: Objective, use: Use = "plan") -> None:
+    """Run every kernel once that a use of the planner needs for a robot in a world, under an objective."""
+    kind = kind_of(robot)
+    warm_up(kind, use)
+    if cells_of(world) is not None:
+        warm_up(kind, "grid")
+    if is_weighted(world, objective):
+        warm_up(kind, use, weighted=True)
+
+
+def _jobs(use: Use, kind: Kind, weighted: bool) -> Sequence[Callable[[Kind, str], None]]:
+    alike: dict[Use, Sequence[Callable[[Kind, str], None]]] = {
+        "many": [_plan_many],
+        "changes": [_follow_changes],
+        "moving": [_pass_moving] if kind in ("straight", "translation") else [],
+        "grid": [_plan_in_grid],
+        "reachability": [_shut_off],
+    }
+    if weighted:
+        return {**alike, "plan": [_plan, _shorten]}[use]
+    drive = [_drive] if kind == "curve" else []
+    planning = [_plan, *drive, _certify, _enclose, _shorten, _bound]
+    return {**alike, "plan": planning, "many": [_plan_many, _certify]}[use]
 
 
 def _hasty(kind: Kind, objective: str) -> LandmarkPlanner:
@@ -115,23 +98,29 @@ def _hasty(kind: Kind, objective: str) -> LandmarkPlanner:
     return LandmarkPlanner(SMALL[0], ROBOTS[kind], seed=0, objective=objective, settings=settings, warm=False)
 
 
-def _plan(kind: Kind, objective: str = "length") -> None:
+def _plan(kind: Kind, objective: str) -> None:
     """Plan between a start and a goal."""
+    _, (start, goal) = SMALL
+    planner = _hasty(kind, objective)
+    planner.plan(start, goal, time_limit=600.0, max_iterations=1)
+    planner.checker.clearance(start)
+
+
+def _follow_changes(kind: Kind, objective: str) -> None:
+    """Let the world change: beside a path, then on it, and back each time."""
     world, (start, goal) = SMALL
     planner = _hasty(kind, objective)
-    found = planner.plan(start, goal, time_limit=600.0, max_iterations=1)
-    planner.checker.clearance(start)
-    if found.path is None:
+    path = planner.plan(start, goal, time_limit=600.0, max_iterations=1).path
+    if path is None:
         return
-    # The world changes: beside the path, then on it, and back each time.
-    middle, path = np.asarray(found.path.at(0.5)), found.path
+    middle = np.asarray(path.at(0.5))
     for obstacle in (Disc((0.3, 3.7), 0.1), Disc((float(middle[0]), float(middle[1])), 0.3)):
         for changed in (world.edited(add=[obstacle]), world):
             planner.update(changed)
             path = planner.replan(start, goal, path, time_limit=600.0).path or path
 
 
-def _pass_moving(kind: Kind) -> None:
+def _pass_moving(kind: Kind, objective: str) -> None:
     """Give way to a moving obstacle, and go on as it goes."""
     from trailmark.planning.planner import LandmarkPlanner
 
@@ -143,7 +132,7 @@ def _pass_moving(kind: Kind) -> None:
         path = planner.replan(start, goal, path, time_limit=600.0, speed=1.0).path or path
 
 
-def _plan_in_grid(kind: Kind) -> None:
+def _plan_in_grid(kind: Kind, objective: str) -> None:
     """Plan in a grid map, with a guide and without."""
     from trailmark.planning.grids.grid_tangents import GridTangents
     from trailmark.planning.planner import LandmarkPlanner
@@ -158,7 +147,7 @@ def _plan_in_grid(kind: Kind) -> None:
         tangents.certified(tangents.bends(search, 0.0))
 
 
-def _plan_many(kind: Kind, objective: str = "length") -> None:
+def _plan_many(kind: Kind, objective: str) -> None:
     """Plan between many starts and goals."""
     _, (start, goal) = SMALL
     planner = _hasty(kind, objective)
@@ -166,7 +155,7 @@ def _plan_many(kind: Kind, objective: str = "length") -> None:
     planner.plan_many([start, goal], [goal, start], time_limit=600.0)
 
 
-def _certify(kind: Kind) -> None:
+def _certify(kind: Kind, objective: str) -> None:
     """Certify the edges of a roadmap, and find paths with and without."""
     from trailmark.planning.planner import LandmarkPlanner
 
@@ -178,10 +167,8 @@ def _certify(kind: Kind) -> None:
         planner.roadmap.find_path(start, goal, checking=checking)
 
 
-def _drive(kind: Kind) -> None:
+def _drive(kind: Kind, objective: str) -> None:
     """Search for a car's path by hybrid A*: which queries need it nobody knows beforehand."""
-    if kind != "curve":
-        return
     from trailmark.planning.hybrid_astar import hybrid_astar
     from trailmark.planning.planner import LandmarkPlanner
 
@@ -200,7 +187,7 @@ def _drive(kind: Kind) -> None:
     )
 
 
-def _shorten(kind: Kind, objective: str = "length") -> None:
+def _shorten(kind: Kind, objective: str) -> None:
     """Shorten a path."""
     from trailmark.collision import StateChecker
     from trailmark.motion import motion_of
@@ -215,7 +202,7 @@ def _shorten(kind: Kind, objective: str = "length") -> None:
     without_needless(motion.kind, path, EFFORT)
 
 
-def _bound(kind: Kind) -> None:
+def _bound(kind: Kind, objective: str) -> None:
     """Prove a lower bound."""
     from trailmark.planning.proofs.bound import LowerBound
 
@@ -223,17 +210,28 @@ def _bound(kind: Kind) -> None:
     LowerBound(world, ROBOTS[kind]).of(start, goal)
 
 
-def _enclose(kind: Kind) -> None:
+SHUT = World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), np.array([[0.6, 1, 0], [2.4, 1, 0]])
+"""A world that a wall divides, and a configuration on either side."""
+
+
+def _enclose(kind: Kind, objective: str) -> None:
     """Prove that there is no path: only what is hardly feasible, or not at all, asks for that."""
     from trailmark.collision import StateChecker
     from trailmark.landmarks import Relaxation
     from trailmark.planning.proofs import enclosed
     from trailmark.planning.proofs.claims import grid_separates
+
+    world, ends = SHUT
+    checker = StateChecker(world, ROBOTS["straight"])
+    enclosed(checker, *ends)
+    relaxation = Relaxation(checker)
+    grid_separates(relaxation, relaxation.costs_from(ends[1], target=ends[0]), *ends)
+
+
+def _shut_off(kind: Kind, objective: str) -> None:
+    """Prove that a place cannot be reached."""
+    from trailmark.collision import StateChecker
     from trailmark.planning.proofs.shut_off import shut_off
 
-    shut = StateChecker(World("shut", (0.0, 0.0, 3.0, 2.0), (Rectangle((1.5, 1.0), 0.6, 2.0),)), ROBOTS["straight"])
-    ends = np.array([[0.6, 1.0, 0.0], [2.4, 1.0, 0.0]])
-    enclosed(shut, *ends)
-    shut_off(shut, ends[0], ends[1, :2], ends[:, :2])
-    relaxation = Relaxation(shut)
-    grid_separates(relaxation, relaxation.costs_from(ends[1], target=ends[0]), *ends)
+    world, (here, there) = SHUT
+    shut_off(StateChecker(world, ROBOTS["straight"]), here, there[:2], np.array([here[:2], there[:2]]))
