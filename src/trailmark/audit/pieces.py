@@ -26,7 +26,7 @@ TOUCHED = 1e-9
 """Metres: what comes nearer than this to the core overlaps it, as far as rounding tells."""
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def chord_error(length: float, speed: float, turn: float, turning: float, reach: float) -> float:
     """Return how far (metres) a point may be off its chord on a piece of a motion.
 
@@ -90,14 +90,14 @@ def nearby(grid: ObstacleGrid, x: float, y: float, reach: float, memory: NDArray
     return memory
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _seen(x: float, y: float, c: float, s: float, px: float, py: float) -> tuple[float, float]:
     """Return a point as a robot at (x, y), whose heading has cosine c and sine s, sees it."""
     dx, dy = px - x, py - y
     return c * dx + s * dy, c * dy - s * dx
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _of_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float]:
     """Return the squared distance of a point to a segment, and where on the segment, 0 to 1, it is nearest."""
     dx, dy, wx, wy = bx - ax, by - ay, px - ax, py - ay

@@ -131,7 +131,7 @@ def _curve_pose(track: CurveTrack, along: float) -> tuple[float, float, float]:
     return found
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def end_gap(robot: Footprint) -> float:
     """Return the maximum length (metres of movement) of a gap at an end of a motion that counts as free."""
     return min(CONTACT, END_SHARE * float(robot.inner[0, 2]))
@@ -144,7 +144,7 @@ def new_queue() -> FloatArray:
 
 
 # Not inlined, it would take a tenth longer: it has some two hundred words of arguments.
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def certify(
     grid: ObstacleGrid,
     field: ClearanceField,
@@ -241,7 +241,7 @@ def motion(
     return int(certify(grid, field, robot, placed, queue, straight_track(robot, a, b), exact, budget))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def straight_track(robot: Footprint, a: FloatArray, b: FloatArray) -> StraightTrack:
     """Return the straight motion from a to b, each of shape (3,), as a track."""
     dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
@@ -266,7 +266,7 @@ def curve_motion(
     return int(certify(grid, field, robot, placed, queue, curve_track(robot, a, word, radius), True, budget))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def curve_track(robot: Footprint, a: FloatArray, word: FloatArray, radius: float) -> CurveTrack:
     """Return the curve of a word, shape (2, 5), from a, shape (3,), as a track; the radius in metres."""
     pieces = np.empty((PIECES, 6))

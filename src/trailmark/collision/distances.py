@@ -13,7 +13,7 @@ from trailmark.se2 import FloatArray
 __all__ = ["point_clearance", "point_depth", "ring_clearance"]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _point_segment(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return the squared distance of a point to a segment."""
     dx, dy = bx - ax, by - ay

@@ -228,7 +228,7 @@ def update_field(
     return (lowest, highest, first_column, end_column), (bottom, top + 1, left_most, right_most + 1)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _reached(distance: float, size: float, up: int, column: int, box: Window) -> bool:
     """Return whether a cell ``up`` rows from the box is no farther from it than its distance was, or by NEAR."""
     across = max(column - (box[3] - 1), box[2] - column, 0)
@@ -248,7 +248,7 @@ def _changed_cells(cell_start: Int32Array, winding: Int32Array, steps: Int32Arra
     return first_row, end_row, first_column, end_column
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _occupied(cell_start: Int32Array, winding: Int32Array, row: int, column: int) -> bool:
     return bool(cell_start[row, column + 1] > cell_start[row, column] or winding[row, column] > 0)
 

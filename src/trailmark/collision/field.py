@@ -149,7 +149,7 @@ def row_distances(
         distance[column] = size * sqrt(across * across + down * down)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def interpolated(field: ClearanceField, x: float, y: float) -> tuple[float, float, float]:
     """Return the field's (unproven) distance between cell centres and its slope along x and y.
 

@@ -44,7 +44,7 @@ WIDEST_GAP = 1e-3
 """Metres: a core's gap wider than this would cost more time to search than it saves."""
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def field_value(field: ClearanceField, x: float, y: float) -> float:
     """Return the distance stored for the cell of (x, y); 0 outside the grid, where everything is blocked."""
     column = floor((x - field.x0) / field.size)
@@ -205,7 +205,7 @@ def clearances(grid: ObstacleGrid, field: ClearanceField, robot: Footprint, q: F
     return result
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def field_cap(field: ClearanceField, robot: Footprint, x: float, y: float, c: float, s: float, cap: float) -> float:
     """Return a cap (metres) on the clearance: the nearest obstacle is no farther than the field's values stand for."""
     limit = min(cap, field_value(field, x, y) + field.slack + robot.circumradius)

@@ -17,7 +17,7 @@ from trailmark.se2 import FloatArray
 __all__ = ["least_along"]
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def least_along(
     grid: ObstacleGrid,
     field: ClearanceField,

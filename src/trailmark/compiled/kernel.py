@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba.core import sigutils
+from numba.core import sigutils, types
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
@@ -24,6 +24,7 @@ from trailmark.compiled.borrowing import Borrowing
 from trailmark.compiled.cache import KernelCache, cache_of
 from trailmark.compiled.python_api import CheckedPythonAPI
 from trailmark.compiled.signals import signals_wait
+from trailmark.compiled.target import KernelTarget, for_kernels, register
 
 __all__ = ["Kernel", "KernelCompiler"]
 
@@ -48,6 +49,7 @@ class KernelCompiler(Compiler):
         self.state.flags.no_cfunc_wrapper = True
         # The context is this compilation's own copy.
         context = self.state.targetctx
+        context.target = KernelTarget
         context.get_python_api = lambda builder: CheckedPythonAPI(context, builder)
         if Kernel.compiling > 1:
             self.state.flags.no_cpython_wrapper = True
@@ -82,6 +84,7 @@ class Kernel(CPUDispatcher):
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
+        self._of_numba = self.py_func.__module__.startswith("numba.")
         self._machine_code: dict[Any, Any] = {}
         """What was loaded for Python, where other kernels contain code compiled for them."""
 
@@ -89,9 +92,16 @@ class Kernel(CPUDispatcher):
         """Cache what Python calls (:mod:`trailmark.compiled.cache`): the code of those that it calls is part of it."""
         self._cache = cache_of(self.py_func)
 
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return what numba needs to know of a call with these types."""
+        if not self._of_numba:
+            args, kws = [types.unliteral(a) for a in args], {name: types.unliteral(a) for name, a in kws.items()}
+        return super().get_call_template(args, kws)
+
     def compile(self, sig: Any) -> Any:
         """Compile the kernel for a signature, or find the code; returns numba's handle on it."""
-        with signals_wait(), global_compiler_lock:  # with the lock, hence no two threads count at the same time
+        # With the lock, hence no two threads count at the same time.
+        with signals_wait(), for_kernels(), global_compiler_lock:
             Kernel.compiling += 1
             try:
                 return self._compile_for_python(sig) if Kernel.compiling == 1 else self._compile_for_kernel(sig)
@@ -134,6 +144,18 @@ class Kernel(CPUDispatcher):
             return super().compile(sig)
         finally:
             self._cache = cache
+
+
+def _of_numba(**options: Any) -> Callable[[Callable[..., Any]], Kernel]:
+    """Return what makes a kernel of a function of numba's own that kernels call."""
+
+    def compiled(function: Callable[..., Any]) -> Kernel:
+        return Kernel(function, targetoptions={**options, "nopython": True}, pipeline_class=KernelCompiler)
+
+    return compiled
+
+
+register(Kernel, _of_numba)
 
 
 def _types_of(sig: Any) -> Any:

@@ -16,7 +16,7 @@ from numba.core.dispatcher import Dispatcher
 
 __all__ = ["origin_of"]
 
-COMPILER = ("trailmark.compiled.kernel", "trailmark.compiled.borrowing")
+COMPILER = tuple(f"trailmark.compiled.{name}" for name in ("kernel", "borrowing", "python_api", "target", "variants"))
 """Modules that decide how kernels are compiled: all of their files count."""
 
 _LITERAL = (bool, int, float, complex, str, bytes, type(None), np.generic)

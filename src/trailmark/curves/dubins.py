@@ -24,14 +24,14 @@ __all__ = ["dubins_words"]
 _CSC_SAME, _CSC_OTHER, _CCC = (1.0, 0.0, 1.0, 0.0, 0.0), (1.0, 0.0, -1.0, 0.0, 0.0), (1.0, -1.0, 1.0, 0.0, 0.0)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _turn(angle: float, spare: float) -> float:
     """Return an angle in [0, 2 pi), one that is no farther than ``spare`` below a full turn as 0."""
     turn = angle - 2.0 * pi * floor(angle / (2.0 * pi))
     return 0.0 if turn >= 2.0 * pi - spare else turn
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _outer(first: float, total: float, side: float, spare: float) -> tuple[float, float]:
     """Return the first and the last arc, together ``total``, or their difference if ``side`` is -1.
 

@@ -27,13 +27,13 @@ _LRLR, _LRSL, _LRSR = (1.0, -1.0, 1.0, -1.0, 0.0), (1.0, -1.0, 0.0, 1.0, 0.0), (
 _LRSLR = (1.0, -1.0, 0.0, 1.0, -1.0)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _half_turn(angle: float) -> float:
     """Return an angle in [-pi, pi)."""
     return angle - 2.0 * pi * floor((angle + pi) / (2.0 * pi))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _outer(first: float, total: float, side: float, spare: float) -> tuple[float, float]:
     """Return the first and the last arc, together ``total``, or their difference if ``side`` is -1.
 

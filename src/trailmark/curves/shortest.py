@@ -27,7 +27,7 @@ MAX_WORDS = 56
 """Maximum number of words of either kind of car."""
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _comes_first(a: FloatArray, b: FloatArray) -> bool:
     """Return whether a comes before b in the order of x, then y, then heading, or is equal to it."""
     if a[0] != b[0]:

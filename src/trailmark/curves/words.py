@@ -26,7 +26,7 @@ _PLACES = 16 * 2.0**-52
 """Maximum effect of rounding on a place, as a part of the largest coordinate: a few roundings of each end."""
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def drive(x: float, y: float, theta: float, side: float, length: float, radius: float) -> tuple[float, float, float]:
     """Return where a car is after ``length`` metres (negative: backwards) on one side; the heading is not wrapped.
 

@@ -211,12 +211,12 @@ def _to_pointer(typing_context: Any, address: Any) -> Any:
 pointer: Any = intrinsic(_to_pointer)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _numbers_at(address: int) -> FloatArray:
     return carray(pointer(carray(pointer(address), (38,), np.int64)[37]), (11,), np.float64)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     """Return the kernels' arguments: of each array there are address, rows and columns, then the numbers' address."""
     places, numbers = carray(pointer(address), (38,), np.int64), _numbers_at(address)
@@ -252,7 +252,7 @@ def unpacked(address: int) -> tuple[ObstacleGrid, ClearanceField, Footprint]:
     return grid, field, robot
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def scratch_at(address: int) -> tuple[Scratch, FloatArray]:
     """Return memory to work in, and for a motion's ends, shape (2, 3)."""
     places = carray(pointer(address), (38,), np.int64)
@@ -264,7 +264,7 @@ def scratch_at(address: int) -> tuple[Scratch, FloatArray]:
     return scratch, carray(pointer(places[36]), (2, 3), np.float64)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def is_configuration(x: float, y: float, theta: float) -> bool:
     """Return whether numbers are a configuration: kernels would take what compares false with everything for free."""
     return isfinite(x + y) and -pi <= theta <= pi

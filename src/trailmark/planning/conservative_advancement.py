@@ -167,7 +167,7 @@ def may_meet(
     return False
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _nearest(px: float, py: float, ax: float, ay: float, bx: float, by: float) -> tuple[float, float, float]:
     """Return the distance of the point p from the segment from a to b, and the direction from there to p."""
     dx, dy = bx - ax, by - ay
@@ -179,7 +179,7 @@ def _nearest(px: float, py: float, ax: float, ay: float, bx: float, by: float) -
     return (distance, dx / distance, dy / distance) if distance > 0.0 else (0.0, 0.0, 0.0)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _cross(px: float, py: float, qx: float, qy: float, ax: float, ay: float, bx: float, by: float) -> bool:
     """Return whether the segments from p to q and from a to b cross each other."""
     first = (qx - px) * (ay - py) - (qy - py) * (ax - px)

@@ -77,7 +77,7 @@ def _value_at(value: FloatArray, density: FloatArray, size: float, i: int, j: in
     return found
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def on_diagonal(row: int, column: int, a: int, b: int) -> bool:
     """Return whether a square's corner lies on the diagonal that cuts it in two; neighbours have mirrored ones."""
     return ((row + column) & 1 == 0) == (a == b)

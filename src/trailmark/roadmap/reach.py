@@ -34,7 +34,7 @@ def few_boxes(boxes: FloatArray) -> FloatArray:
     return found
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _distance(x: float, y: float, box: FloatArray) -> float:
     """Return the distance (metres) of a point from a box xmin, ymin, xmax, ymax; 0 inside it."""
     return hypot(max(box[0] - x, 0.0, x - box[2]), max(box[1] - y, 0.0, y - box[3]))

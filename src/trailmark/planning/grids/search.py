@@ -201,7 +201,7 @@ def _corners(ints: IntArray, end: int, width: int) -> IntArray:
     return rows
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _place(grid: Corners, node: int) -> int:
     """Return where the arrays that have an element for each node keep that of a node."""
     width = grid.side.shape[1]

@@ -33,7 +33,7 @@ _BLOCKED_X = np.array([-1, 1, -1, 1])
 _BLOCKED_Y = np.array([-1, -1, 1, 1])
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def quadrant(grid: Corners, column: int, row: int, right: int) -> tuple[int, int]:
     """Return the signs of x and y of all directions in which a path passes a corner; ``right`` is 1, or 0 for left."""
     side = grid.side[row, column]
@@ -41,14 +41,14 @@ def quadrant(grid: Corners, column: int, row: int, right: int) -> tuple[int, int
     return (-by, bx) if right else (by, -bx)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def passes(grid: Corners, column: int, row: int, right: int, dx: float, dy: float) -> bool:
     """Return whether a path in a direction may touch a corner's circle."""
     qx, qy = quadrant(grid, column, row, right)
     return dx * qx >= -AHEAD and dy * qy >= -AHEAD
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def turns_at(grid: Corners, column: int, row: int, right: int) -> tuple[float, float]:
     """Return the last direction in which a path leaves a corner that it goes all the way round."""
     qx, qy = quadrant(grid, column, row, right)
@@ -57,7 +57,7 @@ def turns_at(grid: Corners, column: int, row: int, right: int) -> tuple[float, f
     return (0.0, float(qy)) if qx * qy == turn else (float(qx), 0.0)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def ends_of_tangent(
     ax: float, ay: float, right_a: int, bx: float, by: float, right_b: int, radius: float
 ) -> tuple[bool, float, float, float]:
@@ -85,7 +85,7 @@ def ends_of_tangent(
     return True, (length * ex - off * ey) / norm, (length * ey + off * ex) / norm, length
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def touching(x: float, y: float, right: int, dx: float, dy: float, radius: float) -> tuple[float, float]:
     """Return where a path in a direction touches a circle (or the point itself)."""
     off = 0.0 if right < 0 else -radius if right else radius

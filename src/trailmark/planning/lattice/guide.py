@@ -48,7 +48,7 @@ class Guide(NamedTuple):
     rotation: float
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def cost_to_go(nodes: Nodes, node: int, guide: Guide, cost: float) -> float:
     """Return the cost to go from a node's position to the goal's, infinite if ``cost`` is too much to get here."""
     _, row, column = place(node)
@@ -63,7 +63,7 @@ def cost_to_go(nodes: Nodes, node: int, guide: Guide, cost: float) -> float:
     return _guided(guide, row, column)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def cost_of_move(nodes: Nodes, node: int, other: int, move: int, guide: Guide) -> float:
     """Return what a move from a node to another costs: a metre what it costs on the mean at its ends."""
     if move >= TURNS:
@@ -73,7 +73,7 @@ def cost_of_move(nodes: Nodes, node: int, other: int, move: int, guide: Guide) -
     return 0.5 * (_density(nodes, node, guide) + _density(nodes, other, guide)) * move_cost(nodes, move)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _density(nodes: Nodes, node: int, guide: Guide) -> float:
     _, row, column = place(node)
     i, j = int(guide.row + row * guide.step), int(guide.column + column * guide.step)
@@ -82,7 +82,7 @@ def _density(nodes: Nodes, node: int, guide: Guide) -> float:
     return guide.least
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _guided(guide: Guide, row: int, column: int) -> float:
     """Return the cost to go from the cell of a position of the lattice."""
     i, j = int(guide.row + row * guide.step), int(guide.column + column * guide.step)
@@ -91,7 +91,7 @@ def _guided(guide: Guide, row: int, column: int) -> float:
     return np.inf
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def best_multi_step(nodes: Nodes, node: int, direction: int, multi_steps: int, guide: Guide) -> int:
     """Return the move of more than one step in a direction that promises most, -1 if there is none."""
     _, row, column = place(node)
@@ -113,7 +113,7 @@ def best_multi_step(nodes: Nodes, node: int, direction: int, multi_steps: int, g
     return best
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def near_goal(nodes: Nodes, node: int, guide: Guide, q: FloatArray, goal: FloatArray) -> bool:
     """Return whether a node lies so near to the goal that a motion there may be expected."""
     x, y = position(nodes, node)

@@ -78,20 +78,20 @@ class Nodes(NamedTuple):
         return self.below << BITS | self.left
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def place(node: int) -> tuple[int, int, int]:
     """Return a node's heading, row and column."""
     return node >> 2 * BITS, node >> BITS & ((1 << BITS) - 1), node & ((1 << BITS) - 1)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def position(nodes: Nodes, node: int) -> tuple[float, float]:
     """Return where a node's disc is centred, metres."""
     _, row, column = place(node)
     return nodes.x + (column - nodes.left) * nodes.size, nodes.y + (row - nodes.below) * nodes.size
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def configuration(nodes: Nodes, node: int, q: FloatArray) -> None:
     """Write a node's configuration into q."""
     x, y = position(nodes, node)
@@ -99,7 +99,7 @@ def configuration(nodes: Nodes, node: int, q: FloatArray) -> None:
     q[0], q[1], q[2] = x + dx, y + dy, theta
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def child_of(nodes: Nodes, node: int, move: int) -> int:
     """Return the node that a move leads to, -1 out of the lattice."""
     k, row, column = place(node)
@@ -114,7 +114,7 @@ def child_of(nodes: Nodes, node: int, move: int) -> int:
     return int((k << BITS | row) << BITS | column)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def parent_of(nodes: Nodes, node: int, move: int) -> int:
     """Return the node from which a move leads to ``node``, -1 out of the lattice."""
     if move >= TURNS:
@@ -122,7 +122,7 @@ def parent_of(nodes: Nodes, node: int, move: int) -> int:
     return int(child_of(nodes, node, (move & ~7) + ((move + 4) & 7)))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def move_cost(nodes: Nodes, move: int) -> float:
     """Return a move's cost, metres."""
     if move >= TURNS:

@@ -251,13 +251,13 @@ def _search(
     return _path_over(nodes, table, last, start, goal), expanded
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _free(kind: Any, scratch: Scratch, q: FloatArray) -> bool:
     """Return whether a configuration is valid."""
     return bool(state(kind.grid, kind.field, kind.robot, scratch.placed, q[0], q[1], q[2]) == FREE)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _configuration_of(nodes: Nodes, table: SearchTable, node: int, q: FloatArray) -> None:
     """Write a node's configuration into q."""
     if len(table.retracted):
@@ -268,7 +268,7 @@ def _configuration_of(nodes: Nodes, table: SearchTable, node: int, q: FloatArray
     configuration(nodes, node, q)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _relax(table: SearchTable, node: int, cost: float, move: int) -> int:
     """Record that a move leads to a node at some cost; return the entries that takes, -1 if that is no better."""
     entry = entry_of(table, node)

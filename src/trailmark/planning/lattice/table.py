@@ -56,7 +56,7 @@ def new_table(entries: int = 1 << MIN_BITS, retracts: bool = False) -> SearchTab
     )
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def entry_of(table: SearchTable, node: int) -> int:
     """Return a node's entry; one that is not used, where the node belongs, if it is not there."""
     mask = len(table.node) - 1

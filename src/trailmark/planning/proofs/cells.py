@@ -93,7 +93,7 @@ def leaf_at(cells: NDArray[np.int32], division: Division, level: int, i: int, j:
     return int(cell)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def children_of(cells: NDArray[np.int32], division: Division, cell: int) -> int:
     """Return how many children a cell has, or would have."""
     level = cells[cell, LEVEL]

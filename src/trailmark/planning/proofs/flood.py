@@ -226,13 +226,13 @@ def go_on(
     return UNDER_WAY, taken, flood
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _across(cells: NDArray[np.int32], cell: int) -> int:
     """Return a cell's edge, as the column HOPS counts it."""
     return int(1 << (LEVELS - cells[cell, LEVEL]))
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _left(cells: NDArray[np.int32], division: Division, cell: int, other: FloatArray) -> float:
     """Return how far (metres) a cell's centre is from the other end's position."""
     half = division.half[cells[cell, LEVEL]]
@@ -240,7 +240,7 @@ def _left(cells: NDArray[np.int32], division: Division, cell: int, other: FloatA
     return hypot(x - other[0], y - other[1])
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _largest(cells: NDArray[np.int32], cell: int, finest: int) -> int:
     """Return the largest of the mixed cells that led here from a free one, -1 if all are of the finest level."""
     best, level = -1, finest
@@ -251,7 +251,7 @@ def _largest(cells: NDArray[np.int32], cell: int, finest: int) -> int:
     return best
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _mixed_before(cells: NDArray[np.int32], cell: int) -> bool:
     """Return whether the flood came to a cell through mixed ones, itself included."""
     while cell != ROOT:

@@ -67,13 +67,13 @@ def shortest_point_path(mesh: Mesh, start: FloatArray, goal: FloatArray) -> tupl
     return float(length), np.array(different)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _side(ox: float, oy: float, ax: float, ay: float, bx: float, by: float) -> float:
     """Return a value above 0 if b lies left of the ray from o to a, below 0 if right, but for rounding."""
     return (ax - ox) * (by - oy) - (ay - oy) * (bx - ox)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _beside(points: FloatArray, a: int, b: int, c: int) -> float:
     """Return a value above 0 if c lies left of the ray through a and b, below 0 if right, 0 if there is no ray."""
     if a == b:
@@ -92,7 +92,7 @@ def _crossing(points: FloatArray, a: int, b: int, outer: int, inner: int) -> tup
     return ox + share * (points[inner, 0] - ox), oy + share * (points[inner, 1] - oy)
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _distance(points: FloatArray, a: int, b: int, c: int) -> tuple[float, float]:
     """Return the distance of c from the line through a and b, times that of a from b, and what may be wrong with it."""
     x, y = points[c, 0], points[c, 1]
@@ -129,7 +129,7 @@ def _through(
     return hypot(cx - px, cy - py) + hypot(gx - cx, gy - cy), cx, cy
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _note(
     points: FloatArray,
     found: FloatArray,
@@ -150,7 +150,7 @@ def _note(
     kinds[n, AT_L + side], kinds[n, L1 + 2 * side], kinds[n, L2 + 2 * side] = vertex, a, b
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def _turns(points: FloatArray, best: FloatArray, via: IntArray, root: int, vertex: int) -> bool:
     """Return whether a shortest path may bend at a vertex, coming from a root, and take that down.
 
