@@ -188,6 +188,17 @@ def test_beams_that_graze_a_wall_do_not_take_it_away(angle: float, sigma: float)
     assert away.max() < CELL / 8.0 + 3.0 * sigma + 0.01
 
 
+def test_beams_in_front_of_a_slanted_wall_do_not_take_it_away() -> None:
+    # Of the world `long`: they enter a cell of the wall in front of its surface and leave it sideways.
+    bounds, a, b = (0.0, 0.0, 15.0, 20.0), np.array([9.546, 12.251]), np.array([9.468, 11.59])
+    block = Polygon([(11.295, 11.784), (10.428, 12.36), (10.223, 12.404), tuple(a), tuple(b), (10.007, 10.54)])
+    scanner = Scanner(1000, 2.0 * math.pi, 15.0, sigma=0.0)
+    drive = line((7.24, 8.3), (8.6, 9.1), 30, 0.3)
+    known = entered(World("block", bounds, (block,)), drive, scanner, KnownMap(bounds, CELL))
+    face = shapely.points(a + np.linspace(0.0, 1.0, 150)[:, None] * (b - a))
+    assert shapely.distance(solid(followed(known)), face).max() < 2e-3  # what a robot keeps away from it at least
+
+
 def test_beams_that_meet_nothing_show_free_space_up_to_the_range_and_no_farther() -> None:
     known = entered(room(), [(4.0, 3.0, 0.0)], Scanner(720, math.pi, 2.0, sigma=0.0))
     away = known.centres(*np.nonzero(known.state == FREE)) - [4.0, 3.0]

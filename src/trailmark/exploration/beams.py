@@ -104,7 +104,10 @@ def _see(cells, row, column, wx, wy, ux, uy, length, gap):  # type: ignore[no-un
 
 @njit(cache=True)
 def _goes_through(cells, row, column, sx, sy, dx, dy, until):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Return whether a beam crosses the surface in a cell before it has come so far."""
+    """Return whether a beam crosses the surface in a cell, wherever in its box it lies, before it has come so far.
+
+    A beam that enters the box in front of the surface and leaves it sideways may not have met it.
+    """
     if cells.level[row, column] == TOUCHED:
         return False
     box, facing = cells.box[row, column], cells.facing[row, column]
@@ -116,9 +119,14 @@ def _goes_through(cells, row, column, sx, sy, dx, dy, until):  # type: ignore[no
     steep = nx * dx + ny * dy
     if abs(steep) < 0.1:
         return False
+    wide, high = (int(box[2]) - int(box[0])) / 510.0, (int(box[3]) - int(box[1])) / 510.0
+    deep = (abs(nx) * wide + abs(ny) * high) / abs(steep)
     at = (nx * (px - sx) + ny * (py - sy)) / steep
-    x, y = 255.0 * (sx + at * dx - column), 255.0 * (sy + at * dy - row)
-    return 0.0 < at < until and box[0] - 2 <= x <= box[2] + 2 and box[1] - 2 <= y <= box[3] + 2
+    if not at - deep > 0.0 or at + deep >= until:
+        return False
+    # From where it is in front of all of the box to where it is behind: within the box's length along the surface.
+    beside = abs(nx * (sy + at * dy - py) - ny * (sx + at * dx - px))
+    return beside + deep * abs(nx * dy - ny * dx) <= abs(ny) * wide + abs(nx) * high + 2.0 / 255.0
 
 
 @njit(cache=True)
