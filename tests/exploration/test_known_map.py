@@ -190,10 +190,10 @@ def test_beams_that_graze_a_wall_do_not_take_it_away(angle: float, sigma: float)
 
 def test_beams_in_front_of_a_slanted_wall_do_not_take_it_away() -> None:
     # Of the world `long`: they enter a cell of the wall in front of its surface and leave it sideways.
-    bounds, a, b = (0.0, 0.0, 15.0, 20.0), np.array([9.546, 12.251]), np.array([9.468, 11.59])
-    block = Polygon([(11.295, 11.784), (10.428, 12.36), (10.223, 12.404), tuple(a), tuple(b), (10.007, 10.54)])
+    bounds, (a, b) = (0.0, 0.0, 15.0, 20.0), np.array([[9.546, 12.251], [9.468, 11.59]])
+    block = Polygon(np.array([(11.295, 11.784), (10.428, 12.36), (10.223, 12.404), a, b, (10.007, 10.54)]))
     scanner = Scanner(1000, 2.0 * math.pi, 15.0, sigma=0.0)
-    drive = line((7.24, 8.3), (8.6, 9.1), 30, 0.3)
+    drive = [*line((7.24, 8.3), (8.6, 9.1), 30, 0.3)]
     known = entered(World("block", bounds, (block,)), drive, scanner, KnownMap(bounds, CELL))
     face = shapely.points(a + np.linspace(0.0, 1.0, 150)[:, None] * (b - a))
     assert shapely.distance(solid(followed(known)), face).max() < 2e-3  # what a robot keeps away from it at least

@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from numba.core import sigutils, types
+from numba.core import sigutils
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import IRLegalization
+from numba.core.types import unliteral
 
 from trailmark.compiled.borrowing import Borrowing
 from trailmark.compiled.cache import KernelCache, cache_of
@@ -93,9 +94,12 @@ class Kernel(CPUDispatcher):
         self._cache = cache_of(self.py_func)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return what numba needs to know of a call with these types."""
+        """Return what numba needs to know of a call with these types: constants are compiled as all other values are.
+
+        Numba's own functions may ask for constants; ours would only be compiled several times.
+        """
         if not self._of_numba:
-            args, kws = [types.unliteral(a) for a in args], {name: types.unliteral(a) for name, a in kws.items()}
+            args, kws = [unliteral(kind) for kind in args], {name: unliteral(kind) for name, kind in kws.items()}
         return super().get_call_template(args, kws)
 
     def compile(self, sig: Any) -> Any:
