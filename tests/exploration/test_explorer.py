@@ -174,8 +174,10 @@ def test_cells_are_divided_where_larger_ones_do_not_tell_whether_the_robot_fits(
     resumed = Explorer(world, sensor_range=4.0, noise=0.0, resumed=saved)
     assert resumed.mapper.known.cell == known.cell
     driven = resumed.history[-1].distance
-    for _ in range(8):
+    for _ in range(60):  # a busy machine finds ways later
         resumed.step()
+        if resumed.history[-1].distance > driven:
+            break
     result = resumed.result()
     assert result.history[-1].distance > driven
     assert result.first_known.shape == result.known.state.shape
