@@ -115,6 +115,7 @@ def test_every_part_has_its_layer() -> None:
     assert {part_of(file) for file in FILES} <= set(LAYER_OF)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES, ids=[str(file.relative_to(SOURCE)) for file in FILES])
 def test_a_file_imports_only_what_lies_below_it(file: Path) -> None:
     own, relative = part_of(file), file.relative_to(SOURCE)
@@ -183,6 +184,7 @@ def test_no_file_is_longer_than_a_person_reads_at_once() -> None:
     assert {file: lines for file, lines in lengths.items() if lines > 350} == {}
 
 
+@pytest.mark.slow
 def test_no_files_import_each_other_in_a_circle() -> None:
     graph = networkx.DiGraph((file, imported) for file in FILES for imported in imports_when_loaded(file))
     assert graph.number_of_edges() > len(FILES)
@@ -241,6 +243,7 @@ def test_every_public_name_is_there() -> None:
         _ = trailmark.Planner
 
 
+@pytest.mark.slow
 def test_submodules_are_loaded_when_they_are_first_named() -> None:
     program = (
         "import trailmark; print(trailmark.planning.settings.PlannerSettings.__name__, trailmark.shapes.Disc.__name__)"

@@ -74,6 +74,7 @@ def test_what_is_said_of_an_obstacle_is_a_change_too() -> None:
     assert other.apply(other.difference(world)) == world
 
 
+@pytest.mark.slow
 def test_the_changes_of_an_edit_are_remembered_and_no_world_is_kept_alive() -> None:
     world = rebuilt(WORLD)
     edited = world.edited(move={1: (0, 1)})
@@ -144,6 +145,7 @@ def test_what_are_no_changes_are_refused(items: Any, message: str) -> None:
         Changes(items)
 
 
+@pytest.mark.slow
 def test_random_edits_agree_with_lists() -> None:
     rng = random.Random(3)  # noqa: S311 # a test's
     world = World("w", BOUNDS)

@@ -20,6 +20,7 @@ def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
     worker.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(TARGETS))
 def test_damaged_files_are_refused_in_one_line(name: str, worker: Worker) -> None:
     if not available(name):

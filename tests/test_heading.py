@@ -58,6 +58,7 @@ def test_a_turn_is_the_shorter_way_by_exact_arithmetic() -> None:
             assert Fraction(turn(a, b)) == exact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("first", "second"), HALF_TURNS)
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_side_that_is_certified_is_the_one_that_is_driven(first: float, second: float, side: float) -> None:

@@ -14,6 +14,7 @@ from trailmark.heap import heap_grow, heap_pop, heap_push
 KEYS = st.lists(st.floats(-1e9, 1e9), max_size=40)
 
 
+@pytest.mark.slow
 @given(KEYS, st.data())
 def test_entries_come_out_smallest_first(numbers: list[float], data: st.DataObject) -> None:
     keys, values, size = np.empty(1), np.empty(1, np.int64), 0

@@ -20,6 +20,7 @@ def brute_force(points: np.ndarray, rows: np.ndarray, k: int, first: int = -1) -
     return np.where(np.take_along_axis(apart, order, 1) < np.inf, order, -1)[:, :k]
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 10_000),
     parts=st.lists(st.integers(0, 300), min_size=1, max_size=6),
@@ -46,6 +47,7 @@ def test_neighbours_are_those_of_brute_force(seed: int, parts: list[int], dimens
         assert np.array_equal(own[:, : expected.shape[1]], expected)
 
 
+@pytest.mark.slow
 def test_a_merged_index_is_a_copy() -> None:
     rng = np.random.default_rng(1)
     points = rng.random((1000, 3))

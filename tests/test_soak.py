@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 from benchmarks.soak import SAMPLES, measure, text, verdicts
 
 
@@ -23,6 +24,7 @@ def test_verdicts() -> None:
     assert [ok for _, ok, _ in verdicts(record(0.0, 3.0, ["bad"]))] == [True, False, False, False, False]
 
 
+@pytest.mark.slow
 def test_a_short_soak() -> None:
     found = measure(minutes=0.02, threads=3, seed=0, size=15.0)
     assert found["wrong"] == []

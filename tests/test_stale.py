@@ -115,6 +115,7 @@ def test_code_that_changed_while_the_program_ran_is_not_vouched_for(checkout: Pa
     assert AGE.search(describe_code("benchmarks.speed", checkout).encode()) is None
 
 
+@pytest.mark.slow
 def test_a_program_knows_its_name() -> None:
     # As with python -m: __main__ is the benchmark's file.
     code = f"import sys; sys.modules['__main__'].__file__ = {str(ROOT / 'benchmarks/stale.py')!r}\n"

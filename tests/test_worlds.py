@@ -38,11 +38,13 @@ def generate(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, folder / "generate.py", *arguments], capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_files_come_from_the_generator(worlds: Path) -> None:
     done = generate(worlds, "--check")
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 def test_check_names_every_file_that_differs(worlds: Path, tmp_path: Path) -> None:
     folder = tmp_path / "worlds"
     shutil.copytree(worlds, folder)
@@ -233,12 +235,14 @@ GRIDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GRIDS)
 def test_query_is_feasible(name: str) -> None:
     world = World.load(shipped_worlds()[name])
     assert connected(world, *GRIDS[name]) == {query.name: True for query in world.queries}
 
 
+@pytest.mark.slow
 def test_field2000_is_feasible_for_the_circumscribed_disc() -> None:
     world = World.load(shipped_worlds()["field2000"])
     assert world.robot is not None

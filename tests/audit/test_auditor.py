@@ -28,6 +28,7 @@ def audit(obstacles: tuple[Shape, ...], robot: Robot, states: Any, **more: Any) 
     return check_path(World("w", BOUNDS, obstacles, **more), robot, states)
 
 
+@pytest.mark.slow
 def test_a_robot_that_drives_through_a_box() -> None:
     found = audit((BOX,), SQUARE, [[5, 10.2, 0], [15, 10.2, 0]])
     (hit,) = found.collisions
@@ -40,6 +41,7 @@ def test_a_robot_that_drives_through_a_box() -> None:
     assert (found.length, found.rotation, found.cost) == (10.0, 0.0, 10.0)
 
 
+@pytest.mark.slow
 def test_a_free_path_and_where_it_is_narrowest() -> None:
     found = audit((BOX, Disc((14.0, 8.0), 0.5)), SQUARE, [[5, 12, 0], [15, 12, 0], [15, 5, 0]])
     assert found.free
@@ -209,6 +211,7 @@ def test_a_car_s_curve_is_audited_not_the_chords_of_its_states() -> None:
     assert found.cost == found.length == pytest.approx(2 * math.pi)
 
 
+@pytest.mark.slow
 def test_random_paths_agree_with_dense_sampling() -> None:
     rng = np.random.default_rng(5)
     compared = collided = 0

@@ -43,6 +43,7 @@ def test_known_depths(robot: Robot, shape: Shape, state: tuple[float, float, flo
     assert Penetration(robot, shape).at(np.array([state], dtype=float)) == pytest.approx([depth], abs=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [L_ROBOT, Robot.disc(0.4), Robot.rectangle(1.5, 0.3)])
 @pytest.mark.parametrize("shape", [U_SHAPE, RING, Rectangle((1, 1), 3, 1, 0.4), Disc((1, 1), 1.2)])
 def test_the_depth_is_the_shortest_way_out(robot: Robot, shape: Shape) -> None:
@@ -73,6 +74,7 @@ def test_the_depth_is_the_shortest_way_out(robot: Robot, shape: Shape) -> None:
         assert min(overlap) < 2e-3
 
 
+@pytest.mark.slow
 def test_depths_of_polygons_are_those_of_their_minkowski_difference() -> None:
     rng = np.random.default_rng(1)
     for k in range(24):

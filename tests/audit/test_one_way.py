@@ -47,6 +47,7 @@ def test_a_car_in_reverse_travels_backwards() -> None:
     assert check_path(world_of(OneWayZone(SQUARE, math.pi, 0.0)), ROBOT, path).free
 
 
+@pytest.mark.slow
 def test_random_paths_against_samples() -> None:
     rng = np.random.default_rng(3)
     collided = 0

@@ -24,6 +24,7 @@ def planned(start: FloatArray, goal: FloatArray) -> Path | None:
     return LandmarkPlanner(WORLD, ROBOT, seed=0).plan(start, goal, time_limit=0.3).path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.4), ROBOT.steered(0.8)], ids=["rectangle", "disc", "car"])
 def test_broken_parts_are_planned_anew(robot: Robot) -> None:
     auditor = PathAuditor(StateChecker(WORLD, robot))

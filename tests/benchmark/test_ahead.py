@@ -135,6 +135,7 @@ def test_the_page_says_what_is_reached(results: Results) -> None:
     assert "75.0%; next RRT+certified 100.0% (2 problems)" in text
 
 
+@pytest.mark.slow
 def test_random_cases_are_the_same_again_and_valid() -> None:
     first, again = list(random_cases(1)), list(random_cases(1))
     assert [c.problem.key for c in first] == [c.problem.key for c in again]

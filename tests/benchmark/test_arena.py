@@ -21,6 +21,7 @@ def test_discs_stay_inside_the_walls_at_their_speed() -> None:
     assert (np.abs(steps - SPEED * interval) < 1e-9).mean() > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("half", "radius"), [((0.0, 0.0), 0.3), ((0.6, 0.4), 0.0)])
 def test_the_judge_agrees_with_a_fine_sample(half: tuple[float, float], radius: float) -> None:
     rng, met = np.random.default_rng(1), 0
@@ -66,6 +67,7 @@ def test_the_robot_follows_its_path_at_its_speed() -> None:
     assert followed(states, 0.0, 3.0, 2.0)[-1].b == pytest.approx(states[-1])
 
 
+@pytest.mark.slow
 def test_a_drive_and_its_summary() -> None:
     drives = [drive(seed, CASES["disc, 20 looks a second"]) for seed in (0, 1)]
     found = summary(drives)

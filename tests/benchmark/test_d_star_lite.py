@@ -25,6 +25,7 @@ def length_of(path: list[Cell]) -> float:
     return float(np.hypot(*np.diff(np.array(path), axis=0).T).sum()) if path else np.inf
 
 
+@pytest.mark.slow
 def test_it_is_as_short_as_dijkstras_after_every_change() -> None:
     rng, mended = np.random.default_rng(0), 0
     for _ in range(6):

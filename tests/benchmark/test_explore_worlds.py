@@ -23,6 +23,7 @@ def test_the_same_seed_gives_the_same_world_and_its_start_is_free(kind: str) -> 
     assert StateChecker(world).valid(world.query().start)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["office", "cave"])
 def test_two_ways_to_find_what_can_be_seen(kind: str) -> None:
     world = explore_world(kind, 0)

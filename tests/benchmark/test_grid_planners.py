@@ -33,6 +33,7 @@ def planned(module: ModuleType, robot: Robot, walls: str, start: FloatArray = ST
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", [smac_like, theta_star_like, any_angle_exact])
 def test_ways_lead_around_obstacles_and_are_short(module: ModuleType) -> None:
     radius = 0.3
@@ -49,6 +50,7 @@ def test_ways_lead_around_obstacles_and_are_short(module: ModuleType) -> None:
     assert small.fault(path.tolist(), START, GOAL) is None
 
 
+@pytest.mark.slow
 def test_a_footprint_turns_to_fit() -> None:
     world = World("gap", (0.0, 0.0, 10.0, 5.0), (Rectangle((5.0, 1.0), 0.3, 2.0), Rectangle((5.0, 4.0), 0.3, 2.0)))
     robot = Robot.rectangle(1.6, 0.5)
@@ -78,6 +80,7 @@ DRIVES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("walls", ["open", "block"])
 def test_hybrid_a_star_plans_what_each_drive_can_do(drive: str, walls: str) -> None:
@@ -124,6 +127,7 @@ def seen_pairs(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_the_exact_way_is_the_shortest_of_a_visibility_graph_by_shapely(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -75,6 +75,7 @@ def least(world: World, robot: Robot, states: np.ndarray) -> float:
     return found - radius
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.3)], ids=["rectangle", "disc"])
 @pytest.mark.parametrize("bent", [False, True], ids=["bounds", "boundary"])
 def test_the_least_clearance(robot: Robot, bent: bool) -> None:

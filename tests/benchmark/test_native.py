@@ -379,6 +379,7 @@ def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
     monkeypatch.setenv(native.VARIABLE, str(script))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "status", "failure"),
     [

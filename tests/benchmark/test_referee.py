@@ -127,6 +127,7 @@ def test_of_a_car_the_curves_are_judged(reverse: bool) -> None:
         assert right or (found is not None and "meets an obstacle" in found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False])
 def test_of_a_car_it_agrees_with_the_certified_checker(reverse: bool) -> None:
     rng = np.random.default_rng(7)
@@ -176,6 +177,7 @@ def test_a_differential_drive_turns_in_place_or_drives_along_its_heading(reverse
     assert (backwards is None) == reverse
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [False, True])
 def test_the_planners_paths_of_differential_drives_are_found_correct(reverse: bool) -> None:
     robot = Robot.rectangle(0.8, 0.5).differential(reverse)

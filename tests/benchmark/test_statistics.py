@@ -92,6 +92,7 @@ def test_one_problem_without_ties_is_mann_whitneys_exact_test(n: int, m: int, se
     assert rank_test([(a, b)]).p == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 @given(coarse, coarse)
 @settings(max_examples=40)
 def test_with_ties_every_way_to_share_the_ranks_is_counted(a: list[float], b: list[float]) -> None:
@@ -126,6 +127,7 @@ def test_several_problems_are_counted_together() -> None:
     assert found.superiority == 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ties", [False, True])
 def test_many_problems_agree_with_permutations(ties: bool) -> None:
     generator = np.random.default_rng(11)

@@ -175,6 +175,7 @@ WRITER = """
 """
 
 
+@pytest.mark.slow
 def test_what_was_reported_to_be_written_survives_a_kill(tmp_path: Path) -> None:
     file, last = tmp_path / "results.db", -1
     for delay in (0.0, 0.02, 0.05):

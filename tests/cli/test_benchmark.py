@@ -136,6 +136,7 @@ def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

@@ -73,6 +73,7 @@ def test_options_override_the_robot(shell: Shell, yard: Path, paths: Any) -> Non
     assert "too tight for it" in shell("check", yard, turns, "--turning-radius", "1.5").out
 
 
+@pytest.mark.slow
 def test_repair_writes_a_free_path_that_keeps_what_was_free(
     shell: Shell, yard: Path, paths: Any, tmp_path: Path
 ) -> None:
@@ -148,6 +149,7 @@ def test_bad_words_are_told_in_one_line(shell: Shell, yard: Path, paths: Any, tm
     assert read_any_path(file).path.states.tolist() == FREE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [[], ["--forward-only"]])
 def test_a_car_s_plan_is_checked_by_its_curves(shell: Shell, yard: Path, tmp_path: Path, reverse: list[str]) -> None:
     out = tmp_path / "car.json"

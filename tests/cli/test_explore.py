@@ -55,6 +55,7 @@ def rooms(tmp_path: Path) -> Path:
 START = ("--start", "1,1,0")
 
 
+@pytest.mark.slow
 def test_everything_is_written(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
     for _ in range(2):  # the second time each file is written again
         run = shell("explore", rooms, *START, "--output", tmp_path / "run")
@@ -65,6 +66,7 @@ def test_everything_is_written(shell: Shell, rooms: Path, tmp_path: Path, explor
     assert str(tmp_path / "run") in run.out
 
 
+@pytest.mark.slow
 def test_the_world_that_is_explored_is_not_replaced(
     shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]
 ) -> None:
@@ -76,6 +78,7 @@ def test_the_world_that_is_explored_is_not_replaced(
     assert (tmp_path / "run" / "world.yaml").read_bytes() == before
 
 
+@pytest.mark.slow
 def test_json_is_the_summary(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
     run = shell("explore", rooms, *START, "--output", tmp_path / "run", "--json")
     assert (run.status, run.err) == (0, "")
@@ -83,6 +86,7 @@ def test_json_is_the_summary(shell: Shell, rooms: Path, tmp_path: Path, explorer
     assert json.loads(run.out) == summary_of(made_exploration())
 
 
+@pytest.mark.slow
 def test_options_reach_the_explorer(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
     words = ["--robot", "disc:0.2", "--sensor-range", "2.5", "--strategy", "gain-per-cost", "--confidence", "0.99"]
     words += ["--noise", "0.5", "--seed", "7", "--time-limit", "60", "--max-distance", "9", "--return-home"]
@@ -102,6 +106,7 @@ def test_options_reach_the_explorer(shell: Shell, rooms: Path, tmp_path: Path, e
     assert not second["settings"].return_home
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("status", "exit_status"), [("time", 0), ("distance", 0), ("stuck", 3), ("silent", 3)])
 def test_how_it_ended_is_the_exit_status(
     shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer], status: Status, exit_status: int
@@ -112,6 +117,7 @@ def test_how_it_ended_is_the_exit_status(
     assert json.loads(run.out)["status"] == status
 
 
+@pytest.mark.slow
 def test_an_interruption_keeps_all_and_is_gone_on_with(
     shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -136,6 +142,7 @@ def test_an_interruption_keeps_all_and_is_gone_on_with(
     assert load_exploration("../run").options["strategy"] == "nearest-frontier"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

@@ -169,6 +169,7 @@ for i in range(10**6):
 """
 
 
+@pytest.mark.slow
 def test_kills_leave_whole_files(tmp_path: Path) -> None:
     file = tmp_path / "out.txt"
     file.write_text("x" * 2_000_000)

@@ -76,6 +76,7 @@ def own(file: Path) -> Path:
     return file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["testmap.png", "soft.png", "hard.png"])
 @pytest.mark.parametrize("command", ["plan", "landmarks", "show"])
 def test_a_picture_never_destroys_the_map(
@@ -94,6 +95,7 @@ def test_a_picture_never_destroys_the_map(
     assert planner.calls == []
 
 
+@pytest.mark.slow
 def test_a_picture_of_others_is_kept_too(shell: Shell, nav2: Path, tmp_path: Path, yard: Path, planner: Any) -> None:
     said = kept(shell, tmp_path, "plan", yard, "--plot", tmp_path / "testmap.png")
     assert said.endswith("a file that trailmark did not write is there; expected a new file, or one to write again")
@@ -102,6 +104,7 @@ def test_a_picture_of_others_is_kept_too(shell: Shell, nav2: Path, tmp_path: Pat
         assert shell("worlds", "show", yard, "--plot", tmp_path / "new.png").status == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["testmap.yaml", "image.yaml"])
 def test_convert_keeps_map_and_image(shell: Shell, nav2: Path, tmp_path: Path, name: str) -> None:
     shutil.move(tmp_path / "testmap.png", tmp_path / "image.yaml")  # a map's image may be called anything

@@ -76,6 +76,7 @@ def test_other_counts_have_no_published_figures(shell: Shell, yard: Path) -> Non
     assert "spread" not in run.out
 
 
+@pytest.mark.slow
 def test_the_seed_decides(shell: Shell, yard: Path) -> None:
     def centres(seed: int) -> Any:
         return [run["centres"] for run in record(shell, yard, "-k", 4, "--seed", seed)["runs"]]
@@ -85,6 +86,7 @@ def test_the_seed_decides(shell: Shell, yard: Path) -> None:
     assert len({str(run) for run in centres(1)}) == 3
 
 
+@pytest.mark.slow
 def test_boxes_are_grown_where_the_published_runs_have_them_so_and_where_asked(shell: Shell, yard: Path) -> None:
     few = ("-k", 8, "--runs", 1)
     grown, plain = record(shell, "environment2", *few), record(shell, "environment2", *few, "--no-grow-boxes")
@@ -97,6 +99,7 @@ def test_boxes_are_grown_where_the_published_runs_have_them_so_and_where_asked(s
     assert "--grow-boxes given with --method se2, which has no boxes" in refused.err
 
 
+@pytest.mark.slow
 def test_paths_lead_over_the_landmarks_or_it_says_that_they_do_not(shell: Shell, tmp_path: Path) -> None:
     found = record(shell, "environment1", "-k", 12, "--runs", 1)
     world = World.load(shipped_worlds()["environment1"])
@@ -116,6 +119,7 @@ def test_trailmarks_own_method(shell: Shell, yard: Path) -> None:
     assert "6 landmarks" in shell("landmarks", yard, "--method", "se2", "-k", 6).out
 
 
+@pytest.mark.slow
 def test_the_sensors_range_says_how_many(shell: Shell, yard: Path) -> None:
     counts = [record(shell, yard, "--sensor-range", reach, "--runs", 1)["k"] for reach in (20, 2, 1)]
     assert counts[0] == 1
@@ -126,6 +130,7 @@ def test_another_robot(shell: Shell, yard: Path) -> None:
     assert record(shell, yard, "-k", 3, "--runs", 1, "--robot", "disc:0.3")["robot"] == "disc 0.3 m"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
@@ -176,6 +181,7 @@ def test_pictures(shell: Shell, yard: Path, tmp_path: Path, suffix: str, magic: 
     assert picture.read_bytes().startswith(magic)
 
 
+@pytest.mark.slow
 def test_a_robot_that_does_not_fit_a_query_gets_its_picture_without_that_path(
     shell: Shell, yard: Path, tmp_path: Path
 ) -> None:

@@ -44,6 +44,7 @@ def record(shell: Shell, *words: object) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_a_simulated_log_becomes_a_world_to_plan_in(shell: Shell, log: Path, tmp_path: Path) -> None:
     file = tmp_path / "world.yaml"
     run = shell("map", log, "--output", file, "--start", START, "--radius", "0.15", "--robot", "disc:0.25")
@@ -63,6 +64,7 @@ def test_a_simulated_log_becomes_a_world_to_plan_in(shell: Shell, log: Path, tmp
     assert shell("plan", file, "--query", "farthest", "--time-limit", "0.5").status == 0
 
 
+@pytest.mark.slow
 def test_the_figures(shell: Shell, log: Path, tmp_path: Path) -> None:
     run = shell("map", log, "--output", tmp_path / "world.yaml", "--confidence", "0.99")
     title, *rows = run.out.splitlines()
@@ -117,6 +119,7 @@ def test_the_json_object(shell: Shell, log: Path, tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"<?xml")
 
 
+@pytest.mark.slow
 def test_scans_become_walls(shell: Shell, tmp_path: Path) -> None:
     log, file = tmp_path / "scans.jsonl.gz", tmp_path / "world.yaml"
     save_log(recorded(scanner=True), log)
@@ -135,6 +138,7 @@ def test_scans_become_walls(shell: Shell, tmp_path: Path) -> None:
     assert free["obstacles"]["unknown"] == 0
 
 
+@pytest.mark.slow
 def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> None:
     def areas(*words: str) -> float:
         assert shell("map", log, "--output", tmp_path / "world.yaml", "--confidence", "0.99", *words).status == 0
@@ -164,6 +168,7 @@ def test_mrclam_folders_in_all_their_names(shell: Shell, mrclam: Path, tmp_path:
     assert len(set(worlds)) == 1
 
 
+@pytest.mark.slow
 def test_real_robots(shell: Shell, shared_data: Path, tmp_path: Path) -> None:
     folder, file = tmp_path / "cut", tmp_path / "world.yaml"
     folder.mkdir()

@@ -57,6 +57,7 @@ BAD_LINES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "line", "text", "problem"), BAD_LINES)
 def test_bad_lines(shell: Shell, mrclam: Path, tmp_path: Path, name: str, line: int, text: str, problem: str) -> None:
     lines = (mrclam / name).read_text().splitlines()
@@ -78,6 +79,7 @@ def test_bad_lines(shell: Shell, mrclam: Path, tmp_path: Path, name: str, line: 
     assert len(World.load(file).obstacles) == 2
 
 
+@pytest.mark.slow
 def test_bad_lines_of_other_formats(shell: Shell, log: Path, tmp_path: Path) -> None:
     lines = log.read_text().splitlines()
     file = tmp_path / "world.yaml"
@@ -94,6 +96,7 @@ def test_bad_lines_of_other_formats(shell: Shell, log: Path, tmp_path: Path) -> 
     assert found["records"]["all"] == len(recorded().records)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
@@ -151,6 +154,7 @@ def test_values_that_no_robot_can_have(shell: Shell, tmp_path: Path, records: li
     assert not file.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ranges", [[2, 2, 2, "inf", None], ["inf", None]])
 def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> None:
     log, file = tmp_path / "log.jsonl", tmp_path / "world.yaml"
@@ -161,6 +165,7 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
     assert World.load(file).queries == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
@@ -219,6 +224,7 @@ def test_a_robot_that_is_not_there(shell: Shell, mrclam: Path, tmp_path: Path) -
     assert (run.status, run.problem[:60]) == (2, f"{mrclam}: robot: expected 1, got 4"[:60])
 
 
+@pytest.mark.slow
 def test_interruption_while_mapping_leaves_nothing(log: Path) -> None:
     program = f"""
 import signal, sys, time

@@ -24,6 +24,7 @@ def record(shell: Shell, *words: object) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_bags(shell: Shell, tmp_path: Path) -> None:
     pytest.importorskip("rosbags", reason="the extra trailmark[ros] is not installed")
     write_bag(tmp_path / "drive", scans=True)

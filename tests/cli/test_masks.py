@@ -43,6 +43,7 @@ def test_zones_are_shown_converted_and_kept_out_of(shell: Shell, yard: Path, mas
     assert "keep-out zone 0" in [collision["obstacle"] for collision in found["collisions"]]
 
 
+@pytest.mark.slow
 def test_a_speed_mask_gives_shares_of_the_max_speed(shell: Shell, yard: Path, mask: Path, tmp_path: Path) -> None:
     query = ["--start", "7.5,2,0", "--goal", "9.5,2,0", "--robot", "disc:0.2", "--objective", "time", "--json"]
     costs = []

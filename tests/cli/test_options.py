@@ -32,6 +32,7 @@ def test_no_degrees(text: str) -> None:
         options.read_configuration(text, "--start")
 
 
+@pytest.mark.slow
 @given(st.text(max_size=30))
 def test_other_text_is_a_usage_error_that_quotes_it(text: str) -> None:
     try:

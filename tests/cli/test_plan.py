@@ -102,6 +102,7 @@ def test_a_querys_goals_are_the_worlds_and_may_get_a_tolerance(shell: Shell, yar
     assert second["goal"] == (Goal((9.0, 5.0, 1.5), position_tolerance=0.1),)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("status", "code"), [("solved", 0), ("timeout", 3), ("infeasible", 4)])
 def test_json_is_one_object_and_nothing_else(
     shell: Shell, yard: Path, planner: Any, tmp_path: Path, status: str, code: int
@@ -180,6 +181,7 @@ def test_the_picture_shows_the_layers_that_are_named(shell: Shell, yard: Path, p
     assert len(drawn["few"]) < len(drawn["all"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "named", "allowed"),
     [

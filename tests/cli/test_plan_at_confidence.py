@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import shapely
 
 from trailmark.estimation import regrow
@@ -17,6 +18,7 @@ from trailmark.world import ObstacleEstimate, Query, Robot, World
 Shell = Callable[..., Any]
 
 
+@pytest.mark.slow
 def test_risk_is_spent_along_the_path_where_obstacles_are_estimates(shell: Shell, tmp_path: Path) -> None:
     posts = [Disc((10.0, y), 0.5) for y in (1.4, 2.6, 3.8, 5.0, 6.2, 7.4)]
     estimates = [ObstacleEstimate(post, 0.0225 * np.eye(2)) for post in posts]
@@ -54,6 +56,7 @@ def test_risk_is_spent_along_the_path_where_obstacles_are_estimates(shell: Shell
     assert shell("plan", tmp_path / "posts.yaml", "--confidence", "1").status == 2
 
 
+@pytest.mark.slow
 def test_where_every_path_risks_too_much_none_is_returned(shell: Shell, tmp_path: Path) -> None:
     # A gap 0.1 m wider than the robot, between posts that err by 0.15 m; walls on either side.
     posts = [Disc((10.0, y), 0.5) for y in (0.4, 1.4, 2.4, 3.4, 5.1, 6.1, 7.1, 8.1, 9.1, 9.8)]

@@ -95,12 +95,14 @@ def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
     assert picture.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_the_summary_tells_of_the_curves(shell: Shell, cars: Path) -> None:
     run = shell("plan", cars, "--forward-only", "--time-limit", "20")
     assert run.status == 0
     assert "Dubins, turning radius 0.9 m, 0 changes of direction" in run.out
 
 
+@pytest.mark.slow
 def test_costs_of_maneuvers(shell: Shell, worlds: Path) -> None:
     given = ("plan", worlds / "parking.yaml", "--query", "bay", "--turning-radius", "4.5", "--time-limit", "1")
     run = shell(*given, "--direction-change-cost", "2", "--reverse-cost", "1.2", "--json")

@@ -12,6 +12,7 @@ import pytest
 Shell = Callable[..., Any]
 
 
+@pytest.mark.slow
 def test_an_objective_is_planned_for_and_told(shell: Shell, yard: Path) -> None:
     run = shell("plan", yard, "--objective", "clearance", "--json", "--time-limit", "2")
     assert run.status == 0
@@ -22,6 +23,7 @@ def test_an_objective_is_planned_for_and_told(shell: Shell, yard: Path) -> None:
     assert "clearance 5" in shell("plan", yard, "--objective", "clearance").out
 
 
+@pytest.mark.slow
 def test_time_takes_the_speeds_of_the_time_law(shell: Shell, yard: Path) -> None:
     run = shell("plan", yard, "--objective", "time", "--max-speed", "0.5", "--max-turn-rate", "2", "--json")
     assert run.status == 0

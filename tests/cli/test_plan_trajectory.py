@@ -31,6 +31,7 @@ def test_a_trajectory_is_written_and_told(shell: Shell, yard: Path, planner: Any
     assert "trajectory" in shell("plan", yard, "--trajectory", file).out
 
 
+@pytest.mark.slow
 def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: Path) -> None:
     run = shell("plan", yard, "--smooth", "--json", "--output", tmp_path / "path.json")
     assert run.status == 0
@@ -42,6 +43,7 @@ def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: P
     assert "stops on the way" in shell("plan", yard, "--smooth").out
 
 
+@pytest.mark.slow
 def test_out_of_a_keep_out_zone_the_path_stays_as_it_is(shell: Shell, yard: Path, tmp_path: Path) -> None:
     zone = "zones:\n  - {kind: keep-out, vertices: [[0.2, 0.2], [1.6, 0.2], [1.6, 1.8], [0.2, 1.8]]}\n"
     world = tmp_path / "zone.yaml"
@@ -59,6 +61,7 @@ def test_rows_are_no_farther_apart_than_the_step(shell: Shell, yard: Path, plann
     assert se2.distance(rows[:-1], rows[1:]).max() <= 0.05 + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".gif", ".html"])
 def test_the_robot_is_shown_along_its_path(shell: Shell, yard: Path, planner: Any, tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"drive{suffix}"
@@ -74,6 +77,7 @@ def test_without_a_path_nothing_is_written(shell: Shell, yard: Path, planner: An
     assert list(tmp_path.glob("drive.*")) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

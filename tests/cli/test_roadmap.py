@@ -59,6 +59,7 @@ def test_the_frame_is_named(shell: Shell, yard: Path, tmp_path: Path) -> None:
     assert '"frame": "odom"' in (tmp_path / "a.geojson").read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

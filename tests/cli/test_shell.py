@@ -34,6 +34,7 @@ def test_help_names_every_command(shell: Shell) -> None:
     assert shell("-h").out == run.out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [["plan"], ["map"], ["benchmark"], ["report"], ["worlds"], ["worlds", "show"], ["worlds", "convert"]],
@@ -49,6 +50,7 @@ def test_the_package_runs_as_a_program() -> None:
     assert (done.returncode, done.stdout) == (0, f"trailmark {trailmark.__version__}\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("typed", "offered"), [("trailmark wo", ["worlds"]), ("trailmark plan --turn", ["--turning-radius"])]
 )
@@ -108,6 +110,7 @@ def test_module_and_exit_status() -> None:
     assert done.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["--help"], ["--version"], ["worlds", "schema"]])
 def test_a_reader_that_goes_away_is_no_error(words: list[str]) -> None:
     reader, writer = os.pipe()
@@ -165,6 +168,7 @@ with console.progress("loading") as progress:
 """
 
 
+@pytest.mark.slow
 def test_long_work_shows_progress_on_a_terminal_and_wipes_it(terminal: Terminal) -> None:
     written = terminal(sys.executable, "-c", WAIT.format(seconds=0.7)).err
     assert "planning · 0." in written
@@ -172,6 +176,7 @@ def test_long_work_shows_progress_on_a_terminal_and_wipes_it(terminal: Terminal)
     assert written.rstrip().endswith(("\x1b[2K", "\x1b[?25h")), "the line is erased and the cursor shown again"
 
 
+@pytest.mark.slow
 def test_pieces_of_work_have_a_bar(terminal: Terminal) -> None:
     program = WAIT.format(seconds=0.7).replace("    time", "    progress.done = 3, 4\n    time")
     assert "━━━━━━╌╌╌╌╌╌ 3 of 4 · planning" in terminal(sys.executable, "-c", program).err
@@ -181,6 +186,7 @@ def test_short_work_shows_nothing(terminal: Terminal) -> None:
     assert "planning" not in terminal(sys.executable, "-c", WAIT.format(seconds=0.05)).err
 
 
+@pytest.mark.slow
 def test_no_progress_without_a_terminal() -> None:
     assert python(WAIT.format(seconds=0.5)).stderr == ""
 
@@ -224,11 +230,13 @@ def test_collecting_garbage_less_often_ends_with_the_command(shell: Shell, monke
     assert gc.get_threshold() == before
 
 
+@pytest.mark.slow
 def test_a_process_ends_without_complaints() -> None:
     done = python("from trailmark.cli import main; import numba, ompl.base; main(['--version'])")
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 def test_start_up_is_quick() -> None:
     def seconds() -> float:
         """Return processor time: that of the clock is the machine's, with all that runs beside."""
@@ -240,6 +248,7 @@ def test_start_up_is_quick() -> None:
     assert min(seconds() for _ in range(3)) < 0.4
 
 
+@pytest.mark.slow
 def test_what_is_wrong_with_trailmark_itself_is_reported_in_one_line(
     shell: Shell, yard: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -52,6 +52,7 @@ def test_show_as_json(shell: Shell, yard: Path) -> None:
     assert facts["queries"][0] == {"name": "across", "start": [1.0, 1.0, 0.0], "goal": [9.0, 5.0, 1.5]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".PDF", b"%PDF")])
 def test_show_draws(shell: Shell, yard: Path, tmp_path: Path, suffix: str, magic: bytes) -> None:
     picture = tmp_path / f"yard{suffix}"
@@ -90,6 +91,7 @@ def test_schema_is_a_json_schema_of_worlds(shell: Shell) -> None:
     assert {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"} <= set(schema["properties"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "named"),
     [

@@ -97,6 +97,7 @@ def assert_same(cells: Cells, world: World) -> None:
     assert cells.grid[5:] == grid[5:]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_random_changes_make_what_is_built_anew(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -116,6 +117,7 @@ def test_random_changes_make_what_is_built_anew(seed: int) -> None:
             assert all(np.array_equal(a, b) for a, b in zip(arrays, arrays_of(old), strict=True))
 
 
+@pytest.mark.slow
 def test_two_versions_of_the_same_one_do_not_know_each_other() -> None:
     rng = np.random.default_rng(3)
     world = random_world(1, 15, size=SIZE, radii=(0.2, 2.0), discs=0.3, holes=0.4)
@@ -154,6 +156,7 @@ def test_rows_get_more_room_when_many_obstacles_gather() -> None:
     assert_same(cells, replace(world, obstacles=tuple(shapes)))
 
 
+@pytest.mark.slow
 def test_crowded_discs_are_listed_once_a_cell_and_answers_are_the_same() -> None:
     rng = np.random.default_rng(0)
     discs = tuple(Disc((float(x), float(y)), float(r)) for x, y, r in rng.uniform((0, 0, 0.5), (20, 20, 4.0), (300, 3)))

@@ -64,6 +64,7 @@ def test_validity_and_clearance_agree_with_shapely(world: str, name: str) -> Non
     assert reference.clearance(few[:10]) == pytest.approx(oracle.clearance(few[:10]), abs=1e-9)
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 2**32 - 1),
     st.sampled_from([0, 1, 3, 30]),

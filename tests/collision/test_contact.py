@@ -150,6 +150,7 @@ def test_squares_that_share_edges_and_corners(
             assert (checker.valid(q) == expected).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_lattices_of_diagonals(seed: int) -> None:
     # Triangles and diamonds with whole coordinates: edges through cell corners, vertices on edges.

@@ -37,6 +37,7 @@ def random_edit(world: World, rng: np.random.Generator) -> World:
             return world.edited(replace={i: shape})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exact", ["kernel", "fcl"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_edited_checker_answers_as_one_built_anew(kind: str, exact: str) -> None:
@@ -80,6 +81,7 @@ def test_the_old_checker_stays_as_it_is() -> None:
     assert any(not np.array_equal(free, checker.valid(q)) for _, free, _ in old)
 
 
+@pytest.mark.slow
 def test_threads_see_one_world_or_another_and_no_mixture() -> None:
     """Memory of old versions is used again while others are being asked."""
     rng = np.random.default_rng(1)

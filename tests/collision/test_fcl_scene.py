@@ -20,6 +20,7 @@ def square(x: float, y: float, size: float) -> Polygon:
     return Polygon(np.array([[x, y], [x + size, y], [x + size, y + size], [x, y + size]]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("origin", [(0.0, 0.0), (1e5, -1e5)])
 def test_fcl_agrees_with_shapely(name: str, origin: tuple[float, float]) -> None:

@@ -60,6 +60,7 @@ def test_discs_bound_the_footprint_from_outside_and_from_inside(name: str) -> No
     assert_bounded_by_discs(SHAPES[name])
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 def test_discs_bound_random_footprints(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -74,6 +74,7 @@ def test_motions_in_random_worlds(world: str, name: str) -> None:
     assert (reference.motions_valid(a[:110], b[:110]) == accepted[:110]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("world", WORLDS)
 def test_the_field_contradicts_no_exact_verdict(world: str, name: str) -> None:
@@ -214,6 +215,7 @@ def test_a_motion_may_leave_contact_and_arrive_in_it(robot: Robot, exact: Litera
     assert checker.motion_valid((5.0 - 1e-3, 8.0, 0.0), (5.0 - 1e-3, 4.0 + 1e-3, 0.0))
 
 
+@pytest.mark.slow
 def test_leaving_contact_in_random_directions() -> None:
     rng = np.random.default_rng(6)
     robot, wall = Robot.rectangle(2, 2), box(6, 0, 8, 20)

@@ -135,6 +135,7 @@ def counting() -> Iterator[None]:
     memory._nrt.memsys_disable_stats()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("function", [_elements, _returned, _pairs, _copies, _rows])
 def test_results_are_pythons_and_no_memory_stays(function: Callable[[int], float], counting: None) -> None:
     kernel: Any = njit()(function)

@@ -102,6 +102,7 @@ def nowhere(folder: Path) -> dict[str, str]:
     return {"HOME": "/dev/null/none", "XDG_CACHE_HOME": "/dev/null/none"}
 
 
+@pytest.mark.slow
 def test_code_is_kept_and_found_again(probe: Path, run: Run) -> None:
     assert run() == ("[2, 2, 11, 2] [0, 0, 0, 0]", "")
     assert run() == ("[2, 2, 11, 2] [1, 1, 1, 1]", "")
@@ -120,12 +121,14 @@ print(found.folder, found.files, found.written, found.size > 1000, found.free > 
 """
 
 
+@pytest.mark.slow
 def test_the_cache_says_where_it_is_and_what_it_holds(probe: Path) -> None:
     for written in (2, 0):
         said = fresh(probe, CONTENTS)[0].splitlines()
         assert said == ["None 0", f"{probe / '__pycache__'} 2 {written} True True"]
 
 
+@pytest.mark.slow
 def test_what_was_loaded_becomes_part_of_others_as_code_of_their_own(probe: Path, run: Run) -> None:
     # Allocates, fails and calls another: what code in a cache could want of what is not kept there.
     (probe / "inner.py").write_text(
@@ -147,6 +150,7 @@ def test_what_was_loaded_becomes_part_of_others_as_code_of_their_own(probe: Path
     assert run(ask + failing) == ("negative", "")
 
 
+@pytest.mark.slow
 def test_no_kernel_runs_old_code_of_another_file(probe: Path, run: Run) -> None:
     run()
     for shift, inner, answers in ((10, "x + 2", "[3, 3, 11, 3]"), (20, "x + 2", "[3, 3, 21, 3]")):
@@ -154,6 +158,7 @@ def test_no_kernel_runs_old_code_of_another_file(probe: Path, run: Run) -> None:
         assert run()[0].startswith(answers)
 
 
+@pytest.mark.slow
 def test_without_a_place_the_temporary_folder_serves(probe: Path, run: Run, tmp_path: Path) -> None:
     environment = nowhere(probe) | {"TMPDIR": str(tmp_path)}
     kept = tmp_path / f"trailmark-{os.getuid()}"
@@ -164,6 +169,7 @@ def test_without_a_place_the_temporary_folder_serves(probe: Path, run: Run, tmp_
     assert kept.stat().st_mode & 0o777 == 0o700
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trap", ["open to all", "a link", "a file"])
 def test_a_folder_that_others_may_have_made_is_not_trusted(probe: Path, run: Run, tmp_path: Path, trap: str) -> None:
     kept = tmp_path / f"trailmark-{os.getuid()}"
@@ -182,6 +188,7 @@ def test_a_folder_that_others_may_have_made_is_not_trusted(probe: Path, run: Run
     assert not list(kept.iterdir() if kept.is_dir() else ())
 
 
+@pytest.mark.slow
 def test_without_any_place_there_is_no_cache(probe: Path, run: Run) -> None:
     out, err = run("import tempfile; tempfile.tempdir = '/dev/null/none'\n" + PROGRAM, **nowhere(probe))
     assert out == "[2, 2, 11, 2] [0, 0, 0, 0]"
@@ -189,6 +196,7 @@ def test_without_any_place_there_is_no_cache(probe: Path, run: Run) -> None:
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_damaged_files_are_compiled_anew(probe: Path, run: Run) -> None:
     run()
     for kind in ("nbi", "nbc"):
@@ -200,6 +208,7 @@ def test_damaged_files_are_compiled_anew(probe: Path, run: Run) -> None:
     assert run() == ("[2, 2, 11, 2] [1, 1, 1, 1]", "")
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_one_line(probe: Path, run: Run) -> None:
     full = """
 import errno, os, numba.core.caching as caching
@@ -213,6 +222,7 @@ caching.os = type("Full", (), {**{n: getattr(os, n) for n in dir(os)}, "replace"
     assert not list(probe.rglob("*.nb[ic]*"))
 
 
+@pytest.mark.slow
 def test_kernels_run_as_python_too(probe: Path) -> None:
     """In an interpreter of its own: numba looks at this once, when it is imported."""
     plain = PROGRAM.replace("[sum(kernel.stats.cache_hits.values()) for kernel in kernels]", "''")
@@ -226,6 +236,7 @@ print(by_constant(int(sys.argv[1])), by_constant(float(sys.argv[1])), sum(by_con
 """
 
 
+@pytest.mark.slow
 def test_each_set_of_types_has_files_of_its_own(probe: Path, run: Run) -> None:
     program = TWO_TYPES.replace("sys.argv[1]", "1")
     assert run(program)[0] == "11 11.0 0"
@@ -235,6 +246,7 @@ def test_each_set_of_types_has_files_of_its_own(probe: Path, run: Run) -> None:
     assert run(program)[0] == "11 11.0 1"
 
 
+@pytest.mark.slow
 def test_of_two_processes_one_compiles_and_the_other_waits_for_it(run: Run) -> None:
     program = """
 import os, sys, time

@@ -94,6 +94,7 @@ def test_a_kernel_calls_itself() -> None:
     assert factorial(5) == 120
 
 
+@pytest.mark.slow
 def test_threads_may_compile_at_the_same_time() -> None:
     pairs = [make_kernels() for _ in range(4)]
     with ThreadPoolExecutor(4) as pool:

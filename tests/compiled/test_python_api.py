@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from tests.support.forks import Forks
 
 SCRIPT = """
@@ -77,6 +78,7 @@ for kernel in (array, named, nested, error):
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_a_kernel_runs_is_raised_when_it_returns(forks: Forks) -> None:
     run = forks.run(["-c", SCRIPT], timeout=120.0)
     said = [f"{kernel} sound" for kernel in ("array", "named", "nested", "error")]

@@ -65,6 +65,7 @@ def run(tmp_path: Path, forks: Forks) -> Run:
     return started
 
 
+@pytest.mark.slow
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one processor: one process")
 def test_a_second_process_compiles_from_the_end(tmp_path: Path, run: Run) -> None:
     done = tmp_path / "done"
@@ -78,6 +79,7 @@ def test_a_second_process_compiles_from_the_end(tmp_path: Path, run: Run) -> Non
     assert list(by.values()) == [["0", "1", "2"]] * 2
 
 
+@pytest.mark.slow
 def test_what_is_compiled_already_starts_no_process(tmp_path: Path, run: Run) -> None:
     done = tmp_path / "done"
     done.mkdir()
@@ -89,6 +91,7 @@ def test_what_is_compiled_already_starts_no_process(tmp_path: Path, run: Run) ->
     assert len({file.name.split(" by ")[1] for file in done.iterdir()}) == 1
 
 
+@pytest.mark.slow
 def test_a_second_process_that_cannot_work_changes_nothing(tmp_path: Path, run: Run) -> None:
     done = tmp_path / "done"
     done.mkdir()

@@ -32,6 +32,7 @@ def _assigned(target: Array, source: Array) -> None:
     target[1:] = source
 
 
+@pytest.mark.slow
 def test_results_are_those_of_numba_and_python() -> None:
     assert OURS(_work)(7) == NUMBAS(_work)(7) == _work(7)
 
@@ -45,6 +46,7 @@ def test_functions_of_numba_that_kernels_call_are_compiled_as_kernels_are() -> N
     assert {type(library) for library in libraries} == {kernel_module._CodeOfCallers}
 
 
+@pytest.mark.slow
 def test_functions_outside_use_what_kernels_compiled_and_the_other_way_round() -> None:
     def cubes(n: int) -> Array:
         return np.full((n, n, n), np.float32(2.0)) ** 3
@@ -58,6 +60,7 @@ def test_functions_outside_use_what_kernels_compiled_and_the_other_way_round() -
         assert first(function)(3).tolist() == second(function)(3).tolist() == function(3).tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [2, 4])
 def test_an_array_of_another_length_is_refused_as_numpy_does(length: int) -> None:
     target = np.zeros(4)

@@ -78,6 +78,7 @@ def curves(
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 @pytest.mark.parametrize("radius", [0.3, 1.0, 4.5])
 @pytest.mark.parametrize("origin", ORIGINS)

@@ -109,6 +109,7 @@ def test_a_single_knot_and_equal_knots() -> None:
         CurvePath(np.empty((0, 3)), Steering(1.0))
 
 
+@pytest.mark.slow
 def test_a_polyline_stays_as_near_to_the_curves_as_asked() -> None:
     path = CurvePath(np.array([[0.0, 0.0, 0.0], [6.0, 3.0, 2.0], [0.0, 1.0, -1.0]]), Steering(1.5))
     for sagitta in (1e-2, 1e-5):

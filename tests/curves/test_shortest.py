@@ -80,6 +80,7 @@ def answers(
         return {"a": a, "b": b, "t": t, "radius": np.array(request.param), **found}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_lengths_and_places_are_ompls(answers: dict[str, np.ndarray], reverse: bool) -> None:
     a, b = answers["a"], answers["b"]

@@ -54,6 +54,7 @@ def test_every_word_leads_to_the_goal(kind: str, radius: float) -> None:
     assert len(seen) == (6 if kind == "dubins" else 48)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", WORDS)
 def test_words_drive_as_a_car_does(kind: str) -> None:
     rng = np.random.default_rng(4)

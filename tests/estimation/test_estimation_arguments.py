@@ -224,6 +224,7 @@ def slam() -> EkfSlam:
 NAMES = list(entries(Path(os.devnull)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_raw_comes_out(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # some of the wrong arguments are paths that can be written

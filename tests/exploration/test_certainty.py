@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from trailmark import Disc, Robot, World
 from trailmark.exploration import ExplorationSettings, Explorer
@@ -25,6 +26,7 @@ def test_a_place_is_as_sure_as_the_surest_visit_near_it() -> None:
     assert not expected_falls(places, visited[:0], sigmas[:0], 1.5).any()
 
 
+@pytest.mark.slow
 def test_strategies_are_told_with_noise_and_without_there_is_nothing_to_tell() -> None:
     world = World("hall", (0.0, 0.0, 9.0, 3.0), (Disc((4.5, 1.5), 0.3), Disc((6.5, 0.5), 0.3)), Robot.disc(0.2))
     for noise in (0.0, 1.0):

@@ -38,6 +38,7 @@ def test_contact_lies_ahead_and_not_where_the_robot_stands(robot: Robot, motion:
     assert 0.5 * cell <= away.max() <= 2.0 * cell + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_what_the_laser_does_not_see_is_run_into_once_and_explored_around(noise: float, tmp_path: Path) -> None:
     body = Robot.disc(0.2)

@@ -62,6 +62,7 @@ def truth() -> shapely.Geometry:
     return shapely.union_all([shape.polygon(1e-4).shapely() for shape in WORLD.obstacles])
 
 
+@pytest.mark.slow
 def test_without_noise_no_disc_is_missed_and_none_is_wider_than_it_is() -> None:
     robot, mapper = begun(0.0)
     world = None
@@ -77,6 +78,7 @@ def test_without_noise_no_disc_is_missed_and_none_is_wider_than_it_is() -> None:
     assert (mapper.known.state == FREE).sum() * mapper.known.cell**2 > 60.0
 
 
+@pytest.mark.slow
 def test_with_noise_discs_are_grown_so_that_they_cover_the_true_ones() -> None:
     for seed in range(3):
         robot, mapper = begun(1.0, 0.99, seed)
@@ -123,6 +125,7 @@ def unnamed(noise: float = 1.0) -> tuple[SimulatedRobot, DetectionMapper]:
     return robot, mapper
 
 
+@pytest.mark.slow
 def test_discs_need_no_names() -> None:
     robot, mapper = unnamed()
     assert not any(drive(robot, mapper, 80))
@@ -134,6 +137,7 @@ def test_discs_need_no_names() -> None:
     assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fault",
     [Impossible(math.inf), Impossible(math.nan), Impossible(-1.0), miscounted, silence],
@@ -163,6 +167,7 @@ def test_repeated_readings_count_once() -> None:
     assert "got it again" in intake.refused[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path) -> None:
     robot, mapper = begun(noise)

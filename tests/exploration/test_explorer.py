@@ -51,6 +51,7 @@ def check_map(result: object, world: World) -> None:
     assert not shapely.contains_xy(blocked, free).any()
 
 
+@pytest.mark.slow
 def test_all_that_can_be_seen_is_seen() -> None:
     world = two_rooms(1.0)
     result = explorer(world).run()
@@ -67,6 +68,7 @@ def test_all_that_can_be_seen_is_seen() -> None:
     check_map(result, world)
 
 
+@pytest.mark.slow
 def test_ways_that_are_never_found_come_to_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
     looks = 0
 
@@ -85,6 +87,7 @@ def test_ways_that_are_never_found_come_to_an_end(monkeypatch: pytest.MonkeyPatc
     assert looks == MAX_FAILED
 
 
+@pytest.mark.slow
 def test_the_robot_stands_and_senses_while_a_way_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     found = Event()
 
@@ -107,6 +110,7 @@ def test_the_robot_stands_and_senses_while_a_way_is_looked_for(monkeypatch: pyte
     assert exploring.run().status == "complete"
 
 
+@pytest.mark.slow
 def test_where_the_robot_does_not_fit_it_looks_through() -> None:
     # hrnr/m-explore#40: the robot won't fit, but laser beams will.
     world = two_rooms(0.3)
@@ -138,6 +142,7 @@ def test_a_large_world_gets_a_map_on_its_own_scale() -> None:
     assert made.cost == pytest.approx(true.cost, rel=0.05)
 
 
+@pytest.mark.slow
 def test_what_lies_behind_the_robots_back_is_looked_at() -> None:
     world = two_rooms(1.0)
     result = explorer(world, sensor=Scanner(91, 0.5 * np.pi, 3.0)).run()
@@ -154,6 +159,7 @@ def narrow_gap() -> World:
     return World("gap", (0.0, 0.0, 8.0, 6.0), walls, Robot.disc(0.4), queries=(start,))
 
 
+@pytest.mark.slow
 def test_cells_are_divided_where_larger_ones_do_not_tell_whether_the_robot_fits() -> None:
     world = narrow_gap()
     exploring = Explorer(world, sensor_range=4.0, noise=0.0)
@@ -197,6 +203,7 @@ def test_a_side_of_cells_that_is_asked_for_stays() -> None:
     assert not Explorer(narrow_gap(), noise=3.0).mapper.refine()
 
 
+@pytest.mark.slow
 def test_what_only_a_finer_map_could_tell_is_said() -> None:
     world = replace(narrow_gap(), robot=Robot.disc(0.405))
     result = Explorer(world, sensor_range=4.0, noise=0.0, settings=ExplorationSettings(cell=0.08)).run()
@@ -206,6 +213,7 @@ def test_what_only_a_finer_map_could_tell_is_said() -> None:
     assert "as far as cells of 0.08 m tell" in result.reason
 
 
+@pytest.mark.slow
 def test_a_closed_room_stays_unknown() -> None:
     result = explorer(two_rooms(0.0)).run()
     assert result.status == "complete"
@@ -214,6 +222,7 @@ def test_a_closed_room_stays_unknown() -> None:
     assert (result.known.state == OCCUPIED).any()
 
 
+@pytest.mark.slow
 def test_a_function_of_the_users_chooses() -> None:
     asked = list[Outlook]()
 
@@ -229,6 +238,7 @@ def test_a_function_of_the_users_chooses() -> None:
         explorer(two_rooms(1.0), strategy=lambda outlook: -1).run()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "status"),
     [({"time_limit": 1.0}, "time"), ({"distance_limit": 0.5}, "distance"), ({"return_home": True}, "complete")],
@@ -317,6 +327,7 @@ class Idle:
         return self.robot.drive(np.zeros((1, 3)), seconds)._replace(arrived=self.arrived)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arrived", [False, True])
 def test_a_robot_that_stays_where_it_is_is_stuck(arrived: bool) -> None:
     result = faulty(lambda robot: Idle(robot, arrived)).run()
@@ -364,6 +375,7 @@ def test_a_door_that_closes_ends_what_lies_behind() -> None:
     assert max(progress.pose[0] for progress in exploring.history) < 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("wall", "status"), [(2.0, "complete"), (4.5, "stuck")])
 def test_a_door_that_closes_behind_the_robot_is_not_driven_into(wall: float, status: str) -> None:
     # Where most of what is known lies behind the door, the map may be wrong there: that is no proof of the end.
@@ -430,6 +442,7 @@ def test_a_robot_has_to_say_what_is_asked_of_it(sensed: object, message: str) ->
         faulty(lambda robot: Careless(robot, sensed)).run()
 
 
+@pytest.mark.slow
 def test_who_only_looks_for_ways_and_finds_none_is_stuck() -> None:
     # The gap is passed when headed through it, which takes longer to find than 0.1 ms.
     walls = Rectangle((4.0, 1.2), 0.4, 2.4), Rectangle((4.0, 4.6), 0.4, 2.8)

@@ -98,6 +98,7 @@ def test_a_surface_that_is_larger_than_it_was_endangers_it() -> None:
     assert follower.endangered(known)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [Robot.disc(0.3), Robot.rectangle(0.9, 0.3).keeping(0.04)], ids=["disc", "kept"])
 def test_what_does_not_endanger_it_is_not_met(robot: Robot) -> None:
     rng, outcomes = np.random.default_rng(3), list[tuple[bool, bool]]()

@@ -58,6 +58,7 @@ def line(a: tuple[float, float], b: tuple[float, float], count: int, heading: fl
     return np.column_stack([np.linspace(a, b, count), np.full(count, heading)])
 
 
+@pytest.mark.slow
 def test_the_world_holds_exactly_what_is_not_free() -> None:
     rng = np.random.default_rng(0)
     known = KnownMap(BOUNDS, 0.1)
@@ -140,6 +141,7 @@ def test_surfaces_lie_where_they_were_met() -> None:
     assert away.max() < 2.0 * CELL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
 @pytest.mark.parametrize("offset", [0.0, 0.013, 0.03])
 def test_a_door_is_as_wide_as_it_is(offset: float, sigma: float) -> None:
@@ -172,6 +174,7 @@ def test_a_door_that_closes_and_opens_again_is_known_within_a_few_scans() -> Non
     assert not solid(followed(known, world)).intersects(middle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [0.0, 0.01])
 @pytest.mark.parametrize("angle", [0.0, 0.35, 0.8])
 def test_beams_that_graze_a_wall_do_not_take_it_away(angle: float, sigma: float) -> None:

@@ -55,6 +55,7 @@ def test_exact_odometry_is_taken_as_exact() -> None:
     assert (mapper.known.state == FREE).sum() * mapper.known.cell**2 > 30.0
 
 
+@pytest.mark.slow
 def test_noisy_odometry_is_set_right_by_scans() -> None:
     robot, mapper = begun()
     intakes = drive(robot, mapper, 60, (0.05, 0.0, 0.02))
@@ -65,6 +66,7 @@ def test_noisy_odometry_is_set_right_by_scans() -> None:
     assert (inside != FREE).all()
 
 
+@pytest.mark.slow
 def test_streets_that_look_alike_are_not_joined_and_covariances_are_those_of_the_errors() -> None:
     blocks = tuple(Rectangle((3.0 + 4.4 * i, 3.0 + 4.4 * j), 3.0, 3.0) for i in range(3) for j in range(3))
     streets = World("streets", (0.0, 0.0, 14.8, 14.8), blocks)
@@ -89,6 +91,7 @@ def test_streets_that_look_alike_are_not_joined_and_covariances_are_those_of_the
     assert 0.1 < nees < 6.0  # errors along a drive are alike: two drives are but a few samples
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_a_robot_that_is_carried_away_is_lost_and_found_again(noise: float) -> None:
     robot, mapper = begun(noise)
@@ -126,6 +129,7 @@ def test_a_robot_whose_readings_fit_the_map_nowhere_is_not_found() -> None:
     assert not mapper.relocate()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "fault",
     [Impossible(math.inf), Impossible(math.nan), Impossible(-1.0), miscounted, silence],
@@ -172,6 +176,7 @@ def test_odometry_that_stands_still_is_not_trusted_for_long() -> None:
     assert mapper.trajectory[-1, 1:] == pytest.approx(robot.pose, abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path) -> None:
     robot, mapper = begun(noise)
@@ -190,6 +195,7 @@ def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path
     assert (first.x, first.y, first.theta) == tuple(START)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_with_the_margin_nothing_true_lies_where_the_map_is_free(seed: int) -> None:
     sure = ExplorationSettings(confidence=0.99)

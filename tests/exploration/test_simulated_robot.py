@@ -94,6 +94,7 @@ def test_a_drive_in_pieces_leads_where_the_whole_does() -> None:
     assert (np.diff(robot.truth[:, 0]) > 0.0).all()
 
 
+@pytest.mark.slow
 def test_records_state_the_noise_that_there_is() -> None:
     """Errors of 150 drives, normalised by the covariance of their composed records, have the mean 3 of a chi-square."""
     rng, squares = np.random.default_rng(1), []
@@ -183,6 +184,7 @@ def test_it_stops_before_what_it_meets_and_counts_that_once() -> None:
     assert dead_reckoning(list(robot.sense())) == pytest.approx(robot.pose)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_the_footprint_never_overlaps_anything(seed: int) -> None:
     """Drive at random, with noise, among and against obstacles; shapely looks at every pose on the way."""
@@ -202,6 +204,7 @@ def test_the_footprint_never_overlaps_anything(seed: int) -> None:
     assert robot.collisions > 0
 
 
+@pytest.mark.slow
 def test_discs_are_detected_with_their_noise() -> None:
     robot = SimulatedRobot(WORLD, ROBOT, START, disc_detector(9.0), noise=0.0)
     (seen,) = robot.sense()

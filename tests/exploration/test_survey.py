@@ -430,6 +430,7 @@ def islands(seed: int) -> NDArray[np.bool_]:
     return solid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["nearest-frontier", "tour"])
 def test_beams_go_where_the_robot_does_not_fit(strategy: str) -> None:
     hidden = Hidden(slot(), 0.05, Robot.disc(0.2), (0.5, 0.5))
@@ -448,6 +449,7 @@ def test_a_door_that_just_fits_is_driven_through() -> None:
     assert (hidden.known.state[hall() == hidden.solid] != UNKNOWN).mean() > 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_at_the_end_nothing_is_in_sight_from_where_the_robot_gets_to(seed: int) -> None:
     hidden = Hidden(islands(seed), 0.05, Robot.disc(0.2), (0.42, 0.42))
@@ -457,6 +459,7 @@ def test_at_the_end_nothing_is_in_sight_from_where_the_robot_gets_to(seed: int) 
     assert (hidden.known.state[43:49, 63:69] == UNKNOWN).all()  # nobody sees into what is closed
 
 
+@pytest.mark.slow
 def test_ways_that_are_not_found_keep_nothing_else_from_being_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     # A corridor longer than the range, into which no way is found: it is put off, and the rest of the world is seen.
     # The end is no proof then.

@@ -28,6 +28,7 @@ def graph_of(fits: np.ndarray, cells: np.ndarray) -> nx.DiGraph:
     return graph
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_costs_are_those_of_shortest_ways(seed: int) -> None:
     rng = np.random.default_rng(seed)

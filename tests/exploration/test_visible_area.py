@@ -33,6 +33,7 @@ def seen_by_shapely(world: World, points: FloatArray, views: FloatArray, max_ran
     return seen
 
 
+@pytest.mark.slow
 def test_what_is_seen_is_what_shapely_sees() -> None:
     world, rng = two_rooms(1.0), np.random.default_rng(0)
     places = np.column_stack([rng.uniform(0.5, 3.5, 6), rng.uniform(0.5, 3.5, 6), np.zeros(6)])
@@ -47,6 +48,7 @@ def test_what_is_seen_is_what_shapely_sees() -> None:
     assert differ <= 2  # on the very edge of a shadow
 
 
+@pytest.mark.slow
 def test_a_robot_that_does_not_fit_through_a_door_sees_through_it() -> None:
     driven = np.array([[1.0, 2.0, 0.0]])
     wide, narrow = two_rooms(0.7), two_rooms(0.4)
@@ -64,12 +66,14 @@ def test_a_robot_that_does_not_fit_through_a_door_sees_through_it() -> None:
     assert behind[:, 1].max() <= 0.4 + (8.0 - 4.0) * (0.4 - 0.25) / (4.0 - 3.75) + 0.1
 
 
+@pytest.mark.slow
 def test_a_long_robot_turns_to_fit() -> None:
     driven, body = np.array([[1.0, 2.0, 1.5]]), Robot.rectangle(1.6, 0.5)
     assert reachable_places(two_rooms(0.9), body, driven)[:, 0].max() > 6.0
     assert reachable_places(two_rooms(0.45), body, driven)[:, 0].max() < 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("robot", "door"), [(DISC, 0.51), (Robot.rectangle(0.7, 0.5), 0.53)])
 def test_a_passage_too_narrow_for_the_grid(robot: Robot, door: float) -> None:
     """A centimetre of room is less than the grid's 4 cm; half a centimetre too little is none."""

@@ -49,6 +49,7 @@ def test_sides_are_those_of_the_polygons(occupied: NDArray[np.bool_]) -> None:
     assert units(sides) == units(expected)
 
 
+@pytest.mark.slow
 def test_checking_and_planning_make_no_polygons() -> None:
     occupied = np.random.default_rng(0).random((40, 40)) < 0.1
     occupied[:2], occupied[-2:] = False, False

@@ -49,6 +49,7 @@ def test_vertices_are_corners_and_rings_have_their_sense(occupied: NDArray[np.bo
         assert all(signed_area(hole) < 0.0 for hole in polygon.holes)
 
 
+@pytest.mark.slow
 @given(grids)
 def test_one_polygon_for_each_component_of_cells(occupied: NDArray[np.bool_]) -> None:
     waiting = {(int(r), int(c)) for r, c in np.argwhere(occupied)}
@@ -122,6 +123,7 @@ def test_a_rectangle_has_four_vertices() -> None:
     assert sorted(map(tuple, polygon.vertices.tolist())) == [(1.0, 2.0), (1.0, 17.0), (11.0, 2.0), (11.0, 17.0)]
 
 
+@pytest.mark.slow
 def test_large_maps() -> None:
     rng = np.random.default_rng(5)
     sparse = rng.random((2000, 2000)) < 0.0005

@@ -129,6 +129,7 @@ def octile_graph(free: NDArray[np.bool_]) -> sparse.csr_array:
     return sparse.csr_array((lengths, (rows, columns)), shape=(index.size, index.size))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["8room_000", "Berlin_0_256"])
 def test_published_optimal_lengths(shared_data: Path, name: str) -> None:
     file = shared_data / "movingai" / f"{name}.map"
@@ -144,6 +145,7 @@ def test_published_optimal_lengths(shared_data: Path, name: str) -> None:
         )  # six digits are given
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["8room_000", "Berlin_0_256"])
 def test_published_maps(shared_data: Path, name: str) -> None:
     file = shared_data / "movingai" / f"{name}.map"

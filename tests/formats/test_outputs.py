@@ -90,6 +90,7 @@ def test_own_pictures_are_written_again(tmp_path: Path, suffix: str) -> None:
     require_replaceable(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("rows", [1, 30_000])
 def test_own_paths_are_written_again(tmp_path: Path, suffix: str, rows: int) -> None:

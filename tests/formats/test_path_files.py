@@ -24,6 +24,7 @@ MESSAGES = (".yaml", ".yml", ".nav2.json")
 ROWS = [[0.1, -2.0, 0.0], [1e-7, 3.5, math.pi]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @given(rows=states)
 def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, suffix: str, rows: list[Any]) -> None:

@@ -155,6 +155,7 @@ def any_world(draw: st.DrawFn) -> World:
     )
 
 
+@pytest.mark.slow
 @given(any_world())
 def test_round_trip_is_exact(world: World) -> None:
     data = parse_yaml(world_text(world), Path("w.yaml"))
@@ -164,6 +165,7 @@ def test_round_trip_is_exact(world: World) -> None:
     assert world_text(again) == world_text(world)
 
 
+@pytest.mark.slow
 @given(any_world())
 def test_other_yaml_readers_see_the_same(world: World) -> None:
     data = yaml.safe_load(world_text(world))

@@ -26,11 +26,13 @@ plain = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(plain)
 def test_reads_what_json_writes(data: Any) -> None:
     assert parse_yaml(json.dumps(data), FILE) == data
 
 
+@pytest.mark.slow
 @given(plain)
 def test_reads_what_pyyaml_writes(data: Any) -> None:
     assert parse_yaml(yaml.safe_dump(data), FILE) == data

@@ -50,6 +50,7 @@ def test_worlds_are_read_as_yaml_reads_them_from_a_few_characters() -> None:
     assert read < 300 < len(text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "row",
     [

@@ -97,6 +97,7 @@ def test_the_centre_lies_in_free_space_but_the_disc_may_hold_obstacles() -> None
     assert across.lower <= math.hypot(8.0, 5.0) <= across.upper
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_certain_positions_are_free_and_no_free_one_is_impossible(name: str) -> None:
     world = random_world(7, 40, size=40.0, discs=0.3, holes=0.3)
@@ -129,6 +130,7 @@ def test_bad_input() -> None:
 # --- coverage
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "thin"])
 def test_coverage_against_every_motion(name: str) -> None:
     world = random_world(9, 90, size=60.0, discs=0.3)

@@ -61,6 +61,7 @@ def test_a_diagonal_of_occupied_cells_closes() -> None:
 RECTANGLE = (0.0, 0.0, 10.0, 8.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lines", [enclosed.MAX_LINES, 200])
 @given(st.integers(0, 30), st.integers(0, 999))
 def test_points_behind_boxes(lines: int, m: int, seed: int) -> None:

@@ -35,6 +35,7 @@ def test_environment_2_is_half_c_obstacle(checker: StateChecker) -> None:
     assert 0.48 < 1.0 - checker.valid(q).mean() < 0.52
 
 
+@pytest.mark.slow
 def test_grown_boxes_leave_out_the_points_of_the_c_obstacle(checker: StateChecker) -> None:
     plain = execute_paper(checker, 1000, 14, random_state=0, start=start(checker))
     grown = execute_paper(checker, 1000, 14, random_state=0, start=start(checker), grown=True)
@@ -100,6 +101,7 @@ def test_headings_count_for_a_robot_that_has_one() -> None:
     assert plain.boxes.shape == (0, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [execute_paper, execute_se2])
 def test_the_seed_decides(checker: StateChecker, method: object) -> None:
     assert callable(method)
@@ -126,6 +128,7 @@ def test_no_room() -> None:
         execute_se2(full, 100, 3, random_state=0)
 
 
+@pytest.mark.slow
 def test_counts_out_of_range(checker: StateChecker) -> None:
     for method in (execute_paper, execute_se2):
         with pytest.raises(ConfigurationError, match="n: expected 1 or more, got 0"):

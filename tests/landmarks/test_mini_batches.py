@@ -20,6 +20,7 @@ def uniform(n: int, seed: int = 0) -> FloatArray:
     return np.random.default_rng(seed).uniform(0.0, 100.0, (n, 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("init", INITIALISATIONS)
 def test_nearly_as_good_as_lloyd(init: Initialisation) -> None:
     x = uniform(30_000)

@@ -263,6 +263,7 @@ def test_bad_input_to_algorithm_2(arguments: dict[str, object], problem: str) ->
 # --- Environment 1 -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_environment_1_has_the_published_share_of_forbidden_points() -> None:
     from trailmark.collision import StateChecker
 

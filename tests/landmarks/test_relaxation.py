@@ -80,6 +80,7 @@ def scipy_graph(relaxation: Relaxation) -> sparse.csr_matrix:
     return sparse.csr_matrix(triple, shape=(rows * columns, rows * columns))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), CASES)
 def test_clearance_is_right_where_it_matters(name: str, seed: int) -> None:
     world = cluttered(seed)
@@ -110,6 +111,7 @@ def test_clearance_is_right_where_it_matters(name: str, seed: int) -> None:
     assert (distances(world, shapely.points(inside)) < relaxation.radius).all()
 
 
+@pytest.mark.slow
 def test_a_small_disc_does_not_go_through_obstacles_larger_than_a_cell() -> None:
     # Cells are more than ten times as large as the disc, so that no cell near an obstacle's rim is closed.
     discs = tuple(Disc((x, 10.0), 2.6) for x in (2.5, 7.5, 12.5, 17.5))
@@ -159,6 +161,7 @@ def test_a_configuration_and_its_disc_determine_each_other(x: float, y: float, t
     assert relaxation.references(centre, q[:, 2]) == pytest.approx(q, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), CASES)
 def test_costs_are_dijkstras(name: str, seed: int) -> None:
     checker = StateChecker(cluttered(seed), ROBOTS[name], cell=0.2)
@@ -233,6 +236,7 @@ def flood(world: World, start: FloatArray, radius: float, step: float) -> FloatA
     return np.asarray(lattice.reshape(-1, 2)[np.isin(labels, labels[entry])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fineness", [0, 1])
 @pytest.mark.parametrize("seed", range(4))
 def test_component_holds_all_that_a_disc_reaches(seed: int, fineness: int) -> None:
@@ -246,6 +250,7 @@ def test_component_holds_all_that_a_disc_reaches(seed: int, fineness: int) -> No
     assert component[relaxation.cells(reached)].all()
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(seed=st.integers(0, 10_000), name=st.sampled_from(sorted(set(ROBOTS) - {"thin"})), fineness=st.integers(0, 2))
 def test_no_certified_path_crosses_from_one_component_to_another(seed: int, name: str, fineness: int) -> None:
@@ -266,6 +271,7 @@ def test_no_certified_path_crosses_from_one_component_to_another(seed: int, name
         assert relaxation.component(q[members[0]])[cells[members]].all()
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(
     slack=st.sampled_from([0.0, 1e-6, 1e-3]),
@@ -294,6 +300,7 @@ def test_the_tightest_corridor_stays_open(slack: float, heading: float, x: float
     assert relaxation.component(q[0])[cells].all()
 
 
+@pytest.mark.slow
 def test_finer_grids_separate_more_until_they_are_too_large() -> None:
     # A gap of 1.1 m for a disc of 0.6 m: two coarse cells fit between the walls, no fine ones.
     walls = (Rectangle((10.0, 4.7), 1.0, 9.4), Rectangle((10.0, 15.25), 1.0, 9.5))

@@ -38,6 +38,7 @@ def clearance(checker: StateChecker, q: FloatArray) -> float:
     return min(float(placed.distance(shape.polygon().shapely())) for shape in checker.world.obstacles)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("aside", "aslant"), [(0.3, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.2, -0.3), (-0.25, 0.25)])
 def test_in_a_gap_the_robot_comes_to_rest_in_the_middle_along_it(aside: float, aslant: float) -> None:
     checker = StateChecker(GAP, LONG, cell=0.05)
@@ -61,6 +62,7 @@ def test_without_reach_nothing_moves() -> None:
     assert (retracted(checker, q, 0.0, 0.0, 0.2) == q).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     name=st.sampled_from(sorted(ROBOTS)),

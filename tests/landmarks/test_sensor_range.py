@@ -116,6 +116,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_the_share_in_range_is_as_promised(name: str) -> None:
     checker, reach, probability = CASES[name]
@@ -132,6 +133,7 @@ def test_the_share_in_range_is_as_promised(name: str) -> None:
     assert shares_in_range(places, 2 * k // 3, reach).mean() < probability
 
 
+@pytest.mark.slow
 def test_along_a_corridor_landmarks_stand_in_a_row() -> None:
     checker = open_world(100.0, 0.05, radius=0.25)
     reach, probability = 4.0, 0.9
@@ -145,6 +147,7 @@ def test_a_sensor_that_sees_everything_needs_one_landmark() -> None:
     assert landmarks_for_range(OPEN, 57.0, 0.99, random_state=3) == 1
 
 
+@pytest.mark.slow
 def test_few_samples_take_more_landmarks() -> None:
     checker = OPEN
     with_many = landmarks_for_range(checker, 6.0, random_state=4)
@@ -156,12 +159,14 @@ def test_few_samples_take_more_landmarks() -> None:
         landmarks_for_range(checker, 3.0, samples=20, random_state=4)
 
 
+@pytest.mark.slow
 def test_headings_cost_landmarks() -> None:
     checker = StateChecker(World("open", (0, 0, 40, 40)), Robot.rectangle(4.0, 1.0))
     positions = landmarks_for_range(checker, 8.0, random_state=5)
     assert landmarks_for_range(checker, 8.0, radius=8.0, random_state=5) > positions
 
 
+@pytest.mark.slow
 def test_what_is_enclosed_needs_no_landmarks() -> None:
     outer = np.array([[10.0, 10.0], [39.0, 10.0], [39.0, 39.0], [10.0, 39.0]])
     ring = Polygon(outer, (np.array([[11.0, 11.0], [38.0, 11.0], [38.0, 38.0], [11.0, 38.0]]),))
@@ -170,6 +175,7 @@ def test_what_is_enclosed_needs_no_landmarks() -> None:
     assert landmarks_for_range(checker, 6.0, reachable_from=np.array([5.0, 5.0, 0.0]), random_state=6) < everywhere
 
 
+@pytest.mark.slow
 def test_a_seed_decides() -> None:
     checker = CASES["office"][0]
     counts = [landmarks_for_range(checker, 4.0, random_state=seed) for seed in (7, 7, 8)]
@@ -205,6 +211,7 @@ def test_distances_along_lines_of_sight() -> None:
     assert found == pytest.approx(expected)
 
 
+@pytest.mark.slow
 def test_walls_cost_landmarks_only_where_they_hide_something() -> None:
     walls = tuple(Rectangle((x, 20.0), 0.1, 38.0) for x in (8.0, 16.0, 24.0, 32.0))
     checker = StateChecker(World("walls", (0, 0, 40, 40), walls), Robot.disc(0.2))

@@ -86,6 +86,7 @@ def _without_a_rate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection, "BURST", 1e9)
 
 
+@pytest.mark.slow
 def test_one_who_takes_no_answers_is_not_answered_for_ever() -> None:
     async def story(client: SlowClient, sessions: list[EchoSession]) -> None:
         count = 5 * MAX_WAITING
@@ -102,6 +103,7 @@ def test_one_who_takes_no_answers_is_not_answered_for_ever() -> None:
     meet(story)
 
 
+@pytest.mark.slow
 def test_paths_that_are_not_the_last_are_left_out_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
     def explore(_world: object, message: Message, tell: Callable[[dict[str, Any]], None], _stop: object) -> None:
         for step in range(3 * MAX_UNSENT):

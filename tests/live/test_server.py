@@ -42,6 +42,7 @@ def ask(client: ClientConnection, **message: Any) -> list[dict[str, Any]]:
     return answers(client, message["id"])
 
 
+@pytest.mark.slow
 def test_the_page_asks_for_nothing_else(address: str) -> None:
     with urllib.request.urlopen(address, timeout=10.0) as answer:  # noqa: S310  # our own
         page, headers = answer.read().decode(), answer.headers
@@ -56,6 +57,7 @@ def test_the_page_asks_for_nothing_else(address: str) -> None:
             urllib.request.urlopen(address + path, timeout=10.0)  # noqa: S310
 
 
+@pytest.mark.slow
 def test_messages_are_answered_and_bad_ones_refused_on_one_connection(address: str) -> None:
     with socket_of(address) as client:
         assert ask(client, type="hello", id=1)[0]["world"]["name"] == "office"
@@ -96,6 +98,7 @@ def test_clients_do_not_see_each_other(address: str) -> None:
         assert ask(other, type="hello", id=2)[0]["world"] == before
 
 
+@pytest.mark.slow
 def test_there_is_a_most_of_messages_and_of_clients(address: str) -> None:
     with socket_of(address) as client:
         for i in range(1000):
@@ -127,6 +130,7 @@ def test_pages_of_others_are_refused(address: str) -> None:
         urllib.request.urlopen(request, timeout=10.0)  # noqa: S310
 
 
+@pytest.mark.slow
 def test_another_planner_runs_beside_it_and_an_exploration(address: str) -> None:
     with socket_of(address) as client:
         (found,) = ask(
@@ -145,6 +149,7 @@ def test_another_planner_runs_beside_it_and_an_exploration(address: str) -> None
         assert answers(client, 3)[-1]["status"] == "interrupted"
 
 
+@pytest.mark.slow
 def test_a_token_is_asked_for() -> None:
     with serving("corridor", "--token", "a secret word", "--host", "127.0.0.1") as address:
         assert address.endswith("?token=a%20secret%20word")
@@ -173,6 +178,7 @@ def test_bad_options_are_told_in_a_line(capsys: pytest.CaptureFixture[str]) -> N
             assert problem in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_one_who_leaves_ends_what_was_under_way(address: str) -> None:
     for identity in range(20):
         with socket_of(address) as client:

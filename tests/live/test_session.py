@@ -59,6 +59,7 @@ def test_the_world_is_told_with_an_id_for_each_obstacle() -> None:
     assert "office" in answer["worlds"]
 
 
+@pytest.mark.slow
 def test_a_plan_answers_at_once_and_ends_with_the_record_of_the_shell() -> None:
     client = Client()
     answers = client.ask("plan", start=START, goal=GOAL, time_limit=0.5)
@@ -76,6 +77,7 @@ def test_a_plan_answers_at_once_and_ends_with_the_record_of_the_shell() -> None:
     assert not swept(np.array(answers[-1]["states"])).intersects(shapely.box(4.8, 0.0, 5.2, 6.0))
 
 
+@pytest.mark.slow
 def test_edits_change_what_is_planned_in() -> None:
     client = Client()
     above = client.states()
@@ -140,6 +142,7 @@ BAD_EDITS: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAD_EDITS)
 def test_a_bad_edit_changes_nothing(name: str) -> None:
     client = Client()
@@ -152,6 +155,7 @@ def test_a_bad_edit_changes_nothing(name: str) -> None:
     assert client.states()[:, 1].max() == pytest.approx(before[:, 1].max(), abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_world_has_a_most() -> None:
     client = Client()
     disc = {"shape": "disc", "center": [1.0, 6.0], "radius": 0.01}
@@ -159,6 +163,7 @@ def test_a_world_has_a_most() -> None:
         client.ask("edit", add=[disc] * (MAX_OBSTACLES - 1))
 
 
+@pytest.mark.slow
 def test_a_world_that_cannot_be_planned_in_leaves_the_old_one() -> None:
     client = Client()
     client.states()
@@ -250,6 +255,7 @@ def test_what_can_be_reached_goes_by_the_last_plan() -> None:
     assert "Shut in at the" in layer["text"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAYERS)
 def test_layers(name: str) -> None:
     client = Client()

@@ -160,6 +160,7 @@ def test_the_page_runs_in_a_cell(notebook: Notebook) -> None:
         assert tab.complaints == []
 
 
+@pytest.mark.slow
 def test_a_kernel_answers_a_page(tmp_path: Any) -> None:
     manager = KernelManager(kernel_name="python3")
     manager.start_kernel(cwd=str(tmp_path), extra_arguments=["--HistoryManager.enabled=False"])

@@ -90,6 +90,7 @@ def test_fine_sampling_finds_hardly_any_free_curve_that_was_refused(steering: St
 poses = st.tuples(st.floats(6.0, 14.0), st.floats(6.0, 14.0), st.floats(-math.pi, math.pi))
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(sorted(ROBOTS)),
     st.sampled_from(KINDS),

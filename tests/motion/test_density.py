@@ -38,6 +38,7 @@ def weighted(world: World, objective: Objective) -> WeightedMotion:
     return motion
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", [Objective(), Objective.of("time"), Objective(0.7, 1.3, 2.0, decay=0.3)])
 def test_lines_cost_what_sampling_says(objective: Objective) -> None:
     world, rng = world_with(), np.random.default_rng(1)
@@ -53,6 +54,7 @@ def test_lines_cost_what_sampling_says(objective: Objective) -> None:
         assert planned == pytest.approx(cost, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_error_is_a_bound_on_the_error() -> None:
     """Along a line past a disc the integral is known by much finer pieces."""
     world = world_with(())

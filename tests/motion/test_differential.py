@@ -82,6 +82,7 @@ def test_reversible_motions_are_their_opposites() -> None:
     assert motion_in(OPEN, CART).directed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset"])
 def test_certified_motions_meet_nothing(name: str) -> None:
     world = random_world(4, 60, size=40.0, discs=0.3)
@@ -110,6 +111,7 @@ def narrow(width: float) -> World:
     return World("narrow", (0.0, 0.0, 10.0, 6.0), parts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [CART, CART.differential(True), Robot.disc(0.25).differential()])
 def test_paths_turn_in_place_and_drive_ahead(robot: Robot) -> None:
     # In the corridor a cart cannot turn round: it has to be headed there before.

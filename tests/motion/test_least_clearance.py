@@ -14,6 +14,7 @@ from trailmark.motion.base import least_clearance_of
 TOLERANCE, STEP = 1e-3, 4e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*ROBOTS, "car"])
 def test_none_is_less_and_one_is_as_small(name: str) -> None:
     robot = ROBOTS["rectangle"].steered(3.0) if name == "car" else ROBOTS[name]

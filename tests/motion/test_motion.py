@@ -71,6 +71,7 @@ def test_costs_are_those_of_the_metric(seed: int) -> None:
     assert MOTIONS["reversing"].costs(a, b) == pytest.approx(MOTIONS["reversing"].costs(b, a))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOTIONS)
 def test_what_is_interpolated_divides_the_cost(name: str) -> None:
     motion, (a, b) = MOTIONS[name], pairs(7)

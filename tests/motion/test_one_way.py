@@ -118,6 +118,7 @@ def judged(zone: OneWayZone, xy: FloatArray, ahead: FloatArray) -> tuple[bool, b
     return bool(((depth > UNCLEAR) & (off > UNCLEAR)).any()), bool(((depth > -2e-3) & (off > -2e-3)).any())
 
 
+@pytest.mark.slow
 @settings(max_examples=120)
 @given(zones(), poses, poses)
 def test_straight_motions_against_the_oracle(zone: OneWayZone, a: FloatArray, b: FloatArray) -> None:
@@ -135,6 +136,7 @@ TRIANGLE = OneWayZone(Polygon(np.array([[0.5, 0.0], [-0.25, 0.4330127], [-0.25, 
 """Straight back out of it, which is an allowed direction."""
 
 
+@pytest.mark.slow
 @example(TRIANGLE, np.zeros(3), np.array([-1.0, 0.0, 0.0]), 0.3, True)
 @settings(max_examples=120)
 @given(zones(), poses, poses, st.sampled_from([0.3, 1.0, 5.0]), st.booleans())

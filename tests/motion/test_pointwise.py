@@ -15,6 +15,7 @@ from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_answers_are_those_of_the_checker(name: str) -> None:
     world = random_world(3, 60, size=40.0, discs=0.3, holes=0.2, boundary=name == "disc")
@@ -90,6 +91,7 @@ def test_what_is_no_configuration_is_neither_valid_nor_reached(robot: Robot, exa
     assert single.step_valid(*good, 6.0, 5.0, -np.pi)
 
 
+@pytest.mark.slow
 def test_the_arrays_outlive_their_checker() -> None:
     single = PointwiseChecker(StateChecker(random_world(1, 40, size=30.0), ROBOTS["disc"]))
     q = np.random.default_rng(1).uniform(0.0, 30.0, (200, 3))

@@ -31,6 +31,7 @@ def pairs(seed: int, count: int, checker: StateChecker) -> tuple[np.ndarray, np.
     return q[:half], q[half : 2 * half]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_certification_is_that_of_the_plain_motion(name: str) -> None:
     checker = StateChecker(WORLD, ROBOTS[name])
@@ -57,6 +58,7 @@ def test_a_cost_is_between_the_length_and_the_factor_times_it(name: str) -> None
     ).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("objective", [Objective(), Objective(clearance=5.0)], ids=["length", "clearance"])
 def test_a_curve_is_charged_along_its_arcs(objective: Objective) -> None:
     checker = StateChecker(WORLD, ROBOTS["car"])

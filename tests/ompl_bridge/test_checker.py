@@ -38,6 +38,7 @@ tell(states=[si.isValid(s) for s in made] == valid.tolist(), share=float(valid.m
     assert found["counted"][1] == 1500
 
 
+@pytest.mark.slow
 def test_half_a_turn_back_is_checked_the_way_that_ompl_turns(run_ompl: Any) -> None:
     # A bar in a corner: counter-clockwise there is room, clockwise there is a wall.
     found = run_ompl("""
@@ -58,6 +59,7 @@ tell(other=half.getYaw(), across=si.isValid(half))
     assert found["back"] == found["across"]
 
 
+@pytest.mark.slow
 def test_half_a_turn_back_is_certified_both_ways_round(run_ompl: Any) -> None:
     # OMPL turns clockwise through the free side; the path that trailmark returns goes counter-clockwise, into the post.
     found = run_ompl("""
@@ -93,6 +95,7 @@ for name, robot in (("straight", world.robot), ("curves", world.robot.steered(1.
     assert found == {name: [False, True, False, True] for name in ("straight", "curves", "forwards")}
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_or_built_within_the_first_check(run_ompl: Any) -> None:
     found = run_ompl("""
 import trailmark
@@ -119,6 +122,7 @@ for name, robot in (("straight", world.robot), ("curves", world.robot.steered(0.
         assert found[name] == [0, True, True, True, True, pytest.approx(1.5)]
 
 
+@pytest.mark.slow
 def test_the_parts_work_in_a_set_up_of_the_users_own(run_ompl: Any) -> None:
     found = run_ompl("""
 from trailmark import StateChecker

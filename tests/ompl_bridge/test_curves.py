@@ -90,6 +90,7 @@ for name in ("RRTConnect", "RRTstar"):
         assert reverse or cusps == 0
 
 
+@pytest.mark.slow
 def test_a_space_of_the_users_own(run_ompl: Any) -> None:
     found = run_ompl("""
 from trailmark import StateChecker

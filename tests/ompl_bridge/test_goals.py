@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from tests.support.forks import Forks
 
 SCRIPT = """
@@ -52,6 +53,7 @@ print("passed")
 """
 
 
+@pytest.mark.slow
 def test_the_cheapest_of_several_states_and_a_threshold(forks: Forks) -> None:
     done = forks.run(["-c", SCRIPT], timeout=240.0)
     assert done.stdout.endswith("passed\n"), done.stderr[-2000:]

@@ -131,6 +131,7 @@ os._exit(0)
     assert found["handler"]
 
 
+@pytest.mark.slow
 def test_an_ignored_ctrl_c_stays_ignored(run_ompl: Any) -> None:
     found = run_ompl("""
 import signal
@@ -143,6 +144,7 @@ tell(handler=signal.getsignal(signal.SIGINT) is signal.SIG_IGN)
     assert found["handler"]
 
 
+@pytest.mark.slow
 def test_unwatched_errors_are_warnings(run_ompl: Any) -> None:
     found = run_ompl("""
 import warnings

@@ -20,6 +20,7 @@ def problem(certified: bool) -> SE2Problem:
     return SE2Problem(small_world(), query="around", certified=certified, resolution=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("certified", [True, False])
 @pytest.mark.parametrize("name", ["RRTstar", "PRM", "PRMstar", "BITstar", "RRTConnect"])
 def test_a_run_is_measured(name: str, certified: bool) -> None:
@@ -60,6 +61,7 @@ def test_a_cost_summed_in_another_order_is_no_better_one() -> None:
     assert monitor.curve == [(0.1, 7.0), (0.3, 6.9)]
 
 
+@pytest.mark.slow
 def test_the_curve_is_read_while_it_plans() -> None:
     steps: list[None] = []
     run = measure(problem(True), "RRTstar", 0.6, on_step=lambda: steps.append(None))

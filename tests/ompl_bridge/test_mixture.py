@@ -68,6 +68,7 @@ def test_impossible_shares_are_refused(narrow: StateChecker, mixture: Mixture) -
         LandmarkStream(LandmarkSource(narrow), mixture, 0, valid=True)
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(st.sampled_from(sorted(ROBOTS)), st.integers(0, 2**16))
 def test_what_must_be_valid_is(robot: str, seed: int) -> None:

@@ -118,6 +118,7 @@ tell(same=drawn(1) == drawn(1), other=drawn(1) == drawn(2))
     assert found == {"same": True, "other": False}
 
 
+@pytest.mark.slow
 def test_bad_input_is_named(run_ompl: Any) -> None:
     found = run_ompl("""
 from trailmark import StateChecker

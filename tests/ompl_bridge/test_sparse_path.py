@@ -28,6 +28,7 @@ def around_a_pillar(n: int) -> tuple[StateChecker, np.ndarray]:
     return StateChecker(world, robot), np.concatenate([ends[0], arc, ends[1]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [5, 60, 400])
 def test_an_arc_becomes_a_few_corners(n: int) -> None:
     checker, path = around_a_pillar(n)
@@ -89,6 +90,7 @@ os._exit(0)
     assert found["longer"] < 2e-4
 
 
+@pytest.mark.slow
 def test_half_a_turn_back_is_turned_as_certified(run_ompl: Any) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("office"), query="door")

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
 
+
+@pytest.mark.slow
 def test_states_and_paths_there_and_back(run_ompl: Any) -> None:
     found = run_ompl("""
 si = SE2Problem(shipped("office")).information
@@ -30,6 +33,7 @@ except Exception as error:
     assert found["error"] == "ConfigurationError"
 
 
+@pytest.mark.slow
 def test_planner_data_becomes_a_graph(run_ompl: Any) -> None:
     found = run_ompl("""
 problem = SE2Problem(shipped("office"))

@@ -22,6 +22,7 @@ def answers(problem, n):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["world.robot", "world.robot.steered(0.8)", "world.robot.steered(0.8, False)"])
 def test_an_updated_problem_answers_as_one_made_anew(run_ompl: Any, robot: str) -> None:
     found = run_ompl(
@@ -45,6 +46,7 @@ tell(same=same, address=id(problem.information) == address, counted=problem.vali
     assert found["counted"] == 1200
 
 
+@pytest.mark.slow
 def test_planners_find_their_way_in_the_changed_world(run_ompl: Any) -> None:
     found = run_ompl(
         WORLD
@@ -68,6 +70,7 @@ for name in ("RRTConnect", "landmark"):
     assert found == {"RRTConnect": [True, False, True], "landmark": [True, False, True]}
 
 
+@pytest.mark.slow
 def test_the_landmark_planner_keeps_its_roadmap(run_ompl: Any) -> None:
     found = run_ompl(
         WORLD
@@ -86,6 +89,7 @@ tell(landmarks=landmarks, kept=planner.roadmap.graph.number_of_nodes(), world=pl
     assert found["world"]
 
 
+@pytest.mark.slow
 def test_what_does_not_fit_changes_nothing(run_ompl: Any) -> None:
     found = run_ompl(
         WORLD

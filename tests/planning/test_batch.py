@@ -149,6 +149,7 @@ def test_infeasible_queries_are_proven_so() -> None:
     assert results[0].path is None
 
 
+@pytest.mark.slow
 def test_a_car_is_planned_one_by_one() -> None:
     world = World("open", (0, 0, 20, 20), (Rectangle((10, 10), 1.0, 4.0),))
     planner = LandmarkPlanner(world, Robot.rectangle(1.0, 0.5).steered(1.0), seed=1)
@@ -209,6 +210,7 @@ def test_a_general_roadmap_stops_where_more_would_not_help() -> None:
         full._model.shared.snapshot(lambda: full.relaxation)
 
 
+@pytest.mark.slow
 def test_building_keeps_to_the_time_and_goes_on_later() -> None:
     planner = planner_for("rectangle")
     left = iter([0.0])
@@ -235,6 +237,7 @@ def test_building_keeps_to_the_time_and_goes_on_later() -> None:
     assert len(planner.roadmap) > 1_000
 
 
+@pytest.mark.slow
 def test_many_queries_can_be_stopped() -> None:
     planner = planner_for("rectangle")
     starts, goals = queries(planner, 8)
@@ -269,6 +272,7 @@ def test_landmarks_that_were_asked_for_keep_to_half_of_the_limit() -> None:
     assert planner._model.shared.to_place < before
 
 
+@pytest.mark.slow
 def test_each_stops_at_the_first_exception() -> None:
     done: list[int] = []
 

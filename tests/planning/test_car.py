@@ -54,6 +54,7 @@ def referee(world: World, query: Query, result: PlanResult) -> CurvePath:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["parallel", "bay"])
 def test_parking(worlds: Path, name: str) -> None:
     world = shipped(worlds, "parking", 4.5)
@@ -171,6 +172,7 @@ def test_no_way_for_the_robot_at_all_is_proven() -> None:
     assert result.path is None
 
 
+@pytest.mark.slow
 def test_what_is_too_tight_for_a_car_ends_in_time_with_how_far_it_got() -> None:
     # Out of a dead end that is entered forwards only: a car that does not reverse never comes out again.
     walls = (Rectangle((5.0, 3.9), 10.0, 0.4), Rectangle((5.0, 6.1), 10.0, 0.4), Rectangle((10.2, 5.0), 0.4, 2.6))
@@ -216,6 +218,7 @@ def test_the_record_holds_what_rebuilds_the_curves(office: Office) -> None:
     assert record["states"] == again.states.tolist()
 
 
+@pytest.mark.slow
 def test_landmarks_beforehand(worlds: Path) -> None:
     world = shipped(worlds, "office", 0.6)
     planner = LandmarkPlanner(world, seed=0, landmarks=300)

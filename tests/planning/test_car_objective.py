@@ -39,6 +39,7 @@ def paid() -> PlanResult:
     return planned()
 
 
+@pytest.mark.slow
 def test_changes_of_direction_are_what_a_driver_avoids_by_default(paid: PlanResult) -> None:
     plain = planned("length")
     assert isinstance(paid.path, CurvePath)
@@ -77,6 +78,7 @@ def test_a_longer_curve_may_have_fewer_changes_of_direction() -> None:
     assert path.length > short.length
 
 
+@pytest.mark.slow
 def test_many_queries_and_new_plans_pay_too(paid: PlanResult) -> None:
     planner, before = LandmarkPlanner(WORLD, seed=0, landmarks=50), paid.path
     assert before is not None

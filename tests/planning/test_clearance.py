@@ -53,6 +53,7 @@ def ends_of(world: World, robot: Robot, clearance: float, seed: int) -> FloatArr
     return free_samples(StateChecker(world, robot, clearance=clearance), 2, random_state=seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("clearance", [1e-9, 0.05, 0.4])
 def test_states_are_valid_where_shapely_measures_the_clearance(name: str, clearance: float) -> None:
@@ -69,6 +70,7 @@ def test_states_are_valid_where_shapely_measures_the_clearance(name: str, cleara
         assert checker.clearance(q[:100]) == pytest.approx(distance[:100], abs=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset"])
 @pytest.mark.parametrize("radius", [None, 2.0])
 def test_paths_in_random_worlds_keep_the_clearance(name: str, radius: float | None) -> None:
@@ -91,6 +93,7 @@ def test_paths_in_random_worlds_keep_the_clearance(name: str, radius: float | No
     assert solved >= 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [CAR, Robot.disc(0.2)])
 def test_a_gap_as_wide_as_the_robot_and_its_clearance(robot: Robot) -> None:
     start, goal = (1.0, 3.0, 0.0), (9.0, 3.0, 0.0)
@@ -107,6 +110,7 @@ def test_a_gap_as_wide_as_the_robot_and_its_clearance(robot: Robot) -> None:
             assert result.lower_bound == pytest.approx(8.0)
 
 
+@pytest.mark.slow
 def test_proofs_with_headings_know_of_the_clearance() -> None:
     # The robot fits the bend only without a clearance; its inscribed disc fits in any case.
     parts = (Rectangle((2.25, 3.5), 4.5, 5.0), Rectangle((3.0, 0.0), 6.0, 0.6), Rectangle((5.75, 3.0), 0.5, 6.0))
@@ -150,6 +154,7 @@ def test_updates_and_replanned_paths_keep_the_clearance() -> None:
     assert least(planner.world, CAR, Path(out.path.states[out.escape :])) >= 0.3 - ALLOWED
 
 
+@pytest.mark.slow
 def test_queries_answered_together_and_saved_roadmaps_keep_the_clearance(tmp_path: File) -> None:
     planner = LandmarkPlanner(door(1.2), CAR, clearance=0.2, seed=1, settings=QUICK)
     starts, goals = [(1.0, 3.0, 0.0), (1.0, 1.0, 1.0)], [(9.0, 3.0, 0.0), (9.0, 5.0, 2.0)]

@@ -51,6 +51,7 @@ def random_shape(rng: np.random.Generator) -> Shape:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 3, 4])
 def test_random_changes(seed: int) -> None:
     rng = np.random.default_rng(seed)

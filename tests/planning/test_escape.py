@@ -19,6 +19,7 @@ def depth_of(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
     return np.asarray(np.max([Penetration(robot, shape).at(states) for shape in world.obstacles], axis=0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset", "star"])
 def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
     robot, rng, met = ROBOTS[name], np.random.default_rng(1), 0
@@ -84,6 +85,7 @@ def test_there_may_be_no_way_out() -> None:
     assert way_out(StateChecker(full, ROBOTS["disc"]), np.array([5.0, 5.0, 0.0])) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "car"])
 def test_replanning_leads_out_first(name: str) -> None:
     robot = ROBOTS["rectangle"].steered(2.0) if name == "car" else ROBOTS[name]

@@ -127,6 +127,7 @@ def test_what_lies_inside_is_found_without_an_edge_being_met() -> None:
     assert fault_of(lake, robot, np.array([[5, 5, 0], [5.1, 5, 0]])) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_after_changes_it_finds_what_one_made_anew_finds(kind: str) -> None:
     rng = np.random.default_rng(8)

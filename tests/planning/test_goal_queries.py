@@ -31,6 +31,7 @@ def test_a_path_to_a_goal_is_kept_while_it_is_free() -> None:
     assert result.cost == pytest.approx(0.6 * path.cost)
 
 
+@pytest.mark.slow
 def test_it_leads_to_another_goal_where_its_own_is_blocked() -> None:
     plans = planner()
     path = plans.plan(START, [NEAR, FAR], 0.3).path
@@ -50,6 +51,7 @@ def test_it_leads_to_another_goal_where_its_own_is_blocked() -> None:
         plans.replan(START, Goal((5.0, 5.0, 0.0)), path)
 
 
+@pytest.mark.slow
 def test_many_queries_may_have_goals() -> None:
     plans = planner()
     goals: list[Any] = [(5.0, 1.0, 0.0), [NEAR, FAR], FAR, (8.5, 1.0, 0.0)]

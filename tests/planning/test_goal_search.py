@@ -86,6 +86,7 @@ GOALS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("name", GOALS)
 def test_a_path_ends_within_its_goal(robot: str, name: str) -> None:
@@ -132,6 +133,7 @@ def test_zero_tolerance_is_a_pose() -> None:
     assert other.goal is None
 
 
+@pytest.mark.slow
 def test_the_best_goal_is_chosen_as_by_planning_to_each() -> None:
     rng = np.random.default_rng(11)
     world = room()
@@ -182,6 +184,7 @@ def test_it_is_infeasible_only_if_each_goal_is() -> None:
     assert plan(world, *blocked, Goal((9.0, 9.0, 0.0))).status == "solved"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["rectangle", "disc", "car"])
 def test_goals_that_are_blocked_as_a_whole_are_infeasible(robot: str) -> None:
     world = room(robot)

@@ -38,6 +38,7 @@ def grown(reverse: bool, into: bool, sources: np.ndarray, goal: np.ndarray, **op
     return world, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("into", [False, True])
 @pytest.mark.parametrize("reverse", [True, False], ids=["both ways", "forwards"])
 def test_every_configuration_hangs_on_another_by_a_free_curve(reverse: bool, into: bool) -> None:

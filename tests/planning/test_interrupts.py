@@ -57,6 +57,7 @@ def assert_sound(planner: LandmarkPlanner, judge: Judge, pairs: FloatArray, *, r
     assert not [t for t in threading.enumerate() if t.name == "proof of infeasibility"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
 def test_plans_after_an_interrupt_at_any_line_are_free(name: str, judge: Judge) -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4)
@@ -140,6 +141,7 @@ def test_an_exception_of_a_callback_leaves_all_sound(judge: Judge) -> None:
     assert_sound(planner, judge, pairs, rounds=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("car", [False, True])
 def test_ctrl_c_arrives_as_such(car: bool) -> None:
     if threading.current_thread() is not threading.main_thread():

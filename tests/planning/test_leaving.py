@@ -70,6 +70,7 @@ def assert_leaves(world: World, robot: Robot, path: Path) -> None:
         assert not inside[left:].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_a_start_inside_leaves_past_obstacles(name: str) -> None:
     world = World("w", BOUNDS, (Rectangle((8.0, 6.0), 0.5, 5.0),), zones=(zone(MIDDLE),))
@@ -81,6 +82,7 @@ def test_a_start_inside_leaves_past_obstacles(name: str) -> None:
     assert_leaves(world, ROBOTS[name], result.path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_it_does_not_come_back(name: str) -> None:
     world = World("w", BOUNDS, zones=(KeepOutZone(Polygon(np.array(U_SHAPE, dtype=float))),))

@@ -56,6 +56,7 @@ def test_planned_paths(name: str, judge: Judge) -> None:
     assert vertices > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
 def test_paths_of_many_queries(name: str) -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4, landmarks=600)
@@ -102,6 +103,7 @@ def test_what_is_left_out_by_hand() -> None:
     assert np.array_equal(fewer(checker, path[:2]), path[:2])
 
 
+@pytest.mark.slow
 def test_what_is_needed_stays_and_costs_do_not_rise() -> None:
     checker = StateChecker(WORLD, ROBOTS["L"])
     planner = LandmarkPlanner(WORLD, ROBOTS["L"], seed=4, checker=checker)

@@ -51,6 +51,7 @@ def require_priced(world: World, result: PlanResult, objective: Objective) -> No
     assert result.to_dict("w")["objective"] == objective.to_dict()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_dear_zone_is_gone_round_and_a_cheap_one_gone_through(name: str) -> None:
     dear = World("dear", (0.0, 0.0, 10.0, 10.0), zones=(CostZone(SQUARE, 4.0),))
@@ -85,6 +86,7 @@ def test_time_minds_speed_limits() -> None:
     assert plain.cost == pytest.approx(8.0)
 
 
+@pytest.mark.slow
 def test_the_objective_clearance_keeps_to_the_middle_of_an_aisle() -> None:
     planner = LandmarkPlanner(AISLE, seed=0, objective="clearance")
     result = planner.plan((1.0, 2.3, 0.0), (11.0, 1.7, 0.0), time_limit=30.0, max_iterations=4)
@@ -95,6 +97,7 @@ def test_the_objective_clearance_keeps_to_the_middle_of_an_aisle() -> None:
     assert np.abs(within[:, 1] - 2.0).max() <= 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_one_way_zone_is_gone_round_against_its_direction(name: str) -> None:
     lane = OneWayZone(Polygon(np.array([(3.0, 2.0), (7.0, 2.0), (7.0, 9.0), (3.0, 9.0)], dtype=float)), np.pi, 1.0)

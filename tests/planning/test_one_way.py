@@ -62,6 +62,7 @@ def assert_right_way(world: World, path: Path) -> None:
         assert not (inside & moves & (off > zone.tolerance + 0.01)).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 def test_the_right_way_is_direct_and_the_wrong_way_leads_around(name: str) -> None:
     right = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, 0.0, 0.5),))
@@ -79,6 +80,7 @@ def test_the_right_way_is_direct_and_the_wrong_way_leads_around(name: str) -> No
         assert result.lower_bound <= result.path.cost + 1e-9
 
 
+@pytest.mark.slow
 def test_the_way_back_is_another_one() -> None:
     """What the roadmap knows of a way in one direction is not taken in the other."""
     world = World("w", BOUNDS, WALL, zones=(OneWayZone(GAP, 0.0, 0.5),))
@@ -98,6 +100,7 @@ def test_the_way_back_is_another_one() -> None:
     assert back.path.length > there.path.length + 0.5
 
 
+@pytest.mark.slow
 def test_a_zone_over_everything_lets_pass_along_its_heading_only() -> None:
     everywhere = box(-5.0, -5.0, 30.0, 30.0)
     along = plan(World("w", BOUNDS, zones=(OneWayZone(everywhere, 0.0, 0.1),)), ROBOTS["rectangle"])
@@ -136,6 +139,7 @@ def test_a_tolerance_of_half_a_turn_forbids_nothing() -> None:
     assert result.path.length == pytest.approx(12.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_worlds_with_zones_change() -> None:
     world = World("w", BOUNDS, WALL, ids=("low", "high"), zones=(OneWayZone(GAP, math.pi, 0.5),))
     planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0, settings=QUICK)

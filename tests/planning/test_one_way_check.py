@@ -39,6 +39,7 @@ def test_paths_by_hand(states: list[list[float]], fault: str | None) -> None:
     assert (found is None) if fault is None else (found is not None and fault in found)
 
 
+@pytest.mark.slow
 def test_it_agrees_with_the_compiled_test() -> None:
     rng = np.random.default_rng(5)
     agreed = {True: 0, False: 0}

@@ -60,6 +60,7 @@ def same(a: PlanResult, b: PlanResult) -> bool:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
 @pytest.mark.parametrize("way", ["pickle", "deepcopy"])
 def test_a_copy_answers_as_the_planner_does(name: str, way: str) -> None:
@@ -89,6 +90,7 @@ with open(sys.argv[1], "wb") as file:
 """
 
 
+@pytest.mark.slow
 def test_another_process_gets_the_same_answers(tmp_path: FilePath, forks: Forks) -> None:
     planner = used(ROBOTS["rectangle"])
     file = tmp_path / "planner"

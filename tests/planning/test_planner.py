@@ -203,6 +203,7 @@ def test_what_only_headings_close_is_proven_infeasible() -> None:
         assert (result.path, result.lower_bound) == (None, None)
 
 
+@pytest.mark.slow
 def test_a_proof_that_seems_long_is_begun_where_a_path_is_sought_in_vain() -> None:
     # A fifth of a millimetre too narrow, which the relaxed problem's cells do not show.
     walls = (Rectangle((5.0, 1.375), 0.2, 2.75), Rectangle((5.0, 4.625), 0.2, 2.75))
@@ -327,6 +328,7 @@ def test_a_roadmap_outlives_its_planner(tmp_path: Any) -> None:
         assert len(again.shortest_path(0, 1).nodes) > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("landmarks", [1, 30, 300])
 def test_as_many_landmarks_as_asked_for(landmarks: int, judge: Judge) -> None:
     world = wall(2.0)
@@ -466,6 +468,7 @@ def test_planning_can_be_stopped_and_tells_what_it_has() -> None:
     assert result.cost == pytest.approx(told[-1])
 
 
+@pytest.mark.slow
 def test_without_a_path_the_nearest_approach_is_told() -> None:
     # The disc inside the robot gets round the bend, the robot does not, by half a percent.
     planner = LandmarkPlanner(bend(1.055, Robot.rectangle(2.4, 0.3)), seed=0)

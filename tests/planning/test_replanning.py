@@ -57,6 +57,7 @@ def test_a_path_that_is_blocked_is_led_around(name: str, judge: Judge) -> None:
     assert result.cost < 1.2 * 0.8 * path.cost
 
 
+@pytest.mark.slow
 def test_a_car_is_led_around(judge: Judge) -> None:
     robot = ROBOTS["rectangle"].steered(2.0)
     planner = LandmarkPlanner(OPEN, robot, seed=0)

@@ -77,6 +77,7 @@ def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> N
     assert sizes[-1] - sizes[6] < sizes[6]
 
 
+@pytest.mark.slow
 def test_a_large_roadmap_grows_by_what_it_does_not_know_alone(judge: Judge) -> None:
     planner = planner_for()
     planner.build(MAX_KEPT + 100)

@@ -53,6 +53,7 @@ def test_wrong_values_are_refused(wrong: dict[str, Any]) -> None:
         PlannerSettings(**wrong)
 
 
+@pytest.mark.slow
 def test_the_planner_takes_them() -> None:
     world = World("wall", (0, 0, 10, 4), (Rectangle((5.0, 1.0), 0.5, 2.0),), Robot.rectangle(0.6, 0.4))
     few = LandmarkPlanner(world, seed=0, settings=PlannerSettings(patience=1))

@@ -52,6 +52,7 @@ def longest_way(roadmap: Roadmap) -> FloatArray:
     return np.asarray(roadmap.configurations[max(ways, key=len, default=np.zeros(1, np.int64))])
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(name=st.sampled_from(sorted(ROBOTS)), world=st.integers(0, 5), seed=st.integers(0, 10_000))
 def test_paths_get_no_longer_and_stay_free(judge: Judge, name: str, world: int, seed: int) -> None:

@@ -62,6 +62,7 @@ def random_moving(rng: np.random.Generator, fastest: float = 4.0) -> Moving:
     return placed.displaced(float(dx), float(dy), float(turn))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
 def test_a_motion_is_clear_just_when_no_moment_shows_contact(name: str) -> None:
     rng, robot = np.random.default_rng(5), ROBOTS[name]
@@ -327,6 +328,7 @@ def test_many_moving_obstacles_never_give_a_path_that_meets_one(name: str) -> No
     assert found > 6
 
 
+@pytest.mark.slow
 def test_cars_take_what_is_swept_for_occupied_and_bad_speeds_are_refused() -> None:
     car = ROBOTS["rectangle"].steered(1.0)
     planner = LandmarkPlanner(FIELD, car, seed=0)

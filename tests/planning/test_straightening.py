@@ -51,6 +51,7 @@ def cost(states: FloatArray) -> float:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     name=st.sampled_from(sorted(ROBOTS)),

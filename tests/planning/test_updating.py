@@ -26,6 +26,7 @@ def edit(world: World, rng: np.random.Generator) -> World:
     return world.edited(move={int(rng.integers(count)): (*rng.normal(0.0, 2.0, 2), rng.normal())})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
 def test_it_knows_what_one_built_anew_knows(name: str) -> None:
     world, robot, rng = random_world(3, 40, size=40.0, discs=0.3), ROBOTS[name], np.random.default_rng(1)
@@ -50,6 +51,7 @@ def test_it_knows_what_one_built_anew_knows(name: str) -> None:
     assert changed > 0
 
 
+@pytest.mark.slow
 def test_lower_bounds_stay_below_what_is_true_after_changes() -> None:
     world, rng = random_world(3, 40, size=40.0, discs=0.3), np.random.default_rng(1)
     planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
@@ -107,6 +109,7 @@ def test_boxes_hold_what_changed() -> None:
     assert sorted(found.removed.tolist()) == [[1.0, 1.0, 3.0, 3.0], [7.0, 7.0, 9.0, 9.0]]
 
 
+@pytest.mark.slow
 def test_each_query_sees_one_world_while_updates_go_on() -> None:
     """A wall with its door now left, now right: a path through a closed door would be a mixture."""
     left = World("left", (0.0, 0.0, 20.0, 20.0), (Rectangle((12.5, 10.0), 15.0, 1.0),))

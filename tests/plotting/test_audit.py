@@ -27,6 +27,7 @@ def share(file: FilePath, colour: str) -> float:
     return float((np.abs(pixels - to_rgb(colour)).max(axis=-1) < 0.02).mean())
 
 
+@pytest.mark.slow
 def test_a_collision_is_red_and_a_repaired_path_is_drawn(tmp_path: FilePath) -> None:
     file = tmp_path / "a.png"
     audit = check_path(WORLD, ROBOT, [[1, 3, 0], [9, 3, 0]])
@@ -49,6 +50,7 @@ def test_a_turn_in_place_that_collides_is_marked(tmp_path: FilePath) -> None:
     assert share(file, COLLISION) > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("velocity", [(1.0, 0.3), (0.0, 0.0)])
 def test_a_moving_obstacle_has_an_arrow(tmp_path: FilePath, velocity: tuple[float, float]) -> None:
     still, moving = tmp_path / "still.png", tmp_path / "moving.png"

@@ -33,6 +33,7 @@ def test_the_picture_shows_the_cells_and_each_landmark() -> None:
     assert {"occupied", "free", "unknown"} <= set(entries)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".png", ".svg"])
 def test_the_same_exploration_gives_the_same_picture(tmp_path: Path, suffix: str) -> None:
     files = [tmp_path / f"{name}{suffix}" for name in "ab"]
@@ -42,6 +43,7 @@ def test_the_same_exploration_gives_the_same_picture(tmp_path: Path, suffix: str
     require_replaceable(files[0])
 
 
+@pytest.mark.slow
 def test_an_exploration_of_one_reading_and_without_robot_is_drawn(tmp_path: Path) -> None:
     result = made_exploration()
     world = replace(result.world, robot=None)
@@ -51,6 +53,7 @@ def test_an_exploration_of_one_reading_and_without_robot_is_drawn(tmp_path: Path
     assert (tmp_path / "a.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_the_animation_reveals_the_map(tmp_path: Path) -> None:
     file = tmp_path / "a.gif"
     save_exploration_animation(file, made_exploration())

@@ -79,6 +79,7 @@ class Canvas:
         return rgb, shapely.points((columns + 0.5) / self.per_metre, 6.0 - (rows + 0.5) / self.per_metre)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("margin", [None, "C-obstacle"])
 def test_obstacles_are_black_and_the_margin_grey(margin: str | None) -> None:
     canvas = Canvas()
@@ -96,6 +97,7 @@ def test_obstacles_are_black_and_the_margin_grey(margin: str | None) -> None:
     assert is_colour(rgb[reach > 0.45], "white").all()
 
 
+@pytest.mark.slow
 def test_the_initial_execution_shows_boxes_and_all_kinds_of_points(executions: list[Execution]) -> None:
     canvas = Canvas(per_metre=160)
     landmarks.draw_initial_execution(canvas.axes, executions[0])
@@ -132,6 +134,7 @@ def test_an_execution_shows_centres_and_as_many_colours_as_clusters(executions: 
         assert (far[:, label] < far.min(axis=1) + 0.1).mean() > 0.9
 
 
+@pytest.mark.slow
 def test_the_whole_figure(executions: list[Execution], tmp_path: FilePath) -> None:
     file = tmp_path / "room.png"
     save_landmarks_figure(file, ROOM, ROBOT, executions, PLANNED)
@@ -142,6 +145,7 @@ def test_the_whole_figure(executions: list[Execution], tmp_path: FilePath) -> No
     assert 0.3 < is_colour(rgb, "white").mean() < 0.95
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_bytes(executions: list[Execution], tmp_path: FilePath) -> None:
     files = [tmp_path / "a.svg", tmp_path / "b.svg"]
     for file in files:

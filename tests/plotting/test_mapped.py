@@ -91,6 +91,7 @@ def test_the_legend_names_what_is_drawn(scans: bool, confidence: float | None, e
     np.testing.assert_array_equal(np.column_stack(way.get_data()), mapped(scans, confidence).trajectory[:, 1:3])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
 def test_files(tmp_path: Path, suffix: str, magic: bytes) -> None:
     files = [tmp_path / f"{name}{suffix}" for name in "ab"]

@@ -107,6 +107,7 @@ def test_dark_pixels_are_obstacles_and_white_ones_are_free() -> None:
     assert is_colour(rgb[hole], "white").all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [Robot.disc(0.3), CAR, Robot.polygon([[-0.2, -0.3], [1, -0.3], [1, 0.2], [-0.2, 1]])])
 def test_margin_is_what_the_reference_point_cannot_enter(robot: Robot) -> None:
     canvas = Canvas(ROOM.bounds)
@@ -217,6 +218,7 @@ def test_empty_roadmap_and_single_state_path_can_be_drawn() -> None:
     assert is_colour(canvas.pixels()[0], plotting.GOAL).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounds", [(0, 0, 10, 6), (0, 0, 6, 10), (0, 0, 100, 2), (0, 0, 2, 100)])
 def test_saved_picture_has_the_worlds_proportions_and_a_sensible_size(tmp_path: FilePath, bounds: Any) -> None:
     world = World("strip", bounds, (Disc((1.0, 1.0), 0.3),))
@@ -228,6 +230,7 @@ def test_saved_picture_has_the_worlds_proportions_and_a_sensible_size(tmp_path: 
     assert len(dark) > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", plotting.PICTURE_SUFFIXES)
 def test_the_same_plan_gives_the_same_bytes(tmp_path: FilePath, suffix: str) -> None:
     files = [tmp_path / f"{name}{suffix}" for name in "ab"]
@@ -241,6 +244,7 @@ def test_the_same_plan_gives_the_same_bytes(tmp_path: FilePath, suffix: str) -> 
     assert sorted(tmp_path.iterdir()) == files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("status", ["timeout", "infeasible"])
 def test_without_a_path_the_picture_shows_the_roadmap(tmp_path: FilePath, status: str) -> None:
     plotting.save_plan_figure(tmp_path / "none.png", ROOM, CAR, result_of(None, status), ROADMAP, START, GOAL)
@@ -269,6 +273,7 @@ def test_other_suffixes_are_refused(tmp_path: FilePath, name: str) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_thousands_of_obstacles(tmp_path: FilePath) -> None:
     rng = np.random.default_rng(0)
     discs = tuple(Disc((float(x), float(y)), 0.5) for x, y in rng.uniform(0, 100, (2000, 2)))
@@ -278,6 +283,7 @@ def test_thousands_of_obstacles(tmp_path: FilePath) -> None:
     assert 0.03 < covered < 0.15  # 2,000 discs cover 14.5 % of the square, and the square 60 % of the picture
 
 
+@pytest.mark.slow
 def test_a_large_grid_map(tmp_path: FilePath, shared_data: FilePath) -> None:
     world = World.load(shared_data / "movingai" / "8room_000.map")
     plotting.save_plan_figure(tmp_path / "map.png", world, Robot.disc(0.4), result_of(None))
@@ -286,6 +292,7 @@ def test_a_large_grid_map(tmp_path: FilePath, shared_data: FilePath) -> None:
     assert is_colour(rgb, "white").mean() > 0.3
 
 
+@pytest.mark.slow
 def test_no_global_state_of_pyplot() -> None:
     program = "import sys, trailmark.plotting; sys.exit('matplotlib.pyplot' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

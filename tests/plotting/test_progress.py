@@ -42,6 +42,7 @@ def test_steps_from_the_first_path_to_the_end_above_the_bound() -> None:
     assert [label.get_text() for label in axes.get_xticklabels()] == ["5", "10", "20", "50", "100", "200", "500"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("history", [((0.01, 5.0),), ((0.01, 0.0),), ((2e-4, 5.0), (900.0, 1.0))])
 @pytest.mark.parametrize("total", [0.0, 1000.0])
 def test_one_path_and_long_times(history: tuple[tuple[float, float], ...], total: float) -> None:
@@ -54,6 +55,7 @@ def test_one_path_and_long_times(history: tuple[tuple[float, float], ...], total
     assert len(axes.lines) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(10.0, 10.0), (20.0, 12.0), (60.0, 4.0), (4.0, 60.0), (9.0, 10.0)])
 @pytest.mark.parametrize("entries", [1, 8])
 def test_the_panel_keeps_clear_of_plan_and_legend(size: tuple[float, float], entries: int) -> None:
@@ -86,6 +88,7 @@ def test_pictures_of_plans_have_it_if_there_is_a_path(tmp_path: FilePath) -> Non
             assert (f"<!-- {label} -->" in text) == (found is not None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("total", [2e-3, 0.5, 20.0, 9000.0])
 @pytest.mark.parametrize("size", [(0.0, 0.0, 40.0, 40.0), (0.0, 0.0, 60.0, 20.0)])
 def test_times_do_not_collide(total: float, size: tuple[float, float, float, float]) -> None:

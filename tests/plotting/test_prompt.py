@@ -111,6 +111,7 @@ def collisions(figure: Figure, axes: Any) -> list[tuple[str, str]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounds", BOUNDS)
 def test_tick_labels_do_not_collide(bounds: Any) -> None:
     world = World("w", bounds)
@@ -119,6 +120,7 @@ def test_tick_labels_do_not_collide(bounds: Any) -> None:
     assert collisions(figure, axes) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bounds", BOUNDS)
 @pytest.mark.parametrize("size", [(3.0, 2.0), (6.4, 4.8)])
 def test_tick_labels_do_not_collide_in_the_users_axes(bounds: Any, size: tuple[float, float]) -> None:

@@ -23,6 +23,7 @@ ROBOT = Robot.rectangle(0.6, 0.4)
 TRAJECTORY = Path(np.array([[1.0, 3.0, 3.0], [6.0, 3.0, -3.0], [7.0, 3.5, -3.0]])).timed(1.0, 1.0, 1.0)
 
 
+@pytest.mark.slow
 def test_a_gif_shows_the_robot_at_the_times_that_it_takes(tmp_path: FilePath) -> None:
     file = tmp_path / "drive.gif"
     short = Path(np.array([[1.0, 3.0, 3.0], [2.0, 3.0, -3.0]])).timed(1.0, 1.0, 1.0)

@@ -182,6 +182,7 @@ def test_a_change_that_is_cut_short_has_not_taken_place(name: str) -> None:
     assert ends > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle"])
 def test_ways_after_interrupts_are_free(name: str) -> None:
     roadmap = base(name)

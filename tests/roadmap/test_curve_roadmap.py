@@ -142,6 +142,7 @@ def test_what_is_drawn_follows_the_curves() -> None:
     assert roadmap.motion.lines(np.empty((0, 3)), np.empty((0, 3))).shape == (0, 2, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".npz", ".graphml"])
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_files_give_the_roadmap_back_for_the_same_car_only(tmp_path: Path, suffix: str, reverse: bool) -> None:

@@ -76,6 +76,7 @@ def problem(path: Path, checker: StateChecker) -> str:
 # --- there and back ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_round_trip(roadmaps: dict[str, Roadmap], name: str, suffix: str, tmp_path: Path) -> None:
@@ -123,6 +124,7 @@ def test_npz_is_smaller_than_its_arrays(roadmap: Roadmap, tmp_path: Path) -> Non
     assert (tmp_path / "r.npz").stat().st_size < plain + 1500
 
 
+@pytest.mark.slow
 def test_graphml_is_what_networkx_reads(roadmap: Roadmap, tmp_path: Path) -> None:
     roadmap.save(tmp_path / "r.graphml")
     graph = nx.read_graphml(tmp_path / "r.graphml", node_type=int)
@@ -172,6 +174,7 @@ def test_the_fingerprint_tells_worlds_and_robots_apart() -> None:
     assert fingerprint(StateChecker(world, as_polygon)) == prints["itself"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("name", [name for name in variants() if name != "itself"])
 def test_certificates_of_another_world_are_not_believed(name: str, suffix: str, tmp_path: Path) -> None:
@@ -390,6 +393,7 @@ def test_nothing_is_unpickled(roadmap: Roadmap, tmp_path: Path) -> None:
     assert not sprung.exists()
 
 
+@pytest.mark.slow
 def test_archives_that_unpack_to_too_much(roadmap: Roadmap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "r.npz"
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -450,6 +454,7 @@ def test_entities_do_not_multiply(tmp_path: Path) -> None:
     assert problem(tmp_path / "r.graphml", CHECKERS["L"]).startswith("not a readable GraphML file: ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @settings(max_examples=100)
 @given(data=st.data())

@@ -50,6 +50,7 @@ def problem(file: Path) -> str:
 # --- written -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "L"])
 def test_certified_edges_are_written_both_ways(name: str, tmp_path: Path) -> None:
     world = random_world(2, 40, size=30.0, discs=0.3)

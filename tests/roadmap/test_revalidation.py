@@ -28,6 +28,7 @@ def roadmap_in(world: World, robot: Robot) -> Roadmap:
     return roadmap
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L", "car"])
 def test_every_edge_has_the_status_that_the_changed_world_gives_it(name: str) -> None:
     robot = ROBOTS["rectangle"].steered(2.0) if name == "car" else ROBOTS[name]

@@ -142,6 +142,7 @@ def test_a_path_is_joined_edge_by_edge(name: str) -> None:
         assert (len(roadmap), len(roadmap.edges)) == (n + len(path) - 2, edges)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_certified_edges_do_not_collide(name: str) -> None:
     roadmap = roadmap_for(name, n=100)
@@ -180,6 +181,7 @@ def test_an_edge_of_half_a_turn_is_not_taken_backwards() -> None:
         assert checker.motions_valid(q[:-1], q[1:]).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), name=st.sampled_from(sorted(ROBOTS)), obstacles=st.sampled_from([20, 60, 120]))
 def test_shortest_paths_are_networkxs(seed: int, name: str, obstacles: int) -> None:

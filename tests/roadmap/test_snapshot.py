@@ -82,6 +82,7 @@ def cost(a: FloatArray, b: FloatArray, turning: bool) -> float:
     return math.dist(a[:2], b[:2]) + (0.5 * angle if turning else 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reversing", "forwards"])
 def test_paths_of_cars_are_networkxs(reverse: bool) -> None:
     world = random_world(11, 25, size=30.0, radii=(0.5, 2.5))
@@ -117,6 +118,7 @@ def test_paths_of_cars_are_networkxs(reverse: bool) -> None:
     assert joined > 15
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(
     seed=st.integers(0, 10_000),

@@ -82,6 +82,7 @@ def test_names_are_no_markup() -> None:
         assert "&lt;script&gt;" in text
 
 
+@pytest.mark.slow
 def test_pictures_of_large_worlds_stay_small() -> None:
     rng = np.random.default_rng(0)
     at = rng.uniform(0, 1000, (6000, 2))
@@ -124,6 +125,7 @@ def test_a_result_without_its_world_says_so() -> None:
     assert repr(result) == "PlanResult(timeout)"
 
 
+@pytest.mark.slow
 def test_no_matplotlib_and_nothing_that_plans_for_a_world() -> None:
     program = "import sys; from trailmark import World; World.load('office')._repr_html_(); print([*sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)

@@ -87,6 +87,7 @@ def test_half_a_millimetre_of_overlap_at_the_end_of_a_turn_is_found() -> None:
     assert worst[0] == pytest.approx(5e-4, abs=6e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", list(SCALES))
 def test_the_way_below_a_ceiling_has_room(scale: str) -> None:
     rng = np.random.default_rng(3)

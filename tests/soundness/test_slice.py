@@ -21,6 +21,7 @@ def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
     worker.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", list(PARTS))
 def test_nothing_certified_is_wrong(part: str, worker: Worker, tmp_path: Path) -> None:
     counts = 0

@@ -174,6 +174,7 @@ def test_directions_of_one_way_zones_are_kept() -> None:
     assert not shapely.contains_xy(inside.shapely(), smooth.resample(0.01).states[:, :2]).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False])
 def test_a_cars_curvature_is_continuous_but_for_stops(reverse: bool) -> None:
     rng = np.random.default_rng(8)

@@ -91,6 +91,7 @@ def test_a_killed_worker_only_repeats_its_runs(tmp_path: Path) -> None:
     assert sorted(runs_in(results)) == [(1, seed) for seed in range(RUNS)]
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_does_not_answer() -> None:
     with closing(socket.socket()) as taken:
         taken.bind(("127.0.0.1", 0))  # and nobody listens

@@ -35,6 +35,7 @@ def check_curve(answer: dict[str, Any]) -> None:
     assert answer["solution_length"] == costs[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["landmark", "lattice", "PRM", "RRTConnect+certified", "BITstar+certified"])
 def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: Problem) -> None:
     answer = worker.run(job(around, planner, seed=5, limit=0.4))
@@ -53,6 +54,7 @@ def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: P
     assert 0.0 < answer["overhead"] < 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("planner", ["landmark", "roadmap-uniform", "paper", "RRTstar+certified", "native:RRTstar"])
 def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: Problem) -> None:
     if planner.startswith("native:") and native_program() is None:
@@ -75,6 +77,7 @@ def test_planners_of_the_users_own_report_what_they_come_by(worker: Worker, ahea
     assert late["path"][1] == [5.0, 2.0, 0.0]
 
 
+@pytest.mark.slow
 def test_what_a_planner_of_the_users_own_prepares_is_set_up_and_no_planning(worker: Worker, ahead: Problem) -> None:
     answer = worker.run(job(ahead, "tests.benchmark.rogues:prepared_plan", limit=0.1))
     assert answer["correct_solution"], answer
@@ -96,6 +99,7 @@ def test_parameters_reach_the_planner(worker: Worker, ahead: Problem) -> None:
     assert first["correct_solution"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 @pytest.mark.parametrize("planner", ["landmark", "roadmap", "RRTConnect", "BITstar+certified"])
 def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, around: Problem) -> None:
@@ -116,6 +120,7 @@ def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, ar
         assert answer[name] > 0, name
 
 
+@pytest.mark.slow
 def test_what_is_proven_infeasible_is_no_approximate_solution(worker: Worker) -> None:
     # Landmarks are placed before headings prove that the rod cannot get round the bend: some path leads nearer.
     inner = np.array([[0, 1], [9, 1], [9, 10], [0, 10]], dtype=float)
@@ -133,6 +138,7 @@ def test_no_run_knows_of_those_before_it(worker: Worker, around: Problem) -> Non
     assert first["graph_states"] == again["graph_states"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rogue", "status", "why"),
     [

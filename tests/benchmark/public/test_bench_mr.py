@@ -48,6 +48,7 @@ def test_published_ends_in_both_versions(unit: float, x: float, y: float, tmp_pa
     assert world.obstacles[0].area == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_the_robot_is_the_drawn_one_with_its_length_ahead(tmp_path: Path) -> None:
     write(tmp_path, "car", CAR)
     world = maze(tmp_path, 22.0, 0.0, 0.0)

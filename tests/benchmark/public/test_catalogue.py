@@ -52,6 +52,7 @@ def posed(name: str, folder: Path | None, count: int) -> list[World]:
     return list(suite.worlds(at, suite.find(at), count, None))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLIC)
 def test_every_problem_has_valid_ends(name: str, shared_data: Path) -> None:
     suite = PUBLIC[name]

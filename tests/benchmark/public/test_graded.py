@@ -18,6 +18,7 @@ def worlds(name: str, count: int | None = None, robot: Robot | None = None) -> l
     return list(suite.worlds(Path(), suite.find(Path()), count, robot))
 
 
+@pytest.mark.slow
 def test_clutter_grows_from_grade_to_grade() -> None:
     made = worlds("clutter", 12)
     assert [len(world.obstacles) for world in made] == [grade for grade in CLUTTER for _ in range(2)]

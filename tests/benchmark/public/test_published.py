@@ -54,6 +54,7 @@ def test_omplapp_leaves_out_what_is_not_planned_for(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_barn_is_the_challenge(shared_data: Path) -> None:
     first, *_ = worlds("barn", shared_data / "barn")
     assert first.name == "barn-world_0"

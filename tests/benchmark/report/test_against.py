@@ -53,6 +53,7 @@ def test_on_one_problem_it_is_mann_and_whitneys(tmp_path: Path) -> None:
     assert "Mann–Whitney" in found.test
 
 
+@pytest.mark.slow
 def test_chance_is_not_called_a_difference(tmp_path: Path) -> None:
     """Of databases that differ by chance alone, 5 % of all may be called different, whatever number of planners."""
     tries, planners = 60, 6

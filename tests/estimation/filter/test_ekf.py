@@ -297,6 +297,7 @@ def test_mapping_from_certain_poses_keeps_features_apart() -> None:
     assert not off.any()
 
 
+@pytest.mark.slow
 def test_mapping_from_uncertain_poses_counts_their_errors() -> None:
     rng = np.random.default_rng(7)
     nees = []

@@ -44,6 +44,7 @@ def distance(sensor: SensorModel, x: FloatArray, l: FloatArray) -> float:
     return float(np.hypot(*(l - x[:2])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", SENSORS)
 @given(x=poses, offset=offsets, line=lines)
 def test_jacobians(sensor: SensorModel, x: FloatArray, offset: FloatArray, line: FloatArray) -> None:
@@ -66,6 +67,7 @@ def test_jacobians(sensor: SensorModel, x: FloatArray, offset: FloatArray, line:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", SENSORS)
 @given(x=poses, offset=offsets, line=lines)
 def test_inverse(sensor: SensorModel, x: FloatArray, offset: FloatArray, line: FloatArray) -> None:

@@ -133,6 +133,7 @@ def test_systematic_errors_are_found_and_taken_off() -> None:
     assert 0.0 < sigma < 0.02
 
 
+@pytest.mark.slow
 def test_stated_covariances_are_those_of_the_errors() -> None:
     """NEES over logs, relative to the map, of noise that is estimated."""
     values = []

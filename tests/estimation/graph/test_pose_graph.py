@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from trailmark.estimation.graph.pose_graph import Relation, optimise, pose_covariances, relative_covariances
 from trailmark.estimation.scans.clouds import relative
@@ -51,6 +52,7 @@ def test_wrong_closures_are_dropped_and_right_ones_count() -> None:
     assert np.allclose(alone, poses, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_covariances_are_those_of_the_errors_after_the_best_alignment() -> None:
     true, rng = ring(), np.random.default_rng(1)
     errors = []

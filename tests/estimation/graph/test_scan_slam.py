@@ -7,6 +7,7 @@ import math
 from functools import cache
 
 import numpy as np
+import pytest
 import shapely
 from tests.estimation.ray_casting import cast, room
 
@@ -66,6 +67,7 @@ def matched() -> ScanPoses:
     return match_scans(scans(), odometry())
 
 
+@pytest.mark.slow
 def test_a_loop_is_closed_and_the_poses_are_right() -> None:
     found, true = matched(), truth()
     assert np.hypot(*(odometry() - true)[-1, :2]) > 4.0
@@ -105,6 +107,7 @@ def test_scans_that_show_nothing_leave_odometry() -> None:
     assert np.allclose(found.poses, odometry()[:10], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_no_more_nodes_than_places() -> None:
     """Twice around: the later round stands on the first one's nodes."""
     one_round = len(truth()) - 16
@@ -119,6 +122,7 @@ def test_no_more_nodes_than_places() -> None:
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.3
 
 
+@pytest.mark.slow
 def test_places_that_look_alike_close_no_loop() -> None:
     """A comb of equal rooms along a corridor: each looks like the next, and odometry drifts by less than to that."""
     rooms = [shapely.box(4.0 * k - 0.1, 1.5, 4.0 * k + 0.1, 5.0) for k in range(6)]

@@ -264,6 +264,7 @@ def test_the_intel_log(shared_data: Path) -> None:
     assert np.abs(steps[:, 2]).max() < 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["intel", "aces"])
 def test_scans_of_corrected_logs_fall_together(shared_data: Path, name: str) -> None:
     """The beams' angles: turned by half a degree, or spread over half a turn to its end, the scans spread wider."""

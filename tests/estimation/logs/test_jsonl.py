@@ -70,6 +70,7 @@ def same(a: Any, b: Any) -> bool:
     return type(a) is type(b) and bool(a == b)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)  # each writes a file
 @given(log=logs(), suffix=st.sampled_from(["jsonl", "jsonl.gz"]))
 def test_a_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, log: Log, suffix: str) -> None:
@@ -78,6 +79,7 @@ def test_a_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, log: Lo
     assert same(load_log(path), log)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mrclam6:1", "carmen/aces-corrected.log.gz", "victoria/victoria_park.txt"])
 def test_real_logs_survive(shared_data: Path, tmp_path: Path, name: str) -> None:
     log = load_log(shared_data / name, skip_bad=True)

@@ -164,6 +164,7 @@ def test_the_real_log(shared_data: Path, robot: int, unknown: int, line: int) ->
     assert log.landmarks[:, 0].tolist() == list(range(6, 21))
 
 
+@pytest.mark.slow
 def test_detections_fall_on_the_landmarks(shared_data: Path) -> None:
     # From the true pose a detection must point at its landmark: this would catch a mix-up of identities or signs.
     log = load_log(shared_data / "mrclam6", robot=3, skip_bad=True)

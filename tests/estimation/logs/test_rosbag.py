@@ -189,6 +189,7 @@ def test_a_file_of_a_ros_2_folder(tmp_path: Path, name: str) -> None:
     assert len(load_log(folder / name).records) == 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("topic", ["/tf", "/tf_static"])
 def test_the_mount_comes_from_the_transforms(tmp_path: Path, kind: Kind, topic: str) -> None:
@@ -274,6 +275,7 @@ def test_a_bag_without_the_topics(tmp_path: Path, kind: Kind) -> None:
         load_log(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_bad_messages(tmp_path: Path, kind: Kind) -> None:
     bag = Bag(kind)

@@ -49,6 +49,7 @@ def errors(mapped: MappedLog) -> tuple[float, float]:
     return rms(motion(found) - true), rms(motion(mapped.trajectory[:, 1:3]) - path)
 
 
+@pytest.mark.slow
 def test_smoothing_makes_the_trajectory_better() -> None:
     filtered = [errors(map_log(log(seed), MapSettings(smooth=False))) for seed in range(2)]
     batch = [errors(map_log(log(seed), RIGHT)) for seed in range(2)]
@@ -56,6 +57,7 @@ def test_smoothing_makes_the_trajectory_better() -> None:
     assert map_log(log(), MapSettings(smooth=False)).batch is None
 
 
+@pytest.mark.slow
 def test_noise_is_estimated_where_it_is_wrong_and_asked_for() -> None:
     wrong = MapSettings(range_bearing=RangeBearing(0.01, 0.004), velocity=MOTION, stated_sensor_noise=False)
     fits = {}
@@ -70,6 +72,7 @@ def test_noise_is_estimated_where_it_is_wrong_and_asked_for() -> None:
     assert fits["auto"][1] < 1.5 * errors(right)[0]
 
 
+@pytest.mark.slow
 def test_names_misread_at_first_sight() -> None:
     seen: set[int] = set()
     records = []
@@ -84,6 +87,7 @@ def test_names_misread_at_first_sight() -> None:
     assert mapped.slam.counts.outliers == pytest.approx(len(POSTS), abs=3)
 
 
+@pytest.mark.slow
 def test_obstacles_are_as_uncertain_as_the_map_is_by_itself() -> None:
     mapped = map_log(log(), RIGHT)
     assert mapped.slam is not None

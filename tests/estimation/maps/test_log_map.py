@@ -98,6 +98,7 @@ def test_bounds_leave_room_around_everything() -> None:
         assert (points <= [xmax - room, ymax - room]).all()
 
 
+@pytest.mark.slow
 def test_confidence_grows_and_the_covariances_are_kept() -> None:
     plain, grown = (map_log(recorded(), robot=ROBOT, confidence=p).world for p in (None, 0.99))
     assert grown.risk is not None
@@ -138,6 +139,7 @@ def test_a_robot_too_large_for_its_own_way_gets_no_queries() -> None:
     assert any("no queries" in note for note in mapped.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "nearest", "joint"])
 def test_features_of_unknown_identity(method: Any) -> None:
     slam = replace(MapSettings().slam, association=method)
@@ -165,6 +167,7 @@ def test_increments_and_cartesian_detections_as_in_victoria_park() -> None:
     assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
 
 
+@pytest.mark.slow
 def test_stated_noise_counts_unless_told_otherwise() -> None:
     def spread(settings: MapSettings) -> float:
         world = map_log(recorded(increments=True), settings).world
@@ -179,6 +182,7 @@ def test_stated_noise_counts_unless_told_otherwise() -> None:
     assert spread(MapSettings(increment=drifts, stated_motion_noise=False)) > stated
 
 
+@pytest.mark.slow
 def test_scans_are_mapped_from_the_poses_that_detections_give() -> None:
     mapped = map_log(recorded(scanner=True), MapSettings(start=START, poses="slam"), robot=ROBOT)
     assert (mapped.poses, mapped.association) == ("slam", "known")
@@ -209,6 +213,7 @@ def test_scans_by_odometry_alone_say_that_they_drift() -> None:
     np.testing.assert_allclose(moved, mapped.trajectory[:, 1:3], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_scans_are_matched_by_default() -> None:
     log = recorded(scanner=True)
     mapped, drifting = (map_log(log, MapSettings(start=START, poses=poses)) for poses in ("auto", "odometry"))
@@ -256,6 +261,7 @@ def test_features_from_stated_poses() -> None:
     )
 
 
+@pytest.mark.slow
 def test_misread_identities_are_refused_be_they_few_or_many() -> None:
     log = recorded()
 
@@ -281,6 +287,7 @@ def test_misread_identities_are_refused_be_they_few_or_many() -> None:
     assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
 
 
+@pytest.mark.slow
 def test_figures_are_plain_data() -> None:
     mapped = map_log(recorded(), confidence=0.95)
     figures = mapped.figures()

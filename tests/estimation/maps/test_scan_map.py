@@ -60,6 +60,7 @@ def open_at(world: World, point: shapely.Point) -> bool:
     return bool(free and shapely.covers(shapely.box(*world.bounds), point))
 
 
+@pytest.mark.slow
 def test_scans_end_at_outlines_and_the_way_is_free() -> None:
     world, solid = mapped().world, regions(mapped().world)
     outlines = shapely.union_all([shapely.boundary(region) for region in solid])

@@ -66,6 +66,7 @@ def mapped(given: Log) -> tuple[MappedLog, float, float]:
     return found, wrong, rms(aligned(points, true)(points) - true)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("turn", "depth"), [(1.0, False), (1.1, False), (1.1, True)])
 def test_features_are_those_that_there_are(turn: float, depth: bool) -> None:
     found, wrong, error = mapped(log(0, turn, depth))

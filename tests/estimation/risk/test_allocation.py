@@ -234,6 +234,7 @@ def test_messages_about_world_files(tmp_path: Path, text: str, problem: str) -> 
 # --- Is the bound kept?
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99])
 def test_all_obstacles_together_are_covered_as_often_as_stated(confidence: float) -> None:
     rng = np.random.default_rng(3)

@@ -67,6 +67,7 @@ def escapes(body: shapely.Geometry, grown: shapely.Geometry) -> bool:
     return float(shapely.area(shapely.difference(body, grown))) > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 @given(seed=seeds, confidence=st.floats(0.05, 0.9999))
 @settings(max_examples=25)
@@ -82,6 +83,7 @@ def test_every_shape_in_the_ellipsoid_is_inside(name: str, seed: int, confidence
         assert not escapes(body, grown) or not body.is_valid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 @given(seed=seeds, confidence=st.floats(0.05, 0.9999))
 @settings(max_examples=25)
@@ -105,6 +107,7 @@ def test_a_displacement_gives_the_minkowski_sum_up_to_the_stated_error(name: str
     assert not escapes(grown, upper)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99])
 def test_draws_are_covered_as_often_as_stated(name: str, confidence: float) -> None:
@@ -163,6 +166,7 @@ def test_a_hole_that_no_robot_may_trust_is_filled() -> None:
     assert len(grow(ObstacleEstimate(FRAME, 1e-4 * np.eye(2)), 0.999).polygon().holes) == 1
 
 
+@pytest.mark.slow
 @given(seed=seeds)
 @settings(max_examples=10)
 def test_the_robots_own_error_counts(seed: int) -> None:

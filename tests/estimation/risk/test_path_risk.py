@@ -53,6 +53,7 @@ def test_an_uncertain_radius_and_several_obstacles_add_up() -> None:
     assert within(path_risk(world_of(near, far), STRAIGHT, draws=DRAWS), exact)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "estimate",
     [
@@ -99,6 +100,7 @@ def moved(shape: Shape, error: FloatArray) -> shapely.Geometry:
     return shapely.affinity.translate(turned, e[0], e[1])
 
 
+@pytest.mark.slow
 def test_inside_a_hole_the_path_is_free_and_far_obstacles_are_not_drawn() -> None:
     hole = np.array([[-44, -8], [-44, 8], [44, 8], [44, -8]])
     ring = Polygon(np.array([[-45, -9], [45, -9], [45, 9], [-45, 9]]), (hole,))

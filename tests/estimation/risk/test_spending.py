@@ -35,6 +35,7 @@ def straight_planner(world: World) -> tuple[FloatArray, float] | None:
     return np.insert(shapely.get_coordinates(lines[free[0]]), 2, 0.0, axis=1), float(offsets[free[0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("confidence", [0.8, 0.99, 0.999])
 def test_the_path_comes_as_near_as_it_may_and_no_nearer(confidence: float) -> None:
     spent = spend_risk(WORLD, straight_planner, confidence, rounds=8)
@@ -52,6 +53,7 @@ def test_the_path_comes_as_near_as_it_may_and_no_nearer(confidence: float) -> No
     assert 0.0 < spent.scale < 1.0
 
 
+@pytest.mark.slow
 def test_the_worlds_own_confidence_counts_if_none_is_given() -> None:
     spent = spend_risk(regrow(WORLD, 0.99), straight_planner)
     assert spent.cost == spend_risk(WORLD, straight_planner, 0.99).cost

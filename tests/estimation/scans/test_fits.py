@@ -96,6 +96,7 @@ def test_unequal_noise_gives_the_likeliest_line(seed: int) -> None:
     assert fit.covariance == pytest.approx(np.linalg.inv(jacobian.T @ jacobian), rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("rho", "alpha", "first"), [(1.0, 0.2, -2.0), (4.0, -2.5, 1.0), (0.5, 1.6, 3.0)])
 def test_a_lines_covariance_is_that_of_its_errors(rho: float, alpha: float, first: float) -> None:
     rng = np.random.default_rng(0)
@@ -123,6 +124,7 @@ def test_points_on_an_arc_give_that_circle(x: float, y: float, r: float, start: 
     assert rough == pytest.approx([x, y, r], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_discs_covariance_is_that_of_its_errors() -> None:
     rng = np.random.default_rng(1)
     true = on_arc(3.0, 1.0, 0.4, np.linspace(2.0, 4.6, 25))

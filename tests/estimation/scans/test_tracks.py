@@ -61,6 +61,7 @@ def test_with_exact_poses_the_covariance_is_that_of_the_errors() -> None:
     assert result.mean > 0.5 * result.low
 
 
+@pytest.mark.slow
 def test_errors_that_poses_have_in_common_do_not_average_out() -> None:
     """All scans of a run share the error of their poses; the stated covariance must hold nevertheless."""
     errors, stated = [], []
@@ -75,6 +76,7 @@ def test_errors_that_poses_have_in_common_do_not_average_out() -> None:
     assert values.mean() > 0.5
 
 
+@pytest.mark.slow
 def test_errors_of_different_episodes_average_out_and_no_more() -> None:
     """Each episode shares one error of its poses; episodes are of unequal length."""
     errors, stated = [], []

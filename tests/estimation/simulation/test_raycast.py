@@ -62,6 +62,7 @@ def first_met(region: shapely.Geometry, origin: FloatArray, angle: float, reach:
     return math.inf if met.is_empty else float(shapely.distance(shapely.Point(origin), met))
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(
     seed=st.integers(0, 10**6), boundary=st.booleans(), bounds=st.booleans(), reach=st.sampled_from([3.0, 12.0, 80.0])

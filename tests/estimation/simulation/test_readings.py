@@ -51,6 +51,7 @@ def by_filterpy(readings: FloatArray, poses: FloatArray, sensor: RangeBearing) -
     return ekf.x, ekf.P
 
 
+@pytest.mark.slow
 @given(
     m=st.integers(1, 12),
     sigma_range=st.floats(1e-3, 0.5),

@@ -148,6 +148,7 @@ def test_the_odometrys_noise_is_the_models() -> None:
     assert first.covariance[0, 0] == pytest.approx(0.01**2 + 0.001 * math.hypot(steps[0][0].dx, steps[0][0].dy))
 
 
+@pytest.mark.slow
 def test_what_the_detector_sees() -> None:
     detector = Detector(SENSOR, max_range=9.0, field_of_view=4.0, period=0.2, max_radius=1.0)
     simulation = simulate(YARD, WAY, Unicycle(0.0, 0.0), detector=detector, random_state=3)
@@ -177,6 +178,7 @@ def test_what_the_detector_sees() -> None:
     assert {i for _, i in found} == {0, 1, 4}
 
 
+@pytest.mark.slow
 def test_the_detectors_noise_misses_and_false_alarms() -> None:
     world = World("one", (-20, -20, 20, 20), (Disc((5.0, 0.0), 0.1),))
     detector = Detector(SENSOR, max_range=8.0, field_of_view=3.0, period=0.01, detection_rate=0.8, false_alarms=0.3)
@@ -199,6 +201,7 @@ def test_the_detectors_noise_misses_and_false_alarms() -> None:
     assert [r.identity for r in nameless.log.records if isinstance(r, Detection)] == [None]
 
 
+@pytest.mark.slow
 def test_scans_against_shapely() -> None:
     scanner = Scanner(beams=61, field_of_view=4.0, max_range=7.0, sigma=0.0, mount=(0.3, -0.1, 0.5))
     simulation = simulate(YARD, WAY, PoseIncrement(0.0, 0.0, 0.0), scanner=scanner, random_state=3)

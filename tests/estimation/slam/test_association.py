@@ -63,6 +63,7 @@ def joint_distance(fit: Compatibility, joint: FloatArray, assignment: tuple[int 
     return float(y @ np.linalg.solve(S, y))
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(seed=st.integers(0, 99999), features=st.integers(0, 4), readings=st.integers(0, 4))
 def test_joint_compatibility_is_what_brute_force_finds(seed: int, features: int, readings: int) -> None:
@@ -91,6 +92,7 @@ def test_joint_compatibility_is_what_brute_force_finds(seed: int, features: int,
         assert found.assigned[i] == (NEW if is_new else IGNORED)
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 99999), features=st.integers(1, 6), readings=st.integers(1, 6))
 def test_distances(seed: int, features: int, readings: int) -> None:
     ekf, z = filter_and_readings(seed, features, readings)

@@ -89,6 +89,7 @@ def test_known_identities_give_map_and_trajectory() -> None:
     assert result.seconds_per_update > 0.0
 
 
+@pytest.mark.slow
 def test_consistent_over_many_runs() -> None:
     # NEES of the last pose over 25 runs, of the features too, and all NIS: in the bands that miss once in a thousand.
     ends, features, nis, dof = [], [], [], []

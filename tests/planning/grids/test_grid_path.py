@@ -26,6 +26,7 @@ def test_paths_are_certified_and_within_a_hundredth_of_the_bound(kind: str) -> N
     assert StateChecker(world, Robot.disc(0.4)).motions_valid(states[:-1], states[1:]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [Robot.rectangle(0.8, 0.6), Robot.disc(0.3).steered(0.5)])
 def test_other_robots_are_bounded_by_their_discs(robot: Robot) -> None:
     blocked = np.zeros((12, 12), np.bool_)

@@ -84,6 +84,7 @@ def test_numbers_tell_where_nodes_are(k: int, row: int, column: int) -> None:
     assert place(number(k, row, column)) == (k, row, column)
 
 
+@pytest.mark.slow
 @given(lattice=lattices)
 def test_positions_cover_the_bounds_and_the_start_is_one(lattice: tuple[StateChecker, FloatArray, Nodes]) -> None:
     _, start, nodes = lattice
@@ -114,6 +115,7 @@ def test_a_configuration_has_the_disc_at_its_position(
     assert abs(cmath.exp(1j * theta) - cmath.exp(1j * (start[2] + 2.0 * math.pi * k / nodes.headings))) < 1e-12
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(lattice=lattices, data=st.data())
 def test_moves_lead_where_they_say_and_back(
@@ -153,6 +155,7 @@ def test_turns_wrap(headings: int) -> None:
         assert len(set(seen)) == headings
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(start=starts, size=st.floats(0.3, 4.0), headings=st.sampled_from([2, 3, 8, 16, 64]), data=st.data())
 def test_moves_cost_what_their_motions_do(start: FloatArray, size: float, headings: int, data: st.DataObject) -> None:

@@ -122,6 +122,7 @@ def cells_crossed(robot: Robot, way: FloatArray, size: float, headings: int) -> 
     return spans
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     name=st.sampled_from(sorted(ROBOTS)),
@@ -375,6 +376,7 @@ def test_strides_find_what_is_found_without(
             assert away >= 1.5 * size or (headings > 1 and turn(plain[-2], ends[1]) >= 3.0 * math.pi / headings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "offset"])
 def test_strides_lead_where_single_steps_lead_and_cost_the_same(name: str) -> None:
     headings, size = (1, 0.4) if name == "disc" else (8, 0.7)

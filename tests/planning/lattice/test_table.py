@@ -137,6 +137,7 @@ def test_seats_move_with_their_nodes_when_the_table_grows() -> None:
         assert (larger.retracted[entry_of(larger, node)] == q).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("headings", [1, 8, 16, 64])
 @pytest.mark.parametrize("entries", [1 << MIN_BITS, 1 << 12, 1 << 16])
 def test_nodes_of_a_lattice_are_found_where_they_belong_or_nearly(headings: int, entries: int) -> None:

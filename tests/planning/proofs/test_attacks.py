@@ -92,6 +92,7 @@ def test_abutting_rectangles_do_not_end_the_process() -> None:
     assert 4.8 < result.lower_bound <= result.path.cost < 4.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spare", [1e-3, 1e-6])
 def test_a_corner_that_is_just_wide_enough_is_not_called_shut(spare: float) -> None:
     # At 45 degrees, where it is longest, a rectangle fits around if length <= 2 (sqrt(2) corridor - width).

@@ -119,6 +119,7 @@ def test_planning_ends_with_the_proof_and_leaves_no_thread() -> None:
     assert LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0, max_iterations=2).status == "infeasible"
 
 
+@pytest.mark.slow
 def test_an_error_ends_the_thread_too() -> None:
     def fail(progress: PlanProgress) -> None:
         if others() == 1:

@@ -28,6 +28,7 @@ def _free_share(world: World, robot: Robot, middle: np.ndarray, extent: np.ndarr
     return float(free.mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS, ids=["long", "with clearance", "L"])
 def test_what_is_free_in_a_box_is_found(robot: Robot) -> None:
     rng = np.random.default_rng(3)

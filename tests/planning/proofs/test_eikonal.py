@@ -29,6 +29,7 @@ def test_in_a_uniform_world_it_is_nearly_the_straight_distance() -> None:
         assert 0.93 * straight <= bound <= straight
 
 
+@pytest.mark.slow
 def test_no_path_costs_less() -> None:
     rng, tight = np.random.default_rng(3), 0
     for _ in range(16):

@@ -102,6 +102,7 @@ def test_nothing_is_claimed_where_the_planner_finds_a_path(name: str) -> None:
     assert found > 1
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from(["rectangle", "L", "offset", "star"]))
 @tried(max_examples=4)
 def test_nothing_is_claimed_where_a_grid_has_a_way(seed: int, name: str) -> None:

@@ -45,6 +45,7 @@ def test_shallow_places_are_not_filled(seed: int, most: float, r: float) -> None
     judge(wall, grown(np.array([wall], dtype=object), r), r)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.5, 3.0]))
 @settings(max_examples=25, deadline=None)
 def test_strips_and_buffers_are_the_same_but_for_chords(seed: int, r: float) -> None:

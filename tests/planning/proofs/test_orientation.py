@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,6 +18,7 @@ def exactly(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> int:
     return (value > 0) - (value < 0)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1.0, 1e3, 1e6, 1e7]), st.integers(0, 8))
 @settings(max_examples=200, deadline=None)
 def test_the_sign_is_exact(seed: int, offset: float, ulps: int) -> None:

@@ -35,6 +35,7 @@ def by_visibility(polygon: Any, start: np.ndarray, goal: np.ndarray) -> float:
     return float(nx.dijkstra_path_length(graph, 0, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_lengths_are_those_of_the_visibility_graph(seed: int) -> None:
     world = random_world(seed, 6 + seed % 10, size=10.0, radii=(0.3, 1.5), discs=0.0, holes=0.3, boundary=seed % 3 == 0)
@@ -89,6 +90,7 @@ def test_neighbours_know_each_other_and_corners_are_reflex() -> None:
     assert corners == {(4.0, 4.0), (4.0, 6.0), (6.0, 4.0), (6.0, 6.0)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.0, 1e3, 1e5])
 def test_many_vertices_in_a_row_turned_and_moved(offset: float) -> None:
     # Unit cells and lattice triangles: on paper most vertices lie in rows, as doubles beside them.

@@ -16,6 +16,7 @@ from trailmark.planning.proofs.shut_off import shut_off
 PLACES = np.stack(np.meshgrid(np.arange(0.25, 11.0, 0.5), np.arange(0.25, 5.0, 0.5)), axis=-1).reshape(-1, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "offset"])
 @pytest.mark.parametrize("start", [(2.0, 2.0, 0.3), (9.0, 2.0, 0.3)])
 def test_all_of_a_room_is_shut_off_at_once(name: str, start: tuple[float, float, float]) -> None:
@@ -61,6 +62,7 @@ def test_headings_that_nearly_fit_are_told_from_those_that_do() -> None:
     assert not shut_off(checker, np.array([15.0, 15.0, 0.0]), place[0], place, seconds=SECONDS).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_no_place_is_shut_off_that_the_planner_gets_to(seed: int) -> None:
     world = random_world(seed, 20, size=8.0, radii=(0.3, 0.9), discs=0.3)
