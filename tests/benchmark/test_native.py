@@ -32,6 +32,8 @@ from trailmark.path import Path as StatePath
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
 
+pytestmark = pytest.mark.slow
+
 built = pytest.mark.skipif(
     native_program() is None, reason="native program not built (see benchmarks/native/README.md)"
 )
@@ -379,7 +381,6 @@ def stand_in(folder: Path, monkeypatch: pytest.MonkeyPatch, body: str) -> None:
     monkeypatch.setenv(native.VARIABLE, str(script))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "status", "failure"),
     [

@@ -51,6 +51,7 @@ def test_the_code_as_it_is_accepts_no_collision_and_what_is_free(verdicts: list[
     assert verdicts[0] == ("as it is", "same", "")
 
 
+@pytest.mark.slow
 def test_changes_that_let_collisions_through_are_noticed(verdicts: list[tuple[str, str, str]]) -> None:
     changes = verdicts[1:-1]
     assert len({name for name, *_ in changes}) == 7

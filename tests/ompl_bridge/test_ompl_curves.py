@@ -145,6 +145,7 @@ for name, b in ends.items():
         assert free >= (0.3 if circles else 0.93) * direct - 2, name
 
 
+@pytest.mark.slow
 def test_places_on_refused_curves_can_be_driven_to(run: Run) -> None:
     found = run("""
 from types import SimpleNamespace

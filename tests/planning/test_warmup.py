@@ -97,6 +97,7 @@ def test_warm_up_compiles_each_entrance_once(report: dict[str, dict[str, int]]) 
     assert {name: report["warm"][name] for name in entrances} == entrances
 
 
+@pytest.mark.slow
 def test_nothing_is_compiled_later(report: dict[str, dict[str, int]]) -> None:
     assert report["used"] == report["warm"]
 

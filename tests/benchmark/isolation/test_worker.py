@@ -66,6 +66,7 @@ def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: P
         assert answer["simplified_path"] is None
 
 
+@pytest.mark.slow
 def test_planners_of_the_users_own_report_what_they_come_by(worker: Worker, ahead: Problem) -> None:
     answer = worker.run(job(ahead, "tests.benchmark.rogues:better"))
     detours = [2.0 * math.hypot(4.0, height - 1.0) for height in (4.0, 2.0)]

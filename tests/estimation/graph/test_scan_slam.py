@@ -80,6 +80,7 @@ def test_a_loop_is_closed_and_the_poses_are_right() -> None:
     assert np.hypot(*seen[0, :2]) < 0.05
 
 
+@pytest.mark.slow
 def test_covariances_are_those_of_the_errors_after_the_best_alignment() -> None:
     found, true = matched(), truth()
     a, b = true[:, :2] - true[:, :2].mean(axis=0), found.poses[:, :2] - found.poses[:, :2].mean(axis=0)
