@@ -12,12 +12,10 @@ from hypothesis import strategies as st
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.compiled import by_type
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError
 from trailmark.motion import CurveMotion, Motion, StraightMotion, TranslationMotion, kind_of, motion_of
 from trailmark.motion.base import cost, interpolate, least_cost, new_scratch
-from trailmark.path import Path
 from trailmark.world import Robot, World
 
 WORLD = random_world(5, 30, size=24.0, radii=(0.5, 2.0))
@@ -123,12 +121,3 @@ def test_bad_input_is_told_in_one_line() -> None:
             motion.motion_valid(np.zeros((1, 3)), np.zeros((1, 3)))
     with pytest.raises(ConfigurationError, match="turning radius"):
         CurveMotion(StateChecker(World("w", (0, 0, 5, 5)), Robot.disc(0.4)))
-
-
-def test_a_type_without_a_variant_is_refused() -> None:
-    @by_type
-    def size(kind: object) -> float:
-        raise NotImplementedError
-
-    with pytest.raises(KeyError):
-        size(Path(np.zeros((2, 3))))

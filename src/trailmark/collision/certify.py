@@ -143,7 +143,6 @@ def new_queue() -> FloatArray:
     return np.empty((128, 2))
 
 
-# Not inlined, it would take a tenth longer: it has some two hundred words of arguments.
 @njit(cache=True)
 def certify(
     grid: ObstacleGrid,

@@ -65,7 +65,7 @@ def plan_to(
         memory: of the exploration.
         stopped: asked between steps whether to end early.
     """
-    warm_up(use="reachability")
+    warm_up(use="reachability")  # before time is taken, at the first call
     here, landmark = surveyed.outlook.here, surveyed.outlook.landmarks[index]
     row, column = (int(place[0]) for place in known.cells_of(landmark[None, :2]))
     tried = int(memory.refused[row, column])
