@@ -69,7 +69,7 @@ def _jobs(use: Use, kind: Kind, weighted: bool) -> Sequence[Callable[[Kind, str]
     alike: dict[Use, Sequence[Callable[[Kind, str], None]]] = {
         "many": [_plan_many],
         "changes": [_follow_changes],
-        "moving": [_pass_moving] if kind in ("straight", "translation") else [],
+        "moving": [_follow_changes, *([_pass_moving] if kind in ("straight", "translation") else [])],
         "grid": [_plan_in_grid],
         "reachability": [_shut_off],
     }
