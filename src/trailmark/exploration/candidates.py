@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +34,9 @@ GROUPS = 60
 
 EDGES = 4
 """Of a group that no landmark sees: places are looked for that see one of them; of all, before the end is proven."""
+
+EVERY = 0.5
+"""Cells between rays, so that none is left out."""
 
 NO_ROOM = 255
 """In place of the number of ways that were not found."""
@@ -62,7 +67,8 @@ class Candidates(NamedTuple):
     """Which place sees which edge of the frontiers, shape (n, edges)."""
 
 
-class Search(NamedTuple):
+@dataclass(frozen=True)
+class Search:
     """Where places to look from are sought."""
 
     known: KnownMap
@@ -94,7 +100,7 @@ class Search(NamedTuple):
         cells = self._centres(sensor_range, rng)
         headings, sees = np.full(len(cells), np.nan), self._sees(cells)
         every = len(self.frontiers.edges)
-        for edges, spacing, refusals in ((EDGES, 4.0, 0), (every, 0.5, 0), (every, 0.5, 1), (every, 0.5, 2)):
+        for edges, spacing, refusals in ((EDGES, 4.0, 0), (every, EVERY, 0), (every, EVERY, 1), (every, EVERY, 2)):
             more, more_headings = self._seeing(sees, edges, spacing, refusals, until_settled=edges == every)
             cells, headings = np.concatenate([cells, more]), np.concatenate([headings, more_headings])
             sees = np.concatenate([sees, self._sees(more)])
@@ -106,7 +112,7 @@ class Search(NamedTuple):
     def shows_more(self, refusals: int) -> bool:
         """Return whether anything would be seen from a place to which as often no way was found, at most."""
         nothing = np.zeros((0, len(self.frontiers.edges)), np.bool_)
-        return len(self._seeing(nothing, len(self.frontiers.edges), 0.5, refusals, until_settled=True)[0]) > 0
+        return len(self._seeing(nothing, len(self.frontiers.edges), EVERY, refusals, until_settled=True)[0]) > 0
 
     def _centres(self, sensor_range: float, rng: np.random.Generator) -> NDArray[np.intp]:
         """Return K-means centres of the places where the robot certainly gets to, rows and columns."""
@@ -136,30 +142,40 @@ class Search(NamedTuple):
             refusals: as often no way may have been found to a place.
             until_settled: draw again until one of the places drawn is one where the robot fits, or none is left.
         """
-        group, state = self.frontiers.group, self.known.state
+        group, columns = self.frontiers.group, self.known.state.shape[1]
         left = np.flatnonzero(~np.isin(group, group[sees.any(axis=0)]))
         if not until_settled:
             left = left[self._among_nearest(left)]
         left = _some_of_each(left, group, edges)
+        if until_settled:
+            left = left[self._in_sight[left]]
         while True:
-            reached = np.where(self.refused <= refusals, self.levels, NOWHERE).astype(np.uint8)
-            found = places_in_sight(
-                state,
-                self.known.surface_boxes(),
-                reached,
-                self.frontiers.edges[left],
-                self.farthest[left],
-                DRAWS,
-                spacing,
-            )
+            found = self._draw(left, refusals, DRAWS, spacing)
             places = np.unique(found[found >= 0])
             headings = self._headings(places)
             fits = ~np.isinf(headings)
             self.refused.ravel()[places[~fits]] = NO_ROOM
             if fits.any() or fits.all() or not until_settled:
                 break
-        chosen = _middles(found, np.isin(found, places[fits]), group[left], state.shape[1])
-        return np.column_stack(np.divmod(chosen, state.shape[1])), headings[np.searchsorted(places, chosen)]
+        chosen = _middles(found, np.isin(found, places[fits]), group[left], columns)
+        return np.column_stack(np.divmod(chosen, columns)), headings[np.searchsorted(places, chosen)]
+
+    @cached_property
+    def _in_sight(self) -> NDArray[np.bool_]:
+        """Which edges are seen from anywhere that the robot perhaps gets to, however often no way was found there.
+
+        Where all has been seen, most are not, and need not be asked again for each number of refusals.
+        """
+        edges = np.arange(len(self.frontiers.edges))
+        return np.asarray(self._draw(edges, NO_ROOM - 1, 1, EVERY)[:, 0] >= 0)
+
+    def _draw(self, edges: NDArray[np.intp], refusals: int, draws: int, spacing: float) -> NDArray[np.int64]:
+        """Return places that see edges, row * columns + column or -1, shape (n, draws)."""
+        reached = np.where(self.refused <= refusals, self.levels, NOWHERE).astype(np.uint8)
+        boxes, chosen = self.known.surface_boxes(), self.frontiers.edges[edges]
+        return np.asarray(
+            places_in_sight(self.known.state, boxes, reached, chosen, self.farthest[edges], draws, spacing)
+        )
 
     def _among_nearest(self, edges: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return which of some edges are of the groups that have the nearest ones."""

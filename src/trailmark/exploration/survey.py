@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 from typing import NamedTuple
 
@@ -193,6 +194,7 @@ def survey(
         # changes the map, and the same would be proven again and again.
         _try_again(memory, memory.again | memory.outdated)
         memory.confirmed = True
+        search = replace(search)  # what it found out no longer holds
         found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
     frontiers, sees = frontiers.subset(np.asarray(seen)), found.sees[:, seen]
