@@ -175,3 +175,30 @@ def test_the_other_face_of_a_thin_wall_is_not_taken_for_the_known_one() -> None:
     settings = GraphSettings(max_range=4.5, scatter=0.01, odometry=(0.03, 0.03), odometry_floor=(0.03, 0.01))
     found = match_scans(seen, odometry, settings).poses
     assert np.hypot(*(found - found[0] - true + true[0])[:, :2].T).max() < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 4, 13, 28])
+def test_nor_behind_a_door_that_is_passed_aslant(seed: int) -> None:
+    """The wall's known face is near to where the other one should be, and much of what is seen lies on it."""
+    rng = np.random.default_rng(seed)
+    walls = shapely.union_all([shapely.box(0.0, y, 19.0, y + 0.2) for y in (5.58, 7.56)])
+    doors = [shapely.box(2.64, 5.0, 4.0, 6.0), shapely.box(3.64, 7.0, 4.96, 8.0)]
+    rooms = (
+        room(0.0, 0.0, 19.0, 13.0),
+        shapely.difference(walls, shapely.union_all(doors)),
+        shapely.box(5.84, 0.0, 6.04, 5.68),
+    )
+    before, door = np.array([rng.uniform(3.6, 4.2), 6.4]), np.array([rng.uniform(3.3, 3.7), 5.7])
+    behind = [rng.uniform(2.4, 4.2), rng.uniform(3.8, 4.6)]
+    parts = (([4.6, 9.0], before + [0.6, 0.4], 26), (before, door, 8), (door, behind, 17))
+    places = np.vstack([np.linspace(*part) for part in parts])
+    true = np.column_stack([places, np.full(len(places), rng.uniform(-math.pi, math.pi))])
+    seen = [
+        cast(rooms, pose.tolist(), beams=785, field=2.0 * math.pi, range_max=5.0, sigma_range=0.01, rng=rng, t=float(i))
+        for i, pose in enumerate(true)
+    ]
+    odometry = true + np.cumsum(rng.normal(0.0, [0.012, 0.012, 0.002], true.shape), axis=0)
+    settings = GraphSettings(max_range=5.0, scatter=0.01, odometry=(0.09, 0.03), odometry_floor=(0.036, 0.011))
+    found = match_scans(seen, odometry, settings).poses
+    assert np.hypot(*(found - found[0] - true + true[0])[:, :2].T).max() < 0.05
