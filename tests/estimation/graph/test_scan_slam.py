@@ -191,7 +191,7 @@ def test_nor_behind_a_door_that_is_passed_aslant(seed: int) -> None:
     )
     before, door = np.array([rng.uniform(3.6, 4.2), 6.4]), np.array([rng.uniform(3.3, 3.7), 5.7])
     behind = [rng.uniform(2.4, 4.2), rng.uniform(3.8, 4.6)]
-    parts = (([4.6, 9.0], before + [0.6, 0.4], 26), (before, door, 8), (door, behind, 17))
+    parts = (([4.6, 9.0], [before[0] + 0.6, 6.8], 26), (before, door, 8), (door, behind, 17))
     places = np.vstack([np.linspace(*part) for part in parts])
     true = np.column_stack([places, np.full(len(places), rng.uniform(-math.pi, math.pi))])
     seen = [
