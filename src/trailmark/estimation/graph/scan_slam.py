@@ -33,9 +33,12 @@ MAX_WINDOW = Window(2.0, np.radians(60.0))
 """The largest window around what odometry says that is searched: beyond, it is no guess."""
 
 FACING_SHARE = 0.9
-"""Share of a match's score, at least, that points on surfaces facing as theirs have in it. Otherwise the match near the
-guess is taken if the same holds between the two. Behind a door in a thin wall, matches that take its one face for the
-other have up to 0.7; right ones have nearly 1."""
+"""Share of a match's score, at least, that points on surfaces facing as theirs have in it: otherwise it is compared
+with the match near the guess. Behind a door in a thin wall, matches that take its one face for the other have up to
+0.7; right ones have nearly 1."""
+
+CLEARLY = 0.1
+"""Share of the points by which that one has to be better to be taken, points on other faces counted against it."""
 
 MATCHED = 400
 """End points, at most, that are searched for in a local map: a scanner with more beams shows no more shapes."""
@@ -190,7 +193,8 @@ class ScanSlam:
         if facing < FACING_SHARE * match.score:
             # The search asks how near points come to surfaces, not how these face.
             near = refine(self._area, cloud, guess, information=self._weight * information)
-            if facing < FACING_SHARE * facing_score(self._area, cloud, near.pose):
+            near_facing = facing_score(self._area, cloud, near.pose)
+            if 2.0 * near_facing - near.score > 2.0 * facing - match.score + CLEARLY:
                 match = near
         pose = match.pose
         if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
