@@ -35,8 +35,8 @@ GROUPS = 60
 EDGES = 4
 """Of a group that no landmark sees: places are looked for that see one of them; of all, before the end is proven."""
 
-EVERY = 0.5
-"""Cells between rays, so that none is left out."""
+DENSE = 0.5
+"""Cells between neighbouring rays where they end, so that no cell in sight is left out."""
 
 NO_ROOM = 255
 """In place of the number of ways that were not found."""
@@ -100,7 +100,7 @@ class Search:
         cells = self._centres(sensor_range, rng)
         headings, sees = np.full(len(cells), np.nan), self._sees(cells)
         every = len(self.frontiers.edges)
-        for edges, spacing, refusals in ((EDGES, 4.0, 0), (every, EVERY, 0), (every, EVERY, 1), (every, EVERY, 2)):
+        for edges, spacing, refusals in ((EDGES, 4.0, 0), (every, DENSE, 0), (every, DENSE, 1), (every, DENSE, 2)):
             more, more_headings = self._seeing(sees, edges, spacing, refusals, until_settled=edges == every)
             cells, headings = np.concatenate([cells, more]), np.concatenate([headings, more_headings])
             sees = np.concatenate([sees, self._sees(more)])
@@ -112,7 +112,7 @@ class Search:
     def shows_more(self, refusals: int) -> bool:
         """Return whether anything would be seen from a place to which as often no way was found, at most."""
         nothing = np.zeros((0, len(self.frontiers.edges)), np.bool_)
-        return len(self._seeing(nothing, len(self.frontiers.edges), EVERY, refusals, until_settled=True)[0]) > 0
+        return len(self._seeing(nothing, len(self.frontiers.edges), DENSE, refusals, until_settled=True)[0]) > 0
 
     def _centres(self, sensor_range: float, rng: np.random.Generator) -> NDArray[np.intp]:
         """Return K-means centres of the places where the robot certainly gets to, rows and columns."""
@@ -150,7 +150,7 @@ class Search:
         if until_settled:
             left = left[self._in_sight[left]]
         while True:
-            found = self._draw(left, refusals, DRAWS, spacing)
+            found = self._places_seeing(left, refusals, DRAWS, spacing)
             places = np.unique(found[found >= 0])
             headings = self._headings(places)
             fits = ~np.isinf(headings)
@@ -167,10 +167,10 @@ class Search:
         Where all has been seen, most are not, and need not be asked again for each number of refusals.
         """
         edges = np.arange(len(self.frontiers.edges))
-        return np.asarray(self._draw(edges, NO_ROOM - 1, 1, EVERY)[:, 0] >= 0)
+        return np.asarray(self._places_seeing(edges, NO_ROOM - 1, 1, DENSE)[:, 0] >= 0)
 
-    def _draw(self, edges: NDArray[np.intp], refusals: int, draws: int, spacing: float) -> NDArray[np.int64]:
-        """Return places that see edges, row * columns + column or -1, shape (n, draws)."""
+    def _places_seeing(self, edges: NDArray[np.intp], refusals: int, draws: int, spacing: float) -> NDArray[np.int64]:
+        """Return places drawn of those that see each edge, row * columns + column or -1, shape (n, draws)."""
         reached = np.where(self.refused <= refusals, self.levels, NOWHERE).astype(np.uint8)
         boxes, chosen = self.known.surface_boxes(), self.frontiers.edges[edges]
         return np.asarray(

@@ -179,7 +179,7 @@ def test_the_other_face_of_a_thin_wall_is_not_taken_for_the_known_one() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 4, 13, 28])
-def test_nor_behind_a_door_that_is_passed_aslant(seed: int) -> None:
+def test_a_door_in_a_thin_wall_that_is_passed_aslant_shifts_no_pose(seed: int) -> None:
     """The wall's known face is near to where the other one should be, and much of what is seen lies on it."""
     rng = np.random.default_rng(seed)
     walls = shapely.union_all([shapely.box(0.0, y, 19.0, y + 0.2) for y in (5.58, 7.56)])

@@ -37,8 +37,9 @@ FACING_SHARE = 0.9
 with the match near the guess. Behind a door in a thin wall, matches that take its one face for the other have up to
 0.7; right ones have nearly 1."""
 
-CLEARLY = 0.1
-"""Share of the points by which that one has to be better to be taken, points on other faces counted against it."""
+FACING_MARGIN = 0.1
+"""By how much the mean likelihood of the points has to be better under the match near the guess for it to be taken,
+those at surfaces that face another way counted as negative."""
 
 MATCHED = 400
 """End points, at most, that are searched for in a local map: a scanner with more beams shows no more shapes."""
@@ -194,7 +195,7 @@ class ScanSlam:
             # The search asks how near points come to surfaces, not how these face.
             near = refine(self._area, cloud, guess, information=self._weight * information)
             near_facing = facing_score(self._area, cloud, near.pose)
-            if 2.0 * near_facing - near.score > 2.0 * facing - match.score + CLEARLY:
+            if 2.0 * near_facing - near.score > 2.0 * facing - match.score + FACING_MARGIN:
                 match = near
         pose = match.pose
         if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
