@@ -28,7 +28,7 @@ NEAR: Final = 2
 """Cells from an end point within which a surface is the one that it lies on."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def enter_scan(cells, now, start, ends, kinds, normals, gap, tolerance):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a scan, all of it in cells from the grid's corner on.
 

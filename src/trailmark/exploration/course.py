@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
+from trailmark.exploration.background import Background, Result
 from trailmark.exploration.certainty import places_of
 from trailmark.exploration.contact import contact_points
 from trailmark.exploration.exploration_settings import ExplorationSettings
@@ -19,17 +20,17 @@ from trailmark.exploration.following import PathFollower
 from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.mapper import Mapper
 from trailmark.exploration.outlook import Strategy
+from trailmark.exploration.planner_in_map import Divided, divided, planner_in
 from trailmark.exploration.result import Status
 from trailmark.exploration.strategies import choice_of
 from trailmark.exploration.survey import Memory, Survey, survey
 from trailmark.exploration.way_back import BACK, way_back, way_back_to
-from trailmark.exploration.way_search import WaySearch
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
 from trailmark.planning.result import PlanResult, ReplanResult
 from trailmark.se2 import FloatArray, wrap
-from trailmark.world import Robot, World
+from trailmark.world import Robot
 
 __all__ = ["Course"]
 
@@ -57,7 +58,7 @@ MAX_SEARCH = 150.0
 class Course:
     """The choice of landmarks, and the path that is followed.
 
-    A way that is not found at once is looked for while the robot stands and senses.
+    A way that is not found at once is looked for while the robot stands and senses, and so are cells divided.
 
     Args:
         mapper: says where the robot is, and what is known.
@@ -94,12 +95,12 @@ class Course:
         self._mapper, self._start, self._range = mapper, start, sensor.max_range
         self._sees_around = self._looked_around = sensor.field_of_view >= 2.0 * np.pi - 1e-9
         self._choose, self._settings = strategy, settings
-        self._seed, self._rng, self._memory = seed, np.random.default_rng(seed), Memory(mapper.known)
+        self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
         self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
-        self._robot, self._name = robot, name
-        self._since, self._failures = 0.0, 0
-        self.planner = self._planner()
-        self._search = WaySearch()
+        self._robot, self._since, self._failures = robot, 0.0, 0
+        # A path that touches something is none for a robot that may be beside it.
+        self.planner = planner_in(mapper.known, name, robot, seed, max(mapper.margin, ON_PATH))
+        self._background = Background()
 
     def update(self, moved: float, redrawn: bool, blocked: bool = False) -> list[str]:
         """See to it that there is a path to follow, as long as any landmark is left; return what happened.
@@ -111,12 +112,12 @@ class Course:
         """
         self._since += moved
         if moved > 0.0:
-            self._failures, self._search.seconds, self._memory.confirmed = 0, 0.0, False
+            self._failures, self._background.seconds, self._memory.confirmed = 0, 0.0, False
         events = self._go_on(moved, redrawn, blocked)
-        closed_in = self._memory.closed_in and not self._search.is_on
+        closed_in = self._memory.closed_in and not self._background.is_on
         if closed_in or (self.ended is not None and self.ended[0] == "stuck"):
-            if self.refine():
-                self.ended, events = None, [*events, self._refined]
+            if (begun := self._divide()) is not None:
+                self.ended, events = None, events + begun
             elif closed_in:
                 events += self._leave()
         return events
@@ -125,7 +126,7 @@ class Course:
         """Follow the path, or see to it that there is one; return what happened. See :meth:`update`."""
         follower, known = self.follower, self._mapper.known
         if follower is None:
-            return self._timed(self._looked if self._search.is_on else self._decide)
+            return self._timed(self._worked if self._background.is_on else self._decide)
         off = follower.advance(self._mapper.pose, moved)
         if blocked:
             return self._back_off(follower)
@@ -142,28 +143,32 @@ class Course:
         return self.planner
 
     def refine(self) -> bool:
-        """Divide the map's cells, which do not tell any longer whether a way is free; return whether that can be done.
-
-        What was found out about the cells, and the roadmap, begin anew.
-        """
-        state = self._mapper.known.state
-        if not self._mapper.refine():
+        """Divide the map's cells at once; return whether that can be done."""
+        if (draw := self._mapper.divided()) is None:
             return False
-        self.follower = self._expected = None
-        self._memory = self._memory.divided(state, self._mapper.known)
-        self.planner = self._planner()
+        planner, memory, state = self.planner, self._memory, self._mapper.known.state
+        self._go_on_divided(divided(draw, self._background.is_stopped, planner, self._robot, memory, state))
         return True
 
-    @property
-    def _refined(self) -> str:
-        return f"cells of {self._mapper.known.cell:.3g} m from now on: larger ones do not tell whether the robot fits"
+    def _divide(self) -> list[str] | None:
+        """Begin to divide the map's cells, which do not tell any longer whether a way is free; return what happened.
 
-    def _planner(self) -> LandmarkPlanner:
-        """Return a planner in the map as it is."""
-        known = self._mapper.known
-        world = known.follow(World(self._name, known.bounds, robot=self._robot))
-        # A path that touches something is none for a robot that may be beside it.
-        return LandmarkPlanner(world, self._robot, seed=self._seed, clearance=max(self._mapper.margin, ON_PATH))
+        None if they cannot be divided. The robot stands, and senses, until that is done.
+        """
+        if (draw := self._mapper.divided()) is None:
+            return None
+        self.follower = self._expected = None
+        known, memory = self._mapper.known.state.copy(), self._memory
+        divide = partial(divided, draw, self._background.is_stopped, self.planner, self._robot, memory, known)
+        return self._work(divide, self._go_on_divided, perf_counter() + DECISION)
+
+    def _go_on_divided(self, divided: Divided) -> list[str]:
+        """Go on in a map of smaller cells."""
+        known, self.planner, self._memory = divided
+        self._mapper.go_on_with(known)
+        self.follower = self._expected = None
+        self._failures, self._background.seconds = 0, 0.0
+        return [f"cells of {known.cell:.3g} m from now on: larger ones do not tell whether the robot fits"]
 
     @property
     def tolerance(self) -> float:
@@ -172,7 +177,7 @@ class Course:
 
     def stop(self) -> None:
         """Look for no way any longer, once the exploration has ended."""
-        self._search.stop()
+        self._background.stop()
 
     def _timed(self, decide: Callable[[float], list[str]]) -> list[str]:
         """Return what happens in a decision, and keep how long it takes."""
@@ -191,7 +196,7 @@ class Course:
         # A sensor that does not see all around has done so where a path, with the turn at its end, was driven.
         self._looked_around = self._sees_around or (self.follower is None and self._expected is not None)
         self.follower = self._expected = None
-        while not (self.ended or self.follower or self._search.is_on or self._memory.closed_in):
+        while not (self.ended or self.follower or self._background.is_on or self._memory.closed_in):
             begin = perf_counter()
             found = survey(
                 known,
@@ -211,26 +216,24 @@ class Course:
                 events += self._go_home(found, planner, here, escape, until)
                 break
             index = choice_of(self._choose, found.outlook)
-            plan = partial(plan_to, known, planner, found, index, s, self._memory, self._search.is_stopped)
-            events += self._look_for(plan, partial(self._begin, planner, escape, found.expected[index]), until)
+            plan = partial(plan_to, known, planner, found, index, s, self._memory, self._background.is_stopped)
+            events += self._work(plan, partial(self._begin, planner, escape, found.expected[index]), until)
             if 2.0 * perf_counter() - begin >= until:
                 break  # another one would take too long
         return events
 
-    def _look_for(
-        self, plan: Callable[[], PlanResult], then: Callable[[PlanResult], list[str]], until: float
-    ) -> list[str]:
-        """Look for a way, and go on by what comes of it: at once, or after further readings."""
-        self._search.begin(plan, then, self._mapper.known.revision)
-        return self._looked(until)
+    def _work(self, work: Callable[[], Result], then: Callable[[Result], list[str]], until: float) -> list[str]:
+        """Do a piece of work beside the sensing, and go on by what comes of it: at once, or after further readings."""
+        self._background.begin(work, then, self._mapper.known.revision)
+        return self._worked(until)
 
-    def _looked(self, until: float) -> list[str]:
-        """Go on by what comes of the way that is being looked for, if that is known soon."""
-        found = self._search.outcome(until)
-        if found is None:
+    def _worked(self, until: float) -> list[str]:
+        """Go on by what comes of the work that is done, if that is known soon."""
+        outcome = self._background.outcome(until)
+        if outcome is None:
             return []
-        events = found.then(found.result)
-        if self.follower and self._mapper.known.revision != found.revision:
+        events = outcome.go_on()
+        if self.follower and self._mapper.known.revision != outcome.revision:
             # It was planned before the last readings.
             events += self._replan(self.follower, until)
         return events
@@ -253,16 +256,16 @@ class Course:
     def _count_failure(self) -> None:
         """End where nothing but changes of the map comes of looking for ways."""
         self._failures += 1
-        if self._failures >= MAX_FAILED or self._search.seconds >= MAX_SEARCH * self._settings.planning_time:
-            tried = f"{self._failures} searches in a row, {self._search.seconds:.1f} s in all"
+        if self._failures >= MAX_FAILED or self._background.seconds >= MAX_SEARCH * self._settings.planning_time:
+            tried = f"{self._failures} searches in a row, {self._background.seconds:.1f} s in all"
             self.ended = "stuck", f"no way that could be driven was found in {tried}, while the map went on changing"
 
     def _go_home(
         self, found: Survey, planner: LandmarkPlanner, here: FloatArray, escape: FloatArray, until: float
     ) -> list[str]:
         """End, after the way home where that is asked for; or go on with smaller cells, where larger ones tell less."""
-        if (found.narrow or found.status == "stuck") and self.refine():
-            return [self._refined]
+        if (found.narrow or found.status == "stuck") and (begun := self._divide()) is not None:
+            return begun
         target = self._start
         if self._settings.return_home:
             target, _ = self._free(planner, target)
@@ -278,7 +281,7 @@ class Course:
                 self._follow(planned.path, escape, planner)
             return []
 
-        return self._look_for(partial(planner.plan, here, target, self._settings.planning_time, gap=0.05), then, until)
+        return self._work(partial(planner.plan, here, target, self._settings.planning_time, gap=0.05), then, until)
 
     def _follow(self, path: Path, escape: FloatArray, planner: LandmarkPlanner, turn: bool = False) -> None:
         """Begin a path, after the way out of contact that leads to its first state; with a turn at its end."""
@@ -307,7 +310,7 @@ class Course:
             return [] if result.kept else [f"path replanned: {result.reason}"]
 
         plan = partial(planner.replan, pose, follower.target, follower.path, self._settings.planning_time, escape=True)
-        return self._look_for(plan, then, until)
+        return self._work(plan, then, until)
 
     def _back_off(self, follower: PathFollower) -> list[str]:
         """Mark what the robot ran into, and begin the way back, along which it came."""

@@ -159,9 +159,12 @@ class DetectionMapper:
         self._look(sweep)
         return Intake(1, tuple(refused), False, False)
 
-    def refine(self) -> bool:
+    def divided(self) -> None:
         """Return that the map stays as it is: its discs do not depend on its cells."""
-        return False
+
+    def go_on_with(self, known: KnownMap) -> None:
+        """Replace the map."""
+        self.known = known
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 from trailmark.estimation.logs.records import Log, Record
@@ -12,7 +12,10 @@ from trailmark.exploration.known_map import KnownMap
 from trailmark.se2 import FloatArray
 from trailmark.world import World
 
-__all__ = ["Intake", "Mapper"]
+__all__ = ["Draw", "Intake", "Mapper"]
+
+Draw = Callable[[Callable[[], bool]], KnownMap]
+"""Draws a map, in any thread; what it is given is asked between scans whether to end early, with part of a map."""
 
 
 class Intake(NamedTuple):
@@ -59,8 +62,14 @@ class Mapper(Protocol):
     def take(self, records: Sequence[Record]) -> Intake:
         """Take in what was sensed, and bring pose and map up to date."""
 
-    def refine(self) -> bool:
-        """Replace the map by one of cells of half the side, if noise and settings let it; return whether they do."""
+    def divided(self) -> Draw | None:
+        """Return what draws a map of cells of half the side of all that was read up to now, which takes a while.
+
+        None if noise or settings do not let cells be divided.
+        """
+
+    def go_on_with(self, known: KnownMap) -> None:
+        """Replace the map by the one that :meth:`divided` drew, and enter what has been read since that was called."""
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import ceil, floor, hypot, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from trailmark.collision import StateChecker
 from trailmark.collision.field import distance_transform
 from trailmark.collision.footprint import build_footprint
 from trailmark.compiled import njit
-from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
@@ -57,9 +57,12 @@ class Reach:
         turned = turned * np.exp(1j * angle) / cell
         self.offsets = np.ascontiguousarray(np.stack([turned.real, turned.imag], axis=-1) + 0.5)
         self.least = np.ascontiguousarray(left[order])
+        # Farther away nothing makes a difference.
+        self._cap = robot.circumradius / cell + 3.0
         self.rooms = np.empty((0, 0), np.int32)
-        self._distance = np.empty((0, 0), np.float32)
-        self._solid = np.empty((0, 0), np.float32)
+        self._state, self._levels = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint8)
+        self._distance, self._solid = np.empty((0, 0), np.float32), np.empty((0, 0), np.float32)
+        self._begin = np.empty((0, 0), np.bool_)
         self._known, self._passed = np.empty((0, 0), np.uint8), np.empty((0, 0), np.uint64)
 
     def levels(self, state: NDArray[np.uint8], been: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
@@ -73,19 +76,18 @@ class Reach:
         """
         from scipy import ndimage
 
-        # To the nearest centre of a cell that is not free.
-        distance = _distance(state != FREE)
-        # Of an occupied cell all has to be met: without the disc around its middle, and half a diagonal farther.
-        beyond = 0.5 + 0.5 * sqrt(2.0)
-        solid = np.minimum(_distance((state != FREE) & (state != OCCUPIED)), distance + np.float32(beyond))
-        changed = self._forget(distance, solid)
+        new, before = self._note_changes(state), self._begin
         # Half a diagonal, since cells have corners, and as much for the way to the centres around.
-        roomy = distance >= self.outer / self.cell + sqrt(2.0)
-        masks = flood(solid, roomy, been, self.offsets, self.least, self._known, self._passed)
-        levels = np.where(masks != 0, 1 + np.bitwise_count(masks) // 16, NOWHERE).astype(np.uint8)
-        self.rooms = np.asarray(ndimage.label(roomy, np.ones((3, 3)))[0])
-        levels[self.in_rooms_of(been)] = CERTAIN
-        return levels, changed
+        roomy = self._distance >= self.outer / self.cell + sqrt(2.0)
+        if new.any():
+            self.rooms = np.asarray(ndimage.label(roomy, np.ones((3, 3)))[0])
+        certain = self.in_rooms_of(been)
+        self._begin = been | certain
+        if new.any() or not np.array_equal(self._begin, before):
+            masks = flood(self._solid, roomy, self._begin, self.offsets, self.least, self._known, self._passed)
+            self._levels = np.where(masks != 0, 1 + np.bitwise_count(masks) // 16, NOWHERE).astype(np.uint8)
+            self._levels[certain] = CERTAIN
+        return self._levels, new
 
     def in_rooms_of(self, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which cells are in the same room as one of some cells, shape (rows, columns)."""
@@ -94,17 +96,46 @@ class Reach:
         chosen[0] = False
         return np.asarray(np.take(chosen, self.rooms))
 
-    def _forget(self, distance: NDArray[np.float32], solid: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """Forget which headings are free in cells near to where the distances are others now, and return those."""
-        if distance.shape != self._distance.shape:
-            self._known, self._passed = np.zeros(distance.shape, np.uint8), np.zeros(distance.shape, np.uint64)
-            near = np.ones(distance.shape, np.bool_)
+    def _note_changes(self, state: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Bring the distances up to date, and return the cells near to where they are others now.
+
+        Which headings are free in these is forgotten.
+        """
+        near: NDArray[np.bool_] = np.zeros(state.shape, np.bool_)
+        if state.shape != self._state.shape:
+            self._distance, self._solid = np.full((2, *state.shape), -1.0, np.float32)
+            self._known, self._passed = np.zeros(state.shape, np.uint8), np.zeros(state.shape, np.uint64)
+            self._begin, changed = near, np.ones_like(near)
         else:
-            new = (distance != self._distance) | (solid != self._solid)
-            near = distance_transform(new, 1.0) <= self.outer / self.cell + 3.0
-            self._known[near] = 0
-        self._distance, self._solid = distance, solid
-        return np.asarray(near)
+            changed = state != self._state
+        self._state = state.copy()
+        if not changed.any():
+            return near
+        inner, outer = _window(changed, ceil(self._cap)), _window(changed, 2 * ceil(self._cap))
+        distance, solid = (part[_within(inner, outer)] for part in self._distances(state, outer))
+        new = np.zeros(near[outer].shape, np.bool_)
+        new[_within(inner, outer)] = (distance != self._distance[inner]) | (solid != self._solid[inner])
+        near[outer] = distance_transform(new, 1.0) <= self._cap
+        self._known[near] = 0
+        self._distance[inner], self._solid[inner] = distance, solid
+        return near
+
+    def _distances(
+        self, state: NDArray[np.uint8], window: tuple[slice, slice]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the distances to what is not free, and those that :func:`flood` takes, in a part of the map.
+
+        They are told up to the cap; where the part ends before the map does, they are right as far from there as that.
+        """
+        # What lies outside the map is not free.
+        padded = np.pad(state, 1, constant_values=UNKNOWN)[window[0].start : window[0].stop + 2]
+        padded = padded[:, window[1].start : window[1].stop + 2]
+        cap = np.float32(self._cap)
+        unknown = np.minimum(distance_transform((padded != FREE) & (padded != OCCUPIED), 1.0)[1:-1, 1:-1], cap)
+        distance = np.minimum(distance_transform(padded != FREE, 1.0)[1:-1, 1:-1], cap)
+        # Of an occupied cell all has to be met: without the disc around its middle, and half a diagonal farther.
+        beyond = np.float32(0.5 + 0.5 * sqrt(2.0))
+        return distance, np.minimum(unknown, distance + beyond)
 
 
 def excluded_with(
@@ -143,9 +174,20 @@ def excluded_with(
     return found
 
 
-def _distance(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return the distance from each cell's centre to the nearest in a mask, what lies outside included, in cells."""
-    return np.ascontiguousarray(distance_transform(np.pad(mask, 1, constant_values=True), 1.0)[1:-1, 1:-1])
+def _window(cells: NDArray[np.bool_], around: int) -> tuple[slice, slice]:
+    """Return the rows and columns that hold some cells, at least one, and as many more on each side."""
+    ends = [np.flatnonzero(cells.any(axis=1 - axis))[[0, -1]].tolist() for axis in range(2)]
+    rows, columns = (
+        slice(max(first - around, 0), min(last + around + 1, size))
+        for (first, last), size in zip(ends, cells.shape, strict=True)
+    )
+    return rows, columns
+
+
+def _within(inner: tuple[slice, slice], outer: tuple[slice, slice]) -> tuple[slice, slice]:
+    """Return the rows and columns of a window counted from where another one begins."""
+    rows, columns = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(inner, outer, strict=True))
+    return rows, columns
 
 
 @njit(cache=True, nogil=True)
@@ -164,7 +206,7 @@ def flood(
         distance: from each cell's centre to the nearest centre of an unknown cell; of an occupied one, so much more as
             it takes to contain it; in cells.
         roomy: cells where no heading meets anything.
-        begin: cells where the robot is or was.
+        begin: cells where the robot is or was, and where it gets to from there with any heading.
         offsets: from a cell's corner to the centres of n discs inside the robot in its middle, x, y, in cells, for each
             heading, shape (n, HEADINGS, 2).
         least: a cell is met if its centre is nearer than this to that of a disc, in cells, shape (n,).
@@ -182,6 +224,9 @@ def flood(
         for c in range(columns):
             if begin[r, c]:
                 masks[r, c] = every
+    for r in range(rows):
+        for c in range(columns):
+            if begin[r, c] and not begin[max(r - 1, 0) : r + 2, max(c - 1, 0) : c + 2].all():
                 queue[size] = r * columns + c
                 size += 1
                 waits[r, c] = True
@@ -216,17 +261,24 @@ def free_headings(
     """Return the headings with which not every configuration in a cell is proven to collide, one for each bit."""
     rows, columns = distance.shape
     free = np.uint64(0)
+    near = len(least)
+    # Discs that do not come as far as what is nearest to the cell, a cell's corner included, meet nothing.
+    while near > 0 and (
+        hypot(offsets[near - 1, 0, 0] - 0.5, offsets[near - 1, 0, 1] - 0.5) + least[near - 1] + 0.75
+        <= distance[row, column]
+    ):
+        near -= 1
     for k in range(HEADINGS):
         met = False
-        for d in range(len(least)):
+        for d in range(near):
             x, y = column + offsets[d, k, 0], row + offsets[d, k, 1]
             i, j = floor(y), floor(x)
             if i < 0 or j < 0 or i >= rows or j >= columns:
                 # Outside nothing is free; without the half cell that a cell's middle has around it.
                 met = least[d] > 0.5
             else:
-                near = least[d] - distance[i, j]
-                met = near > 0.0 and (x - j - 0.5) ** 2 + (y - i - 0.5) ** 2 < near * near
+                left = least[d] - distance[i, j]
+                met = left > 0.0 and (x - j - 0.5) ** 2 + (y - i - 0.5) ** 2 < left * left
             if met:
                 break
         if not met:

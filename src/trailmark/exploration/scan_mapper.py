@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.graph_settings import GraphSettings
@@ -23,8 +23,9 @@ from trailmark.estimation.scans.scan_poses import DeadReckoning
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
-from trailmark.exploration.mapper import Intake
+from trailmark.exploration.mapper import Draw, Intake
 from trailmark.exploration.record_checks import CARRIED, RecordChecks
+from trailmark.exploration.scan_drawing import DENSE, apart, draw
 from trailmark.se2 import FloatArray, compose, difference
 from trailmark.world import Robot, World
 
@@ -63,20 +64,11 @@ FAR: Final = 10.0
 PLACES: Final = 20
 """Narrow places that a run leads through, over which the risk is spread."""
 
-SPACING: Final = 0.25, 0.3
-"""Metres and radians between scans by which the map is drawn anew, or from the log: in between little else is seen."""
-
-DENSE: Final = 0.25
-"""Times SPACING, where cells are divided: of smaller ones each scan shows fewer."""
-
 SURFACES: Final = 4.0
 """Times the noise: side of a cell, at least, that comes of dividing others; smaller ones tell of noise alone."""
 
 POINTS: Final = 200
 """End points of a scan, at most, by which odometry is checked."""
-
-RECENT: Final = 10
-"""Scans that are drawn in any case: what has vanished since is gone."""
 
 MOVED: Final = 0.5
 """Cells by which a closed loop must have moved some pose for the map to be drawn anew."""
@@ -106,7 +98,8 @@ class ScanMapper:
         self._checks, self._reckoning = RecordChecks(Scan, sensor.max_range), DeadReckoning(self._start)
         self._slam: ScanSlam | None = None  # None as long as odometry is taken as exact
         self._scans = list[tuple[Scan, FloatArray]]()  # with their poses by odometry
-        self._drawn = list[FloatArray]()  # where they were when the map was drawn
+        # Where they were when the map was drawn, and when cells were divided.
+        self._drawn, self._drawn_divided = list[FloatArray](), list[FloatArray]()
         self._errors, self._driven = np.zeros(2), 0.0
         self._at = self._pose = self._start  # by odometry, at the last scan; and where that was
         self._strange, self._left_out, self._moved = 0, list[Scan](), False
@@ -165,14 +158,24 @@ class ScanMapper:
                 )
         return Intake(readings, tuple(refused), self._strange >= STRANGE, self._moved)
 
-    def refine(self) -> bool:
-        """Replace the map by one of cells of half the side, if noise and settings let it; return whether they do."""
+    def divided(self) -> Draw | None:
+        """Return what draws a map of cells of half the side; None if noise or settings do not let them be divided."""
         finer, may_divide = self.known.refined(), self._settings.may_divide
         if finer.cell < SURFACES * finer.noise or not may_divide(self._robot, finer.cell, finer.state.size):
-            return False
-        self.known = finer
-        self._draw(DENSE)
-        return True
+            return None
+        poses = self.trajectory[:, 1:]
+        self._drawn_divided = list(poses)
+        return partial(draw, finer, self._taken, poses, self._sensor.max_range, DENSE)
+
+    def go_on_with(self, known: KnownMap) -> None:
+        """Replace the map by the one that :meth:`divided` drew, and enter what has been read since that was called."""
+        self.known, drawn = known, self._drawn_divided
+        for (scan, _), pose in zip(self._scans[len(drawn) :], self.trajectory[len(drawn) :, 1:], strict=True):
+            known.add_scan(scan, pose, self._sensor.max_range)
+            drawn.append(pose)
+        self._drawn = drawn
+        if self._slam is not None:
+            self._draw_if_moved()
 
     def relocate(self) -> bool:
         """Look for the robot in the map, after it was lost; return whether it was found."""
@@ -203,7 +206,7 @@ class ScanMapper:
         if self._slam is None:
             return log
         found = self._slam.finish(np.array([pose for _, pose in self._scans])).poses
-        kept = np.flatnonzero(_apart(found))
+        kept = np.flatnonzero(apart(found))
         poses = {self._scans[i][0].t: tuple(found[i].tolist()) for i in kept.tolist()}
         records = list[Record]()
         for record in log.records:
@@ -331,20 +334,12 @@ class ScanMapper:
             self._draw()
         return self._moved
 
-    def _draw(self, spacing: float = 1.0) -> None:
-        """Enter scans that lie so many times SPACING apart, and the last ones, in a map in which nothing is known."""
+    def _draw(self) -> None:
+        """Enter the scans so far in a map in which nothing is known."""
         poses = self.trajectory[:, 1:]
-        for i in np.flatnonzero(_apart(poses, spacing)).tolist():
-            self.known.add_scan(self._scans[i][0], poses[i], self._sensor.max_range)
+        draw(self.known, self._taken, poses, self._sensor.max_range)
         self._drawn = list(poses)
 
-
-def _apart(poses: FloatArray, spacing: float = 1.0) -> NDArray[np.bool_]:
-    """Return which scans, by their poses of shape (m, 3), lie apart from the ones before, and the last ones."""
-    chosen, last = np.zeros(len(poses), np.bool_), 0
-    for i, pose in enumerate(poses):
-        off = np.abs(difference(poses[last], pose))
-        if i == 0 or np.hypot(off[0], off[1]) > spacing * SPACING[0] or off[2] > spacing * SPACING[1]:
-            chosen[i], last = True, i
-    chosen[-RECENT:] = True
-    return chosen
+    @property
+    def _taken(self) -> list[Scan]:
+        return [scan for scan, _ in self._scans]

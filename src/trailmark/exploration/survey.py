@@ -98,6 +98,18 @@ class Memory:
         self.levels = np.full(shape, CERTAIN, np.uint8)
         self.reach: Reach | None = None
 
+    def find_levels(self, known: KnownMap, robot: Robot) -> NDArray[np.bool_]:
+        """Find out where the robot gets to; return around which cells that may have changed, shape (rows, columns).
+
+        Args:
+            known: the map.
+            robot: with the clearance that it keeps.
+        """
+        if self.reach is None:
+            self.reach = Reach(robot, known.cell)
+        self.levels, changed = self.reach.levels(known.state, self.been)
+        return np.asarray(changed | self.reach.in_rooms_of(changed))
+
     def main_room(self) -> NDArray[np.bool_]:
         """Return the cells of the largest room that the robot was in (:class:`Reach`), shape (rows, columns)."""
         if self.reach is None:
@@ -185,7 +197,8 @@ def survey(
     left = np.where(small, np.isinf(looked), looked > NEARER * sensor_range)
     frontiers, looked, small = frontiers.subset(left), looked[left].astype(np.float64), small[left]
     away = np.minimum(np.where(small, NEARER, 1.0) * sensor_range, NEARER * looked) / cell
-    levels = _levels(known, robot, pose, memory)
+    _update_levels(known, robot, pose, memory)
+    levels = memory.levels
     here = (np.asarray(pose)[:2] - np.asarray(known.origin)) / cell
     search = Search(known, planner.checker, levels, memory.refused, frontiers, away, here)
     found = search.candidates(sensor_range / cell, rng)
@@ -241,19 +254,13 @@ def survey(
     return Survey(outlook, ended, status, expected, np.isnan(found.headings), narrow)
 
 
-def _levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> NDArray[np.uint8]:
-    """Return where the robot gets to; where that has changed, what was refused is to be tried again."""
+def _update_levels(known: KnownMap, robot: Robot, pose: FloatArray, memory: Memory) -> None:
+    """Find out where the robot gets to; where that has changed, what was refused is to be tried again."""
     memory.been[known.cells_of(np.asarray(pose)[None, :2])] = True
-    if memory.reach is None:
-        memory.reach = Reach(robot, known.cell)
-    levels, changed = memory.reach.levels(known.state, memory.been)
-    changed |= memory.reach.in_rooms_of(changed)
-    memory.again |= changed
+    memory.again |= memory.find_levels(known, robot)
     if memory.failed == 0:
         # Not between failures: noise changes the map with each reading, and other places are to get their turn.
         _try_again(memory, memory.again & ~memory.never)
-    memory.levels = levels
-    return levels
 
 
 def _try_again(memory: Memory, cells: NDArray[np.bool_]) -> None:

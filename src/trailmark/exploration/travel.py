@@ -19,7 +19,7 @@ TIGHT = 2
 SPARE = 0.6
 """Of the robot's inner radius: the coarser cells are no larger, so that no wall lies within one of them."""
 
-COARSEST = 4
+COARSEST = 16
 """Cells, along either side of one of the coarser ones, at most."""
 
 NEAREST = 10
