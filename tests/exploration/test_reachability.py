@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark import Rectangle, Robot, StateChecker, World
-from trailmark.exploration.known_map import FREE, UNKNOWN, KnownMap
+from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.reachability import CERTAIN, NOWHERE, Reach, excluded_with
 
 CELL = 0.1
@@ -124,6 +124,27 @@ def test_what_is_kept_from_call_to_call_is_what_is_found_anew() -> None:
         free = free.copy()
         r, c = int(rng.integers(0, 18)), int(rng.integers(8, 24))
         free[r, c] = ~free[r, c]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_changes_anywhere_in_a_larger_map_are_found(seed: int) -> None:
+    """Distances are found anew around the changes alone; windows end in free space, at surfaces and at the border."""
+    rng = np.random.default_rng(seed)
+    state = rng.choice(np.array([FREE, OCCUPIED, UNKNOWN], np.uint8), (90, 120), p=[0.994, 0.003, 0.003])
+    been = np.zeros(state.shape, np.bool_)
+    been[45, 60] = True
+    robot = Robot.rectangle(0.6, 0.24)
+    kept = Reach(robot, CELL)
+    for step in range(12):
+        levels, changed = kept.levels(state, been)
+        fresh, every = Reach(robot, CELL).levels(state, been)
+        np.testing.assert_array_equal(levels, fresh)
+        assert every.all()
+        assert changed.all() if step == 0 else changed.any() == (step % 4 != 3) and not changed.all()
+        if step % 4 != 2:  # else nothing changes but where the robot was
+            row, column = (int(rng.integers(0, size - 3)) for size in state.shape)
+            state[row : row + 3, column] = OCCUPIED if state[row, column] == FREE else FREE
+        been[int(rng.integers(40, 50)), int(rng.integers(50, 70))] = True
 
 
 def test_no_way_to_a_cell_is_none_to_those_that_motions_join_to_it() -> None:

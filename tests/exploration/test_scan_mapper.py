@@ -16,7 +16,7 @@ from trailmark.estimation.logs.jsonl import write_jsonl
 from trailmark.estimation.logs.records import Log, Pose, Scan
 from trailmark.estimation.scans.clouds import relative
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.known_map import FREE, KnownMap
+from trailmark.exploration.known_map import FREE, UNKNOWN, KnownMap
 from trailmark.exploration.mapper import Intake
 from trailmark.exploration.scan_mapper import ScanMapper
 from trailmark.exploration.simulated_robot import SimulatedRobot, laser_scanner
@@ -31,9 +31,9 @@ START = np.array([1.0, 2.0, 0.0])
 LASER = laser_scanner(6.0, 0.05)
 
 
-def begun(noise: float = 1.0, world: World = WORLD) -> tuple[SimulatedRobot, ScanMapper]:
+def begun(noise: float = 1.0, world: World = WORLD, cell: float = 0.05) -> tuple[SimulatedRobot, ScanMapper]:
     robot = SimulatedRobot(world, ROBOT, START, LASER, noise=noise)
-    mapper = ScanMapper(START, KnownMap(world.bounds, 0.05), LASER, ROBOT, ExplorationSettings())
+    mapper = ScanMapper(START, KnownMap(world.bounds, cell), LASER, ROBOT, ExplorationSettings())
     mapper.take(robot.sense())
     return robot, mapper
 
@@ -64,6 +64,34 @@ def test_noisy_odometry_is_set_right_by_scans() -> None:
     assert len(mapper.trajectory) == len(mapper.covariances) == 61
     inside = mapper.known.state[mapper.known.cells_of(np.array([[6.0, 2.0], [3.0, 6.0]]))]
     assert (inside != FREE).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
+def test_what_is_read_while_divided_cells_are_drawn_is_entered(noise: float) -> None:
+    robot, mapper = begun(noise, cell=0.1)
+    drive(robot, mapper, 10, (0.05, 0.0, 0.0))
+    draw = mapper.divided()
+    assert draw is not None
+    drive(robot, mapper, 40, (0.05, 0.05, 0.02))
+    seen_since = mapper.known.state.copy()
+    divided = draw(lambda: False)
+    before = (divided.state != UNKNOWN).sum() * divided.cell**2
+    mapper.go_on_with(divided)
+    assert mapper.known is divided
+    assert divided.cell == pytest.approx(0.05)
+    known = (divided.state != UNKNOWN).sum() * divided.cell**2
+    assert known > before + 5.0  # behind the wall
+    assert known == pytest.approx((seen_since != UNKNOWN).sum() * 0.1**2, rel=0.03)
+    drive(robot, mapper, 10, (0.05, 0.0, 0.02))
+    assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.02
+
+
+def test_divided_cells_are_drawn_no_further_once_that_is_stopped() -> None:
+    robot, mapper = begun(0.0, cell=0.1)
+    drive(robot, mapper, 20, (0.05, 0.0, 0.0))
+    draw = mapper.divided()
+    assert draw is not None
+    assert not (draw(lambda: True).state != UNKNOWN).any()
 
 
 @pytest.mark.slow
