@@ -95,7 +95,7 @@ def _group(rows: Rows, noise: float, strategy: str) -> dict[str, Any]:
         "cpu_per_reading": _number(column("cpu").sum() / max(1.0, column("readings").sum())) if ended else None,
         "pairs": len(paths),
         "pairs_within": sum(path["cost"] <= 1.05 * path["true_cost"] for path in both),
-        "pairs_both": len(both),
+        "pairs_valid": sum(bool(path["valid"]) for path in paths),
         "pairs_ratio": _number(np.median([path["cost"] / path["true_cost"] for path in both])) if both else None,
         "pairs_free": sum(bool(path.get("free")) for path in paths),
         "pairs_planned": sum("free" in path for path in paths),
@@ -189,7 +189,7 @@ def report(summary: dict[str, Any], machine: str) -> str:
                     _milliseconds(g["decision_99"]),
                     _milliseconds(g["decision_max"]),
                     _milliseconds(g["cpu_per_reading"]),
-                    f"{g['pairs_within']} of {g['pairs_both']}",
+                    f"{g['pairs_within']} of {g['pairs_valid']}",
                     _text(g["pairs_ratio"], "{:.3f}"),
                     f"{g['pairs_free']} of {g['pairs_planned']}",
                 )

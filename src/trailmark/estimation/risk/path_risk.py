@@ -34,6 +34,10 @@ FAR = 8.0
 is below 1e-13)."""
 
 
+ROUNDING = 1e-6
+"""Metres by which distances may be rounded, far from the origin."""
+
+
 class PathRisk(NamedTuple):
     """How often drawn obstacles meet a path.
 
@@ -117,11 +121,25 @@ def _hits(
     # reference point moves no point of it by more than this.
     errors[:, :2] -= robot[:, :2]
     beyond = margin + sweep_radius * np.abs(robot[:, 2])
+    # Most draws leave the obstacle so near to where it was estimated that it cannot meet the path.
+    near = gap + margin <= _displacements(shape, errors) + beyond
+    errors, beyond = errors[near], beyond[near]
     if isinstance(shape, Disc):
         radius = shape.radius + (errors[:, 2] if k > 2 else 0.0)
         centres = shapely.points(np.asarray(shape.center) + errors[:, :2])
-        return int(np.count_nonzero(shapely.distance(region, centres) < np.maximum(radius, 0.0) + beyond))
-    return int(np.count_nonzero(shapely.distance(region, _drawn(shape, errors)) <= beyond))
+        return int(np.count_nonzero(shapely.dwithin(region, centres, np.maximum(radius, 0.0) + beyond)))
+    return int(np.count_nonzero(shapely.dwithin(region, _drawn(shape, errors), beyond)))
+
+
+def _displacements(shape: Disc | Rectangle | Polygon, errors: FloatArray) -> FloatArray:
+    """Return metres by which each of the errors, shape (n, k), brings a shape nearer to anything, at most."""
+    moved = np.hypot(errors[:, 0], errors[:, 1]) + ROUNDING
+    if isinstance(shape, Disc):
+        return np.asarray(moved + np.abs(errors[:, 2])) if errors.shape[1] > 2 else moved
+    if errors.shape[1] > 2:
+        moved += _arm(shape) * np.abs(errors[:, 2])
+    # A rectangle's corners move by half of what its sides grow.
+    return np.asarray(moved + 0.5 * np.hypot.reduce(errors[:, 3:], axis=1)) if errors.shape[1] > 3 else moved
 
 
 def _arm(shape: Rectangle | Polygon) -> float:
