@@ -12,6 +12,7 @@ from scipy.stats import norm, poisson
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.path_risk import PathRisk, path_risk
+from trailmark.estimation.risk.swept_region import swept_region
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import ObstacleEstimate, RiskBound, Robot, World
@@ -98,6 +99,37 @@ def moved(shape: Shape, error: FloatArray) -> shapely.Geometry:
     centre = tuple(shape.vertices.mean(axis=0))
     turned = shapely.affinity.rotate(shape.shapely(), e[2], origin=centre, use_radians=True)
     return shapely.affinity.translate(turned, e[0], e[1])
+
+
+@pytest.mark.parametrize(
+    ("mean", "sigmas"),
+    [
+        (Disc((1.0, 1.9), 0.6), (0.2, 0.3)),
+        (Disc((1.0, 2.1), 0.6), (0.1, 0.1, 0.4)),
+        (Disc((1.0, 0.8), 0.02), (0.2, 0.2)),
+        (Rectangle((2.0, 2.0), 4.0, 0.4, 0.2), (0.1, 0.1, 0.3)),
+        (Rectangle((2.0, 2.6), 4.0, 0.4, 1.5), (0.1, 0.1, 0.01, 0.5, 0.3)),
+        (Polygon(np.array([[0, 1.3], [3, 1.2], [1.5, 4.0]])), (0.2, 0.2, 0.3)),
+    ],
+)
+def test_no_draw_that_meets_the_path_is_left_out(mean: Shape, sigmas: tuple[float, ...]) -> None:
+    """The draws that cannot meet it are told from their errors alone: each one is judged here."""
+    robot, pose, draws = Robot.rectangle(1.2, 0.8), np.diag([0.02, 0.02, 0.01]), 2000
+    estimate = ObstacleEstimate(mean, np.diag(np.square(sigmas)))
+    states = np.array([[-4.0, -0.2, 0.0], [0.0, 0.0, 0.3], [2.0, -0.3, -0.2], [6.0, 0.0, 0.0]])
+    risk = path_risk(world_of(estimate, robot=robot, pose=pose), states, draws=draws, margin=0.05, seed=4)
+    rng = np.random.default_rng([4, 0])
+    errors = rng.multivariate_normal(np.zeros(len(sigmas)), estimate.covariance, draws, method="eigh")
+    off = rng.multivariate_normal(np.zeros(3), pose, draws, method="eigh")
+    errors[:, :2] -= off[:, :2]
+    region = swept_region(robot, states)
+    gaps = np.array([region.distance(moved(mean, error)) for error in errors])
+    # Rounded arcs of a disc lie inside of it by a 1,200th of its radius.
+    near = np.abs(gaps - 0.05 - robot.sweep_radius * np.abs(off[:, 2])) < 1e-3
+    hits = int((gaps <= 0.05 + robot.sweep_radius * np.abs(off[:, 2])).sum())
+    assert abs(risk.hits - hits) <= near.sum()
+    assert 20 < hits < 0.6 * draws
+    assert near.sum() < 0.1 * hits + 5
 
 
 @pytest.mark.slow
