@@ -23,6 +23,7 @@ __all__ = [
     "UNKNOWN",
     "WHOLE",
     "Cells",
+    "boxes_in_sight",
     "quarters",
     "rectangles",
 ]
@@ -80,6 +81,17 @@ class Cells(NamedTuple):
         tiles = -(-rows // TILE), -(-columns // TILE)
         box, stamp = np.zeros((rows, columns, 4), dtype=np.uint8), np.zeros((rows, columns), dtype=np.int32)
         return cls(zeros(), zeros(), box, zeros(), zeros(), zeros(), stamp, np.ones(tiles, dtype=np.bool_))
+
+
+@njit(cache=True, nogil=True)
+def boxes_in_sight(cells):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Return the boxes of the surfaces in cells, shape (rows, columns, 4), where another may be unseen all of it."""
+    boxes = cells.box.copy()
+    for r in range(boxes.shape[0]):
+        for c in range(boxes.shape[1]):
+            if cells.level[r, c] > WHOLE:
+                boxes[r, c, 0], boxes[r, c, 1], boxes[r, c, 2], boxes[r, c, 3] = 0, 0, 255, 255
+    return boxes
 
 
 @njit(cache=True)

@@ -5,11 +5,12 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.compiled import njit
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
 from trailmark.landmarks.kmeans import lloyd
 from trailmark.se2 import FloatArray
@@ -65,43 +66,70 @@ def frontiers_of(state: NDArray[np.uint8], wanted: NDArray[np.bool_], longest: f
         wanted: unknown cells that count, shape (rows, columns).
         longest: cells: about the longest that a group may be; longer ones are divided by K-means.
     """
-    from scipy import ndimage
-
-    unknown = (state == UNKNOWN) & wanted
-    free = state == FREE
-    edges, cells = list[FloatArray](), list[NDArray[np.intp]]()
-    for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        # Free cells whose neighbour in this direction is unknown.
-        beside = np.zeros_like(unknown)
-        rows, columns = state.shape
-        here = slice(max(-dy, 0), rows - max(dy, 0)), slice(max(-dx, 0), columns - max(dx, 0))
-        there = slice(max(dy, 0), rows + min(dy, 0)), slice(max(dx, 0), columns + min(dx, 0))
-        beside[here] = free[here] & unknown[there]
-        r, c = np.nonzero(beside)
-        way = np.broadcast_to(np.array([dx, dy], dtype=np.float64), (len(r), 2))
-        edges.append(np.column_stack([c + 0.5 + 0.5 * dx, r + 0.5 + 0.5 * dy, way]))
-        cells.append(np.column_stack([r + dy, c + dx]))
-    edge, cell = np.concatenate(edges), np.concatenate(cells)
-    mask = np.zeros_like(unknown)
-    mask[cell[:, 0], cell[:, 1]] = True
-    labels = ndimage.label(mask, np.ones((3, 3)))[0]
-    labels[_gaps(state, labels)] = 0
-    group = labels[cell[:, 0], cell[:, 1]].astype(np.intp) - 1
+    borders = _borders(state, wanted)
+    cells, (dx, dy) = borders[:, :2], borders[:, 2:].T
+    edges = np.column_stack([cells[:, ::-1] + 0.5 - 0.5 * borders[:, 2:], dx, dy]).astype(np.float64)
+    places, which = np.unique(cells @ [state.shape[1], 1], return_inverse=True)
+    number = _connected(places, state.shape[1])
+    number[_gaps(state, np.column_stack(np.divmod(places, state.shape[1])), number)] = -1
+    group = number[which]
     wide = group >= 0
-    edge = edge[wide]
-    return Frontiers(edge, cell[wide], _divided(edge[:, :2], group[wide], longest))
+    edges = edges[wide]
+    return Frontiers(edges, cells[wide], _divided(edges[:, :2], group[wide], longest))
 
 
-def _gaps(state: NDArray[np.uint8], labels: NDArray[np.integer[Any]]) -> NDArray[np.bool_]:
-    """Return the cells of gaps in surfaces: up to GAP together, each edge of free space beside which is occupied.
+@njit(cache=True, nogil=True)
+def _borders(state: NDArray[np.uint8], wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return rows and columns of unknown cells that count, each with a direction x, y to it from a free one, (n, 4)."""
+    rows, columns = state.shape
+    found, count = np.empty((1024, 4), np.int64), 0
+    for r in range(rows):
+        for c in range(columns):
+            if state[r, c] != UNKNOWN or not wanted[r, c]:
+                continue
+            for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+                row, column = r - dy, c - dx
+                if 0 <= row < rows and 0 <= column < columns and state[row, column] == FREE:
+                    if count == len(found):
+                        found = np.concatenate((found, found))
+                    found[count, 0], found[count, 1], found[count, 2], found[count, 3] = r, c, dx, dy
+                    count += 1
+    return found[:count].copy()
+
+
+def _connected(places: NDArray[np.int64], columns: int) -> NDArray[np.intp]:
+    """Return the number, from 0 on, of the connected part that each cell is in, corners included, shape (n,).
+
+    Args:
+        places: row * columns + column of cells, in their order, shape (n,).
+        columns: of the grid.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = list[NDArray[np.intp]]()
+    for dr, dc in ((0, 1), (1, -1), (1, 0), (1, 1)):
+        beside = places + dr * columns + dc
+        beside[(places % columns + dc < 0) | (places % columns + dc >= columns)] = -1
+        at = np.minimum(np.searchsorted(places, beside), len(places) - 1)
+        first = np.flatnonzero(places[at] == beside) if len(places) else at
+        pairs.append(np.column_stack([first, at[first]]))
+    joined = np.concatenate(pairs)
+    graph = coo_array((np.ones(len(joined), np.int8), tuple(joined.T)), shape=(len(places), len(places)))
+    return np.asarray(connected_components(graph, directed=False)[1], np.intp)
+
+
+def _gaps(state: NDArray[np.uint8], cells: NDArray[np.int64], number: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return which cells are gaps in surfaces: up to GAP together, each edge of free space beside which is occupied.
 
     Args:
         state: UNKNOWN, FREE or OCCUPIED, shape (rows, columns).
-        labels: numbers of connected unknown cells beside free ones, 0 for the other cells, shape (rows, columns).
+        cells: rows and columns of unknown cells beside free ones, shape (n, 2).
+        number: of the connected part of each, shape (n,).
     """
-    few = np.bincount(labels.ravel()) <= GAP
-    few[0] = False
-    cells = np.argwhere(np.take(few, labels))
+    few = np.bincount(number) <= GAP
+    among = few[number]
+    cells, own = cells[among], number[among]
     closed = np.pad(state, 1, constant_values=OCCUPIED)
     beside = cells[:, None] + AROUND + 1
     touches = (closed[beside[..., 0], beside[..., 1]] == OCCUPIED).any(axis=1)
@@ -110,10 +138,9 @@ def _gaps(state: NDArray[np.uint8], labels: NDArray[np.integer[Any]]) -> NDArray
     after = np.roll(kinds, -1, axis=1)
     # Free and unknown cells side by side.
     is_open = ((np.minimum(kinds, after) == UNKNOWN) & (np.maximum(kinds, after) == FREE)).any(axis=1)
-    number = labels[cells[:, 0], cells[:, 1]]
-    few[number[is_open]] = False
-    few[np.setdiff1d(number, number[touches])] = False
-    return np.asarray(np.take(few, labels))
+    few[own[is_open]] = False
+    few[np.setdiff1d(own, own[touches])] = False
+    return np.asarray(few[number])
 
 
 def _divided(points: FloatArray, group: NDArray[np.intp], longest: float) -> NDArray[np.intp]:

@@ -23,6 +23,7 @@ from trailmark.exploration.cells import (
     UNKNOWN,
     WHOLE,
     Cells,
+    boxes_in_sight,
     rectangles,
 )
 from trailmark.se2 import FloatArray, compose
@@ -241,9 +242,7 @@ class KnownMap:
         leave no other surface in it unseen.
         """
         if self._lines_of_sight is None or self._lines_of_sight[0] != self.revision:
-            whole = (self._cells.level > WHOLE)[..., None]
-            boxes = np.where(whole, np.array([0, 0, 255, 255], np.uint8), self._cells.box)
-            self._lines_of_sight = self.revision, boxes
+            self._lines_of_sight = self.revision, boxes_in_sight(self._cells)
         return self._lines_of_sight[1]
 
     def follow(self, world: World) -> World:
