@@ -85,15 +85,19 @@ def _borders(state: NDArray[np.uint8], wanted: NDArray[np.bool_]) -> NDArray[np.
     found, count = np.empty((1024, 4), np.int64), 0
     for r in range(rows):
         for c in range(columns):
-            if state[r, c] != UNKNOWN or not wanted[r, c]:
-                continue
-            for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-                row, column = r - dy, c - dx
-                if 0 <= row < rows and 0 <= column < columns and state[row, column] == FREE:
-                    if count == len(found):
-                        found = np.concatenate((found, found))
-                    found[count, 0], found[count, 1], found[count, 2], found[count, 3] = r, c, dx, dy
-                    count += 1
+            # Each pair of neighbours once; most are alike.
+            for dx, dy in ((1, 0), (0, 1)):
+                row, column = min(r + dy, rows - 1), min(c + dx, columns - 1)
+                if state[r, c] == state[row, column]:
+                    continue
+                forward = state[r, c] == FREE and state[row, column] == UNKNOWN and wanted[row, column]
+                backward = state[r, c] == UNKNOWN and state[row, column] == FREE and wanted[r, c]
+                if not forward and not backward:
+                    continue
+                if count == len(found):
+                    found = np.concatenate((found, found))
+                found[count] = (row, column, dx, dy) if forward else (r, c, -dx, -dy)
+                count += 1
     return found[:count].copy()
 
 
