@@ -69,6 +69,21 @@ def test_all_that_can_be_seen_is_seen() -> None:
 
 
 @pytest.mark.slow
+def test_a_machine_that_plans_more_slowly_than_the_sensor_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every path is known at a later reading only, and with noise each reading changes the map."""
+    monkeypatch.setattr("trailmark.exploration.course.DECISION", 0.0)
+    monkeypatch.setattr("trailmark.exploration.background.WAIT", 0.0)
+    exploring = explorer(two_rooms(1.0), noise=1.0)
+    changes = list[int]()
+    while len(changes) < 1000 and (not exploring.history or exploring.history[-1].distance < 1.0):
+        exploring.step()
+        changes.append(exploring.mapper.known.revision)
+    assert len(set(changes)) > 0.9 * len(changes)
+    assert exploring.ended is None
+    assert exploring.history[-1].distance >= 1.0
+
+
+@pytest.mark.slow
 def test_ways_that_are_never_found_come_to_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
     looks = 0
 

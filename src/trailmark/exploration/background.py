@@ -9,24 +9,15 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from threading import Event
 from time import perf_counter
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
-__all__ = ["Background", "Outcome", "Result"]
+__all__ = ["Background", "Result"]
 
 WAIT = 0.03
 """Seconds that work is waited for at least: most ways are found sooner, and others are asked for at the next reading.
 """
 
 Result = TypeVar("Result")
-
-
-class Outcome(NamedTuple):
-    """What came of some work."""
-
-    go_on: Callable[[], list[str]]
-    """Goes on with it; returns what happened."""
-    revision: int
-    """Of the map when the work began."""
 
 
 class Background:
@@ -39,20 +30,19 @@ class Background:
     def __init__(self) -> None:
         self.seconds = 0.0
         self._stopped, self._threads = Event(), ThreadPoolExecutor(1, "exploration")
-        self._current: tuple[Future[Callable[[], list[str]]], int] | None = None
+        self._current: Future[Callable[[], list[str]]] | None = None
 
     @property
     def is_on(self) -> bool:
         """Whether what comes of the work has not been asked for yet."""
         return self._current is not None
 
-    def begin(self, work: Callable[[], Result], then: Callable[[Result], list[str]], revision: int) -> None:
+    def begin(self, work: Callable[[], Result], then: Callable[[Result], list[str]]) -> None:
         """Begin a piece of work.
 
         Args:
             work: does it.
             then: to go on with what came of it; returns what happened.
-            revision: of the map.
         """
 
         def timed() -> Callable[[], list[str]]:
@@ -62,17 +52,20 @@ class Background:
             finally:
                 self.seconds += perf_counter() - begin
 
-        self._current = self._threads.submit(timed), revision
+        self._current = self._threads.submit(timed)
 
-    def outcome(self, until: float) -> Outcome | None:
-        """Return what came of the work; None if that is not known by then (``perf_counter``), or soon at least."""
-        assert self._current is not None  # noqa: S101 # the caller has looked
-        future, revision = self._current
+    def outcome(self, until: float) -> Callable[[], list[str]] | None:
+        """Return what goes on with what came of the work, and returns what happened.
+
+        None if it is not known by then (``perf_counter``), or soon at least.
+        """
+        future = self._current
+        assert future is not None  # noqa: S101 # the caller has looked
         wait([future], max(until - perf_counter(), WAIT))
         if not future.done():
             return None
         self._current = None
-        return Outcome(future.result(), revision)
+        return future.result()
 
     def is_stopped(self) -> bool:
         """Return whether no work is done any longer."""

@@ -101,6 +101,7 @@ class Course:
         # A path that touches something is none for a robot that may be beside it.
         self.planner = planner_in(mapper.known, name, robot, seed, max(mapper.margin, ON_PATH))
         self._background = Background()
+        self._known_then = mapper.known  # when the path that is followed was planned
 
     def update(self, moved: float, redrawn: bool, blocked: bool = False) -> list[str]:
         """See to it that there is a path to follow, as long as any landmark is left; return what happened.
@@ -124,15 +125,15 @@ class Course:
 
     def _go_on(self, moved: float, redrawn: bool, blocked: bool) -> list[str]:
         """Follow the path, or see to it that there is one; return what happened. See :meth:`update`."""
-        follower, known = self.follower, self._mapper.known
+        follower = self.follower
         if follower is None:
             return self._timed(self._worked if self._background.is_on else self._decide)
-        off = follower.advance(self._mapper.pose, moved)
+        stray = self._strays(follower, moved)
         if blocked:
             return self._back_off(follower)
         if self._expected is not None and self._since >= LEAST_DRIVE * self._range and self._pointless():
             return self._timed(self._decide)
-        if redrawn or off > self.tolerance or follower.endangered(known):
+        if redrawn or stray:
             return self._replan(follower, perf_counter() + DECISION)
         return []
 
@@ -151,10 +152,7 @@ class Course:
         return True
 
     def _divide(self) -> list[str] | None:
-        """Begin to divide the map's cells, which do not tell any longer whether a way is free; return what happened.
-
-        None if they cannot be divided. The robot stands, and senses, until that is done.
-        """
+        """Begin to divide cells, while the robot stands and senses; return what happened, None if they cannot be."""
         if (draw := self._mapper.divided()) is None:
             return None
         self.follower = self._expected = None
@@ -166,7 +164,6 @@ class Course:
         """Go on in a map of smaller cells."""
         known, self.planner, self._memory = divided
         self._mapper.go_on_with(known)
-        self.follower = self._expected = None
         self._failures, self._background.seconds = 0, 0.0
         return [f"cells of {known.cell:.3g} m from now on: larger ones do not tell whether the robot fits"]
 
@@ -224,19 +221,21 @@ class Course:
 
     def _work(self, work: Callable[[], Result], then: Callable[[Result], list[str]], until: float) -> list[str]:
         """Do a piece of work beside the sensing, and go on by what comes of it: at once, or after further readings."""
-        self._background.begin(work, then, self._mapper.known.revision)
+        self._background.begin(work, then)
+        self._known_then = self._mapper.known.as_it_is()
         return self._worked(until)
 
     def _worked(self, until: float) -> list[str]:
         """Go on by what comes of the work that is done, if that is known soon."""
-        outcome = self._background.outcome(until)
-        if outcome is None:
-            return []
-        events = outcome.go_on()
-        if self.follower and self._mapper.known.revision != outcome.revision:
-            # It was planned before the last readings.
+        events = [] if (go_on := self._background.outcome(until)) is None else go_on()
+        # By what was read meanwhile, if that matters: with noise each reading changes the map somewhere.
+        if self.follower and self._strays(self.follower):
             events += self._replan(self.follower, until)
         return events
+
+    def _strays(self, follower: PathFollower, moved: float = 0.0) -> bool:
+        """Return whether the robot is off its path, or something came near to that; take note of where the robot is."""
+        return follower.advance(self._mapper.pose, moved) > self.tolerance or follower.endangered(self._mapper.known)
 
     def _begin(
         self,
@@ -293,7 +292,7 @@ class Course:
         if len(escape) > 1:
             path = Path(np.concatenate([escape[:-1], path.states]))
         self.follower = PathFollower(path, planner.robot, planner.checker.footprint)
-        self.follower.endangered(self._mapper.known)
+        self.follower.endangered(self._known_then)
 
     def _replan(self, follower: PathFollower, until: float) -> list[str]:
         """Lead the path around what has come into its way, or give it up."""
@@ -319,6 +318,7 @@ class Course:
         if not known.add_contact(contact_points(robot, np.vstack([self._mapper.pose, follower.rest]), known.cell)):
             self.ended = "stuck", "the robot runs into what it ran into before, whichever way it goes"
             return []
+        self._known_then = known
         away = BACK * robot.circumradius + 2.0 * known.cell + self._mapper.margin
         self._follow(Path(way_back(poses, away, robot.circumradius)), self._mapper.pose[None], self.planner)
         return ["ran into something that is not in the map: it is marked, and the robot backs off"]

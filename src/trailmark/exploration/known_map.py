@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -130,6 +131,12 @@ class KnownMap:
         cells.seen[:] = np.where(state == UNKNOWN, 0, SEEN)
         self._discs = discs
         self._enter_contacts()
+
+    def as_it_is(self) -> KnownMap:
+        """Return a map of the same cells and surfaces, which no reading changes."""
+        still, cells = copy(self), self._cells
+        still._cells = cells._replace(state=cells.state.copy(), box=cells.box.copy())
+        return still
 
     def clear(self) -> None:
         """Forget what is known of all cells."""
