@@ -6,6 +6,7 @@ import signal
 from collections.abc import Callable
 from dataclasses import replace
 from threading import Event
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from trailmark.estimation import map_log
 from trailmark.estimation.logs.records import Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Scanner
 from trailmark.exploration import ExplorationProgress, ExplorationSettings, Explorer, Outlook
+from trailmark.exploration.background import Background
 from trailmark.exploration.course import MAX_FAILED
 from trailmark.exploration.explorer import MAX_BLOCKED, MAX_STILL
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN
@@ -68,19 +70,29 @@ def test_all_that_can_be_seen_is_seen() -> None:
     check_map(result, world)
 
 
-@pytest.mark.slow
+class Late(Background):
+    """Each piece of work is done one reading after it began, however fast the machine is."""
+
+    def begin(self, *arguments: Any) -> None:
+        self.asked = False
+        super().begin(*arguments)
+
+    def outcome(self, until: float) -> Any:
+        self.asked = not self.asked
+        return None if self.asked else super().outcome(until + 60.0)
+
+
 def test_a_machine_that_plans_more_slowly_than_the_sensor_reads(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every path is known at a later reading only, and with noise each reading changes the map."""
-    monkeypatch.setattr("trailmark.exploration.course.DECISION", 0.0)
-    monkeypatch.setattr("trailmark.exploration.background.WAIT", 0.0)
+    """With noise each reading changes the map, and what was planned before it is driven all the same."""
+    monkeypatch.setattr("trailmark.exploration.course.Background", Late)
     exploring = explorer(two_rooms(1.0), noise=1.0)
     changes = list[int]()
-    while len(changes) < 1000 and (not exploring.history or exploring.history[-1].distance < 1.0):
+    for _ in range(40):
         exploring.step()
         changes.append(exploring.mapper.known.revision)
-    assert len(set(changes)) > 0.9 * len(changes)
+    assert len(set(changes)) > 35
     assert exploring.ended is None
-    assert exploring.history[-1].distance >= 1.0
+    assert exploring.history[-1].distance > 1.0
 
 
 @pytest.mark.slow
