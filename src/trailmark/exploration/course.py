@@ -156,8 +156,8 @@ class Course:
         if (draw := self._mapper.divided()) is None:
             return None
         self.follower = self._expected = None
-        known, memory = self._mapper.known.state.copy(), self._memory
-        divide = partial(divided, draw, self._background.is_stopped, self.planner, self._robot, memory, known)
+        state, memory = self._mapper.known.state.copy(), self._memory
+        divide = partial(divided, draw, self._background.is_stopped, self.planner, self._robot, memory, state)
         return self._work(divide, self._go_on_divided, perf_counter() + DECISION)
 
     def _go_on_divided(self, divided: Divided) -> list[str]:
