@@ -85,7 +85,7 @@ class Cells(NamedTuple):
 
 @njit(cache=True, nogil=True)
 def boxes_in_sight(cells):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Return the boxes of the surfaces in cells, shape (rows, columns, 4), where another may be unseen all of it."""
+    """Return the boxes of the surfaces in cells, (rows, columns, 4): all of one where beams lay too far apart."""
     boxes = cells.box.copy()
     for r in range(boxes.shape[0]):
         for c in range(boxes.shape[1]):

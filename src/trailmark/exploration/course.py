@@ -101,7 +101,7 @@ class Course:
         # A path that touches something is none for a robot that may be beside it.
         self.planner = planner_in(mapper.known, name, robot, seed, max(mapper.margin, ON_PATH))
         self._background = Background()
-        self._known_then = mapper.known  # when the path that is followed was planned
+        self._known_at_planning = mapper.known  # when the path that is followed was planned
 
     def update(self, moved: float, redrawn: bool, blocked: bool = False) -> list[str]:
         """See to it that there is a path to follow, as long as any landmark is left; return what happened.
@@ -127,7 +127,7 @@ class Course:
         """Follow the path, or see to it that there is one; return what happened. See :meth:`update`."""
         follower = self.follower
         if follower is None:
-            return self._timed(self._worked if self._background.is_on else self._decide)
+            return self._timed(self._finish if self._background.is_on else self._decide)
         stray = self._strays(follower, moved)
         if blocked:
             return self._back_off(follower)
@@ -158,7 +158,7 @@ class Course:
         self.follower = self._expected = None
         state, memory = self._mapper.known.state.copy(), self._memory
         divide = partial(divided, draw, self._background.is_stopped, self.planner, self._robot, memory, state)
-        return self._work(divide, self._go_on_divided, perf_counter() + DECISION)
+        return self._start_on(divide, self._go_on_divided, perf_counter() + DECISION)
 
     def _go_on_divided(self, divided: Divided) -> list[str]:
         """Go on in a map of smaller cells."""
@@ -214,18 +214,18 @@ class Course:
                 break
             index = choice_of(self._choose, found.outlook)
             plan = partial(plan_to, known, planner, found, index, s, self._memory, self._background.is_stopped)
-            events += self._work(plan, partial(self._begin, planner, escape, found.expected[index]), until)
+            events += self._start_on(plan, partial(self._begin, planner, escape, found.expected[index]), until)
             if 2.0 * perf_counter() - begin >= until:
                 break  # another one would take too long
         return events
 
-    def _work(self, work: Callable[[], Result], then: Callable[[Result], list[str]], until: float) -> list[str]:
+    def _start_on(self, work: Callable[[], Result], then: Callable[[Result], list[str]], until: float) -> list[str]:
         """Do a piece of work beside the sensing, and go on by what comes of it: at once, or after further readings."""
         self._background.begin(work, then)
-        self._known_then = self._mapper.known.as_it_is()
-        return self._worked(until)
+        self._known_at_planning = self._mapper.known.snapshot()
+        return self._finish(until)
 
-    def _worked(self, until: float) -> list[str]:
+    def _finish(self, until: float) -> list[str]:
         """Go on by what comes of the work that is done, if that is known soon."""
         events = [] if (go_on := self._background.outcome(until)) is None else go_on()
         # By what was read meanwhile, if that matters: with noise each reading changes the map somewhere.
@@ -280,7 +280,7 @@ class Course:
                 self._follow(planned.path, escape, planner)
             return []
 
-        return self._work(partial(planner.plan, here, target, self._settings.planning_time, gap=0.05), then, until)
+        return self._start_on(partial(planner.plan, here, target, self._settings.planning_time, gap=0.05), then, until)
 
     def _follow(self, path: Path, escape: FloatArray, planner: LandmarkPlanner, turn: bool = False) -> None:
         """Begin a path, after the way out of contact that leads to its first state; with a turn at its end."""
@@ -292,7 +292,7 @@ class Course:
         if len(escape) > 1:
             path = Path(np.concatenate([escape[:-1], path.states]))
         self.follower = PathFollower(path, planner.robot, planner.checker.footprint)
-        self.follower.endangered(self._known_then)
+        self.follower.endangered(self._known_at_planning)
 
     def _replan(self, follower: PathFollower, until: float) -> list[str]:
         """Lead the path around what has come into its way, or give it up."""
@@ -309,7 +309,7 @@ class Course:
             return [] if result.kept else [f"path replanned: {result.reason}"]
 
         plan = partial(planner.replan, pose, follower.target, follower.path, self._settings.planning_time, escape=True)
-        return self._work(plan, then, until)
+        return self._start_on(plan, then, until)
 
     def _back_off(self, follower: PathFollower) -> list[str]:
         """Mark what the robot ran into, and begin the way back, along which it came."""
@@ -318,7 +318,7 @@ class Course:
         if not known.add_contact(contact_points(robot, np.vstack([self._mapper.pose, follower.rest]), known.cell)):
             self.ended = "stuck", "the robot runs into what it ran into before, whichever way it goes"
             return []
-        self._known_then = known
+        self._known_at_planning = known
         away = BACK * robot.circumradius + 2.0 * known.cell + self._mapper.margin
         self._follow(Path(way_back(poses, away, robot.circumradius)), self._mapper.pose[None], self.planner)
         return ["ran into something that is not in the map: it is marked, and the robot backs off"]

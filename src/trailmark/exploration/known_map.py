@@ -132,7 +132,7 @@ class KnownMap:
         self._discs = discs
         self._enter_contacts()
 
-    def as_it_is(self) -> KnownMap:
+    def snapshot(self) -> KnownMap:
         """Return a map of the same cells and surfaces, which no reading changes."""
         still, cells = copy(self), self._cells
         still._cells = cells._replace(state=cells.state.copy(), box=cells.box.copy())

@@ -33,7 +33,6 @@ FAR = 8.0
 """Standard deviations: an obstacle that would have to move farther to meet the path is not drawn (its share of the risk
 is below 1e-13)."""
 
-
 ROUNDING = 1e-6
 """Metres by which distances may be rounded, far from the origin."""
 
