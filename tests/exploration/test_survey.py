@@ -15,6 +15,7 @@ from scipy import ndimage
 from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.exploration import landmark_ways
+from trailmark.exploration.candidates import NEAR
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
@@ -205,9 +206,9 @@ def test_between_failures_other_places_get_their_turn_though_the_map_changes() -
     known.set_state(state)
     found, _ = look(known, (0.5, 0.5, 0.0), memory)
     assert memory.refused[15, 25] == 1
-    columns = known.cells_of(found.outlook.landmarks[:, :2])[1]
-    assert len(columns)
-    assert (columns < 20).all()
+    cells = known.cells_of(found.outlook.landmarks[:, :2])
+    assert len(cells[0])
+    assert (memory.refused[cells] == 0).all()
     # Once a way was found, what has changed in the meantime is looked at anew.
     memory.failed = 0
     look(known, (0.5, 0.5, 0.0), memory)
@@ -498,3 +499,18 @@ def test_where_cells_are_divided_what_was_looked_at_counts_and_where_ways_lead_i
     unknown = known.state.repeat(2, axis=0).repeat(2, axis=1) == UNKNOWN
     assert (divided.looked[~unknown] == 0.0).all()
     assert np.array_equal(divided.looked[unknown], memory.looked.repeat(2, axis=0).repeat(2, axis=1)[unknown])
+
+
+def test_frontiers_are_given_to_landmarks_that_see_them_from_near_where_there_are_any() -> None:
+    known = room_with_a_door()
+    found, _ = look(known, (0.5, 0.5, 0.0), Memory(known))
+    outlook, reach = found.outlook, found.outlook.sensor_range
+    assert outlook.sees.any(axis=0).all()
+    # A landmark is to show something, from wherever.
+    assert all(len(rows) for rows, _ in found.expected)
+    for landmark, sees, (rows, columns) in zip(outlook.landmarks, outlook.sees, found.expected, strict=True):
+        away = np.hypot(*(known.centres(rows, columns) - landmark[:2]).T)
+        assert away.max() <= reach + known.cell
+        others = outlook.landmarks[outlook.sees.any(axis=1)]
+        for x, y in known.centres(rows, columns)[away > NEAR * reach + known.cell] if sees.any() else ():
+            assert (np.hypot(*(others[:, :2] - (x, y)).T) > NEAR * reach - known.cell).all()

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -31,6 +31,10 @@ MOST = 40
 
 GROUPS = 60
 """Groups of frontiers that no landmark sees, the nearest ones, for which places are looked for while there are any."""
+
+NEAR = 0.5
+"""Share of the distance from which an edge is in sight: from there it is seen well, with much of what lies behind. Seen
+from farther away it only recedes, and has to be driven to again."""
 
 EDGES = 4
 """Of a group that no landmark sees: places are looked for that see one of them; of all, before the end is proven."""
@@ -65,6 +69,8 @@ class Candidates(NamedTuple):
     """With which the robot fits there, shape (n,), radians; not a number where it fits with any."""
     sees: NDArray[np.bool_]
     """Which place sees which edge of the frontiers, shape (n, edges)."""
+    near: NDArray[np.bool_]
+    """Which place sees which edge from so near (:data:`NEAR`), shape (n, edges)."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +96,8 @@ class Search:
         """Return places from which all frontiers are seen that can be seen from where the robot can get to.
 
         First K-means centres of free places, as many as the sensor's range asks for; then, for each group of frontiers
-        that none of them sees, the K-means centre of places drawn of those that see it. Where that is nothing at
-        all, every edge is asked for every place: without candidates there is nothing left to be seen.
+        that none of them sees from near, the K-means centre of places drawn of those that do. Where nothing at all is
+        seen, every edge is asked for every place, near or far: without candidates there is nothing left to be seen.
 
         Args:
             sensor_range: in cells.
@@ -99,15 +105,18 @@ class Search:
         """
         cells = self._centres(sensor_range, rng)
         headings, sees = np.full(len(cells), np.nan), self._sees(cells)
-        every = len(self.frontiers.edges)
-        for edges, spacing, refusals in ((EDGES, 4.0, 0), (every, DENSE, 0), (every, DENSE, 1), (every, DENSE, 2)):
-            more, more_headings = self._seeing(sees, edges, spacing, refusals, until_settled=edges == every)
+        every, nearer = len(self.frontiers.edges), replace(self, farthest=NEAR * self.farthest)
+        stages = ((nearer, EDGES, 4.0, 0), *((self, every, DENSE, refusals) for refusals in range(3)))
+        for search, edges, spacing, refusals in stages:
+            seen = sees & search._is_within(cells)
+            more, more_headings = search._seeing(seen, edges, spacing, refusals, until_settled=edges == every)
             cells, headings = np.concatenate([cells, more]), np.concatenate([headings, more_headings])
             sees = np.concatenate([sees, self._sees(more)])
             if sees.any():
                 break
         useful = sees.any(axis=1)
-        return Candidates(cells[useful], headings[useful], sees[useful])
+        cells, sees = cells[useful], sees[useful]
+        return Candidates(cells, headings[useful], sees, sees & nearer._is_within(cells))
 
     def shows_more(self, refusals: int) -> bool:
         """Return whether anything would be seen from a place to which as often no way was found, at most."""
@@ -129,6 +138,12 @@ class Search:
         return sight(
             self.known.state, self.known.surface_boxes(), middles_of(cells), self.frontiers.edges, self.farthest
         )
+
+    def _is_within(self, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return which edges are as near to places as they are looked at from, shape (n, edges)."""
+        middles = self.frontiers.edges[:, :2]
+        away = np.hypot(*(middles_of(cells)[:, None] - middles).transpose(2, 0, 1))
+        return np.asarray(away <= self.farthest)
 
     def _seeing(
         self, sees: NDArray[np.bool_], edges: int, spacing: float, refusals: int, *, until_settled: bool

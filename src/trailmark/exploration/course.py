@@ -34,7 +34,7 @@ from trailmark.world import Robot
 
 __all__ = ["Course"]
 
-SEEN = 0.8
+SEEN = 0.95
 """Share of what a landmark was chosen for that, once it has been seen, makes driving on to it pointless."""
 
 LEAST_DRIVE = 0.2

@@ -151,7 +151,7 @@ class Survey(NamedTuple):
     proven since the robot last drove: what opens while it stands is not looked at again. ``stuck`` where something
     would be in sight from a place to which no way was found, nor is it proven that there is none."""
     expected: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
-    """For each landmark, rows and columns of the unknown cells at the frontiers that are in sight from it."""
+    """For each landmark, rows and columns of the unknown cells at the frontiers that it is to show."""
     any_heading: NDArray[np.bool_]
     """Which landmarks may be come to with any heading, shape (n,)."""
     narrow: bool
@@ -210,7 +210,9 @@ def survey(
         search = replace(search)  # what it found out no longer holds
         found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
-    frontiers, sees = frontiers.subset(np.asarray(seen)), found.sees[:, seen]
+    frontiers, far, near = frontiers.subset(np.asarray(seen)), found.sees[:, seen], found.near[:, seen]
+    # From afar alone where nothing is nearer.
+    sees = near | (far & ~near.any(axis=0))
     n = len(found.cells)
     ends = np.asarray([pose, pose if home is None else home], dtype=np.float64)
     ways = Travel(levels, robot.reference_radius / cell).between(
@@ -247,7 +249,9 @@ def survey(
             "seen from elsewhere has been seen"
         )
     unknown = frontiers.unknown
-    expected = tuple((unknown[row, 0], unknown[row, 1]) for row in sees)
+    # What is better seen from elsewhere is what is left to those that see nothing else.
+    shown = np.asarray(np.where(np.asarray(sees.any(axis=1))[:, None], sees, far))
+    expected = tuple((unknown[row, 0], unknown[row, 1]) for row in shown)
     narrow = bool(ended) and search.shows_more(EXCLUDED)
     if narrow and status == "complete":
         ended += f", as far as cells of {cell:.3g} m tell where it fits"

@@ -21,6 +21,10 @@ SURER = 2.0
 expected to fall by one metre, as a loop is closed. What is mapped on the way there lies as far off as the robot.
 Without noise nothing falls."""
 
+BACK = 0.3
+"""Share of the way from the last landmark back here that counts, where there is no home: what is left behind has to be
+come back for, and new frontiers appear before the tour ends."""
+
 ROUNDS = 10
 """Of improvements at most; each of them makes the tour shorter."""
 
@@ -28,8 +32,9 @@ ROUNDS = 10
 def tour(outlook: Outlook) -> int:
     """Return the first landmark of a short tour from here past landmarks that together see all frontiers.
 
-    The tour ends at home, or where there is none at any landmark. What has been left behind near the way is so seen
-    before the robot goes on, wherever going back later would cost more; a room is seen to the end before it is left.
+    The tour ends at home, or where there is none at any landmark, rather one from which it is not far back here. What
+    has been left behind near the way is so seen before the robot goes on, wherever going back later would cost more; a
+    room is seen to the end before it is left.
     Of about equal tours, that is taken which comes early to where a loop is closed (:data:`SURER`).
 
     Source: tours of frontiers instead of the nearest: Kulich, Faigl & Přeučil, "On distance utility in the exploration
@@ -39,8 +44,8 @@ def tour(outlook: Outlook) -> int:
     ways = np.zeros((n + 2, n + 2))
     ways[1 : n + 1, 1 : n + 1] = outlook.between
     ways[0, 1 : n + 1] = ways[1 : n + 1, 0] = outlook.costs
-    # The last node is home, or a place that is nowhere far.
-    ends = outlook.home_costs if outlook.home is not None else np.zeros(n)
+    # The last node is home, or on the way back here.
+    ends = outlook.home_costs if outlook.home is not None else BACK * outlook.costs
     ways[n + 1, 1 : n + 1] = ways[1 : n + 1, n + 1] = ends
     weights = np.zeros(n + 2)
     weights[1 : n + 1] = SURER * outlook.certainty
