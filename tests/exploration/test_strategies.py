@@ -9,7 +9,7 @@ import pytest
 
 from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.strategies import STRATEGIES
-from trailmark.exploration.tour import covering_tour, shortened_tour
+from trailmark.exploration.tour import RETURN, covering_tour, shortened_tour
 
 
 def outlook(places: list[tuple[float, float]], sees: list[list[int]], areas: list[float] | None = None) -> Outlook:
@@ -73,6 +73,23 @@ def test_a_tour_home_goes_round() -> None:
     ways[5, 1:5] = ways[1:5, 5] = home.home_costs
     order = covering_tour(ways, np.zeros(6), home.sees).tolist()
     assert order in ([0, 1, 2, 3], [3, 2, 1, 0])
+
+
+def test_a_tour_without_a_home_counts_a_part_of_the_way_back() -> None:
+    firsts = []
+    for seed in range(40):
+        o = outlook([(x, y) for x, y in np.random.default_rng(seed).uniform(-5.0, 5.0, (4, 2))], [[0], [1], [2], [3]])
+        for share in (RETURN, 0.0):
+            costs = {
+                order: o.costs[order[0]]
+                + sum(o.between[a, b] for a, b in itertools.pairwise(order))
+                + share * o.costs[order[-1]]
+                for order in itertools.permutations(range(4))
+            }
+            firsts.append(min(costs, key=lambda order: costs[order])[0])
+        assert STRATEGIES["tour"](o) == firsts[-2]
+    # Without it, some would begin elsewhere.
+    assert firsts[::2] != firsts[1::2]
 
 
 def best_covering(ways: np.ndarray, sees: np.ndarray) -> float:

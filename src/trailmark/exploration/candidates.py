@@ -33,8 +33,8 @@ GROUPS = 60
 """Groups of frontiers that no landmark sees, the nearest ones, for which places are looked for while there are any."""
 
 NEAR = 0.5
-"""Share of the distance from which an edge is in sight: from there it is seen well, with much of what lies behind. Seen
-from farther away it only recedes, and has to be driven to again."""
+"""Share of the distance up to which an edge can be seen, from which it is looked at if possible. From farther away
+little of what lies behind it is in range, and it has to be driven to again."""
 
 EDGES = 4
 """Of a group that no landmark sees: places are looked for that see one of them; of all, before the end is proven."""
@@ -70,7 +70,7 @@ class Candidates(NamedTuple):
     sees: NDArray[np.bool_]
     """Which place sees which edge of the frontiers, shape (n, edges)."""
     near: NDArray[np.bool_]
-    """Which place sees which edge from so near (:data:`NEAR`), shape (n, edges)."""
+    """Which place sees which edge from near (:data:`NEAR`), shape (n, edges)."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class Search:
         )
 
     def _is_within(self, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return which edges are as near to places as they are looked at from, shape (n, edges)."""
+        """Return which edges lie within the distance that each is looked at from, places by edges, shape (n, edges)."""
         middles = self.frontiers.edges[:, :2]
         away = np.hypot(*(middles_of(cells)[:, None] - middles).transpose(2, 0, 1))
         return np.asarray(away <= self.farthest)

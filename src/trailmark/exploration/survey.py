@@ -211,7 +211,7 @@ def survey(
         found = search.candidates(sensor_range / cell, rng)
     seen = found.sees.any(axis=0)
     frontiers, far, near = frontiers.subset(np.asarray(seen)), found.sees[:, seen], found.near[:, seen]
-    # From afar alone where nothing is nearer.
+    # An edge counts as seen from afar only where no landmark sees it from near.
     sees = near | (far & ~near.any(axis=0))
     n = len(found.cells)
     ends = np.asarray([pose, pose if home is None else home], dtype=np.float64)
@@ -249,7 +249,7 @@ def survey(
             "seen from elsewhere has been seen"
         )
     unknown = frontiers.unknown
-    # What is better seen from elsewhere is what is left to those that see nothing else.
+    # A landmark all of whose edges others see from near is to show those that it sees from afar.
     shown = np.asarray(np.where(np.asarray(sees.any(axis=1))[:, None], sees, far))
     expected = tuple((unknown[row, 0], unknown[row, 1]) for row in shown)
     narrow = bool(ended) and search.shows_more(EXCLUDED)

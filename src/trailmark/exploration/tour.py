@@ -21,9 +21,9 @@ SURER = 2.0
 expected to fall by one metre, as a loop is closed. What is mapped on the way there lies as far off as the robot.
 Without noise nothing falls."""
 
-BACK = 0.3
-"""Share of the way from the last landmark back here that counts, where there is no home: what is left behind has to be
-come back for, and new frontiers appear before the tour ends."""
+RETURN = 0.3
+"""Share of the way from the last landmark back to where the robot is that counts in the tour's cost, where there is no
+home: new frontiers appear before the tour ends, and what was left behind has to be come back for from there."""
 
 ROUNDS = 10
 """Of improvements at most; each of them makes the tour shorter."""
@@ -44,8 +44,8 @@ def tour(outlook: Outlook) -> int:
     ways = np.zeros((n + 2, n + 2))
     ways[1 : n + 1, 1 : n + 1] = outlook.between
     ways[0, 1 : n + 1] = ways[1 : n + 1, 0] = outlook.costs
-    # The last node is home, or on the way back here.
-    ends = outlook.home_costs if outlook.home is not None else BACK * outlook.costs
+    # The last node is home, or stands for a part of the way back here.
+    ends = outlook.home_costs if outlook.home is not None else RETURN * outlook.costs
     ways[n + 1, 1 : n + 1] = ways[1 : n + 1, n + 1] = ends
     weights = np.zeros(n + 2)
     weights[1 : n + 1] = SURER * outlook.certainty
