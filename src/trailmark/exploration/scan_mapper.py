@@ -67,6 +67,10 @@ PLACES: Final = 20
 SURFACES: Final = 4.0
 """Times the noise: side of a cell, at least, that comes of dividing others; smaller ones tell of noise alone."""
 
+GAP: Final = 0.1
+"""Metres between end points of one surface from which on they would count as shapes of their own, so sure is a match
+of end points that scatter by :data:`LEAST`."""
+
 POINTS: Final = 200
 """End points of a scan, at most, by which odometry is checked."""
 
@@ -256,6 +260,7 @@ class ScanMapper:
             local_length=far * s.local_length,
             loop_distance=far * s.loop_distance,
             scatter=max(self._sensor.sigma, LEAST),
+            filled_gap=GAP,
         )
         if self._states_exactness:
             return s  # scans say otherwise
@@ -272,7 +277,8 @@ class ScanMapper:
         cloud = point_cloud(scan, reach)
         if len(cloud.points) < MIN_POINTS or not before:
             return True
-        area = local_map(joined([point_cloud(old, reach) for old, _ in before], np.array([pose for _, pose in before])))
+        joint = joined([point_cloud(old, reach) for old, _ in before], np.array([pose for _, pose in before]))
+        area = local_map(joint, gap=GAP)
         points = cloud.points[:: -(-len(cloud.points) // POINTS)]
         # Where nothing holds the scan, as along a corridor, it is where odometry has it.
         information = np.diag([1.0 / EXACT[0] ** 2, 1.0 / EXACT[0] ** 2, 1.0 / EXACT[1] ** 2])

@@ -70,7 +70,7 @@ def test_people_glass_and_short_ranges_are_no_obstacle(range_max: float) -> None
     # Glass: a tenth of the beams came back from far behind the wall.
     through = np.random.default_rng(0).random(len(cloud.points)) < 0.1
     points = np.where(through[:, None], 1.7 * cloud.points, cloud.points)
-    found = match(AREA, PointCloud(points, cloud.normals), np.add(true, [0.4, -0.4, 0.3]))
+    found = match(AREA, PointCloud(points, cloud.normals, cloud.spacing), np.add(true, [0.4, -0.4, 0.3]))
     assert np.hypot(*(found - true)[:2]) < 0.05
     assert abs(found[2] - true[2]) < math.radians(1.0)
 
@@ -100,6 +100,41 @@ def test_the_direction_of_a_corridor_is_left_open() -> None:
     assert abs(along @ (found - guess)[:2]) < 0.1
 
 
+@pytest.mark.parametrize(("gap", "is_open"), [(0.1, True), (math.inf, False)])
+def test_beams_that_lie_metres_apart_do_not_hold_a_scan_along_a_corridor(gap: float, is_open: bool) -> None:
+    """Where each end point counts for itself, the next scan seems to lie where its own come to lie on some."""
+    walls, true = (shapely.box(-300, 25, 300, 27), shapely.box(-300, -27, 300, -25)), np.array([0.8, 0.0, 0.0])
+    sigma, nees = np.array([0.03, 0.03, 0.01]), list[float]()
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        before, now = (
+            point_cloud(cast(walls, [x, 0, 0], beams=200, field=math.tau, sigma_range=0.01, range_max=80, rng=rng), 80)
+            for x in (0.0, true[0])
+        )
+        area, guess = local_map(before, gap=gap), true + sigma * rng.normal(size=3)
+        first = search(area, now.points, guess, WINDOW, information=np.diag(1.0 / sigma**2))
+        assert first is not None
+        found = refine(area, now, first.pose, information=0.01 * np.diag(1.0 / sigma**2), guess=guess).pose
+        covariance, opens = match_covariance(area, now.points, found, scatter=0.01)
+        assert opens == is_open
+        information = np.linalg.inv(covariance) + np.diag(1.0 / sigma**2)
+        nees.append(float((found - true) @ information @ (found - true)) / 3.0)
+    # What lines make of it is consistent, and what points alone would make of it far from that.
+    assert (np.mean(nees) < 1.5) == is_open
+    assert (max(nees) < 5.0) == is_open
+
+
+def test_lines_are_filled_in_on_one_surface_alone() -> None:
+    """Against shapely: what is filled in lies on the walls, and nothing spans the door between them."""
+    walls = (shapely.box(-2.0, 3.0, 1.0, 3.2), shapely.box(2.5, 3.0, 5.5, 3.2), shapely.box(5.5, -3.2, 5.7, 3.2))
+    cloud = point_cloud(cast(walls, [0.0, 0.0, 0.0], beams=90, range_max=30.0), 30.0)
+    filled, points = local_map(cloud, gap=0.06).points, local_map(cloud).points
+    distances = shapely.distance(shapely.union_all(walls), shapely.points(filled))
+    assert len(filled) > 2 * len(points)
+    assert distances.max() < 0.02
+    assert len(local_map(cloud, gap=0.06).normals) == len(filled)
+
+
 def test_the_search_finds_the_best_of_all_poses() -> None:
     """Branch and bound against trying each pose of the lattice."""
     true = np.array([2.0, 2.4, 0.2])
@@ -125,7 +160,7 @@ def test_the_search_finds_the_best_of_all_poses() -> None:
 
 
 def test_what_shows_nothing_matches_nowhere() -> None:
-    nothing = PointCloud(np.empty((0, 2)), np.empty((0, 2)))
+    nothing = PointCloud(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
     assert search(AREA, nothing.points, np.zeros(3), WINDOW) is None
     empty = local_map(nothing, (0.0, 0.0, 1.0, 1.0))
     assert search(empty, AREA.points, np.zeros(3), WINDOW) is None
@@ -135,14 +170,15 @@ def test_points_of_a_walls_other_face_do_not_count() -> None:
     x = np.arange(-2.0, 2.0, 0.05)
     wall = np.column_stack([x, np.full(len(x), 2.0)])
     towards = np.tile([0.0, -1.0], (len(x), 1))
-    area = local_map(PointCloud(wall, towards))
+    dense = np.full(len(x), 0.05)
+    area = local_map(PointCloud(wall, towards, dense))
     here, behind = np.zeros(3), np.array([0.0, 4.0, math.pi])
-    assert facing_score(area, PointCloud(wall, towards), here) == pytest.approx(1.0, abs=0.1)
+    assert facing_score(area, PointCloud(wall, towards, dense), here) == pytest.approx(1.0, abs=0.1)
     # From behind, the same points are seen at the same places; with directions of their own, and without.
-    seen = PointCloud(np.column_stack([-x, np.full(len(x), 2.0)]), towards)
+    seen = PointCloud(np.column_stack([-x, np.full(len(x), 2.0)]), towards, dense)
     assert refine(area, seen, behind).score > 0.9
     assert facing_score(area, seen, behind) == 0.0
-    assert facing_score(area, PointCloud(seen.points, np.zeros_like(towards)), behind) == 0.0
+    assert facing_score(area, PointCloud(seen.points, np.zeros_like(towards), dense), behind) == 0.0
     # Points without a direction count where the face is turned to the scanner; outside the map nothing does.
-    assert facing_score(area, PointCloud(wall, np.zeros_like(towards)), here) == pytest.approx(1.0, abs=0.1)
-    assert facing_score(area, PointCloud(wall + 50.0, towards), here) == 0.0
+    assert facing_score(area, PointCloud(wall, np.zeros_like(towards), dense), here) == pytest.approx(1.0, abs=0.1)
+    assert facing_score(area, PointCloud(wall + 50.0, towards, dense), here) == 0.0

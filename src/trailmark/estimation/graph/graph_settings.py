@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from trailmark.checked import Count, NonNegative, Positive, Probability, Share, checked_fields
+from trailmark.checked import Count, NonNegative, Positive, PositiveOrInfinite, Probability, Share, checked_fields
 from trailmark.estimation.errors import EstimationError
 from trailmark.se2 import FloatArray
 
@@ -40,6 +40,9 @@ class GraphSettings:
     scatter: Positive = 0.1
     """Metres by which end points lie off the surfaces that they belong to, one standard deviation: the scanner's noise,
     and what moves, leans or is not flat. As sure is a match; in a world of walls it is the scanner's noise alone."""
+    filled_gap: PositiveOrInfinite = 0.8
+    """Metres between neighbouring end points of one straight surface from which on local maps have the line between
+    them: points that lie farther apart count as shapes of their own, where there are none."""
     window: tuple[Positive, Positive] = (0.5, math.radians(20.0))
     """How far from what odometry says a match is searched for at least: metres along x and y each, radians."""
     odometry: tuple[NonNegative, NonNegative] = (0.1, 0.1)

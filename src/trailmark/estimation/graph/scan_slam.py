@@ -112,7 +112,7 @@ class ScanSlam:
         self._weight = (
             settings.scatter / SIGMA
         ) ** 2  # of a guess, among end points that are taken to scatter by SIGMA
-        self._keys = KeyScans()
+        self._keys = KeyScans(settings.filled_gap)
         self._loops = LoopFinder(self._keys, settings)
         self._area: LocalMap | None = None
         self._covariance = np.zeros((3, 3))
@@ -162,6 +162,8 @@ class ScanSlam:
             if len(cloud.points) < MIN_POINTS or (
                 match.score >= 0.5 * s.loop_score and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
             ):
+                matched = self._matched(self._area, cloud, match.pose)
+                self._covariance = _combined(matched, s.odometry_noise(step))
                 self._hold(last, pose)
                 return
         guess, noise = compose(self._keys.poses[last], step), s.odometry_noise(step)
@@ -173,6 +175,7 @@ class ScanSlam:
         own = len(self._keys)
         if len(cloud.points) < MIN_POINTS:
             self._keys.relations.append(Relation(last, own, step, noise))
+            self._covariance = noise
             self._add_key(guess, cloud, odometry)
             return
         window = Window(
@@ -201,8 +204,9 @@ class ScanSlam:
         if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
             self._keys.relations.pop()
             return
-        self._covariance, _ = match_covariance(self._area, points, pose, scatter=s.scatter)
-        self._keys.relations.append(self._keys.related(last, own, pose, self._covariance, certain=True))
+        matched = self._matched(self._area, cloud, pose)
+        self._keys.relations.append(self._keys.related(last, own, pose, matched, certain=True))
+        self._covariance = _combined(matched, noise)
         self._add_key(pose, cloud, odometry)
         closures = self._loops.find(own)
         if closures:
@@ -230,8 +234,8 @@ class ScanSlam:
         self._chain, self._last = keys.chain(node, 2.0 * s.local_length, s.local_scans), node
         cloud, area = point_cloud(scan, s.max_range), self._renew_area()
         pose = refine(area, cloud, pose).pose
-        covariance, _ = match_covariance(area, cloud.points, pose, scatter=s.scatter)
-        keys.relations.append(keys.related(node, own, pose, covariance, certain=True))
+        self._covariance = self._matched(area, cloud, pose)
+        keys.relations.append(keys.related(node, own, pose, self._covariance, certain=True))
         self._add_key(pose, cloud, odometry)
 
     def candidates(self, scan: Scan) -> FloatArray:
@@ -270,6 +274,13 @@ class ScanSlam:
             poses, covariances[own], odometry, np.array(self._own), tuple(relations), self._closures, rejected
         )
 
+    def _matched(self, area: LocalMap, cloud: PointCloud, pose: FloatArray) -> FloatArray:
+        """Return the covariance of a pose at which a cloud was matched, shape (3, 3); of few points next to nothing."""
+        if len(cloud.points) < MIN_POINTS:
+            return np.eye(3)
+        points = cloud.points[:: -(-len(cloud.points) // MATCHED)]
+        return match_covariance(area, points, pose, scatter=self._s.scatter)[0]
+
     def _add_key(self, pose: FloatArray, cloud: PointCloud, odometry: FloatArray) -> None:
         s, own = self._s, len(self._keys)
         # After a node that is not the one before, the drive begins anew.
@@ -280,9 +291,7 @@ class ScanSlam:
         self._last, self._odometry = own, odometry
         self._own.append(len(self._scans))
         self._hold(own, np.zeros(3))
-        area = self._renew_area()
-        if own == 0 and len(cloud.points):
-            self._covariance, _ = match_covariance(area, cloud.points, pose, scatter=s.scatter)
+        self._renew_area()
 
     def _return_to_node(self, pose: FloatArray, cloud: PointCloud, odometry: FloatArray) -> bool:
         """Hold a scan by a node that stands where it does, and return whether there is one whose map it fits."""
@@ -299,6 +308,7 @@ class ScanSlam:
         if match.score < s.loop_score or np.hypot(*relative(pose, match.pose)[:2]) > 0.5 * s.key_distance:
             return False
         self._area, self._chain, self._last = area, chain, node
+        self._covariance = self._matched(area, cloud, match.pose)
         self._hold(node, relative(keys.poses[node], match.pose))
         # Odometry is known at the scan, which stands beside the node.
         self._odometry = compose(odometry, relative(match.pose, keys.poses[node]))
@@ -320,6 +330,11 @@ def _surprise(relation: Relation, poses: FloatArray) -> float:
     """Return how far poses are from a relation: squared, by its covariance, a number."""
     error = relative(relation.pose, relative(poses[relation.a], poses[relation.b]))
     return float(error @ np.linalg.solve(relation.covariance, error)) / 3.0
+
+
+def _combined(matched: FloatArray, odometry: FloatArray) -> FloatArray:
+    """Return the covariance of a pose that a match and odometry tell, shape (3, 3)."""
+    return np.asarray(np.linalg.inv(np.linalg.inv(matched) + np.linalg.inv(odometry)))
 
 
 def _inverse(covariance: FloatArray) -> FloatArray:

@@ -39,9 +39,13 @@ class KeyScans:
         poses: shape (n, 3).
         travel: shape (n,), metres driven before each.
         relations: between them.
+
+    Args:
+        gap: metres between neighbouring end points of a surface from which on local maps have the line between them.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, gap: float) -> None:
+        self._gap = gap
         self.clouds: list[PointCloud] = []
         self.poses = np.empty((0, 3))
         self.travel = np.empty(0)
@@ -74,15 +78,15 @@ class KeyScans:
         """
         cloud = joined([self.clouds[i] for i in chosen], self.poses[chosen])
         x, y = float(centre[0]), float(centre[1])
-        return local_map(cloud, (x - reach, y - reach, x + reach, y + reach), levels_for(window))
+        return local_map(cloud, (x - reach, y - reach, x + reach, y + reach), levels_for(window), self._gap)
 
     def query(self, chosen: IntArray, frame: int) -> PointCloud:
         """Return what some scans show, in the frame of one of them, thinned."""
-        points, normals = joined([self.clouds[i] for i in chosen], relative_pose(self.poses[frame], self.poses[chosen]))
-        place = np.floor(points / THIN).astype(np.int64)
+        cloud = joined([self.clouds[i] for i in chosen], relative_pose(self.poses[frame], self.poses[chosen]))
+        place = np.floor(cloud.points / THIN).astype(np.int64)
         _, one = np.unique(place[:, 0] * 2**31 + place[:, 1], return_index=True)
         one = one[:: -(-len(one) // MAX_POINTS)]
-        return PointCloud(points[one], normals[one])
+        return PointCloud(*(array[one] for array in cloud))
 
     def related(self, a: int, b: int, pose: FloatArray, covariance: FloatArray, *, certain: bool) -> Relation:
         """Return the relation that the pose of b, found in the world where a lies as it does now, stands for.

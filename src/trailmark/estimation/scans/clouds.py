@@ -13,13 +13,16 @@ from trailmark.compiled import njit
 from trailmark.estimation.logs.records import Scan
 from trailmark.se2 import FloatArray, compose
 
-__all__ = ["PointCloud", "joined", "point_cloud", "relative", "transformed"]
+__all__ = ["GRAZED", "PointCloud", "joined", "point_cloud", "relative", "transformed"]
 
 NEIGHBOURS = 5
 """Beams to either side that a surface's direction is found from."""
 
 REACH = 0.25
 """Metres from a point within which these neighbours count, where the beams are that dense."""
+
+GRAZED = 6.0
+"""Times the beams' spacing up to which points may lie apart: two beams' steps on a surface met at 20 degrees."""
 
 
 class PointCloud(NamedTuple):
@@ -29,30 +32,32 @@ class PointCloud(NamedTuple):
     """Shape (n, 2), metres."""
     normals: FloatArray
     """Shape (n, 2): unit vectors across the surface, towards the scanner; zero where no straight surface was found."""
+    spacing: FloatArray
+    """Shape (n,): metres by which neighbouring beams lie apart at each point."""
 
 
 def point_cloud(scan: Scan, max_range: float) -> PointCloud:
     """Return the end points of a scan that lie within ``max_range`` metres, in the robot's frame."""
-    points, normals = _cloud(
+    points, normals, spacing = _cloud(
         np.asarray(scan.ranges, dtype=np.float64),
         float(scan.angle_min),
         float(scan.angle_increment),
         min(float(scan.range_max), np.nextafter(max_range, np.inf)),
     )
-    return transformed(PointCloud(points, normals), np.asarray(scan.mount, dtype=np.float64))
+    return transformed(PointCloud(points, normals, spacing), np.asarray(scan.mount, dtype=np.float64))
 
 
 def transformed(cloud: PointCloud, pose: FloatArray) -> PointCloud:
     """Return a cloud of the frame at ``pose``, shape (3,), in the frame that the pose is given in."""
     c, s = cos(pose[2]), sin(pose[2])
     turn = np.array([[c, s], [-s, c]])
-    return PointCloud(cloud.points @ turn + pose[:2], cloud.normals @ turn)
+    return PointCloud(cloud.points @ turn + pose[:2], cloud.normals @ turn, cloud.spacing)
 
 
 def joined(clouds: list[PointCloud], poses: FloatArray) -> PointCloud:
     """Return several clouds, each in the frame at its row of ``poses`` (n, 3), as one in the poses' frame."""
     parts = [transformed(cloud, pose) for cloud, pose in zip(clouds, poses, strict=True)]
-    return PointCloud(np.concatenate([part.points for part in parts]), np.concatenate([part.normals for part in parts]))
+    return PointCloud(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
 
 def relative(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -64,7 +69,7 @@ def relative(a: FloatArray, b: FloatArray) -> FloatArray:
 
 @njit(cache=True)
 def _cloud(ranges, first, step, limit):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Return points and normals, (n, 2) each: the narrow axis of the neighbours' scatter, if it is narrow enough."""
+    """Return points, normals (the narrow axis of the neighbours' scatter, if it is narrow enough) and spacing."""
     n = len(ranges)
     places = np.empty((n, 2))
     good = np.zeros(n, dtype=np.bool_)
@@ -75,15 +80,15 @@ def _cloud(ranges, first, step, limit):  # type: ignore[no-untyped-def]  # numba
             good[i] = True
             places[i, 0], places[i, 1] = r * cos(first + i * step), r * sin(first + i * step)
             count += 1
-    points, normals = np.empty((count, 2)), np.zeros((count, 2))
+    points, normals, spacing = np.empty((count, 2)), np.zeros((count, 2)), np.empty(count)
     at = 0
     for i in range(n):
         if not good[i]:
             continue
         x, y = places[i]
-        points[at, 0], points[at, 1] = x, y
-        # Far away neighbours lie farther apart: two beams' steps on a surface met at 20 degrees.
-        reach = max(REACH, 6.0 * abs(step) * ranges[i])
+        points[at, 0], points[at, 1], spacing[at] = x, y, abs(step) * ranges[i]
+        # Far away neighbours lie farther apart.
+        reach = max(REACH, GRAZED * spacing[at])
         m, sx, sy, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(max(0, i - NEIGHBOURS), min(n, i + NEIGHBOURS + 1)):
             if good[j]:
@@ -105,4 +110,4 @@ def _cloud(ranges, first, step, limit):  # type: ignore[no-untyped-def]  # numba
                 side = -1.0 if nx * x + ny * y > 0.0 else 1.0
                 normals[at, 0], normals[at, 1] = side * nx, side * ny
         at += 1
-    return points, normals
+    return points, normals, spacing

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.compiled import njit
-from trailmark.estimation.scans.clouds import PointCloud
+from trailmark.estimation.scans.clouds import GRAZED, PointCloud
 from trailmark.se2 import FloatArray
 
 __all__ = ["LEVELS", "LocalMap", "levels_for", "local_map"]
@@ -30,6 +30,12 @@ errors of the scans that the map is made of."""
 
 REACH = 0.4
 """Metres from a surface point to the cells that know it: beyond, a point's likelihood is under 0.04 % of the best."""
+
+ALONG = 0.97
+"""Cosine of the angle between the directions of neighbouring end points, at least, that lie on one surface."""
+
+ASIDE = 0.02, 0.1
+"""Metres, and in metres for each metre that they lie apart: how far each may lie off the other's line."""
 
 LEVELS = 6
 """Resolutions of the likelihood: a cell of level k has the largest of 2^k x 2^k cells."""
@@ -55,10 +61,24 @@ class LocalMap(NamedTuple):
 
 
 def local_map(
-    cloud: PointCloud, bounds: tuple[float, float, float, float] | None = None, levels: int = LEVELS
+    cloud: PointCloud,
+    bounds: tuple[float, float, float, float] | None = None,
+    levels: int = LEVELS,
+    gap: float = np.inf,
 ) -> LocalMap:
-    """Return the local map of a cloud, cut to xmin, ymin, xmax, ymax if those are given, at so many resolutions."""
-    points, normals = cloud
+    """Return the local map of a cloud.
+
+    Where beams lie so far apart that the points of a surface would count each for itself, the next scan's, met in
+    between, would seem to lie elsewhere: the line between neighbours on one surface is filled in, and points of which
+    no surface is known are left out.
+
+    Args:
+        cloud: points of one scan, or of several.
+        bounds: xmin, ymin, xmax, ymax to which it is cut.
+        levels: resolutions.
+        gap: metres from which on the line between neighbours is filled in.
+    """
+    points, normals = _surfaces(cloud, gap)
     if bounds is not None:
         low, high = np.array(bounds[:2]), np.array(bounds[2:])
         inside = ((points >= low) & (points <= high)).all(axis=1)
@@ -81,6 +101,23 @@ def local_map(
         np.maximum(level[:-half], below[half:], out=level[:-half])
         np.maximum(level[:, :-half], level[:, half:].copy(), out=level[:, :-half])
     return LocalMap(float(x0), float(y0), CELL, means, across, nearest, likelihood)
+
+
+def _surfaces(cloud: PointCloud, gap: float) -> tuple[FloatArray, FloatArray]:
+    """Return the points of a map and their normals, shape (n, 2) each; see :func:`local_map`."""
+    points, normals, spacing = cloud
+    step = np.diff(points, axis=0)
+    apart = np.hypot(*step.T)
+    offsets = np.abs([(step * normals[:-1]).sum(axis=1), (step * normals[1:]).sum(axis=1)]).max(axis=0, initial=0.0)
+    filled = (apart > gap) & (apart <= GRAZED * np.maximum(spacing[:-1], spacing[1:]))
+    filled &= ((normals[:-1] * normals[1:]).sum(axis=1) >= ALONG) & (offsets <= ASIDE[0] + ASIDE[1] * apart)
+    kept = normals.any(axis=1) | (spacing <= REACH)
+    first = np.flatnonzero(filled)
+    counts = np.ceil(apart[first] / CELL).astype(np.intp) - 1
+    own = np.repeat(first, counts)
+    number = np.arange(1, len(own) + 1) - np.repeat(np.cumsum(counts) - counts, counts)
+    between = points[own] + (number / (np.repeat(counts, counts) + 1))[:, None] * step[own]
+    return np.concatenate([points[kept], between]), np.concatenate([normals[kept], normals[own]])
 
 
 def levels_for(window: float) -> int:

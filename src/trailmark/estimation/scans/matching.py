@@ -71,7 +71,7 @@ def facing_score(area: LocalMap, cloud: PointCloud, pose: FloatArray) -> float:
         cloud: in the frame at the pose, one point or more.
         pose: shape (3,).
     """
-    points, normals = transformed(cloud, pose)
+    points, normals, _ = transformed(cloud, pose)
     column, row = np.floor((points - [area.x0, area.y0]) / area.cell).astype(np.intp).T
     rows, columns = area.nearest.shape
     inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
