@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -26,6 +25,7 @@ from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import Draw, Intake
 from trailmark.exploration.record_checks import CARRIED, RecordChecks
 from trailmark.exploration.scan_drawing import DENSE, apart, draw
+from trailmark.exploration.scan_matching import GAP, graph_settings
 from trailmark.se2 import FloatArray, compose, difference
 from trailmark.world import Robot, World
 
@@ -46,30 +46,17 @@ EXACT: Final = 0.05, 0.03
 ALIKE: Final = 0.9
 """Share of the best place's fit from which on another place fits as well."""
 
-SLIPPING: Final = 1.5
-"""Times the standard deviation of a step that odometry states, for matching: what it does not know of."""
-
 MATCHED: Final = 0.008, 0.002
 """Metres and radians: standard deviation of a matched pose in the map around it, as measured against the truth."""
 
 STRAYED: Final = 0.01, 0.004
 """Metres and radians by which wheels stray to the side in a period of a tenth of a second, slipping now and then."""
 
-LEAST: Final = 0.01
-"""Metres by which end points scatter at least about a map made of cells."""
-
-FAR: Final = 10.0
-"""Metres: for sensors of a longer range, the lengths of scan matching grow in proportion, as the robot's speed does."""
-
 PLACES: Final = 20
 """Narrow places that a run leads through, over which the risk is spread."""
 
 SURFACES: Final = 4.0
 """Times the noise: side of a cell, at least, that comes of dividing others; smaller ones tell of noise alone."""
-
-GAP: Final = 0.1
-"""Metres between end points of one surface from which on they would count as shapes of their own, so sure is a match
-of end points that scatter by :data:`LEAST`."""
 
 POINTS: Final = 200
 """End points of a scan, at most, by which odometry is checked."""
@@ -242,33 +229,13 @@ class ScanMapper:
     def _match_from_now_on(self) -> ScanSlam:
         """Match scans from now on, and those so far with them."""
         if self._slam is None:
-            self._slam = ScanSlam(self._graph_settings())
+            self._slam = ScanSlam(graph_settings(self._sensor, self._errors, self._driven, self._states_exactness))
             for scan, pose in self._scans:
                 self._slam.add(scan, pose)
             if self._scans:
                 self._at, self._pose = self._scans[-1][1], self._slam.pose
                 self._draw_if_moved()
         return self._slam
-
-    def _graph_settings(self) -> GraphSettings:
-        """Return how to match scans: by what the scanner and the odometry say of their noise."""
-        s, far = GraphSettings(), max(1.0, self._sensor.max_range / FAR)
-        s = replace(
-            s,
-            max_range=min(far * s.max_range, self._sensor.max_range),
-            key_distance=far * s.key_distance,
-            local_length=far * s.local_length,
-            loop_distance=far * s.loop_distance,
-            scatter=max(self._sensor.sigma, LEAST),
-            filled_gap=GAP,
-        )
-        if self._states_exactness:
-            return s  # scans say otherwise
-        # Of a step from node to node, with something for wheels that slip.
-        place, heading = SLIPPING * np.sqrt(self._errors / max(self._driven, s.key_distance / CHECK) * s.key_distance)
-        floor = min(float(place), far * s.odometry_floor[0]), min(float(heading), s.odometry_floor[1])
-        grown = min(floor[0] / s.key_distance, s.odometry[0]), min(floor[1] / s.key_distance, s.odometry[1])
-        return replace(s, odometry=grown, odometry_floor=floor)
 
     def _is_exact(self, scan: Scan) -> bool:
         """Return whether a scan lies, among those of a while ago, where odometry has it."""
