@@ -3,10 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
+from trailmark.exploration.mapper import Mapper
+from trailmark.exploration.travel import Travel
+from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
-__all__ = ["expected_falls", "places_of"]
+__all__ = ["expected_falls", "open_loop", "places_of"]
+
+MOST_POSES = 100
+"""Where the robot was, from the first pose to the last, among which it is looked for an open loop."""
+
+NEAR = 0.5
+"""Share of the sensor's range around a place that the robot came back to in which no loop is left to be closed."""
+
+SHORT = 0.5
+"""Share of the way along which two places are related, at most, that the way between them has where a loop is open."""
 
 
 def expected_falls(places: FloatArray, visited: FloatArray, sigmas: FloatArray, within: float) -> FloatArray:
@@ -29,6 +42,41 @@ def expected_falls(places: FloatArray, visited: FloatArray, sigmas: FloatArray, 
     apart = np.hypot(places[:, None, 0] - visited[None, :, 0], places[:, None, 1] - visited[None, :, 1])
     surest = np.where(apart <= within, sigmas[None, :], np.inf).min(axis=1)
     return np.asarray(np.maximum(sigmas[-1] - surest, 0.0))
+
+
+def open_loop(
+    mapper: Mapper,
+    levels: NDArray[np.uint8],
+    robot: Robot,
+    here: FloatArray,
+    done: list[FloatArray],
+    sensor_range: float,
+) -> FloatArray | None:
+    """Return the nearest of the robot's poses, shape (3,), at which it would close a loop; None if there is none.
+
+    A loop is open where the robot can come soon to where it was, and the map knows of the two only by a long way round,
+    along which its pose has drifted by more than a cell: what was seen from both has two surfaces then.
+
+    Args:
+        mapper: knows where the robot was.
+        levels: where it gets to, see :meth:`trailmark.exploration.survey.Memory.find_levels`.
+        robot: with the clearance that it keeps.
+        here: where it is, shape (3,).
+        done: places that it has come back to already, shape (3,) each.
+        sensor_range: metres.
+    """
+    poses, drifts, known = mapper.trajectory[:, 1:], mapper.drifts, mapper.known
+    some = np.unique(np.linspace(0, len(poses) - 1, MOST_POSES).astype(np.intp))
+    some = some[drifts[some, 1] > known.cell]
+    for place in done:
+        some = some[np.hypot(*(poses[some] - place)[:, :2].T) > NEAR * sensor_range]
+    if not len(some):
+        return None
+    cells = np.column_stack(known.cells_of(np.vstack([here, poses[some]])[:, :2]))
+    ways = Travel(levels, robot.reference_radius / known.cell).between(cells)[0, 1:] * known.cell
+    ways[ways > SHORT * drifts[some, 0]] = np.inf
+    nearest = int(ways.argmin())
+    return np.asarray(poses[some[nearest]]) if np.isfinite(ways[nearest]) else None
 
 
 def places_of(trajectory: FloatArray, covariances: FloatArray) -> FloatArray:

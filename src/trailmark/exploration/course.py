@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.background import Background, Result
-from trailmark.exploration.certainty import places_of
+from trailmark.exploration.certainty import open_loop, places_of
 from trailmark.exploration.contact import contact_points
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.following import PathFollower
+from trailmark.exploration.following import PathFollower, turned_around
 from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.mapper import Mapper
 from trailmark.exploration.outlook import Strategy
@@ -29,7 +29,7 @@ from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.escape import way_out
 from trailmark.planning.result import PlanResult, ReplanResult
-from trailmark.se2 import FloatArray, wrap
+from trailmark.se2 import FloatArray
 from trailmark.world import Robot
 
 __all__ = ["Course"]
@@ -98,6 +98,7 @@ class Course:
         self._rng, self._memory = np.random.default_rng(seed), Memory(mapper.known)
         self._expected: tuple[NDArray[np.intp], NDArray[np.intp]] | None = None
         self._robot, self._since, self._failures = robot, 0.0, 0
+        self._revisited = list[FloatArray]()
         # A path that touches something is none for a robot that may be beside it.
         self.planner = planner_in(mapper.known, name, robot, seed, max(mapper.margin, ON_PATH))
         self._background = Background()
@@ -187,7 +188,9 @@ class Course:
         """Choose the next landmark and plan to it, or begin to."""
         s = self._settings
         planner, known = self.current_planner(), self._mapper.known
-        here, escape = self._free(planner, self._mapper.pose)
+        escape = self._way_out(planner, self._mapper.pose)
+        if not planner.checker.valid(here := escape[-1]):
+            self.ended = "stuck", "the map has no room for the robot where it stands, and no way out was found"
         home = self._start if s.return_home else None
         events = list[str]()
         # A sensor that does not see all around has done so where a path, with the turn at its end, was driven.
@@ -210,7 +213,7 @@ class Course:
                 visited=places_of(self._mapper.trajectory, self._mapper.covariances),
             )
             if not len(found.outlook.landmarks):
-                events += self._go_home(found, planner, here, escape, until)
+                events += self._end(found, planner, here, escape, until)
                 break
             index = choice_of(self._choose, found.outlook)
             plan = partial(plan_to, known, planner, found, index, s, self._memory, self._background.is_stopped)
@@ -259,36 +262,36 @@ class Course:
             tried = f"{self._failures} searches in a row, {self._background.seconds:.1f} s in all"
             self.ended = "stuck", f"no way that could be driven was found in {tried}, while the map went on changing"
 
-    def _go_home(
+    def _end(
         self, found: Survey, planner: LandmarkPlanner, here: FloatArray, escape: FloatArray, until: float
     ) -> list[str]:
-        """End, after the way home where that is asked for; or go on with smaller cells, where larger ones tell less."""
+        """End; before that, divide cells where larger ones tell less, close loops, and go home if that is asked for."""
         if (found.narrow or found.status == "stuck") and (begun := self._divide()) is not None:
             return begun
-        target = self._start
-        if self._settings.return_home:
-            target, _ = self._free(planner, target)
-        away = float(np.hypot(*(here - target)[:2]))
-        if not self._settings.return_home or away <= self.tolerance:
-            self.ended = self.ended or (found.status, found.ended)
+        back = open_loop(self._mapper, self._memory.levels, planner.robot, here, self._revisited, self._range)
+        target = self._way_out(planner, self._start if back is None else back)[-1]
+        if back is not None:
+            self._revisited.append(back)
+        elif not self._settings.return_home or np.hypot(*(here - target)[:2]) <= self.tolerance:
+            self.ended = found.status, found.ended
             return []
 
-        def then(planned: PlanResult) -> list[str]:
-            if planned.path is None:
-                self.ended = "stuck", f"{found.ended}; no path home was found"
-            else:
+        def then(planned: PlanResult | None) -> list[str]:
+            if planned is not None and planned.path is not None:
                 self._follow(planned.path, escape, planner)
+                return [] if back is None else ["drives to where it was before, to close a loop"]
+            if back is None:
+                self.ended = "stuck", f"{found.ended}; no path home was found"
             return []
 
+        if not planner.checker.valid(target):
+            return then(None)
         return self._start_on(partial(planner.plan, here, target, self._settings.planning_time, gap=0.05), then, until)
 
     def _follow(self, path: Path, escape: FloatArray, planner: LandmarkPlanner, turn: bool = False) -> None:
         """Begin a path, after the way out of contact that leads to its first state; with a turn at its end."""
         if turn:
-            turned = np.repeat(path.states[-1:], 5, axis=0)
-            turned[:, 2] = wrap(turned[:, 2] + 0.5 * np.pi * np.arange(5))
-            if planner.checker.motions_valid(turned[:-1], turned[1:]).all():
-                path = Path(np.concatenate([path.states, turned[1:]]))
+            path = turned_around(path, planner.checker)
         if len(escape) > 1:
             path = Path(np.concatenate([escape[:-1], path.states]))
         self.follower = PathFollower(path, planner.robot, planner.checker.footprint)
@@ -339,12 +342,7 @@ class Course:
         rows, columns = self._expected
         return bool(len(rows)) and float((self._mapper.known.state[rows, columns] != 0).mean()) >= SEEN
 
-    def _free(self, planner: LandmarkPlanner, pose: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return a valid configuration, the pose itself if it is one, and the states that lead there from the pose."""
-        if planner.checker.valid(pose):
-            return pose, pose[None]
-        out = way_out(planner.checker, pose)
-        if out is None:
-            self.ended = "stuck", "the map has no room for the robot where it stands, and no way out was found"
-            return pose, pose[None]
-        return out[-1], out
+    def _way_out(self, planner: LandmarkPlanner, pose: FloatArray) -> FloatArray:
+        """Return states from a pose to a valid one, shape (n, 3); the pose alone if it is valid, or no way is found."""
+        out = None if planner.checker.valid(pose) else way_out(planner.checker, pose)
+        return pose[None] if out is None else out

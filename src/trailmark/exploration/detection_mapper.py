@@ -127,6 +127,11 @@ class DetectionMapper:
         return self._slam.result().covariances
 
     @property
+    def drifts(self) -> FloatArray:
+        """Of shape (n, 2), 0: the discs are told apart, so that seeing one again closes a loop, wherever that is."""
+        return np.zeros((len(self.trajectory), 2))
+
+    @property
     def features(self) -> tuple[MapFeature, ...]:
         """The discs that are confirmed: their centres, with covariances."""
         return self._slam.features()

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.collision import StateChecker
 from trailmark.collision.footprint import Footprint
 from trailmark.estimation.scans.clouds import relative
 from trailmark.exploration.known_map import FREE, KnownMap
 from trailmark.path import Path
 from trailmark.robot import Robot
-from trailmark.se2 import FloatArray, difference, interpolate, motion_bound
+from trailmark.se2 import FloatArray, difference, interpolate, motion_bound, wrap
 
-__all__ = ["PathFollower"]
+__all__ = ["PathFollower", "turned_around"]
 
 BoolArray = NDArray[np.bool_]
 
@@ -21,6 +22,14 @@ STEP = 0.05
 
 HALF = 0.55
 """Of the way from one row to the next, from its middle to either: a curve is longer than the line between its ends."""
+
+
+def turned_around(path: Path, checker: StateChecker) -> Path:
+    """Return the path with a full turn at its end, where there is room for it."""
+    turned = np.repeat(path.states[-1:], 5, axis=0)
+    turned[:, 2] = wrap(turned[:, 2] + 0.5 * np.pi * np.arange(5))
+    turns = checker.motions_valid(turned[:-1], turned[1:]).all()
+    return Path(np.concatenate([path.states, turned[1:]])) if turns else path
 
 
 class PathFollower:

@@ -56,6 +56,14 @@ class Mapper(Protocol):
         """Of the trajectory's poses, shape (n, 3, 3), in the world's axes."""
 
     @property
+    def drifts(self) -> FloatArray:
+        """How each pose of the trajectory is related to the last one, shape (n, 2).
+
+        Metres driven from one to the next, loops that were closed taken into account, and the standard deviation of the
+        place, metres, that this comes to.
+        """
+
+    @property
     def margin(self) -> float:
         """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one. Constant."""
 

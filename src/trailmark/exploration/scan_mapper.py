@@ -117,6 +117,11 @@ class ScanMapper:
         return np.zeros((len(self._scans), 3, 3)) if self._slam is None else self._slam.covariances()
 
     @property
+    def drifts(self) -> FloatArray:
+        """How each pose of the trajectory is related to the last one, shape (n, 2)."""
+        return np.zeros((len(self._scans), 2)) if self._slam is None else self._slam.drifts()
+
+    @property
     def margin(self) -> float:
         """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one.
 

@@ -62,6 +62,11 @@ class LoopFinder:
         self._pending = [other for other in self._pending if self._keys.travel[other.b] >= recent]
         return confirmed
 
+    def drifts(self, k: int) -> FloatArray:
+        """Return how each scan is related to scan k: metres along relations, and what drifts on them, shape (n, 2)."""
+        away = self._graph_distances(k)
+        return np.column_stack([away, self._drift.sigma(away)[0]])
+
     def _graph_distances(self, k: int) -> FloatArray:
         """Return how many metres along relations each scan is away from scan k, shape (n,)."""
         keys, n = self._keys, len(self._keys)
@@ -69,7 +74,7 @@ class LoopFinder:
         self._read += len(new)
         for relation in new:
             self._drift.add(relation)
-        pairs = np.vstack([self._ends, [(relation.a, relation.b) for relation in new]])
+        pairs = np.vstack([self._ends, *([relation.a, relation.b] for relation in new)])
         # Two relations of the same pair would count as one of their lengths' sum.
         _, one = np.unique(pairs[:, 0] * n + pairs[:, 1], return_index=True)
         self._ends = pairs[one]

@@ -146,6 +146,14 @@ class ScanSlam:
         keys, own = self._keys, np.array([key for key, _ in self._scans], dtype=np.intp)
         return pose_covariances(keys.relations, keys.poses)[own] + np.array(self._spreads)
 
+    def drifts(self) -> FloatArray:
+        """Return how each scan is related to the last one, shape (m, 2).
+
+        Metres driven from one to the next, loops that were closed taken into account, and the standard deviation of the
+        place, metres, that this comes to.
+        """
+        return self._loops.drifts(self._last)[[key for key, _ in self._scans]]
+
     def add(self, scan: Scan, odometry: FloatArray) -> None:
         """Take in the next scan, with its pose by odometry, shape (3,): the first one's is taken as it is."""
         s, cloud = self._s, point_cloud(scan, self._s.max_range)
