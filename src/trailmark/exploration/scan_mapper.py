@@ -14,7 +14,7 @@ from trailmark.estimation.graph.scan_slam import ScanSlam
 from trailmark.estimation.graph.submaps import MIN_POINTS
 from trailmark.estimation.logs.records import Increment, Log, Odometry, Pose, Record, Scan
 from trailmark.estimation.maps.log_map import map_log
-from trailmark.estimation.scans.clouds import joined, point_cloud, relative
+from trailmark.estimation.scans.clouds import joined, relative, surface_cloud
 from trailmark.estimation.scans.correlation import Window, search
 from trailmark.estimation.scans.local_map import local_map
 from trailmark.estimation.scans.matching import refine
@@ -246,10 +246,10 @@ class ScanMapper:
         """Return whether a scan lies, among those of a while ago, where odometry has it."""
         reach, here = min(GraphSettings.max_range, self._sensor.max_range), self._reckoning.pose
         before = self._scans[-2 * CHECK :: CHECK]
-        cloud = point_cloud(scan, reach)
+        cloud = surface_cloud(scan, reach)
         if len(cloud.points) < MIN_POINTS or not before:
             return True
-        joint = joined([point_cloud(old, reach) for old, _ in before], np.array([pose for _, pose in before]))
+        joint = joined([surface_cloud(old, reach) for old, _ in before], np.array([pose for _, pose in before]))
         area = local_map(joint, gap=GAP)
         points = cloud.points[:: -(-len(cloud.points) // POINTS)]
         # Where nothing holds the scan, as along a corridor, it is where odometry has it.

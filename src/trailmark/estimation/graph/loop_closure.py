@@ -103,7 +103,8 @@ class LoopFinder:
     def _match(self, k: int, place: int, away: float) -> Relation | None:
         """Return where scan k, with those just before it, lies in the map around a place; None if nowhere for sure."""
         keys, s = self._keys, self._s
-        query = keys.query(keys.chain(k, 0.5 * s.local_length, s.local_scans, before=True), k)
+        recent = keys.chain(k, 0.5 * s.local_length, s.local_scans, before=True)
+        query = keys.query(recent, k)
         sigma, sigma_theta = self._drift.sigma(np.array([away]))
         window = Window(
             float(np.clip(3.0 * sigma[0], 2.0 * s.window[0], MAX_WINDOW.xy)),
@@ -120,7 +121,10 @@ class LoopFinder:
             return None
         found = refine(area, query, found.pose)
         covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
-        return None if is_open else keys.related(place, k, found.pose, covariance, certain=False)
+        if is_open:
+            return None
+        covariance = covariance + keys.spread(recent, k) + keys.spread(chain, place)
+        return keys.related(place, k, found.pose, covariance, certain=False)
 
     def _agree(self, one: Relation, other: Relation) -> bool:
         """Return whether two closures of different scans say the same, by the graph between their ends."""

@@ -49,6 +49,7 @@ def revisit_relations(keys: KeyScans, settings: GraphSettings) -> list[Relation]
                 continue
             covariance, _ = match_covariance(area, cloud.points, match.pose, scatter=s.scatter)
             place = int(own[np.hypot(*(keys.poses[own, :2] - match.pose[:2]).T).argmin()])
+            covariance = covariance + keys.spread(chain, place)
             found.append(keys.related(place, k, match.pose, covariance, certain=False))
     return found
 

@@ -21,7 +21,7 @@ from trailmark.estimation.graph.pose_graph import Relation, optimise, pose_covar
 from trailmark.estimation.graph.revisits import revisit_relations
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.logs.records import Scan
-from trailmark.estimation.scans.clouds import PointCloud, point_cloud, relative
+from trailmark.estimation.scans.clouds import PointCloud, relative, surface_cloud
 from trailmark.estimation.scans.correlation import Window, match_covariance, search
 from trailmark.estimation.scans.local_map import SIGMA, LocalMap
 from trailmark.estimation.scans.matching import facing_score, refine
@@ -156,7 +156,7 @@ class ScanSlam:
 
     def add(self, scan: Scan, odometry: FloatArray) -> None:
         """Take in the next scan, with its pose by odometry, shape (3,): the first one's is taken as it is."""
-        s, cloud = self._s, point_cloud(scan, self._s.max_range)
+        s, cloud = self._s, surface_cloud(scan, self._s.max_range)
         step = relative(self._odometry, odometry)
         if self._area is None:
             self._add_key(odometry, cloud, odometry)
@@ -228,7 +228,7 @@ class ScanSlam:
 
     def match(self, scan: Scan, odometry: FloatArray) -> FloatArray:
         """Return where a scan, with its pose by odometry, fits best what was seen just before, and leave it out."""
-        cloud = point_cloud(scan, self._s.max_range)
+        cloud = surface_cloud(scan, self._s.max_range)
         if self._area is None:
             return odometry
         guess = compose(self._keys.poses[self._last], relative(self._odometry, odometry))
@@ -240,7 +240,7 @@ class ScanSlam:
         s, keys, own = self._s, self._keys, len(self._keys)
         node = int(np.hypot(*(keys.poses[:, :2] - pose[:2]).T).argmin())
         self._chain, self._last = keys.chain(node, 2.0 * s.local_length, s.local_scans), node
-        cloud, area = point_cloud(scan, s.max_range), self._renew_area()
+        cloud, area = surface_cloud(scan, s.max_range), self._renew_area()
         pose = refine(area, cloud, pose).pose
         self._covariance = self._matched(area, cloud, pose)
         keys.relations.append(keys.related(node, own, pose, self._covariance, certain=True))
@@ -249,7 +249,7 @@ class ScanSlam:
     def candidates(self, scan: Scan) -> FloatArray:
         """Return where in the whole map a scan may have been taken, shape (k, 3): the best place for each heading."""
         s, keys = self._s, self._keys
-        cloud = point_cloud(scan, s.max_range)
+        cloud = surface_cloud(scan, s.max_range)
         if len(cloud.points) < MIN_POINTS or not len(keys):
             return np.empty((0, 3))
         area = keys.area(np.arange(len(keys)), keys.poses[0], FAR, FAR)
@@ -293,7 +293,7 @@ class ScanSlam:
         s, own = self._s, len(self._keys)
         # After a node that is not the one before, the drive begins anew.
         follows = own == 0 or self._last == own - 1
-        self._keys.add(cloud, pose, 0.0 if follows else 4.0 * s.local_length)
+        self._keys.add(cloud, pose, self._covariance, 0.0 if follows else 4.0 * s.local_length)
         recent = self._keys.chain(own, s.local_length, s.local_scans, before=True)
         self._chain = recent if len(recent) > s.local_scans // 2 else np.union1d(self._chain[-s.local_scans :], recent)
         self._last, self._odometry = own, odometry

@@ -38,6 +38,7 @@ class KeyScans:
         clouds: of each, in the robot's frame.
         poses: shape (n, 3).
         travel: shape (n,), metres driven before each.
+        steps: shape (n, 3, 3), covariance of each pose beside the one before, in the world's axes.
         relations: between them.
 
     Args:
@@ -49,16 +50,25 @@ class KeyScans:
         self.clouds: list[PointCloud] = []
         self.poses = np.empty((0, 3))
         self.travel = np.empty(0)
+        self.steps = np.empty((0, 3, 3))
         self.relations: list[Relation] = []
 
     def __len__(self) -> int:
         return len(self.clouds)
 
-    def add(self, cloud: PointCloud, pose: FloatArray, gap: float = 0.0) -> None:
-        """Add a scan after the others, ``gap`` metres further on than its place says."""
+    def add(self, cloud: PointCloud, pose: FloatArray, step: FloatArray, gap: float = 0.0) -> None:
+        """Add a scan after the others, ``gap`` metres further on than its place says.
+
+        Args:
+            cloud: in the robot's frame.
+            pose: shape (3,).
+            step: covariance of that beside the last scan's, shape (3, 3), in the world's axes.
+            gap: metres.
+        """
         way = 0.0 if not self.clouds else self.travel[-1] + float(np.hypot(*(pose - self.poses[-1])[:2])) + gap
         self.clouds.append(cloud)
         self.poses, self.travel = np.vstack([self.poses, pose]), np.append(self.travel, way)
+        self.steps = np.concatenate([self.steps, step[None]])
 
     def chain(self, middle: int, length: float, count: int, *, before: bool = False) -> IntArray:
         """Return the scans around one: at most ``count`` of them, at most half of ``length`` metres driven from it.
@@ -79,6 +89,16 @@ class KeyScans:
         cloud = joined([self.clouds[i] for i in chosen], self.poses[chosen])
         x, y = float(centre[0]), float(centre[1])
         return local_map(cloud, (x - reach, y - reach, x + reach, y + reach), levels_for(window), self._gap)
+
+    def spread(self, chain: IntArray, middle: int) -> FloatArray:
+        """Return the mean covariance of a chain's scans beside one of them, shape (3, 3), in the world's axes.
+
+        Along a corridor, where odometry alone holds each scan by the one before, the map that they make is no surer.
+        """
+        first, last = int(chain[0]), int(chain[-1])
+        step = np.arange(first + 1, last + 1)
+        beyond = np.where(step > middle, last - step + 1, step - first)  # scans that lie on its other side
+        return np.asarray(np.einsum("n,nij->ij", beyond / len(chain), self.steps[step]))
 
     def query(self, chosen: IntArray, frame: int) -> PointCloud:
         """Return what some scans show, in the frame of one of them, thinned."""

@@ -13,13 +13,16 @@ from trailmark.compiled import njit
 from trailmark.estimation.logs.records import Scan
 from trailmark.se2 import FloatArray, compose
 
-__all__ = ["GRAZED", "PointCloud", "joined", "point_cloud", "relative", "transformed"]
+__all__ = ["GRAZED", "PointCloud", "joined", "point_cloud", "relative", "surface_cloud", "transformed"]
 
 NEIGHBOURS = 5
 """Beams to either side that a surface's direction is found from."""
 
 REACH = 0.25
 """Metres from a point within which these neighbours count, where the beams are that dense."""
+
+SPARSE = 0.4
+"""Metres between neighbouring beams from which on a point of no known surface shows no shape of its own."""
 
 GRAZED = 6.0
 """Times the beams' spacing up to which points may lie apart: two beams' steps on a surface met at 20 degrees."""
@@ -45,6 +48,16 @@ def point_cloud(scan: Scan, max_range: float) -> PointCloud:
         min(float(scan.range_max), np.nextafter(max_range, np.inf)),
     )
     return transformed(PointCloud(points, normals, spacing), np.asarray(scan.mount, dtype=np.float64))
+
+
+def surface_cloud(scan: Scan, max_range: float) -> PointCloud:
+    """Return the end points that scans are matched by; see :func:`point_cloud`.
+
+    Without those of which no surface is known where beams lie far apart: the next scan meets other points there.
+    """
+    cloud = point_cloud(scan, max_range)
+    kept = cloud.normals.any(axis=1) | (cloud.spacing <= SPARSE)
+    return PointCloud(*(array[kept] for array in cloud))
 
 
 def transformed(cloud: PointCloud, pose: FloatArray) -> PointCloud:

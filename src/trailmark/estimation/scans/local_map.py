@@ -69,8 +69,7 @@ def local_map(
     """Return the local map of a cloud.
 
     Where beams lie so far apart that the points of a surface would count each for itself, the next scan's, met in
-    between, would seem to lie elsewhere: the line between neighbours on one surface is filled in, and points of which
-    no surface is known are left out.
+    between, would seem to lie elsewhere: the line between neighbours on one surface is filled in.
 
     Args:
         cloud: points of one scan, or of several.
@@ -111,13 +110,12 @@ def _surfaces(cloud: PointCloud, gap: float) -> tuple[FloatArray, FloatArray]:
     offsets = np.abs([(step * normals[:-1]).sum(axis=1), (step * normals[1:]).sum(axis=1)]).max(axis=0, initial=0.0)
     filled = (apart > gap) & (apart <= GRAZED * np.maximum(spacing[:-1], spacing[1:]))
     filled &= ((normals[:-1] * normals[1:]).sum(axis=1) >= ALONG) & (offsets <= ASIDE[0] + ASIDE[1] * apart)
-    kept = normals.any(axis=1) | (spacing <= REACH)
     first = np.flatnonzero(filled)
     counts = np.ceil(apart[first] / CELL).astype(np.intp) - 1
     own = np.repeat(first, counts)
     number = np.arange(1, len(own) + 1) - np.repeat(np.cumsum(counts) - counts, counts)
     between = points[own] + (number / (np.repeat(counts, counts) + 1))[:, None] * step[own]
-    return np.concatenate([points[kept], between]), np.concatenate([normals[kept], normals[own]])
+    return np.concatenate([points, between]), np.concatenate([normals, normals[own]])
 
 
 def levels_for(window: float) -> int:
