@@ -13,8 +13,9 @@ from tests.estimation.ray_casting import cast, room
 
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
+from trailmark.estimation.graph.submaps import KeyScans
 from trailmark.estimation.logs.records import Scan
-from trailmark.estimation.scans.clouds import relative
+from trailmark.estimation.scans.clouds import PointCloud, relative
 from trailmark.se2 import FloatArray, compose
 
 BLOCK = (
@@ -202,3 +203,19 @@ def test_a_door_in_a_thin_wall_that_is_passed_aslant_shifts_no_pose(seed: int) -
     settings = GraphSettings(max_range=5.0, scatter=0.01, odometry=(0.09, 0.03), odometry_floor=(0.036, 0.011))
     found = match_scans(seen, odometry, settings).poses
     assert np.hypot(*(found - found[0] - true + true[0])[:, :2].T).max() < 0.05
+
+
+def test_the_map_of_a_chain_is_as_unsure_as_its_scans_beside_one_of_them() -> None:
+    """Against poses drawn step by step."""
+    rng, keys = np.random.default_rng(0), KeyScans(math.inf)
+    shapes = rng.normal(size=(9, 3, 3)) * 0.01
+    steps = shapes @ shapes.transpose(0, 2, 1)
+    for i, step in enumerate(steps):
+        keys.add(PointCloud(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0)), np.array([i, 0.0, 0.0]), step)
+    drawn = np.cumsum(np.einsum("nij,knj->kni", shapes, rng.normal(size=(20_000, 9, 3))), axis=1)
+    for middle in (2, 4, 7):
+        chain = np.arange(2, 8)
+        beside = drawn[:, chain] - drawn[:, middle, None]
+        expected = np.einsum("kni,knj->ij", beside, beside) / (len(drawn) * len(chain))
+        np.testing.assert_allclose(keys.spread(chain, middle), expected, atol=0.05 * np.abs(expected).max())
+    assert not keys.spread(np.array([3]), 3).any()
