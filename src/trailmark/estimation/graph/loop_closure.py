@@ -60,7 +60,7 @@ class LoopFinder:
                 self._pending.append(closure)
         recent = self._keys.travel[k] - 3.0 * self._s.local_length
         self._pending = [other for other in self._pending if self._keys.travel[other.b] >= recent]
-        return confirmed
+        return [self._as_unsure_as_maps(closure) for closure in confirmed]
 
     def drifts(self, k: int) -> FloatArray:
         """Return how each scan is related to scan k: metres along relations, and what drifts on them, shape (n, 2)."""
@@ -103,8 +103,7 @@ class LoopFinder:
     def _match(self, k: int, place: int, away: float) -> Relation | None:
         """Return where scan k, with those just before it, lies in the map around a place; None if nowhere for sure."""
         keys, s = self._keys, self._s
-        recent = keys.chain(k, 0.5 * s.local_length, s.local_scans, before=True)
-        query = keys.query(recent, k)
+        query = keys.query(keys.chain(k, 0.5 * s.local_length, s.local_scans, before=True), k)
         sigma, sigma_theta = self._drift.sigma(np.array([away]))
         window = Window(
             float(np.clip(3.0 * sigma[0], 2.0 * s.window[0], MAX_WINDOW.xy)),
@@ -121,10 +120,18 @@ class LoopFinder:
             return None
         found = refine(area, query, found.pose)
         covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
-        if is_open:
-            return None
-        covariance = covariance + keys.spread(recent, k) + keys.spread(chain, place)
-        return keys.related(place, k, found.pose, covariance, certain=False)
+        return None if is_open else keys.related(place, k, found.pose, covariance, certain=False)
+
+    def _as_unsure_as_maps(self, closure: Relation) -> Relation:
+        """Return a closure with the errors inside the two maps that it joins; whether two agree is asked without."""
+        keys, s = self._keys, self._s
+        recent = keys.chain(closure.b, 0.5 * s.local_length, s.local_scans, before=True)
+        spread = keys.spread(recent, closure.b)
+        spread = spread + keys.spread(keys.chain(closure.a, 2.0 * s.local_length, s.local_scans), closure.a)
+        heading = keys.poses[closure.b, 2]
+        c, n = np.cos(heading), np.sin(heading)
+        turn = np.array([[c, n, 0.0], [-n, c, 0.0], [0.0, 0.0, 1.0]])
+        return closure._replace(covariance=closure.covariance + turn @ spread @ turn.T)
 
     def _agree(self, one: Relation, other: Relation) -> bool:
         """Return whether two closures of different scans say the same, by the graph between their ends."""
