@@ -42,7 +42,7 @@ class GraphSettings:
     and what moves, leans or is not flat. As sure is a match; in a world of walls it is the scanner's noise alone."""
     filled_gap: PositiveOrInfinite = 0.8
     """Metres between neighbouring end points of one straight surface from which on local maps have the line between
-    them: points that lie farther apart count as shapes of their own, where there are none."""
+    them. Without it each of such points would count as a shape of its own."""
     window: tuple[Positive, Positive] = (0.5, math.radians(20.0))
     """How far from what odometry says a match is searched for at least: metres along x and y each, radians."""
     odometry: tuple[NonNegative, NonNegative] = (0.1, 0.1)

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.pose_graph import Relation
-from trailmark.estimation.graph.submaps import KeyScans
+from trailmark.estimation.graph.submaps import KeyScans, in_frame
 from trailmark.estimation.scans.clouds import relative
 from trailmark.estimation.scans.correlation import Window, match_covariance, search
 from trailmark.estimation.scans.matching import refine
@@ -60,7 +60,7 @@ class LoopFinder:
                 self._pending.append(closure)
         recent = self._keys.travel[k] - 3.0 * self._s.local_length
         self._pending = [other for other in self._pending if self._keys.travel[other.b] >= recent]
-        return [self._as_unsure_as_maps(closure) for closure in confirmed]
+        return [self._with_errors_of_maps(closure) for closure in confirmed]
 
     def drifts(self, k: int) -> FloatArray:
         """Return how each scan is related to scan k: metres along relations, and what drifts on them, shape (n, 2)."""
@@ -122,16 +122,13 @@ class LoopFinder:
         covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
         return None if is_open else keys.related(place, k, found.pose, covariance, certain=False)
 
-    def _as_unsure_as_maps(self, closure: Relation) -> Relation:
+    def _with_errors_of_maps(self, closure: Relation) -> Relation:
         """Return a closure with the errors inside the two maps that it joins; whether two agree is asked without."""
         keys, s = self._keys, self._s
         recent = keys.chain(closure.b, 0.5 * s.local_length, s.local_scans, before=True)
         spread = keys.spread(recent, closure.b)
         spread = spread + keys.spread(keys.chain(closure.a, 2.0 * s.local_length, s.local_scans), closure.a)
-        heading = keys.poses[closure.b, 2]
-        c, n = np.cos(heading), np.sin(heading)
-        turn = np.array([[c, n, 0.0], [-n, c, 0.0], [0.0, 0.0, 1.0]])
-        return closure._replace(covariance=closure.covariance + turn @ spread @ turn.T)
+        return closure._replace(covariance=closure.covariance + in_frame(spread, keys.poses[closure.b, 2]))
 
     def _agree(self, one: Relation, other: Relation) -> bool:
         """Return whether two closures of different scans say the same, by the graph between their ends."""

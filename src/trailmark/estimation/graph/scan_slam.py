@@ -170,7 +170,7 @@ class ScanSlam:
             if len(cloud.points) < MIN_POINTS or (
                 match.score >= 0.5 * s.loop_score and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
             ):
-                matched = self._matched(self._area, cloud, match.pose)
+                matched = self._covariance_of(self._area, cloud, match.pose)
                 self._covariance = _combined(matched, s.odometry_noise(step))
                 self._hold(last, pose)
                 return
@@ -212,7 +212,7 @@ class ScanSlam:
         if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
             self._keys.relations.pop()
             return
-        matched = self._matched(self._area, cloud, pose)
+        matched = self._covariance_of(self._area, cloud, pose)
         self._keys.relations.append(self._keys.related(last, own, pose, matched, certain=True))
         self._covariance = _combined(matched, noise)
         self._add_key(pose, cloud, odometry)
@@ -242,7 +242,7 @@ class ScanSlam:
         self._chain, self._last = keys.chain(node, 2.0 * s.local_length, s.local_scans), node
         cloud, area = surface_cloud(scan, s.max_range), self._renew_area()
         pose = refine(area, cloud, pose).pose
-        self._covariance = self._matched(area, cloud, pose)
+        self._covariance = self._covariance_of(area, cloud, pose)
         keys.relations.append(keys.related(node, own, pose, self._covariance, certain=True))
         self._add_key(pose, cloud, odometry)
 
@@ -282,7 +282,7 @@ class ScanSlam:
             poses, covariances[own], odometry, np.array(self._own), tuple(relations), self._closures, rejected
         )
 
-    def _matched(self, area: LocalMap, cloud: PointCloud, pose: FloatArray) -> FloatArray:
+    def _covariance_of(self, area: LocalMap, cloud: PointCloud, pose: FloatArray) -> FloatArray:
         """Return the covariance of a pose at which a cloud was matched, shape (3, 3); of few points next to nothing."""
         if len(cloud.points) < MIN_POINTS:
             return np.eye(3)
@@ -316,7 +316,7 @@ class ScanSlam:
         if match.score < s.loop_score or np.hypot(*relative(pose, match.pose)[:2]) > 0.5 * s.key_distance:
             return False
         self._area, self._chain, self._last = area, chain, node
-        self._covariance = self._matched(area, cloud, match.pose)
+        self._covariance = self._covariance_of(area, cloud, match.pose)
         self._hold(node, relative(keys.poses[node], match.pose))
         # Odometry is known at the scan, which stands beside the node.
         self._odometry = compose(odometry, relative(match.pose, keys.poses[node]))

@@ -13,7 +13,7 @@ from trailmark.estimation.scans.clouds import relative as relative_pose
 from trailmark.estimation.scans.local_map import LocalMap, levels_for, local_map
 from trailmark.se2 import FloatArray
 
-__all__ = ["MIN_POINTS", "KeyScans"]
+__all__ = ["MIN_POINTS", "KeyScans", "in_frame"]
 
 IntArray = NDArray[np.intp]
 
@@ -118,8 +118,13 @@ class KeyScans:
             covariance: of that pose, in the world's axes, shape (3, 3).
             certain: see :class:`Relation`.
         """
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         if not certain:
             covariance = covariance + np.diag([REVISITED[0] ** 2, REVISITED[0] ** 2, REVISITED[1] ** 2])
-        return Relation(a, b, relative_pose(self.poses[a], pose), turn @ covariance @ turn.T, certain)
+        return Relation(a, b, relative_pose(self.poses[a], pose), in_frame(covariance, pose[2]), certain)
+
+
+def in_frame(covariance: FloatArray, heading: float) -> FloatArray:
+    """Return a covariance of x, y, theta in the world's axes, shape (3, 3), in those of a frame with that heading."""
+    c, s = np.cos(heading), np.sin(heading)
+    turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(turn @ covariance @ turn.T)
