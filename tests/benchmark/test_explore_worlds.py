@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from benchmarks.explore_oracle import boundary_errors, overlaps, seen_share, tour_length, truth_of
@@ -48,6 +50,14 @@ def test_the_anchor_of_a_corridor() -> None:
     """With 5 m of sight the far corners are seen from 15.1 m on, so that 14.1 m are to be driven, 0.5 % less seen."""
     length = tour_length(truth_of(corridor(), 5.0))
     assert 13.0 < length < 15.0
+
+
+def test_surfaces_that_nobody_can_see_do_not_count() -> None:
+    """The box's front and its sides, but neither its back against the wall nor what faces a gap too narrow to see."""
+    truth = truth_of(corridor(), 30.0)
+    assert len(truth.surface) * 0.05 == pytest.approx(2.0 + 2 * 0.5, abs=0.1)
+    beside = replace(corridor(), obstacles=(*corridor().obstacles, Rectangle((11.51, 1.75), 1.0, 0.5)))
+    assert len(truth_of(beside, 30.0).surface) * 0.05 == pytest.approx(3.0 + 2 * 0.5, abs=0.15)
 
 
 def test_overlaps_and_boundary_errors() -> None:

@@ -109,5 +109,21 @@ def test_a_wall_that_is_gone_is_no_wall() -> None:
     discs.update([Observation(post, 1e-4 * np.eye(3), np.zeros((3, 3)), post[:2] - [[0.2, 0.0], [0.1, 0.17]])])
     assert find_obstacles(lines, discs, grid, HERE, SETTINGS).discs == []
     hit(grid, np.s_[8:13], np.s_[27:31])
+    grid.passes[8:13, 28:33] = 0  # beams end at it, and none goes through
     ((disc, _),) = find_obstacles(lines, discs, grid, HERE, SETTINGS).discs
     assert disc.covariance.shape == (3, 3)
+
+
+def test_a_disc_that_beams_went_through_is_none() -> None:
+    """Two faces at the end of a wall fit a circle that reaches into free space: cells stand for it."""
+    for free in (0, 1):
+        grid = open_grid()
+        _, discs = nothing()
+        points = np.array([[2.75, 0.85], [2.75, 0.95], [2.75, 1.05], [2.85, 0.85], [2.95, 0.85]])
+        hit(grid, np.s_[8:11], np.s_[27:28])
+        hit(grid, np.s_[8:9], np.s_[28:30])
+        # Behind the faces, where the circle bulges: in sight, or not.
+        grid.passes[9:13, 28:33] = free
+        discs.update([Observation(np.array([3.0, 1.05, 0.3]), 1e-4 * np.eye(3), np.zeros((3, 3)), points)])
+        found = find_obstacles(*(nothing()[0], discs), grid, HERE, SETTINGS)
+        assert (len(found.discs), len(found.heaps)) == ((0, 1) if free else (1, 0))

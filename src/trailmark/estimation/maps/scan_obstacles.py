@@ -23,6 +23,10 @@ BoolArray = NDArray[np.bool_]
 Found = list[tuple[ObstacleEstimate, FloatArray]]
 """Obstacles, each with its end points, shape (n, 2)."""
 
+PIERCED = 0.05
+"""Share of a disc's inner cells that beams went through, from which on it is none: short arcs, such as the two faces at
+the end of a thin wall, fit circles that reach into free space. Of real posts and columns no inner cell is passed."""
+
 
 class MapObstacles(NamedTuple):
     """The obstacles of a map."""
@@ -110,16 +114,29 @@ def _stretches(standing: BoolArray, passed: BoolArray, gap: int) -> list[tuple[i
 
 
 def _posts(tracks: DiscTracks, grid: EvidenceGrid, occupied: BoolArray) -> Found:
-    """Return the discs that still stand, each with its end points."""
+    """Return the discs that still stand and that no beam went through, each with its end points."""
     from scipy import ndimage
 
     near, found = ndimage.binary_dilation(occupied), []
+    passed = (grid.passes > 0) & ~occupied
     for at in range(len(tracks)):
         x, y, radius = (float(v) for v in tracks.states[at])
         points = np.concatenate(tracks.readings[at])
         if radius > 0.0 and near[grid.cells(points)].mean() > 0.5:
-            found.append((ObstacleEstimate(Disc((x, y), radius), tracks.covariance(at)), points))
+            disc = Disc((x, y), radius)
+            if _share_inside(passed, disc, grid) <= PIERCED:
+                found.append((ObstacleEstimate(disc, tracks.covariance(at)), points))
     return found
+
+
+def _share_inside(mask: BoolArray, disc: Disc, grid: EvidenceGrid) -> float:
+    """Return the share of a mask in the cells whose centres lie half a cell or more within a disc; 0 if none do."""
+    centre = np.asarray(disc.center)
+    rows, columns = grid.cells(centre + disc.radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+    around = mask[rows[0] : rows[1] + 1, columns[0] : columns[1] + 1]
+    places = grid.centres(np.ones_like(around)) + grid.cell * np.array([columns[0], rows[0]])
+    inner = np.hypot(*(places - centre).T) <= disc.radius - 0.5 * grid.cell
+    return float(around.ravel()[inner].mean()) if inner.any() else 0.0
 
 
 def _facing(found: Found, reached: BoolArray, grid: EvidenceGrid) -> Found:
