@@ -15,7 +15,7 @@ from scipy import ndimage
 from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.exploration import landmark_ways
-from trailmark.exploration.candidates import NEAR
+from trailmark.exploration.candidates import MOST_TRIES, NEAR
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
@@ -23,7 +23,7 @@ from trailmark.exploration.landmark_ways import plan_to
 from trailmark.exploration.outlook import Outlook
 from trailmark.exploration.reachability import NOWHERE, Reach
 from trailmark.exploration.strategies import STRATEGIES
-from trailmark.exploration.survey import EXCLUDED, MOST_TRIES, Memory, Survey, survey
+from trailmark.exploration.survey import EXCLUDED, Memory, Survey, survey
 from trailmark.exploration.views import sight
 from trailmark.goals import Goal
 from trailmark.planning.result import PlanResult

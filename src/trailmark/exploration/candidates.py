@@ -21,7 +21,7 @@ from trailmark.landmarks.kmeans import k_means_landmarks
 from trailmark.landmarks.sensor_range import landmarks_for_area
 from trailmark.se2 import FloatArray
 
-__all__ = ["NO_ROOM", "Candidates", "Search", "middles_of"]
+__all__ = ["MOST_TRIES", "NO_ROOM", "Candidates", "Search", "middles_of"]
 
 SAMPLES = 1000
 """Free places that are clustered."""
@@ -39,8 +39,8 @@ little of what lies behind it is in range, and it has to be driven to again."""
 EDGES = 4
 """Of a group that no landmark sees: places are looked for that see one of them; of all, before the end is proven."""
 
-DENSE = 0.5
-"""Cells between neighbouring rays where they end, so that no cell in sight is left out."""
+SPARSE, DENSE = 4.0, 0.5
+"""Cells between neighbouring rays where they end: of what is asked first, and so that no cell in sight is left out."""
 
 NO_ROOM = 255
 """In place of the number of ways that were not found."""
@@ -48,8 +48,11 @@ NO_ROOM = 255
 TURNS = 32
 """Headings that are tried where the robot does not fit with any."""
 
-DRAWS = 4
-"""Places drawn of those that see an edge."""
+DRAWS, MOST_DRAWS = 4, 64
+"""Places drawn of those that see an edge; as many times more, up to so many, where the robot fits at none of them."""
+
+MOST_TRIES = 3
+"""Ways to a place are looked for as often, before it is left undecided whether there is one."""
 
 STEPS = 5
 """Of Lloyd's algorithm."""
@@ -97,7 +100,8 @@ class Search:
 
         First K-means centres of free places, as many as the sensor's range asks for; then, for each group of frontiers
         that none of them sees from near, the K-means centre of places drawn of those that do. Where nothing at all is
-        seen, every edge is asked for every place, near or far: without candidates there is nothing left to be seen.
+        seen, every edge is asked, near or far, in the end for every place: without candidates there is nothing left to
+        be seen.
 
         Args:
             sensor_range: in cells.
@@ -106,10 +110,10 @@ class Search:
         cells = self._centres(sensor_range, rng)
         headings, sees = np.full(len(cells), np.nan), self._sees(cells)
         every, nearer = len(self.frontiers.edges), replace(self, farthest=NEAR * self.farthest)
-        stages = ((nearer, EDGES, 4.0, 0), *((self, every, DENSE, refusals) for refusals in range(3)))
-        for search, edges, spacing, refusals in stages:
+        densely = ((self, every, DENSE, refusals) for refusals in range(MOST_TRIES))
+        for search, edges, spacing, refusals in ((nearer, EDGES, SPARSE, 0), (self, every, SPARSE, 0), *densely):
             seen = sees & search._is_within(cells)
-            more, more_headings = search._seeing(seen, edges, spacing, refusals, until_settled=edges == every)
+            more, more_headings = search._seeing(seen, edges, spacing, refusals, until_settled=search is self)
             cells, headings = np.concatenate([cells, more]), np.concatenate([headings, more_headings])
             sees = np.concatenate([sees, self._sees(more)])
             if sees.any():
@@ -162,35 +166,53 @@ class Search:
         if not until_settled:
             left = left[self._among_nearest(left)]
         left = _some_of_each(left, group, edges)
-        if until_settled:
-            left = left[self._in_sight[left]]
-        while True:
+        if spacing == DENSE:
+            least, best = self._least_refused
+            left = left[least[left] <= refusals]
+            found = best[left, None]
+        else:
             found = self._places_seeing(left, refusals, DRAWS, spacing)
+        while True:
             places = np.unique(found[found >= 0])
             headings = self._headings(places)
             fits = ~np.isinf(headings)
             self.refused.ravel()[places[~fits]] = NO_ROOM
             if fits.any() or fits.all() or not until_settled:
                 break
+            found = self._places_seeing(left, refusals, min(DRAWS * found.shape[1], MOST_DRAWS), spacing)
         chosen = _middles(found, np.isin(found, places[fits]), group[left], columns)
         return np.column_stack(np.divmod(chosen, columns)), headings[np.searchsorted(places, chosen)]
 
     @cached_property
-    def _in_sight(self) -> NDArray[np.bool_]:
-        """Which edges are seen from anywhere that the robot perhaps gets to, however often no way was found there.
+    def _least_refused(self) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """How often no way was found to a place that sees an edge, the least number of any, and one of these places.
 
-        Where all has been seen, most are not, and need not be asked again for each number of refusals.
+        Both have shape (m,); NO_ROOM and -1 where no place sees it. Where all has been seen, most edges are seen from
+        nowhere, and need not be asked again for each number.
         """
-        edges = np.arange(len(self.frontiers.edges))
-        return np.asarray(self._places_seeing(edges, NO_ROOM - 1, 1, DENSE)[:, 0] >= 0)
+        ranks = np.where(self.levels == NOWHERE, 0, NO_ROOM - self.refused).astype(np.uint8)
+        places = self._places_of(np.arange(len(self.frontiers.edges)), ranks, 1, DENSE)[:, 0]
+        return np.where(places >= 0, self.refused.ravel()[places], np.uint8(NO_ROOM)), places
 
     def _places_seeing(self, edges: NDArray[np.intp], refusals: int, draws: int, spacing: float) -> NDArray[np.int64]:
-        """Return places drawn of those that see each edge, row * columns + column or -1, shape (n, draws)."""
+        """Return places drawn of those that see each edge, to which as often no way was found at most."""
         reached = np.where(self.refused <= refusals, self.levels, NOWHERE).astype(np.uint8)
+        return self._places_of(edges, reached, draws, spacing)
+
+    def _places_of(
+        self, edges: NDArray[np.intp], ranks: NDArray[np.uint8], draws: int, spacing: float
+    ) -> NDArray[np.int64]:
+        """Return places drawn of the best that see each edge, row * columns + column or -1, shape (n, draws).
+
+        Args:
+            edges: the edges.
+            ranks: of all places, the higher the better, 0 for those that do not count, shape (rows, columns).
+            draws: how many places.
+            spacing: of rays, in cells.
+        """
         boxes, chosen = self.known.surface_boxes(), self.frontiers.edges[edges]
-        return np.asarray(
-            places_in_sight(self.known.state, boxes, reached, chosen, self.farthest[edges], draws, spacing)
-        )
+        farthest = self.farthest[edges]
+        return np.asarray(places_in_sight(self.known.state, boxes, ranks, chosen, farthest, draws, spacing))
 
     def _among_nearest(self, edges: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return which of some edges are of the groups that have the nearest ones."""

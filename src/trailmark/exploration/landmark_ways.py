@@ -10,10 +10,11 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.exploration.candidates import MOST_TRIES
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import UNKNOWN_ID, KnownMap
 from trailmark.exploration.reachability import CERTAIN, NOWHERE, excluded_with
-from trailmark.exploration.survey import EXCLUDED, MOST_TRIES, Memory, Survey
+from trailmark.exploration.survey import EXCLUDED, Memory, Survey
 from trailmark.goals import Goal
 from trailmark.planning.planner import LandmarkPlanner
 from trailmark.planning.proofs.shut_off import shut_off

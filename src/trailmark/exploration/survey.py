@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.exploration.candidates import Search, middles_of
+from trailmark.exploration.candidates import MOST_TRIES, Search, middles_of
 from trailmark.exploration.cells import quarters
 from trailmark.exploration.certainty import expected_falls
 from trailmark.exploration.exploration_settings import ExplorationSettings
@@ -26,7 +26,7 @@ from trailmark.planning.planner import LandmarkPlanner
 from trailmark.robot import Robot
 from trailmark.se2 import FloatArray
 
-__all__ = ["EXCLUDED", "MOST_TRIES", "Memory", "Survey", "survey"]
+__all__ = ["EXCLUDED", "Memory", "Survey", "survey"]
 
 NEARER = 0.5
 """Share of the sensor's range: a cell that stays unknown although it was in sight from nearer cannot be told; one that
@@ -52,9 +52,6 @@ MOSTLY = 0.6
 
 EXCLUDED = 254
 """In place of how often no way was found: it is proven that there is none."""
-
-MOST_TRIES = 3
-"""Ways to a place are looked for as often, before it is left undecided whether there is one."""
 
 RAYS = 180
 """By which expected areas are found."""
