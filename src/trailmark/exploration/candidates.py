@@ -185,12 +185,14 @@ class Search:
 
     @cached_property
     def _least_refused(self) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-        """How often no way was found to a place that sees an edge, the least number of any, and one of these places.
+        """How often no way was found to a place that sees an edge, the least number of any, and the best such place.
 
         Both have shape (m,); NO_ROOM and -1 where no place sees it. Where all has been seen, most edges are seen from
         nowhere, and need not be asked again for each number.
         """
-        ranks = np.where(self.levels == NOWHERE, 0, NO_ROOM - self.refused).astype(np.uint8)
+        classes = MOST_TRIES + 1 - np.minimum(self.refused, MOST_TRIES + 1)
+        counts = (self.levels != NOWHERE) & (self.refused < NO_ROOM)
+        ranks = np.where(counts, classes * (CERTAIN + 1) + self.levels, 0).astype(np.uint8)
         places = self._places_of(np.arange(len(self.frontiers.edges)), ranks, 1, DENSE)[:, 0]
         return np.where(places >= 0, self.refused.ravel()[places], np.uint8(NO_ROOM)), places
 
