@@ -76,7 +76,7 @@ RING = [(0.0, 0.0, 20.0, 2.0), (18.0, 0.0, 20.0, 20.0), (0.0, 18.0, 20.0, 20.0),
 
 
 def test_a_loop_is_open_where_the_way_round_is_long_and_the_way_back_short() -> None:
-    around = Drove([(1, 8), (1, 1), (19, 1), (19, 19), (1, 19)], drift=0.03)
+    around = Drove([(1, 8), (1, 1), (19, 1), (19, 19), (1, 19)], drift=0.06)
     back = loop_of(around, [], RING)
     assert back is not None
     np.testing.assert_allclose(back[:2], [1.0, 8.0], atol=0.5)
@@ -90,8 +90,8 @@ def test_a_loop_is_open_where_the_way_round_is_long_and_the_way_back_short() -> 
 
 
 def test_from_a_dead_end_nothing_is_gained_by_driving_back() -> None:
-    assert loop_of(Drove([(1, 1), (19, 1), (19, 19)], drift=0.03), [], RING[:2]) is None
-    assert loop_of(Drove([(1, 1), (19, 1), (19, 19)], drift=0.03), [], RING) is None  # as long round the other way
+    assert loop_of(Drove([(1, 1), (19, 1), (19, 19)], drift=0.06), [], RING[:2]) is None
+    assert loop_of(Drove([(1, 1), (19, 1), (19, 19)], drift=0.06), [], RING) is None  # as long round the other way
 
 
 @pytest.mark.slow

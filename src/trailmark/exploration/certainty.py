@@ -15,6 +15,10 @@ __all__ = ["expected_falls", "open_loop", "places_of"]
 MOST_POSES = 100
 """Where the robot was, from the first pose to the last, among which it is looked for an open loop."""
 
+OPEN = 3.0
+"""Cells that a pose has drifted by where a loop is open. Surfaces that lie less far apart shut no passage in which the
+robot has room: to drive round for loops of one cell took explorations a quarter more of the way, and showed no more."""
+
 NEAR = 0.5
 """Share of the sensor's range around a place that the robot came back to in which no loop is left to be closed."""
 
@@ -55,7 +59,7 @@ def open_loop(
     """Return the nearest of the robot's poses, shape (3,), at which it would close a loop; None if there is none.
 
     A loop is open where the robot can come soon to where it was, and the map knows of the two only by a long way round,
-    along which its pose has drifted by more than a cell: what was seen from both has two surfaces then.
+    along which its pose has drifted by :data:`OPEN` cells: what was seen from both has two surfaces then.
 
     Args:
         mapper: knows where the robot was.
@@ -67,7 +71,7 @@ def open_loop(
     """
     poses, drifts, known = mapper.trajectory[:, 1:], mapper.drifts, mapper.known
     some = np.unique(np.linspace(0, len(poses) - 1, MOST_POSES).astype(np.intp))
-    some = some[drifts[some, 1] > known.cell]
+    some = some[drifts[some, 1] > OPEN * known.cell]
     for place in done:
         some = some[np.hypot(*(poses[some] - place)[:, :2].T) > NEAR * sensor_range]
     if not len(some):
