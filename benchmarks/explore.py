@@ -150,11 +150,14 @@ def main() -> None:
     jobs = jobs_for(worlds, arguments.seeds, arguments.noise, arguments.strategies)
     rows = measure(jobs, arguments.runs, arguments.workers, arguments.limit)
     summary = summarise(rows)
-    page = report(summary, describe_machine())
+    machine = describe_machine()
+    if len(summary["code"]) == 1:  # the runs may have been measured before
+        machine = machine.replace(describe_code(), next(iter(summary["code"])))
+    page = report(summary, machine)
     print(page)
     if arguments.report:
         kept = [{key: value for key, value in row.items() if key not in ("decisions", "trace")} for row in rows]
-        text = json.dumps({"machine": describe_machine(), "summary": summary, "runs": kept}, indent=1)
+        text = json.dumps({"machine": machine, "summary": summary, "runs": kept}, indent=1)
         write_atomically(RESULTS / f"{arguments.report}.json", text + "\n")
         write_atomically(RESULTS / f"{arguments.report}.md", page)
 
