@@ -150,9 +150,8 @@ def main() -> None:
     jobs = jobs_for(worlds, arguments.seeds, arguments.noise, arguments.strategies)
     rows = measure(jobs, arguments.runs, arguments.workers, arguments.limit)
     summary = summarise(rows)
-    machine = describe_machine()
-    if len(summary["code"]) == 1:  # the runs may have been measured before
-        machine = machine.replace(describe_code(), next(iter(summary["code"])))
+    # The runs may have been measured before: a page is as old as its first run.
+    machine = describe_machine().replace(describe_code(), next(iter(summary["code"]), describe_code()))
     page = report(summary, machine)
     print(page)
     if arguments.report:

@@ -173,13 +173,11 @@ def report(summary: dict[str, Any], machine: str) -> str:
             ],
         )
     )
-    parts.append(
-        "\nThe map made, decisions, and paths in it (tour only). Surfaces: those that can be seen. Free: in the true"
-    )
-    parts.append(
-        "world, by the audit, which allows 1e-7 m; with noise obstacles are grown for the confidence, without they"
-    )
-    parts.append("are as measured, and shortest paths touch them.\n")
+    parts += [
+        "\nThe map made, decisions, and paths in it (tour only). Surfaces: those that can be seen. Free: in the true",
+        "world, by the audit, which allows 1e-7 m; with noise obstacles are grown for the confidence, without they",
+        "are as measured, and shortest paths touch them.\n",
+    ]
     parts.append(
         markdown_table(
             ("noise", "strategy", *SURFACE, *DECIDING, *PATHS),

@@ -84,8 +84,9 @@ def test_a_loop_is_open_where_the_way_round_is_long_and_the_way_back_short() -> 
     again = loop_of(around, [back], RING)
     assert again is not None
     assert 2.0 < np.hypot(*(again - back)[:2]) < 3.5
-    # Where it did not get to, or by odometry that hardly drifts, there is no loop to close.
+    # Where it did not get to, or by odometry that hardly drifts, there is no loop to close; nor for two cells of drift.
     assert loop_of(around, [], RING[:3]) is None
+    assert loop_of(Drove([(1, 8), (1, 1), (19, 1), (19, 19), (1, 19)], drift=0.03), [], RING) is None
     assert loop_of(Drove([(1, 8), (1, 1), (19, 1), (19, 19), (1, 19)], drift=0.001), [], RING) is None
 
 

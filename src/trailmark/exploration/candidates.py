@@ -190,6 +190,7 @@ class Search:
         Both have shape (m,); NO_ROOM and -1 where no place sees it. Where all has been seen, most edges are seen from
         nowhere, and need not be asked again for each number.
         """
+        # Fewer refusals come first, and among as many the places where the robot fits with more headings.
         classes = MOST_TRIES + 1 - np.minimum(self.refused, MOST_TRIES + 1)
         counts = (self.levels != NOWHERE) & (self.refused < NO_ROOM)
         ranks = np.where(counts, classes * (CERTAIN + 1) + self.levels, 0).astype(np.uint8)
@@ -197,7 +198,10 @@ class Search:
         return np.where(places >= 0, self.refused.ravel()[places], np.uint8(NO_ROOM)), places
 
     def _places_seeing(self, edges: NDArray[np.intp], refusals: int, draws: int, spacing: float) -> NDArray[np.int64]:
-        """Return places drawn of those that see each edge, to which as often no way was found at most."""
+        """Return places drawn of those that see each edge and to which a way was missed at most so often.
+
+        See :meth:`_places_of`.
+        """
         reached = np.where(self.refused <= refusals, self.levels, NOWHERE).astype(np.uint8)
         return self._places_of(edges, reached, draws, spacing)
 

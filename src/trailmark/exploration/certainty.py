@@ -59,7 +59,7 @@ def open_loop(
     """Return the nearest of the robot's poses, shape (3,), at which it would close a loop; None if there is none.
 
     A loop is open where the robot can come soon to where it was, and the map knows of the two only by a long way round,
-    along which its pose has drifted by :data:`OPEN` cells: what was seen from both has two surfaces then.
+    along which its pose has drifted by more than :data:`OPEN` cells: what was seen from both has two surfaces then.
 
     Args:
         mapper: knows where the robot was.
