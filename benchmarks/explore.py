@@ -10,7 +10,7 @@ Each run has a process of its own, and a limit on the processor's time that it u
 measured is appended to a file of JSON Lines at once, and runs that stand there already are not run again.
 
     python -m benchmarks.explore [--worlds 40] [--shipped] [--maps NAME.{yaml,png} ...] [--seeds 1] [--noise 0 1]
-        [--strategies NAME ...] [--workers 1] [--limit 600] [--runs FILE.jsonl] [--report [NAME]]
+        [--strategies NAME ...] [--workers 1] [--limit 1800] [--runs FILE.jsonl] [--report [NAME]]
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def main() -> None:
     parser.add_argument("--strategies", nargs="+", default=list(STRATEGIES))
     parser.add_argument("--workers", type=int, default=1, help="processes at a time")
     parser.add_argument(
-        "--limit", type=float, default=600.0, help="seconds of work after which a run hangs; 0: run none"
+        "--limit", type=float, default=1800.0, help="seconds of work after which a run hangs; 0: run none"
     )
     parser.add_argument("--runs", type=Path, default=Path("explore.jsonl"), help="where runs are kept")
     parser.add_argument("--report", nargs="?", const="explore", help="write the results, into files of that name")

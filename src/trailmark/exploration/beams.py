@@ -18,8 +18,9 @@ from trailmark.exploration.surfaces import enter_surfaces
 
 __all__ = ["NUDGE", "agreement", "enter_scan"]
 
-MISSES: Final = 3
-"""Scans in a row with beams through what was there, after which it is gone."""
+CLEAR, SLIGHT, GONE = 4, 1, 12
+"""What counts a scan with a beam that ends behind what was there by more than the noise, and by less; what scans in a
+row must count for it to be gone."""
 
 NUDGE: Final = 1e-6
 """Cells by which an end point is moved on along its beam: a surface between two cells belongs to the one behind it."""
@@ -29,7 +30,7 @@ NEAR: Final = 2
 
 
 @njit(cache=True, nogil=True)
-def enter_scan(cells, now, start, ends, kinds, normals, gap, tolerance):  # type: ignore[no-untyped-def]  # numba infers the types
+def enter_scan(cells, now, start, ends, kinds, normals, gap, tolerance, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a scan, all of it in cells from the grid's corner on.
 
     Args:
@@ -40,14 +41,15 @@ def enter_scan(cells, now, start, ends, kinds, normals, gap, tolerance):  # type
         kinds: LOST, MET or NOTHING, shape (n,).
         normals: across the surfaces that were met, shape (n, 2); zero where that is not known.
         gap: radians from one beam to the next.
-        tolerance: how far beyond a surface a beam must have come to speak against it.
+        tolerance: how far beyond a surface a beam must have come to speak clearly against it.
+        gate: how far from a surface what is met may be a reading of it: three times the noise.
     """
-    enter_surfaces(cells, now, start, ends, kinds, normals, gap)
-    _enter_passes(cells, now, start, ends, kinds, gap, tolerance)
+    enter_surfaces(cells, now, start, ends, kinds, normals, gap, gate)
+    _enter_passes(cells, now, start, ends, kinds, gap, tolerance, gate)
 
 
 @njit(cache=True)
-def _enter_passes(cells, now, start, ends, kinds, gap, tolerance):  # type: ignore[no-untyped-def]  # numba infers the types
+def _enter_passes(cells, now, start, ends, kinds, gap, tolerance, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Take note of the cells along each beam."""
     rows, columns = cells.state.shape
     sx, sy = start
@@ -70,16 +72,18 @@ def _enter_passes(cells, now, start, ends, kinds, gap, tolerance):  # type: igno
                 if cells.state[j, i] == UNKNOWN:
                     cells.state[j, i] = FREE
                     cells.changed[j // TILE, i // TILE] = True
-                elif (
-                    cells.state[j, i] == OCCUPIED
-                    and cells.stamp[j, i] != now
-                    and _goes_through(cells, j, i, sx, sy, ux, uy, length - tolerance)
-                ):
-                    cells.stamp[j, i] = now
-                    cells.misses[j, i] += 1
-                    if cells.misses[j, i] >= MISSES:
-                        cells.state[j, i], cells.misses[j, i] = FREE, 0
-                        cells.changed[j // TILE, i // TILE] = True
+                elif cells.state[j, i] == OCCUPIED and cells.stamp[j, i] != now:
+                    against = 0
+                    if _goes_through(cells, j, i, sx, sy, ux, uy, length - tolerance):
+                        against = CLEAR
+                    elif gate > 0.0 and _goes_through(cells, j, i, sx, sy, ux, uy, length - gate / 3.0):
+                        against = SLIGHT
+                    if against:
+                        cells.stamp[j, i] = now
+                        cells.misses[j, i] += against
+                        if cells.misses[j, i] >= GONE:
+                            cells.state[j, i], cells.misses[j, i] = FREE, 0
+                            cells.changed[j // TILE, i // TILE] = True
             if next_i < next_j:
                 next_i += each_i
                 i += step_i

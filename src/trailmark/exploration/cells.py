@@ -66,6 +66,8 @@ class Cells(NamedTuple):
     """Gap between beams with which it was seen: WHOLE for a cell, and four more for twice that; or TOUCHED."""
     misses: NDArray[np.uint8]
     """Scans in a row with beams that went through it."""
+    readings: NDArray[np.uint8]
+    """How often its surface was met since it is known as finely."""
     stamp: NDArray[np.int32]
     """The last scan that told of it."""
     changed: NDArray[np.bool_]
@@ -80,7 +82,7 @@ class Cells(NamedTuple):
 
         tiles = -(-rows // TILE), -(-columns // TILE)
         box, stamp = np.zeros((rows, columns, 4), dtype=np.uint8), np.zeros((rows, columns), dtype=np.int32)
-        return cls(zeros(), zeros(), box, zeros(), zeros(), zeros(), stamp, np.ones(tiles, dtype=np.bool_))
+        return cls(zeros(), zeros(), box, zeros(), zeros(), zeros(), zeros(), stamp, np.ones(tiles, dtype=np.bool_))
 
 
 @njit(cache=True, nogil=True)

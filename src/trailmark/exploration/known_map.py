@@ -79,7 +79,7 @@ class KnownMap:
     Attributes:
         origin: x, y of the outer corner of cell (0, 0), metres.
         cell: side of a cell, metres.
-        noise: metres, standard deviation of end points: a surface is told to twice that, at best.
+        noise: metres, standard deviation of end points: a surface is told to about that, at best.
         revision: grows whenever a cell's state, or the surface in it, changes.
 
     Args:
@@ -188,8 +188,9 @@ class KnownMap:
         before = self._cells.changed.copy()
         self._cells.changed[:] = False
         self._scans += 1
-        tolerance = max(3.0 * self.noise / self.cell, 0.1)
-        enter_scan(self._cells, self._scans, start, ends, kinds, normals, abs(scan.angle_increment), tolerance)
+        gate = 3.0 * self.noise / self.cell
+        gap, tolerance = abs(scan.angle_increment), max(gate, 0.1)
+        enter_scan(self._cells, self._scans, start, ends, kinds, normals, gap, tolerance, gate)
         self.revision += int(self._cells.changed.any())
         self._cells.changed[:] |= before
 
@@ -225,7 +226,7 @@ class KnownMap:
     @property
     def parts(self) -> int:
         """Of a cell's side, to which the boxes of surfaces are widened: no more than the noise lets tell apart."""
-        return 2 * max(1, min(PARTS, round(self.cell / max(2.0 * self.noise, 1e-9))) // 2)
+        return 2 * max(1, min(PARTS, round(self.cell / max(self.noise, 1e-9))) // 2)
 
     def surfaces(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.int64]:
         """Return the boxes of the surfaces in cells, shape (n, 4): x0, y0, x1, y1 in parts of it; x1 < x0 for none."""

@@ -125,13 +125,14 @@ class ScanMapper:
     def margin(self) -> float:
         """Metres to keep from what is occupied or unknown for the confidence asked for; 0 without one.
 
-        The range's noise, the pose's error in the map around the robot, and what wheels stray in a period, each with
-        what its heading's error comes to at the robot's farthest point, over :data:`PLACES` narrow places.
+        The pose's error in the map around the robot, and what wheels stray in a period, each with what its heading's
+        error comes to at the robot's farthest point, over :data:`PLACES` narrow places. The range's noise is in the
+        map: surfaces lie there about a standard deviation nearer than they are.
         """
         if self._settings.confidence is None:
             return 0.0
         place, heading = np.hypot(MATCHED, STRAYED)
-        sigma = np.hypot(np.hypot(self._sensor.sigma, place), heading * self._robot.sweep_radius)
+        sigma = np.hypot(place, heading * self._robot.sweep_radius)
         return float(np.sqrt(chi_square_quantile(1.0 - (1.0 - self._settings.confidence) / PLACES, 1)) * sigma)
 
     def take(self, records: Sequence[Record]) -> Intake:

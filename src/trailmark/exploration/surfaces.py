@@ -19,13 +19,25 @@ __all__ = ["enter_surfaces"]
 OCTAVE: Final = 4
 """Levels by which the gap between beams halves: what was seen twice as finely replaces what was seen before."""
 
+ALIGNED: Final = 0.97
+"""Cosine of the angle between a surface and a cell's sides up to which its box ends where the surface lies."""
+
+GAIN, AHEAD, MOST = 0.02, 5.0, 50
+"""Share of the innovation by which a surface's front is moved at least: one by the number of readings up to the most,
+as in a running mean. To what lies ahead it is moved as many times farther, and so comes to lie about a standard
+deviation before the surface, however many readings there are; the farthest of all readings would come ever nearer,
+until narrow passages were shut."""
+
 STEEP: Final = 3.0
 """Gaps between beams from one end point to the next on a surface that goes on: it is met at 20 degrees or more."""
 
 
 @njit(cache=True)
-def enter_surfaces(cells, now, start, ends, kinds, normals, gap):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Enter what lies between neighbouring end points, and what may lie between the last one and the next beam."""
+def enter_surfaces(cells, now, start, ends, kinds, normals, gap, gate):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Enter what lies between neighbouring end points, and what may lie between the last one and the next beam.
+
+    What is met within the gate (cells) of a surface that is known, along its normal, refines where that lies.
+    """
     n = len(ends)
     for first in (True, False):
         for k in range(n):
@@ -55,7 +67,7 @@ def enter_surfaces(cells, now, start, ends, kinds, normals, gap):  # type: ignor
                         ends_here = False
                         before = apart / abs(other - k)
                         if side == 1 and not first:
-                            _stretch(cells, x, y, ends[other, 0], ends[other, 1], level, facing, now)
+                            _stretch(cells, x, y, ends[other, 0], ends[other, 1], level, facing, now, start, gate)
                     elif kinds[other] == MET and hypot(ends[other, 0] - start[0], ends[other, 1] - start[1]) < r:
                         # Something nearer hides how the surface goes on.
                         ends_here, is_open = False, True
@@ -65,7 +77,7 @@ def enter_surfaces(cells, now, start, ends, kinds, normals, gap):  # type: ignor
                     behind = ends_here
             if first:
                 if is_open:
-                    _leave_open(cells, x, y, level, now)
+                    _leave_open(cells, x, y, level, now, start, gate)
                 continue
             # Along the surface, the way in which the beams turn.
             along_x, along_y = -(y - start[1]) / r, (x - start[0]) / r
@@ -83,35 +95,35 @@ def enter_surfaces(cells, now, start, ends, kinds, normals, gap):  # type: ignor
                     ax, ay = x - before * along_x, y - before * along_y
                 if ahead:
                     bx, by = x + before * along_x, y + before * along_y
-                _meet(cells, row, column, ax, ay, bx, by, level, facing, now)
+                _meet(cells, row, column, ax, ay, bx, by, level, facing, now, start, gate)
                 continue
             if behind:
-                _stretch(cells, x, y, x - before * along_x, y - before * along_y, level, facing, now)
+                _stretch(cells, x, y, x - before * along_x, y - before * along_y, level, facing, now, start, gate)
             if ahead:
-                _stretch(cells, x, y, x + before * along_x, y + before * along_y, level, facing, now)
+                _stretch(cells, x, y, x + before * along_x, y + before * along_y, level, facing, now, start, gate)
 
 
 @njit(cache=True)
-def _leave_open(cells, x, y, level, now):  # type: ignore[no-untyped-def]  # numba infers the types
+def _leave_open(cells, x, y, level, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a cell of which a scan shows a part only: all of it counts, unless more was known before."""
     rows, columns = cells.state.shape
     row, column = floor(y), floor(x)
     if not (0 <= row < rows and 0 <= column < columns):
         return
     if cells.state[row, column] != OCCUPIED:
-        _meet(cells, row, column, column, row, column + 1.0, row + 1.0, min(254, level + OCTAVE), 0, now)
+        _meet(cells, row, column, column, row, column + 1.0, row + 1.0, min(254, level + OCTAVE), 0, now, start, gate)
     cells.stamp[row, column] = now  # so that this scan does not replace what is known
 
 
 @njit(cache=True)
-def _stretch(cells, ax, ay, bx, by, level, facing, now):  # type: ignore[no-untyped-def]  # numba infers the types
+def _stretch(cells, ax, ay, bx, by, level, facing, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a straight stretch of surface, cell by cell."""
     dx, dy = bx - ax, by - ay
     i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = first_step(ax, ay, bx, by)
     at = 0.0
     for _ in range(abs(last_i - i) + abs(last_j - j) + 1):
         until = min(1.0, next_i, next_j)
-        _meet(cells, j, i, ax + at * dx, ay + at * dy, ax + until * dx, ay + until * dy, level, facing, now)
+        _meet(cells, j, i, ax + at * dx, ay + at * dy, ax + until * dx, ay + until * dy, level, facing, now, start, gate)
         at = until
         if next_i < next_j:
             next_i += each_i
@@ -122,30 +134,88 @@ def _stretch(cells, ax, ay, bx, by, level, facing, now):  # type: ignore[no-unty
 
 
 @njit(cache=True)
-def _meet(cells, row, column, ax, ay, bx, by, level, facing, now):  # type: ignore[no-untyped-def]  # numba infers the types
+def _meet(cells, row, column, ax, ay, bx, by, level, facing, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a stretch of surface within one cell."""
     rows, columns = cells.state.shape
     # What noise puts beyond the bounds belongs to the cells along them.
     if not (-1 <= row <= rows and -1 <= column <= columns):
         return
     row, column = min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)
+    met = (
+        min(255, max(0, floor(255.0 * (min(ax, bx) - column)))),
+        min(255, max(0, floor(255.0 * (min(ay, by) - row)))),
+        min(255, max(0, ceil(255.0 * (max(ax, bx) - column)))),
+        min(255, max(0, ceil(255.0 * (max(ay, by) - row)))),
+    )
+    ahead_x, ahead_y = start[0] - 0.5 * (ax + bx), start[1] - 0.5 * (ay + by)
     known, again = cells.state[row, column] == OCCUPIED, cells.stamp[row, column] == now
+    front = _front(cells.facing[row, column] if known and not facing else facing, ahead_x, ahead_y)
+    if not known and front >= 0 and gate > 0.0 and _is_of_next(cells, row, column, front, met[front], gate, now):
+        return
     cells.misses[row, column], cells.stamp[row, column] = 0, now
     box = cells.box[row, column]
     if known and level > cells.level[row, column] + OCTAVE:
         return
     if not known or (not again and level + OCTAVE <= cells.level[row, column]):
-        cells.state[row, column] = OCCUPIED
-        cells.level[row, column] = level
-        cells.facing[row, column] = 0
+        cells.state[row, column], cells.level[row, column] = OCCUPIED, level
+        cells.facing[row, column], cells.readings[row, column] = 0, 0
         box[0], box[1], box[2], box[3] = 255, 255, 0, 0
         cells.changed[row // TILE, column // TILE] = True
     if facing:
         cells.facing[row, column] = facing
-    x0 = min(255, max(0, floor(255.0 * (min(ax, bx) - column))))
-    y0 = min(255, max(0, floor(255.0 * (min(ay, by) - row))))
-    x1 = min(255, max(0, ceil(255.0 * (max(ax, bx) - column))))
-    y1 = min(255, max(0, ceil(255.0 * (max(ay, by) - row))))
-    if x0 < box[0] or y0 < box[1] or x1 > box[2] or y1 > box[3]:
-        box[0], box[1], box[2], box[3] = min(box[0], x0), min(box[1], y0), max(box[2], x1), max(box[3], y1)
+    for side in range(4):
+        ahead = met[side] - int(box[side]) if side >= 2 else int(box[side]) - met[side]
+        if side == front and cells.readings[row, column] > 0 and abs(ahead) <= 255.0 * gate:
+            _move_front(cells, row, column, side, ahead)
+        elif ahead > 0:
+            box[side] = met[side]
+            cells.changed[row // TILE, column // TILE] = True
+    if front >= 0:
+        cells.readings[row, column] = min(cells.readings[row, column] + 1, MOST)
+
+
+@njit(cache=True)
+def _is_of_next(cells, row, column, front, met, gate, now):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Refine the surface in the next cell, if what is met here is a reading of it; return whether it is.
+
+    A surface that lies near a cell's side has readings in the cell before. Only where its front has come to that side
+    does it take up both.
+    """
+    row, column = row - (front == 3) + (front == 1), column - (front == 2) + (front == 0)
+    if not (0 <= row < cells.state.shape[0] and 0 <= column < cells.state.shape[1]):
+        return False
+    side, box = front % 2, cells.box[row, column]
+    deep = 255 - int(box[front]) if front >= 2 else int(box[front])
+    angle = (cells.facing[row, column] - 1) * pi / 254.0
+    along = abs(cos(angle)) if side == 0 else abs(sin(angle))
+    if cells.state[row, column] != OCCUPIED or not cells.facing[row, column] or along < ALIGNED or deep == 0:
+        return False
+    ahead = deep + (met if front >= 2 else 255 - met)
+    if ahead > 255.0 * gate:
+        return False
+    _move_front(cells, row, column, front, ahead)
+    cells.misses[row, column], cells.stamp[row, column] = 0, now
+    return True
+
+
+@njit(cache=True)
+def _move_front(cells, row, column, side, ahead):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Move the front of the surface in a cell by what a reading that lies so far ahead of it, in 255ths, tells."""
+    gain = max(1.0 / (1.0 + cells.readings[row, column]), GAIN)
+    step = int(min(1.0, AHEAD * gain) * ahead) if ahead > 0 else int(gain * ahead)
+    if step != 0:
+        at = int(cells.box[row, column, side]) + (step if side >= 2 else -step)
+        cells.box[row, column, side] = min(255, max(0, at))
         cells.changed[row // TILE, column // TILE] = True
+
+
+@njit(cache=True)
+def _front(facing, ahead_x, ahead_y):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Return which side of its box a surface that lies along it turns to the scanner, so far ahead; -1 for none."""
+    angle = (facing - 1) * pi / 254.0
+    x, y = cos(angle), sin(angle)
+    if not facing or max(abs(x), abs(y)) < ALIGNED:
+        return -1
+    if abs(x) > abs(y):
+        return 2 if ahead_x > 0.0 else 0
+    return 3 if ahead_y > 0.0 else 1

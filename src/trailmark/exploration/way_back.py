@@ -7,11 +7,12 @@ import shapely
 from numpy.typing import NDArray
 
 from trailmark.collision.footprint import Footprint
+from trailmark.estimation.scans.clouds import relative
 from trailmark.exploration.following import STEP, PathFollower
 from trailmark.exploration.known_map import OCCUPIED, KnownMap
 from trailmark.path import Path
 from trailmark.robot import Robot
-from trailmark.se2 import FloatArray, motion_bound, transform
+from trailmark.se2 import FloatArray, motion_bound
 
 __all__ = ["BACK", "WayBack", "way_back", "way_back_to"]
 
@@ -67,16 +68,17 @@ class WayBack(PathFollower):
 
     def endangered(self, known: KnownMap) -> bool:
         """Return whether a surface stands deep in the robot's body on the rest of the way."""
+        from scipy.spatial import cKDTree
+
         body = self._robot.outline.shapely().buffer(-DEEP * known.cell)
         if body.is_empty:
             return True
-        surfaces = known.centres(*np.nonzero(known.state == OCCUPIED))
-        for pose in self.rest:
-            near = surfaces[np.hypot(*(surfaces - pose[:2]).T) <= self._robot.circumradius]
-            placed = shapely.Polygon(transform(pose, shapely.get_coordinates(body)))
-            if len(near) and shapely.contains_xy(placed, near).any():
-                return True
-        return False
+        surfaces, rest = known.centres(*np.nonzero(known.state == OCCUPIED)), self.rest
+        near = cKDTree(surfaces).query_ball_point(rest[:, :2], self._robot.circumradius)
+        pose = np.repeat(np.arange(len(rest)), [len(some) for some in near])
+        points = surfaces[np.concatenate(near).astype(np.intp)]
+        ahead = relative(rest[pose], np.column_stack([points, np.zeros(len(points))]))
+        return bool(shapely.contains_xy(body, ahead[:, :2]).any())
 
 
 def way_back_to(
