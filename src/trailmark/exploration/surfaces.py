@@ -123,7 +123,9 @@ def _stretch(cells, ax, ay, bx, by, level, facing, now, start, gate):  # type: i
     at = 0.0
     for _ in range(abs(last_i - i) + abs(last_j - j) + 1):
         until = min(1.0, next_i, next_j)
-        _meet(cells, j, i, ax + at * dx, ay + at * dy, ax + until * dx, ay + until * dy, level, facing, now, start, gate)
+        _meet(
+            cells, j, i, ax + at * dx, ay + at * dy, ax + until * dx, ay + until * dy, level, facing, now, start, gate
+        )
         at = until
         if next_i < next_j:
             next_i += each_i
