@@ -74,7 +74,7 @@ class WayBack(PathFollower):
         if body.is_empty:
             return True
         surfaces, rest = known.centres(*np.nonzero(known.state == OCCUPIED)), self.rest
-        near = cKDTree(surfaces).query_ball_point(rest[:, :2], self._robot.circumradius)
+        near = cKDTree(rest[:, :2]).query_ball_tree(cKDTree(surfaces), self._robot.circumradius)
         pose = np.repeat(np.arange(len(rest)), [len(some) for some in near])
         points = surfaces[np.concatenate(near).astype(np.intp)]
         ahead = relative(rest[pose], np.column_stack([points, np.zeros(len(points))]))
