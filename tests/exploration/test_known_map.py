@@ -158,6 +158,51 @@ def test_a_door_is_as_wide_as_it_is(offset: float, sigma: float) -> None:
     assert width - 2.0 * (CELL / 8.0 + 0.01 + 4.0 * sigma) < passages[0].length < width + 2e-3 + 2.0 * sigma
 
 
+NOISY = Scanner(360, 2.0 * math.pi, 6.0, sigma=0.01)
+
+
+def heights(world: World, axis: int, low: float, places: FloatArray) -> FloatArray:
+    """Return where the surfaces of a map end on lines along an axis from ``low`` 0.6 m on, the higher ends."""
+    occupied, ends = solid(world, "occupied"), []
+    for at in places:
+        line = [(low, at), (low + 0.6, at)] if axis == 0 else [(at, low), (at, low + 0.6)]
+        ends.append(occupied.intersection(shapely.LineString(line)).bounds[2 + axis])
+    return np.array(ends)
+
+
+@pytest.mark.parametrize("cell", [0.04, 0.065, 0.1])
+@pytest.mark.parametrize("offset", [0.0, 0.25, 0.5, 0.75])
+def test_a_thin_wall_seen_from_both_sides_grows_no_thicker_and_no_side_of_it_is_lost(
+    cell: float, offset: float
+) -> None:
+    x, thick, along = 3.0 + offset * cell, 0.015, np.arange(2.4, 3.6, 0.013)
+    world, known = room(Rectangle((x + 0.5 * thick, 3.0), thick, 2.0)), KnownMap(ROOM, cell)
+    made = World("known", ROOM)
+    for side in range(6):
+        sign = -1.0 if side % 2 else 1.0
+        poses = [(x + sign * (1.0 + 0.3 * math.sin(0.1 * k)), 3.0 + 0.6 * math.cos(0.07 * k), 0.0) for k in range(70)]
+        entered(world, poses, NOISY, known, seed=side)
+        made = followed(known, made)
+        ahead = heights(made, 0, x - 0.1, along) - (x + thick)
+        assert ahead.min() >= 0.0, "the surface lies no farther than it is, wherever it was seen last"
+        # What readings of the other side reach through it, and a part of a cell to which it is widened.
+        assert np.median(ahead) <= 3.5 * NOISY.sigma - thick + cell / known.parts
+
+
+@pytest.mark.parametrize("cell", [0.04, 0.065, 0.1])
+@pytest.mark.parametrize("high", [0.02, 0.03, 0.05])
+def test_what_stands_out_of_a_wall_by_little_more_than_the_noise_is_not_averaged_away(cell: float, high: float) -> None:
+    for y in 2.0 + cell * np.array([0.0, 0.33, 0.67]):
+        world = room(Rectangle((3.0, y - 0.25), 4.0, 0.5), Rectangle((3.0, y + 0.5 * high), 0.12, high))
+        poses = [(3.0 + 1.2 * math.sin(0.05 * k), y + 1.0 + 0.4 * math.cos(0.031 * k), 0.0) for k in range(300)]
+        known = entered(world, poses, NOISY, KnownMap(ROOM, cell))
+        made = followed(known)
+        assert (heights(made, 1, y - 0.05, np.arange(2.945, 3.055, 0.007)) >= y + high).all()
+        flat = heights(made, 1, y - 0.05, np.concatenate([np.arange(2.4, 2.8, 0.007), np.arange(3.2, 3.6, 0.007)]))
+        assert (flat >= y).all()
+        assert np.median(flat) <= y + 1.5 * NOISY.sigma + cell / known.parts
+
+
 def test_a_door_that_closes_and_opens_again_is_known_within_a_few_scans() -> None:
     walls = (Rectangle((4.0, 1.3), 0.2, 2.6), Rectangle((4.0, 4.7), 0.2, 2.6))
     opened, closed = room(*walls), room(*walls, Rectangle((4.0, 3.0), 0.1, 0.8))
