@@ -173,8 +173,9 @@ class KnownMap:
     def add_scan(self, scan: Scan, pose: FloatArray, max_range: float) -> None:
         """Enter a scan: cells that a beam went through are free, those in which surfaces were met are occupied.
 
-        What is occupied becomes free again after three scans in a row with beams that went on behind its surface by
-        more than three times the noise.
+        Where a surface lies is refined by what is met within three times the noise of it. What is occupied becomes free
+        again after three scans in a row with beams that went on behind its surface by more than three times the noise,
+        or after twelve with beams that went on by more than the noise.
 
         Args:
             scan: its beams in the order of their angles.
