@@ -13,7 +13,7 @@ from typing import Final
 
 from trailmark.compiled import njit
 from trailmark.estimation.maps.cell_walk import first_step
-from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, SEEN, TILE, TOUCHED, UNKNOWN
+from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, SEEN, TILE, TOUCHED, UNKNOWN, level_of
 from trailmark.exploration.surfaces import enter_surfaces
 
 __all__ = ["NUDGE", "agreement", "enter_scan"]
@@ -70,8 +70,11 @@ def _enter_passes(cells, now, start, ends, kinds, gap, tolerance, gate):  # type
                 if kinds[k] == MET and i == last_i and j == last_j:
                     break
                 if cells.state[j, i] == UNKNOWN:
-                    cells.state[j, i] = FREE
+                    cells.state[j, i], cells.level[j, i] = FREE, 254
                     cells.changed[j // TILE, i // TILE] = True
+                if cells.state[j, i] == FREE and gate > 0.0:
+                    along = (i + 0.5 - sx) * ux + (j + 0.5 - sy) * uy
+                    cells.level[j, i] = min(cells.level[j, i], level_of(max(along * gap, 1e-6)))
                 elif cells.state[j, i] == OCCUPIED and cells.stamp[j, i] != now:
                     against = 0
                     if _goes_through(cells, j, i, sx, sy, ux, uy, length - tolerance):
@@ -82,7 +85,7 @@ def _enter_passes(cells, now, start, ends, kinds, gap, tolerance, gate):  # type
                         cells.stamp[j, i] = now
                         cells.misses[j, i] += against
                         if cells.misses[j, i] >= GONE:
-                            cells.state[j, i], cells.misses[j, i] = FREE, 0
+                            cells.state[j, i], cells.level[j, i], cells.misses[j, i] = FREE, 254, 0
                             cells.changed[j // TILE, i // TILE] = True
             if next_i < next_j:
                 next_i += each_i

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from math import ceil, log2
 from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
@@ -17,6 +18,7 @@ __all__ = [
     "MET",
     "NOTHING",
     "OCCUPIED",
+    "OCTAVE",
     "SEEN",
     "TILE",
     "TOUCHED",
@@ -24,6 +26,7 @@ __all__ = [
     "WHOLE",
     "Cells",
     "boxes_in_sight",
+    "level_of",
     "quarters",
     "rectangles",
 ]
@@ -47,6 +50,9 @@ SEEN: Final = 15
 WHOLE: Final = 64
 """The gap between beams of one cell, as a level."""
 
+OCTAVE: Final = 4
+"""Levels by which the gap between beams halves: what was seen twice as finely replaces what was seen before."""
+
 TOUCHED: Final = 0
 """The level of a cell in which the robot ran into something: no beam tells that it is gone."""
 
@@ -63,7 +69,7 @@ class Cells(NamedTuple):
     facing: NDArray[np.uint8]
     """The direction across that surface, 1 to 255 for 0 to pi; 0 where it is not known."""
     level: NDArray[np.uint8]
-    """Gap between beams with which it was seen: WHOLE for a cell, and four more for twice that; or TOUCHED."""
+    """Gap between beams with which it was seen (:func:`level_of`), of a free cell the smallest; or TOUCHED."""
     misses: NDArray[np.uint8]
     """Scans in a row with beams that went through it."""
     readings: NDArray[np.uint8]
@@ -83,6 +89,12 @@ class Cells(NamedTuple):
         tiles = -(-rows // TILE), -(-columns // TILE)
         box, stamp = np.zeros((rows, columns, 4), dtype=np.uint8), np.zeros((rows, columns), dtype=np.int32)
         return cls(zeros(), zeros(), box, zeros(), zeros(), zeros(), zeros(), stamp, np.ones(tiles, dtype=np.bool_))
+
+
+@njit(cache=True)
+def level_of(gap):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Return the level of a gap between beams: WHOLE for one of a cell, OCTAVE more for twice that."""
+    return min(254, max(TOUCHED + 1, WHOLE + ceil(OCTAVE * log2(gap))))
 
 
 @njit(cache=True, nogil=True)

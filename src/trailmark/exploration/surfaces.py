@@ -7,17 +7,14 @@ A cell keeps the box of the stretches of surface in it, so that a passage is as 
 
 from __future__ import annotations
 
-from math import atan2, ceil, cos, floor, hypot, log2, pi, sin
+from math import atan2, ceil, cos, floor, hypot, pi, sin
 from typing import Final
 
 from trailmark.compiled import njit
 from trailmark.estimation.maps.cell_walk import first_step
-from trailmark.exploration.cells import LOST, MET, OCCUPIED, TILE, TOUCHED, WHOLE
+from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, OCTAVE, TILE, level_of
 
 __all__ = ["enter_surfaces"]
-
-OCTAVE: Final = 4
-"""Levels by which the gap between beams halves: what was seen twice as finely replaces what was seen before."""
 
 ALIGNED: Final = 0.97
 """Cosine of the angle between a surface and a cell's sides up to which its box ends where the surface lies."""
@@ -48,7 +45,7 @@ def enter_surfaces(cells, now, start, ends, kinds, normals, gap, gate):  # type:
             if r < 1e-9:
                 continue
             width = max(r * gap, 1e-6)
-            level = min(254, max(TOUCHED + 1, WHOLE + ceil(OCTAVE * log2(width))))
+            level = level_of(width)
             facing = 0
             if normals[k, 0] != 0.0 or normals[k, 1] != 0.0:
                 facing = 1 + floor((atan2(normals[k, 1], normals[k, 0]) % pi) / pi * 254.0 + 0.5)
@@ -67,7 +64,8 @@ def enter_surfaces(cells, now, start, ends, kinds, normals, gap, gate):  # type:
                         ends_here = False
                         before = apart / abs(other - k)
                         if side == 1 and not first:
-                            _stretch(cells, x, y, ends[other, 0], ends[other, 1], level, facing, now, start, gate)
+                            bx, by = ends[other]
+                            _stretch(cells, x, y, bx, by, False, level, facing, now, start, gate)
                     elif kinds[other] == MET and hypot(ends[other, 0] - start[0], ends[other, 1] - start[1]) < r:
                         # Something nearer hides how the surface goes on.
                         ends_here, is_open = False, True
@@ -95,12 +93,12 @@ def enter_surfaces(cells, now, start, ends, kinds, normals, gap, gate):  # type:
                     ax, ay = x - before * along_x, y - before * along_y
                 if ahead:
                     bx, by = x + before * along_x, y + before * along_y
-                _meet(cells, row, column, ax, ay, bx, by, level, facing, now, start, gate)
+                _meet(cells, row, column, ax, ay, bx, by, False, level, facing, now, start, gate)
                 continue
             if behind:
-                _stretch(cells, x, y, x - before * along_x, y - before * along_y, level, facing, now, start, gate)
+                _stretch(cells, x, y, x - before * along_x, y - before * along_y, True, level, facing, now, start, gate)
             if ahead:
-                _stretch(cells, x, y, x + before * along_x, y + before * along_y, level, facing, now, start, gate)
+                _stretch(cells, x, y, x + before * along_x, y + before * along_y, True, level, facing, now, start, gate)
 
 
 @njit(cache=True)
@@ -111,21 +109,21 @@ def _leave_open(cells, x, y, level, now, start, gate):  # type: ignore[no-untype
     if not (0 <= row < rows and 0 <= column < columns):
         return
     if cells.state[row, column] != OCCUPIED:
-        _meet(cells, row, column, column, row, column + 1.0, row + 1.0, min(254, level + OCTAVE), 0, now, start, gate)
+        left, low, coarser = float(column), float(row), min(254, level + OCTAVE)
+        _meet(cells, row, column, left, low, left + 1.0, low + 1.0, True, coarser, 0, now, start, gate)
     cells.stamp[row, column] = now  # so that this scan does not replace what is known
 
 
 @njit(cache=True)
-def _stretch(cells, ax, ay, bx, by, level, facing, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
-    """Enter a straight stretch of surface, cell by cell."""
+def _stretch(cells, ax, ay, bx, by, beyond, level, facing, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
+    """Enter a straight stretch of surface, cell by cell; beyond: between the last end point and the next beam."""
     dx, dy = bx - ax, by - ay
     i, j, last_i, last_j, step_i, step_j, next_i, next_j, each_i, each_j = first_step(ax, ay, bx, by)
     at = 0.0
     for _ in range(abs(last_i - i) + abs(last_j - j) + 1):
         until = min(1.0, next_i, next_j)
-        _meet(
-            cells, j, i, ax + at * dx, ay + at * dy, ax + until * dx, ay + until * dy, level, facing, now, start, gate
-        )
+        px, py, qx, qy = ax + at * dx, ay + at * dy, ax + until * dx, ay + until * dy
+        _meet(cells, j, i, px, py, qx, qy, beyond, level, facing, now, start, gate)
         at = until
         if next_i < next_j:
             next_i += each_i
@@ -136,7 +134,7 @@ def _stretch(cells, ax, ay, bx, by, level, facing, now, start, gate):  # type: i
 
 
 @njit(cache=True)
-def _meet(cells, row, column, ax, ay, bx, by, level, facing, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
+def _meet(cells, row, column, ax, ay, bx, by, beyond, level, facing, now, start, gate):  # type: ignore[no-untyped-def]  # numba infers the types
     """Enter a stretch of surface within one cell."""
     rows, columns = cells.state.shape
     # What noise puts beyond the bounds belongs to the cells along them.
@@ -154,7 +152,11 @@ def _meet(cells, row, column, ax, ay, bx, by, level, facing, now, start, gate): 
     front = _front(cells.facing[row, column] if known and not facing else facing, ahead_x, ahead_y)
     if not known and front >= 0 and gate > 0.0 and _is_of_next(cells, row, column, front, met[front], gate, now):
         return
-    cells.misses[row, column], cells.stamp[row, column] = 0, now
+    # From afar the next beam lies far away; where it was seen from near that nothing stands, nothing does.
+    if beyond and gate > 0.0 and cells.state[row, column] == FREE and level >= cells.level[row, column] + OCTAVE:
+        return
+    if not (beyond and gate > 0.0):  # else it only may be there, and beams that pass it count
+        cells.misses[row, column], cells.stamp[row, column] = 0, now
     box = cells.box[row, column]
     if known and level > cells.level[row, column] + OCTAVE:
         return
