@@ -171,7 +171,7 @@ def heights(world: World, axis: int, low: float, places: FloatArray) -> FloatArr
 
 
 @pytest.mark.parametrize("cell", [0.04, 0.065, 0.1])
-@pytest.mark.parametrize("offset", [0.0, 0.25, 0.5, 0.75])
+@pytest.mark.parametrize("offset", [0.0, 0.4])
 def test_a_thin_wall_seen_from_both_sides_grows_no_thicker_and_no_side_of_it_is_lost(
     cell: float, offset: float
 ) -> None:
