@@ -13,7 +13,7 @@ from typing import Final
 
 from trailmark.compiled import njit
 from trailmark.estimation.maps.cell_walk import first_step
-from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, SEEN, TILE, TOUCHED, UNKNOWN, level_of
+from trailmark.exploration.cells import FREE, LOST, MET, OCCUPIED, OCTAVE, SEEN, TILE, TOUCHED, UNKNOWN, level_of
 from trailmark.exploration.surfaces import enter_surfaces
 
 __all__ = ["NUDGE", "agreement", "enter_scan"]
@@ -72,14 +72,18 @@ def _enter_passes(cells, now, start, ends, kinds, gap, tolerance, gate):  # type
                 if cells.state[j, i] == UNKNOWN:
                     cells.state[j, i], cells.level[j, i] = FREE, 254
                     cells.changed[j // TILE, i // TILE] = True
+                level = 2 * 255
+                if gate > 0.0:
+                    level = level_of(max(((i + 0.5 - sx) * ux + (j + 0.5 - sy) * uy) * gap, 1e-6))
                 if cells.state[j, i] == FREE and gate > 0.0:
-                    along = (i + 0.5 - sx) * ux + (j + 0.5 - sy) * uy
-                    cells.level[j, i] = min(cells.level[j, i], level_of(max(along * gap, 1e-6)))
+                    cells.level[j, i] = min(cells.level[j, i], level)
                 elif cells.state[j, i] == OCCUPIED and cells.stamp[j, i] != now:
                     against = 0
                     if _goes_through(cells, j, i, sx, sy, ux, uy, length - tolerance):
                         against = CLEAR
-                    elif gate > 0.0 and _goes_through(cells, j, i, sx, sy, ux, uy, length - gate / 3.0):
+                    elif level <= cells.level[j, i] + OCTAVE // 2 and _goes_through(
+                        cells, j, i, sx, sy, ux, uy, length - gate / 3.0
+                    ):
                         against = SLIGHT
                     if against:
                         cells.stamp[j, i] = now

@@ -170,7 +170,10 @@ def _meet(cells, row, column, ax, ay, bx, by, beyond, level, facing, now, start,
     for side in range(4):
         ahead = met[side] - int(box[side]) if side >= 2 else int(box[side]) - met[side]
         if side == front and cells.readings[row, column] > 0 and abs(ahead) <= 255.0 * gate:
-            _move_front(cells, row, column, side, ahead)
+            # Beams that lie farther apart than those before may pass beside what stands out there.
+            as_fine = level <= cells.level[row, column] + OCTAVE // 2
+            if ahead > 0 or as_fine:
+                _move_front(cells, row, column, side, ahead, AHEAD if as_fine else 1.0)
         elif ahead > 0:
             box[side] = met[side]
             cells.changed[row // TILE, column // TILE] = True
@@ -197,16 +200,16 @@ def _is_of_next(cells, row, column, front, met, gate, now):  # type: ignore[no-u
     ahead = deep + (met if front >= 2 else 255 - met)
     if ahead > 255.0 * gate:
         return False
-    _move_front(cells, row, column, front, ahead)
+    _move_front(cells, row, column, front, ahead, AHEAD)
     cells.misses[row, column], cells.stamp[row, column] = 0, now
     return True
 
 
 @njit(cache=True)
-def _move_front(cells, row, column, side, ahead):  # type: ignore[no-untyped-def]  # numba infers the types
+def _move_front(cells, row, column, side, ahead, times):  # type: ignore[no-untyped-def]  # numba infers the types
     """Move the front of the surface in a cell by what a reading that lies so far ahead of it, in 255ths, tells."""
     gain = max(1.0 / (1.0 + cells.readings[row, column]), GAIN)
-    step = int(min(1.0, AHEAD * gain) * ahead) if ahead > 0 else int(gain * ahead)
+    step = int(min(1.0, times * gain) * ahead) if ahead > 0 else int(gain * ahead)
     if step != 0:
         at = int(cells.box[row, column, side]) + (step if side >= 2 else -step)
         cells.box[row, column, side] = min(255, max(0, at))
@@ -220,6 +223,7 @@ def _front(facing, ahead_x, ahead_y):  # type: ignore[no-untyped-def]  # numba i
     x, y = cos(angle), sin(angle)
     if not facing or max(abs(x), abs(y)) < ALIGNED:
         return -1
+    side = x * ahead_x + y * ahead_y
     if abs(x) > abs(y):
-        return 2 if ahead_x > 0.0 else 0
-    return 3 if ahead_y > 0.0 else 1
+        return 2 if x * side > 0.0 else 0
+    return 3 if y * side > 0.0 else 1
