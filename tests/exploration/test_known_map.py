@@ -203,6 +203,16 @@ def test_what_stands_out_of_a_wall_by_little_more_than_the_noise_is_not_averaged
         assert np.median(flat) <= y + 1.5 * NOISY.sigma + cell / known.parts
 
 
+@pytest.mark.parametrize("high", [0.025, 0.035])
+def test_a_narrow_post_that_was_seen_from_near_is_kept_where_beams_pass_beside_it(high: float) -> None:
+    world = room(Rectangle((3.0, 1.8), 4.0, 0.5), Rectangle((3.0, 2.05 + 0.5 * high), 0.02, high))
+    known = entered(world, [*line((2.6, 2.85), (3.4, 2.9), 40)], NOISY, KnownMap(ROOM, 0.1))
+    for x in (2.8, 2.9, 3.0, 3.1):
+        # Beams lie 24 mm apart there.
+        entered(world, [(x, 3.45, 0.0)] * 40, NOISY, known, seed=int(100 * x))
+    assert (heights(followed(known), 1, 2.0, np.array([2.992, 3.0, 3.008])) >= 2.05 + high).all()
+
+
 def test_looks_from_afar_do_not_shut_a_passage_that_was_seen_from_near() -> None:
     # Between the ends of two thin walls there is a gap of 0.85 m; from afar beams lie 0.1 m apart there.
     world = room(Rectangle((4.0, 1.3), 0.2, 2.6), Rectangle((4.0, 4.725), 0.2, 2.55))
