@@ -19,8 +19,8 @@ from trailmark.exploration.surfaces import enter_surfaces
 __all__ = ["NUDGE", "agreement", "enter_scan"]
 
 CLEAR, SLIGHT, GONE = 4, 1, 12
-"""What counts a scan with a beam that ends behind what was there by more than the noise, and by less; what scans in a
-row must count for it to be gone."""
+"""What a scan counts with a beam that ends behind what was there by three standard deviations or more, and by one to
+three; and what scans must count, none of which meets it, for it to be gone."""
 
 NUDGE: Final = 1e-6
 """Cells by which an end point is moved on along its beam: a surface between two cells belongs to the one behind it."""
@@ -72,7 +72,7 @@ def _enter_passes(cells, now, start, ends, kinds, gap, tolerance, gate):  # type
                 if cells.state[j, i] == UNKNOWN:
                     cells.state[j, i], cells.level[j, i] = FREE, 254
                     cells.changed[j // TILE, i // TILE] = True
-                level = 2 * 255
+                level = 2 * 255  # coarser than any: without noise nothing counts slightly
                 if gate > 0.0:
                     level = level_of(max(((i + 0.5 - sx) * ux + (j + 0.5 - sy) * uy) * gap, 1e-6))
                 if cells.state[j, i] == FREE and gate > 0.0:

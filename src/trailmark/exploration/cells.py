@@ -71,9 +71,9 @@ class Cells(NamedTuple):
     level: NDArray[np.uint8]
     """Gap between beams with which it was seen (:func:`level_of`), of a free cell the smallest; or TOUCHED."""
     misses: NDArray[np.uint8]
-    """Scans in a row with beams that went through it."""
+    """What scans count, since its surface was last met, whose beams went through it."""
     readings: NDArray[np.uint8]
-    """How often its surface was met since it is known as finely."""
+    """How often its surface was met since its level was set, as far as that counts."""
     stamp: NDArray[np.int32]
     """The last scan that told of it."""
     changed: NDArray[np.bool_]

@@ -20,10 +20,10 @@ ALIGNED: Final = 0.97
 """Cosine of the angle between a surface and a cell's sides up to which its box ends where the surface lies."""
 
 GAIN, AHEAD, MOST = 0.02, 5.0, 50
-"""Share of the innovation by which a surface's front is moved at least: one by the number of readings up to the most,
-as in a running mean. To what lies ahead it is moved as many times farther, and so comes to lie about a standard
-deviation before the surface, however many readings there are; the farthest of all readings would come ever nearer,
-until narrow passages were shut."""
+"""A reading moves a surface's front by a share of the innovation: one by the number of readings, of which at most MOST
+count, as in a running mean, and GAIN at least. A reading ahead of the front moves it AHEAD times as far, so that the
+front comes to lie about a standard deviation before the surface, however many readings there are; the farthest of all
+readings would come ever nearer, until narrow passages were shut."""
 
 STEEP: Final = 3.0
 """Gaps between beams from one end point to the next on a surface that goes on: it is met at 20 degrees or more."""
