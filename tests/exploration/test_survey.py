@@ -15,7 +15,7 @@ from scipy import ndimage
 from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
 from trailmark.exploration import landmark_ways
-from trailmark.exploration.candidates import MOST_TRIES, NEAR
+from trailmark.exploration.candidates import FEW, MOST_TRIES, NEAR
 from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.frontiers import frontiers_of
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
@@ -45,11 +45,11 @@ def room(width: int = 30, height: int = 30) -> KnownMap:
     return known_of(rows)
 
 
-def room_with_a_door() -> KnownMap:
-    """A room in the wall of which a part is unknown."""
-    known = room()
+def room_with_a_door(width: int = 6, side: int = 30) -> KnownMap:
+    """A room, a number of cells wide, in the wall of which a part is unknown."""
+    known = room(side, side)
     state = known.state.copy()
-    state[14:20, 29] = UNKNOWN
+    state[14 : 14 + width, -1] = UNKNOWN
     known.set_state(state)
     return known
 
@@ -62,13 +62,15 @@ def chosen(outlook: Outlook, landmark: tuple[float, float, float], any_heading: 
 
 
 def look(
-    known: KnownMap, pose: tuple[float, float, float], memory: Memory | None = None
+    known: KnownMap, pose: tuple[float, float, float], memory: Memory | None = None, sensor_range: float = 2.0
 ) -> tuple[Survey, LandmarkPlanner]:
     world = known.follow(World("hall", known.bounds, robot=ROBOT))
     planner = LandmarkPlanner(world, ROBOT, seed=0)
     memory = Memory(known) if memory is None else memory
     rng = np.random.default_rng(0)
-    return survey(known, planner, ROBOT, np.array(pose), None, 2.0, ExplorationSettings(), rng, memory), planner
+    return survey(
+        known, planner, ROBOT, np.array(pose), None, sensor_range, ExplorationSettings(), rng, memory
+    ), planner
 
 
 def test_a_closed_room_is_done() -> None:
@@ -502,8 +504,8 @@ def test_where_cells_are_divided_what_was_looked_at_counts_and_where_ways_lead_i
 
 
 def test_frontiers_are_given_to_landmarks_that_see_them_from_near_where_there_are_any() -> None:
-    known = room_with_a_door()
-    found, _ = look(known, (0.5, 0.5, 0.0), Memory(known))
+    known = room_with_a_door(FEW + 1, side=60)
+    found, _ = look(known, (0.5, 0.5, 0.0), Memory(known), sensor_range=4.0)
     outlook, reach = found.outlook, found.outlook.sensor_range
     assert outlook.sees.any(axis=0).all()
     # A landmark is to show something, from wherever.
@@ -514,3 +516,13 @@ def test_frontiers_are_given_to_landmarks_that_see_them_from_near_where_there_ar
         others = outlook.landmarks[outlook.sees.any(axis=1)]
         for x, y in known.centres(rows, columns)[away > NEAR * reach + known.cell] if sees.any() else ():
             assert (np.hypot(*(others[:, :2] - (x, y)).T) > NEAR * reach - known.cell).all()
+
+
+@pytest.mark.parametrize("width", [FEW, FEW + 1])
+def test_short_frontiers_alone_are_looked_at_from_afar_though_others_could_come_near(width: int) -> None:
+    known = room_with_a_door(width, side=60)
+    outlook = look(known, (0.5, 0.5, 0.0), Memory(known), sensor_range=4.0)[0].outlook
+    door = known.centres(np.arange(14, 14 + width), np.full(width, 59))
+    lines = outlook.landmarks[outlook.sees.any(axis=1), None, :2] - door
+    farthest = np.hypot(lines[..., 0], lines[..., 1]).min(axis=1).max()
+    assert (farthest > NEAR * outlook.sensor_range + known.cell) == (width <= FEW)

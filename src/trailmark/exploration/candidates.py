@@ -36,6 +36,10 @@ NEAR = 0.5
 """Share of the distance up to which an edge can be seen, from which it is looked at if possible. From farther away
 little of what lies behind it is in range, and it has to be driven to again."""
 
+FEW = 12
+"""Edges of a frontier up to which it is looked at from wherever it can be seen: little lies behind it, and to come near
+takes more of the way than that is worth."""
+
 EDGES = 4
 """Of a group that no landmark sees: places are looked for that see one of them; of all, before the end is proven."""
 
@@ -73,7 +77,7 @@ class Candidates(NamedTuple):
     sees: NDArray[np.bool_]
     """Which place sees which edge of the frontiers, shape (n, edges)."""
     near: NDArray[np.bool_]
-    """Which place sees which edge from near (:data:`NEAR`), shape (n, edges)."""
+    """Which place sees which edge from near (:data:`NEAR`, :data:`FEW`), shape (n, edges)."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,7 @@ class Search:
         """
         cells = self._centres(sensor_range, rng)
         headings, sees = np.full(len(cells), np.nan), self._sees(cells)
-        every, nearer = len(self.frontiers.edges), replace(self, farthest=NEAR * self.farthest)
+        every, nearer = len(self.frontiers.edges), replace(self, farthest=self._near())
         densely = ((self, every, DENSE, refusals) for refusals in range(MOST_TRIES))
         for search, edges, spacing, refusals in ((nearer, EDGES, SPARSE, 0), (self, every, SPARSE, 0), *densely):
             seen = sees & search._is_within(cells)
@@ -142,6 +146,11 @@ class Search:
         return sight(
             self.known.state, self.known.surface_boxes(), middles_of(cells), self.frontiers.edges, self.farthest
         )
+
+    def _near(self) -> FloatArray:
+        """Return the distances up to which each edge is looked at from near, in cells, shape (m,)."""
+        few = np.bincount(self.frontiers.group, minlength=self.frontiers.groups) <= FEW
+        return self.farthest * np.where(few[self.frontiers.group], 1.0, NEAR)
 
     def _is_within(self, cells: NDArray[np.intp]) -> NDArray[np.bool_]:
         """Return which edges lie within the distance that each is looked at from, places by edges, shape (n, edges)."""
