@@ -67,10 +67,8 @@ def look(
     world = known.follow(World("hall", known.bounds, robot=ROBOT))
     planner = LandmarkPlanner(world, ROBOT, seed=0)
     memory = Memory(known) if memory is None else memory
-    rng = np.random.default_rng(0)
-    return survey(
-        known, planner, ROBOT, np.array(pose), None, sensor_range, ExplorationSettings(), rng, memory
-    ), planner
+    settings, rng = ExplorationSettings(), np.random.default_rng(0)
+    return survey(known, planner, ROBOT, np.array(pose), None, sensor_range, settings, rng, memory), planner
 
 
 def test_a_closed_room_is_done() -> None:

@@ -37,7 +37,7 @@ NEAR = 0.5
 little of what lies behind it is in range, and it has to be driven to again."""
 
 FEW = 12
-"""Edges of a frontier up to which it is looked at from wherever it can be seen: little lies behind it, and to come near
+"""Edges of a frontier up to which every place that sees it counts as near: little lies behind it, and to come nearer
 takes more of the way than that is worth."""
 
 EDGES = 4
@@ -148,7 +148,7 @@ class Search:
         )
 
     def _near(self) -> FloatArray:
-        """Return the distances up to which each edge is looked at from near, in cells, shape (m,)."""
+        """Return up to how far from each edge a place is near it, in cells, shape (m,). See NEAR and FEW."""
         few = np.bincount(self.frontiers.group, minlength=self.frontiers.groups) <= FEW
         return self.farthest * np.where(few[self.frontiers.group], 1.0, NEAR)
 

@@ -38,8 +38,8 @@ class Outlook(NamedTuple):
     frontiers: FloatArray
     """Lengths of the frontiers between free and unknown space, shape (m,), metres."""
     sees: NDArray[np.bool_]
-    """Which landmark sees which frontier, shape (n, m): from near, or from afar if none does from near. A landmark that
-    sees from afar alone what others see from near may see none."""
+    """Which landmark sees which frontier, shape (n, m): from near, or from afar if none does; a short frontier from
+    wherever. A landmark that sees from afar alone what others see from near may see none."""
     sensor_range: float
     """Metres."""
 
