@@ -130,3 +130,27 @@ def test_paths_that_are_not_the_last_are_left_out_and_nothing_else(monkeypatch: 
         assert [answer.get("step") for answer in client.taken] == [*range(3 * MAX_UNSENT), None]
 
     meet(story)
+
+
+def test_one_that_has_answered_is_not_going_on_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    over = Event()
+
+    def compare(_world: object, message: Message, tell: Callable[[dict[str, Any]], None], _stop: object) -> None:
+        tell({"type": "compare", "id": message.id})
+        over.wait(30.0)  # as a thread that the machine has no time for
+
+    monkeypatch.setitem(ASIDES, "compare", compare)
+
+    async def story(client: SlowClient, _sessions: list[EchoSession]) -> None:
+        client.takes.set()
+        try:
+            for k in range(connection.MAX_ASIDES + 2):
+                message = {"type": "compare", "id": k, "planner": "PRM", "start": [0, 0, 0], "goal": [1, 1, 0]}
+                client.frames.put_nowait(json.dumps(message))
+                while len(client.taken) <= k:
+                    await asyncio.sleep(0.01)
+        finally:
+            over.set()
+        assert [answer["type"] for answer in client.taken] == ["compare"] * (connection.MAX_ASIDES + 2)
+
+    meet(story)

@@ -71,7 +71,7 @@ class Connection:
         self._come = asyncio.Event()
         self._stop, self._sent = Event(), Event()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="trailmark-live")
-        self._asides: dict[asyncio.Future[None], Event] = {}
+        self._asides: set[Event] = set()
         self._tokens, self._seen = BURST, monotonic()
 
     async def serve(self) -> None:
@@ -126,7 +126,7 @@ class Connection:
         return message
 
     def _stop_all(self) -> None:
-        for stop in (self._stop, *self._asides.values()):
+        for stop in (self._stop, *self._asides):
             stop.set()
 
     def _do_aside(self, message: Message) -> None:
@@ -135,18 +135,19 @@ class Connection:
             self._refuse(message.id, f"{message.type}: expected at most {MAX_ASIDES} at a time; 'stop' ends them")
             return
         stop, world = Event(), self._session.world
+        self._asides.add(stop)
 
         def tell(answer: Answer) -> None:
+            last = answer.get("final", True)
+            if last:  # the client may ask for another as soon as it has this one, before the thread has ended
+                self._loop.call_soon_threadsafe(self._asides.discard, stop)
             self._tell(answer)
-            while self._unsent.qsize() > MAX_UNSENT and not stop.is_set():
+            while not last and self._unsent.qsize() > MAX_UNSENT and not stop.is_set():
                 sleep(YIELD)
 
-        def work() -> None:
-            self._answer(message, lambda: ASIDES[message.type](world, message, tell, stop))
-
-        future = self._loop.run_in_executor(None, work)
-        self._asides[future] = stop
-        future.add_done_callback(lambda done: self._asides.pop(done, None))
+        self._loop.run_in_executor(
+            None, self._answer, message, lambda: ASIDES[message.type](world, message, tell, stop), tell
+        )
 
     def _require_patience(self) -> None:
         """Raise if more messages come than a screen can show."""
@@ -168,7 +169,7 @@ class Connection:
             message, stop = self._waiting.popleft(), Event()
             self._stop = stop
             work = partial(self._session.handle, message, stop)
-            await self._loop.run_in_executor(self._thread, self._answer, message, work)
+            await self._loop.run_in_executor(self._thread, self._answer, message, work, self._tell)
 
     async def _until_unsent(self, most: int) -> None:
         """Wait until no more answers than that have not been taken."""
@@ -176,17 +177,17 @@ class Connection:
         while self._unsent.qsize() > most:
             await asyncio.sleep(YIELD)
 
-    def _answer(self, message: Message, work: Callable[[], None]) -> None:
+    def _answer(self, message: Message, work: Callable[[], None], tell: Callable[[Answer], None]) -> None:
         try:
             work()
         except TrailmarkError as error:
-            self._refuse(message.id, str(error))
+            tell(_error(message.id, str(error)))
         except Exception as error:  # one message must not end the connection, whatever it does
             traceback.print_exc(file=sys.stderr)
-            self._refuse(message.id, f"internal error: {type(error).__name__}: {error}")
+            tell(_error(message.id, f"internal error: {type(error).__name__}: {error}"))
 
     def _refuse(self, identity: Identity, problem: str) -> None:
-        self._tell({"type": "error", "id": identity, "message": problem})
+        self._tell(_error(identity, problem))
 
     def _tell(self, answer: Answer) -> None:
         self._sent.clear()
@@ -201,6 +202,10 @@ class Connection:
             if not better_comes or self._unsent.qsize() <= MAX_UNSENT:
                 await self._channel.send(json_text(answer))
             self._sent.set()
+
+
+def _error(identity: Identity, problem: str) -> Answer:
+    return {"type": "error", "id": identity, "message": problem}
 
 
 def json_text(answer: Answer) -> str:
