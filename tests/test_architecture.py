@@ -16,7 +16,7 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
 
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"compiled"}),
-    frozenset({"clock", "errors", "heading", "heap", "lock"}),
+    frozenset({"clock", "errors", "heading", "heap", "lock", "sorting"}),
     frozenset({"library"}),
     frozenset({"arguments", "shown"}),
     frozenset({"layers"}),

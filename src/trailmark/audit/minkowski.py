@@ -13,6 +13,7 @@ import numpy as np
 
 from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
+from trailmark.sorting import order_of
 
 __all__ = ["penetration_depths"]
 
@@ -93,7 +94,7 @@ def _origin_depth(hulls: FloatArray) -> float:
             inside |= low < 0.5 < high
         if not inside:
             return 0.0
-    for e in np.argsort(distances):
+    for e in order_of(distances):
         if distances[e] >= best:
             break
         ax, ay, dx, dy, foot = edges[e]
@@ -109,7 +110,7 @@ def _origin_depth(hulls: FloatArray) -> float:
                 count += 1
         # What lies free of the edge, from one covered part to the next: the place in it that is nearest.
         reached = 0.0
-        order = np.argsort(parts[:count, 0])
+        order = order_of(parts[:count, 0])
         for step in range(count + 1):
             begin = parts[order[step], 0] if step < count else 1.0
             if begin > reached + SLIVER or (step == count and reached == 0.0):

@@ -18,6 +18,7 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.heading import turn
 from trailmark.se2 import FloatArray
+from trailmark.sorting import sort_in_place
 
 __all__ = ["colliding_parts", "pose_on", "track_of"]
 
@@ -178,10 +179,10 @@ def colliding_parts(
                     if d > 0.0 and least > error + ROUNDING:
                         continue
                     if error <= OFF_CHORD:
-                        ordered = np.sort(times[:found])
+                        sort_in_place(times, found)
                         before = 0.0
                         for k in range(found + 1):
-                            after = ordered[k] if k < found else 1.0
+                            after = times[k] if k < found else 1.0
                             if (high - low) * (after - before) <= SHORTEST:
                                 continue
                             q = pose_on(track, low + 0.5 * (before + after) * (high - low))

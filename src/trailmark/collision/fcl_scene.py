@@ -23,6 +23,7 @@ from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
 from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape
+from trailmark.sorting import order_of
 from trailmark.triangles import triangulate
 from trailmark.world import Robot, World
 
@@ -206,7 +207,7 @@ def _meeting(boxes: FloatArray, xmin: float, ymin: float, xmax: float, ymax: flo
     for i in range(len(found)):
         left, low, right, high = boxes[:, found[i]]
         apart[i] = max(left - xmax, xmin - right, low - ymax, ymin - high)
-    return found[np.argsort(apart)]
+    return found[order_of(apart)]
 
 
 def _overlap(a: Any, b: Any) -> bool:

@@ -23,6 +23,7 @@ from numba.core.types import unliteral
 
 from trailmark.compiled.borrowing import Borrowing
 from trailmark.compiled.cache import KernelCache, cache_of
+from trailmark.compiled.garbage import collection_waits
 from trailmark.compiled.python_api import CheckedPythonAPI
 from trailmark.compiled.signals import signals_wait
 from trailmark.compiled.target import KernelTarget, for_kernels, register
@@ -105,7 +106,7 @@ class Kernel(CPUDispatcher):
     def compile(self, sig: Any) -> Any:
         """Compile the kernel for a signature, or find the code; returns numba's handle on it."""
         # With the lock, hence no two threads count at the same time.
-        with signals_wait(), for_kernels(), global_compiler_lock:
+        with signals_wait(), for_kernels(), global_compiler_lock, collection_waits():
             Kernel.compiling += 1
             try:
                 return self._compile_for_python(sig) if Kernel.compiling == 1 else self._compile_for_kernel(sig)

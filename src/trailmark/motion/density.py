@@ -24,6 +24,7 @@ from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.objective import Objective
 from trailmark.se2 import FloatArray
+from trailmark.sorting import sort_in_place
 from trailmark.world import World
 from trailmark.zones import CostZone, SpeedZone
 
@@ -280,9 +281,9 @@ def _zones_cost(density: Density, ax: float, ay: float, bx: float, by: float, le
             if (a > 0.0) != (b > 0.0):
                 crossings[count] = a / (a - b)
                 count += 1
-    places = np.sort(crossings[:count])
+    sort_in_place(crossings, count)
     cost = 0.0
     for k in range(count - 1):
-        t = 0.5 * (places[k] + places[k + 1])
-        cost += (places[k + 1] - places[k]) * zones_density(density, ax + t * dx, ay + t * dy)
+        t = 0.5 * (crossings[k] + crossings[k + 1])
+        cost += (crossings[k + 1] - crossings[k]) * zones_density(density, ax + t * dx, ay + t * dy)
     return cost * length

@@ -18,6 +18,7 @@ from trailmark.compiled import njit
 from trailmark.curves.words import PIECES, drive
 from trailmark.heading import wrapped
 from trailmark.se2 import FloatArray
+from trailmark.sorting import sort_in_place
 from trailmark.zones import OneWayZone, Zone
 
 __all__ = ["DEPTH", "OneWays", "curve_allowed", "one_ways", "straight_allowed"]
@@ -142,10 +143,10 @@ def _piece_allowed(zones: OneWays, x: float, y: float, ahead: float, side: float
                     cuts[count] = place
                     count += 1
         cuts[count] = length
-        ordered = np.sort(cuts[: count + 1])
+        sort_in_place(cuts, count + 1)
         for i in range(count):
-            middle = 0.5 * (ordered[i] + ordered[i + 1])
-            if ordered[i + 1] - ordered[i] > IN_PLACE and fabs(wrapped(off + side * middle / radius)) > tolerance:
+            middle = 0.5 * (cuts[i] + cuts[i + 1])
+            if cuts[i + 1] - cuts[i] > IN_PLACE and fabs(wrapped(off + side * middle / radius)) > tolerance:
                 px, py, _ = drive(x, y, ahead, side, middle, radius)
                 if _deep_inside(edges, px, py):
                     return False

@@ -228,8 +228,14 @@ def _active_references(
         for v in first:
             if table[v, r] < np.inf and low[r] < np.inf and high[r] < np.inf:
                 bounds[r] = max(bounds[r], max(low[r] - table[v, r], table[v, r] - high[r]))
-    active = np.argsort(-bounds)[:ACTIVE]
-    return active[bounds[active] >= 0.0], low, high
+    active, found = np.empty(ACTIVE, np.int64), 0
+    while found < ACTIVE:
+        r = np.argmax(bounds)
+        if bounds[r] < 0.0:
+            break
+        active[found], bounds[r] = r, -1.0
+        found += 1
+    return active[:found], low, high
 
 
 @njit(cache=True, nogil=True)
