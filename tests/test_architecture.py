@@ -16,8 +16,8 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
 
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"compiled"}),
-    frozenset({"clock", "errors", "heading", "heap", "lock", "sorting"}),
-    frozenset({"library"}),
+    frozenset({"clock", "errors", "heading", "heap", "lock"}),
+    frozenset({"library", "sorting"}),
     frozenset({"arguments", "shown"}),
     frozenset({"layers"}),
     frozenset({"checked"}),
@@ -115,21 +115,29 @@ def test_every_part_has_its_layer() -> None:
     assert {part_of(file) for file in FILES} <= set(LAYER_OF)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("file", FILES, ids=[str(file.relative_to(SOURCE)) for file in FILES])
-def test_a_file_imports_only_what_lies_below_it(file: Path) -> None:
+def forbidden_imports(file: Path) -> list[str]:
+    """Return what a file imports although it lies above it or beside it, a line each."""
     own, relative = part_of(file), file.relative_to(SOURCE)
-    package = ["trailmark", *relative.parts[:-1]]
+    package, found = ["trailmark", *relative.parts[:-1]], []
     for module, line in imported_modules(file.read_text(encoding="utf-8"), package):
         names = module.split(".")
         where = f"{relative}:{line}: {own} imports {module}"
         if names[0] == "trailmark" and len(names) > 1 and names[1] in LAYER_OF and names[1] != own:
-            below = LAYER_OF[names[1]] < LAYER_OF[own]
-            assert below or (own, names[1]) in PEERS, f"{where}, which lies above it or beside it"
-            assert names[1] != "plotting" or own in ("cli", "shown"), f"{where}, which only cli may use"
+            if LAYER_OF[names[1]] >= LAYER_OF[own] and (own, names[1]) not in PEERS:
+                found.append(f"{where}, which lies above it or beside it")
+            if names[1] == "plotting" and own not in ("cli", "shown"):
+                found.append(f"{where}, which only cli may use")
         homes = HOMES.get(names[0])
-        if homes is not None:
-            assert relative.as_posix() in homes or own in homes, f"{where}, allowed: {sorted(homes)}"
+        if homes is not None and relative.as_posix() not in homes and own not in homes:
+            found.append(f"{where}, allowed: {sorted(homes)}")
+    return found
+
+
+# One test for all files: a test for each took longer to report than to run.
+@pytest.mark.slow
+def test_a_file_imports_only_what_lies_below_it() -> None:
+    assert len(FILES) > 100
+    assert [line for file in FILES for line in forbidden_imports(file)] == []
 
 
 TESTS = Path(__file__).resolve().parent
@@ -155,11 +163,12 @@ def covering(file: Path) -> list[Path]:
 MODULES = [file for file in FILES if not file.stem.startswith("__")]
 
 
-@pytest.mark.parametrize("file", MODULES, ids=[str(file.relative_to(SOURCE)) for file in MODULES])
-def test_a_module_is_covered_by_a_test_file(file: Path) -> None:
-    found = covering(file)
-    assert found, f"expected tests/.../test_{file.name} or a line '# Tested by tests/...'"
-    assert [test for test in found if not test.exists()] == []
+def test_every_module_is_covered_by_a_test_file() -> None:
+    """One that is not: add ``tests/.../test_NAME.py``, or a line ``# Tested by tests/...`` at its top."""
+    assert len(MODULES) > 100
+    covered = {file.relative_to(SOURCE).as_posix(): covering(file) for file in MODULES}
+    assert [name for name, tests in covered.items() if not tests] == []
+    assert [(name, test) for name, tests in covered.items() for test in tests if not test.exists()] == []
 
 
 def imports_when_loaded(file: Path) -> set[Path]:

@@ -22,12 +22,19 @@ def _collection_as_it_was() -> Iterator[None]:
 @pytest.mark.parametrize("collecting", [True, False])
 def test_afterwards_it_goes_on_as_before_also_after_an_exception(collecting: bool) -> None:
     (gc.enable if collecting else gc.disable)()
-    with pytest.raises(KeyboardInterrupt), collection_waits():
-        assert not gc.isenabled()
+    seen = []
+
+    def interrupted() -> None:
         with collection_waits():
-            pass
-        assert not gc.isenabled()
-        raise KeyboardInterrupt
+            seen.append(gc.isenabled())
+            with collection_waits():
+                pass
+            seen.append(gc.isenabled())
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert seen == [False, False]
     assert gc.isenabled() == collecting
 
 
