@@ -46,11 +46,11 @@ def test_no_garbage_is_collected_while_a_kernel_is_compiled() -> None:
         def on_end(self, event: object) -> None:
             collecting.append(gc.isenabled())
 
-    @njit
+    @njit()
     def inner(x: float) -> float:
         return x + 1.0
 
-    @njit
+    @njit()
     def outer(x: float) -> float:
         return 2.0 * inner(x)
 
