@@ -60,8 +60,8 @@ def test_the_error_is_a_bound_on_the_error() -> None:
     world = world_with(())
     motion = weighted(world, Objective(clearance=5.0))
     kind = motion.kind
-    for y in np.linspace(0.1, 9.9, 11):
-        rough, fine = (line_cost(kind.density, kind.grid, kind.field, 0.1, y, 9.9, y, t) for t in (0.1, 1e-5))
+    for y in np.linspace(0.1, 9.9, 7):
+        rough, fine = (line_cost(kind.density, kind.grid, kind.field, 0.1, y, 9.9, y, t) for t in (0.1, 1e-4))
         assert abs(rough[0] - fine[0]) <= rough[1] + fine[1]
 
 
