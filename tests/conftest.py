@@ -18,9 +18,9 @@ ROOT = Path(__file__).resolve().parents[1]
 # Deadlines would measure the machine (numba compiles on the first example), not the code. Every run draws other
 # examples: few in each are many in a week. Who changes what a property is about asks for many at once:
 # --hypothesis-profile thorough.
-COMMON = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow], "print_blob": True}
-settings.register_profile("trailmark", max_examples=40, **COMMON)
-settings.register_profile("thorough", max_examples=1000, **COMMON)
+common = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
+settings.register_profile("trailmark", common, max_examples=40)
+settings.register_profile("thorough", common, max_examples=1000)
 settings.load_profile("trailmark")
 
 # In the background a shell starts programs deaf to Ctrl-C, and so would be those that the tests start and interrupt.
