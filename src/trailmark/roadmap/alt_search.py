@@ -230,7 +230,7 @@ def _active_references(
                 bounds[r] = max(bounds[r], max(low[r] - table[v, r], table[v, r] - high[r]))
     active, found = np.empty(ACTIVE, np.int64), 0
     while found < ACTIVE:
-        r = np.argmax(bounds)
+        r = int(np.argmax(bounds))
         if bounds[r] < 0.0:
             break
         active[found], bounds[r] = r, -1.0
