@@ -51,16 +51,17 @@ def test_planners_find_their_way_in_the_changed_world(run_ompl: Any) -> None:
     found = run_ompl(
         WORLD
         + """
+world = World("hall", world.bounds, (Rectangle((10.0, 3.0), 0.5, 6.0),), world.robot)
 problem = SE2Problem(world, query=ends)
-for name in ("RRTConnect", "landmark"):
+for name, limit in (("RRTConnect", 5.0), ("landmark", 1.0)):  # one ends at its first path, the other at the limit
     problem.update(world)
     problem.set_planner(LandmarkPlanner(problem.information, seed=1) if name == "landmark" else name)
-    problem.solve(5.0)
+    problem.solve(limit)
     over = problem.path
-    # What was the passage is closed, and the wall below it opened.
-    moved = world.edited(move={0: (0.0, 3.0)})
+    # What was the passage is closed, whatever the way through it, and the wall below it opened.
+    moved = world.edited(move={0: (0.0, 4.0)})
     problem.update(moved)
-    problem.solve(5.0)
+    problem.solve(limit)
     under = problem.path
     anew = StateChecker(moved)
     free = [bool(anew.motions_valid(path.states[:-1], path.states[1:]).all()) for path in (over, under)]
