@@ -12,7 +12,7 @@ __all__ = ["collection_waits"]
 
 @contextmanager
 def collection_waits() -> Iterator[None]:
-    """Do not collect garbage meanwhile, a fifth of the time that compiling takes; to be entered by one thread alone."""
+    """Collect no garbage meanwhile, which saves a tenth of compiling; only one thread at a time may be in it."""
     before = gc.isenabled()
     gc.disable()
     try:
