@@ -13,7 +13,7 @@ __all__ = ["order_of", "sort_in_place"]
 
 @njit(cache=True)
 def sort_in_place(values: NDArray[np.float64], count: int) -> None:
-    """Sort the first ``count`` of the values, shape (n,), none of them NaN: smallest first (Shell 1959, Knuth's gaps)."""
+    """Sort the first ``count`` values, shape (n,), none NaN, smallest first (Shell 1959, Knuth's gaps)."""
     gap = 1
     while 3 * gap < count:
         gap = 3 * gap + 1
