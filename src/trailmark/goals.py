@@ -160,7 +160,7 @@ class Goal:
         else:
             inside = np.hypot(x - self.disc[0][0], y - self.disc[0][1]) <= self.position_tolerance
         headings = self.headings
-        if headings is not None:
+        if headings is not None and inside.any():
             inside = inside & (np.abs(se2.wrap(states[..., 2] - headings[0])) <= headings[1])
         return np.asarray(inside)
 
