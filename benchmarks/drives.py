@@ -102,7 +102,8 @@ def main() -> None:
     rows = run(words.worlds, words.seeds, words.limit, not words.no_data)
     asked = f"{words.worlds} random worlds of each kind, {words.seeds} seeds, {words.limit:g} s for each answer"
     text = f"# Clearances and drives\n\n{describe_machine()}; {asked}\n\n{summary(rows)}\n"
-    RESULTS.joinpath("drives.json").write_text(json.dumps(rows, indent=1) + "\n")
+    record = {"machine": describe_machine(), "answers": rows}
+    RESULTS.joinpath("drives.json").write_text(json.dumps(record, indent=1) + "\n")
     RESULTS.joinpath("drives.md").write_text(text)
     print(text)
 

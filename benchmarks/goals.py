@@ -145,7 +145,8 @@ def main() -> None:
     page = report(summaries)
     print(page)
     if not arguments.no_write:
-        write_atomically(RESULTS / "goals.json", json.dumps({"summaries": summaries, "sets": rows}, indent=1) + "\n")
+        record = {"machine": describe_machine(), "summaries": summaries, "sets": rows}
+        write_atomically(RESULTS / "goals.json", json.dumps(record, indent=1) + "\n")
         write_atomically(RESULTS / "goals.md", page)
 
 

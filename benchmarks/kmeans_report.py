@@ -44,7 +44,8 @@ def publish(database: Path, given: Sequence[Case], *, write: bool) -> None:
         if found["counts"] and found["many"]:
             _plot(found["counts"], found["many"])
         (RESULTS / "kmeans.md").write_text(text, encoding="utf-8")
-        (RESULTS / "kmeans.json").write_text(json.dumps(found, indent=0) + "\n", encoding="utf-8")
+        record = {"machine": describe_machine(), **found}
+        (RESULTS / "kmeans.json").write_text(json.dumps(record, indent=0) + "\n", encoding="utf-8")
 
 
 def _read(file: Path) -> Rows:
@@ -228,7 +229,7 @@ def _plot(counts: Rows, many: Rows) -> None:
         axis.minorticks_off()
         axis.legend(fontsize=8)
     axes[0].set_ylabel("share solved")
-    figure.savefig(RESULTS / "kmeans.png", dpi=110)
+    figure.savefig(RESULTS / "kmeans.png", dpi=110, metadata={"Description": describe_machine()})
 
 
 def _in_order(rows: Rows, column: str) -> list[Any]:

@@ -228,7 +228,8 @@ def main() -> None:
         found = list(pool.map(judged, *zip(*jobs, strict=True)))
     text = report(found) + f"\n{time.perf_counter() - begun:.0f} s with {words.workers} workers. {describe_machine()}\n"
     print(text)
-    words.output.with_suffix(".json").write_text(json.dumps(found, indent=1) + "\n")
+    record = {"machine": describe_machine(), "batches": found}
+    words.output.with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n")
     words.output.with_suffix(".md").write_text(text)
 
 
