@@ -77,7 +77,11 @@ def run(probe: Path, forks: Forks) -> Run:
     """
 
     def started(program: str = PROGRAM, **environment: str) -> tuple[str, str]:
-        begin = f"import sys, tempfile; sys.path.insert(0, {os.fspath(probe.parent)!r}); tempfile.tempdir = None\n"
+        # Python takes what it compiled of a file that was as long in the same second: that is not our cache's fault.
+        begin = (
+            f"import sys, tempfile; sys.path.insert(0, {os.fspath(probe.parent)!r}); "
+            "tempfile.tempdir, sys.dont_write_bytecode = None, True\n"
+        )
         known = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")} | environment
         done = forks.run(["-c", begin + program.replace("probe", probe.name)], timeout=120.0, env=known)
         assert done.returncode == 0, done.stderr
