@@ -41,9 +41,10 @@ from trailmark.benchmark.public.made_worlds import passage_world
 from trailmark.collision import StateChecker
 from trailmark.formats.files import write_atomically
 from trailmark.library import find_world
+from trailmark.motion import kind_of
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge import SE2Problem, plug_landmark_sampler
-from trailmark.planning.warmup import warm_up
+from trailmark.ompl_bridge.mixture import warm_up_sampling
 from trailmark.world import Query, Robot, World
 
 RESULTS = Path(__file__).resolve().parent / "results"
@@ -181,7 +182,8 @@ def runs(case: Case, seeds: int, samplers: tuple[str, ...], pilot: bool) -> list
     checker = StateChecker(world)
     single = PointwiseChecker(checker)
     problem = Problem(case.group, world, world.query(case.query))
-    # Kernels are loaded here once for all processes.
+    # Kernels and libraries are loaded here once for all processes.
+    warm_up_sampling(kind_of(checker.robot))
     single.valid(*problem.query.start)
     single.step_valid(*problem.query.start, *problem.query.goal)
     limit = PILOT_LIMIT if pilot else case.limit
@@ -204,7 +206,6 @@ def main() -> int:
     parser.add_argument("--pilot", action="store_true", help="choose time limits: PRM's own sampler alone")
     parser.add_argument("--no-write", action="store_true", help="print only")
     options = parser.parse_args()
-    warm_up()
     begin = perf_counter()
     rows: list[dict[str, Any]] = []
     for case in CASES:

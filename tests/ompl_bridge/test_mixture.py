@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -155,3 +157,31 @@ def test_the_same_seed_gives_the_same_configurations(narrow: StateChecker) -> No
     )
     assert np.array_equal(a, b)
     assert not np.array_equal(a, c)
+
+
+LATE = """
+import sys
+from trailmark.collision import StateChecker
+from trailmark.library import find_world
+from trailmark.motion import kind_of
+from trailmark.ompl_bridge.landmark_source import LandmarkSource
+from trailmark.ompl_bridge.mixture import ROADMAP_MIXTURE, LandmarkStream, warm_up_sampling
+from trailmark.world import World
+
+checker = StateChecker(World.load(find_world("lshape")))
+warm_up_sampling(kind_of(checker.robot))
+before = set(sys.modules)
+query = checker.world.queries[0]
+source = LandmarkSource(checker, query=[query.start, query.goal], seed=0)
+stream = LandmarkStream(source, ROADMAP_MIXTURE, 0, valid=True)
+for _ in range(2000):
+    stream.take()
+    stream.near(tuple(query.start), 1.0)
+print(len(source.landmarks) > 500, sorted(set(sys.modules) - before))
+"""
+
+
+@pytest.mark.slow
+def test_nothing_is_imported_in_the_time_of_a_planner() -> None:
+    done = subprocess.run([sys.executable, "-c", LATE], capture_output=True, text=True, check=True, timeout=120.0)
+    assert done.stdout == "True []\n"

@@ -5,6 +5,7 @@ This module does not use OMPL. Configurations are drawn in batches, checked by c
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -14,10 +15,12 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks.retraction import retract_all
-from trailmark.ompl_bridge.landmark_source import LandmarkSource
-from trailmark.ompl_bridge.nearby import Nearby
+from trailmark.motion import Kind
+from trailmark.ompl_bridge.landmark_source import FIRST, LandmarkSource
+from trailmark.ompl_bridge.nearby import LANDMARKS_NEAR, Nearby
+from trailmark.planning.warmup import ROBOTS, SMALL, warm_up
 
-__all__ = ["ORIGINS", "ROADMAP_MIXTURE", "TREE_MIXTURE", "LandmarkStream", "Mixture", "Seed"]
+__all__ = ["ORIGINS", "ROADMAP_MIXTURE", "TREE_MIXTURE", "LandmarkStream", "Mixture", "Seed", "warm_up_sampling"]
 
 Seed = int | np.random.SeedSequence | None
 """The same one gives the same configurations; None draws one."""
@@ -181,6 +184,23 @@ class LandmarkStream:
             parts = [again, around.around(count[AROUND], self._rng), around.between(count[BETWEEN], self._rng), *parts]
         order = self._rng.permutation(n)
         return np.vstack(parts)[order], np.repeat(np.arange(len(count)), count)[order]
+
+
+@cache
+def warm_up_sampling(kind: Kind) -> None:
+    """Draw from a small world once: kernels and libraries are loaded now, not in the time of a planner that draws.
+
+    Args:
+        kind: of the robot's motions.
+    """
+    warm_up(kind)
+    world, query = SMALL
+    source = LandmarkSource(StateChecker(world, ROBOTS[kind]), query=query, seed=0)
+    stream = LandmarkStream(source, ROADMAP_MIXTURE, 0, valid=True)
+    for _ in range(FIRST + BATCH):  # landmarks, and one batch of the mixture at least
+        stream.take()
+    for _ in range(round(10.0 / LANDMARKS_NEAR)):
+        stream.near((1.0, 1.0, 0.0), 1.0)
 
 
 class _Around:

@@ -15,15 +15,15 @@ from ompl import base as ob
 from trailmark import se2
 from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
+from trailmark.motion import kind_of
 from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
-from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, TREE_MIXTURE, Mixture
+from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, TREE_MIXTURE, Mixture, warm_up_sampling
 from trailmark.ompl_bridge.planners import planner_names
 from trailmark.ompl_bridge.samplers import LandmarkStateSampler, LandmarkValidStateSampler
 from trailmark.ompl_bridge.spaces import require_within, space_of
 from trailmark.ompl_bridge.states import start_and_goal
-from trailmark.planning.warmup import warm_up
 
 __all__ = ["PluggedSampler", "plug_landmark_sampler"]
 
@@ -128,8 +128,7 @@ def plug_landmark_sampler(
         cannot=cannot,
         source=source,
     )
-    # Kernels are loaded now, not in the planner's time.
-    warm_up()
+    warm_up_sampling(kind_of(checker.robot))
     seeds = np.random.SeedSequence(source.seed)
 
     # What OMPL stores refers to no OMPL object: a cycle through its C++ would never be freed.
