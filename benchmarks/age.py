@@ -1,9 +1,9 @@
 """Which code a result was measured with: the commit, and a digest of what the program depends on.
 
 The digest is of the syntax trees without comments and docstrings, so that only code that may behave differently
-counts. A program depends on the files of ``benchmarks`` that it imports, and on each part of ``trailmark`` (a folder or
-file below ``src/trailmark``) that it or they or those parts import, whole. Worlds, data, installed packages and what is
-not Python do not count.
+counts. A program depends on the files of ``benchmarks`` and ``src/trailmark`` that it imports, and that those import.
+What a package imports counts where the package itself is asked for, not where one of its modules is. Worlds, data,
+installed packages and what is not Python do not count.
 """
 
 from __future__ import annotations
@@ -30,6 +30,13 @@ MODULE = re.compile(r"trailmark(\.\w+)+")
 DESCRIBING = {"benchmarks.age", "benchmarks.machine"}
 """Modules that describe a measurement and have no influence on it."""
 
+SHOWING = {
+    ("trailmark.world", "trailmark.live"),
+    ("trailmark.shown", "trailmark.sketch"),
+    ("trailmark.shown", "trailmark.plotting"),
+}
+"""Imports that are made when something shows itself at a prompt or in a notebook: nothing that is measured does."""
+
 STARTED = time.time()
 
 
@@ -44,9 +51,8 @@ def describe_code(program: str | None = None, root: Path = ROOT) -> str:
     program = program or _running_program(root)
     if program is None:
         return f"commit {_commit(root)}"
-    files = [file for part in dependencies(program, root).values() for file in part]
     # Nobody knows which code a process has loaded from files that changed after it began.
-    changed = [file for file in files if file.stat().st_mtime > STARTED]
+    changed = [file for file in dependencies(program, root).values() if file.stat().st_mtime > STARTED]
     code = "changed meanwhile" if changed else code_digest(program, root)
     return f"measured by {program} at commit {_commit(root)}, code {code}"
 
@@ -55,52 +61,49 @@ def describe_code(program: str | None = None, root: Path = ROOT) -> str:
 def code_digest(program: str, root: Path = ROOT) -> str:
     """Return 16 hexadecimal digits that change with the code that ``program`` depends on."""
     digest = hashlib.sha256()
-    for name, files in sorted(dependencies(program, root).items()):
-        for file in files:
-            digest.update(f"{name} {file.name} {_code(ast.parse(file.read_bytes()))}\n".encode())
+    for name, file in sorted(dependencies(program, root).items()):
+        digest.update(f"{name} {_code(ast.parse(file.read_bytes()))}\n".encode())
     return digest.hexdigest()[:16]
 
 
-def dependencies(program: str, root: Path = ROOT) -> dict[str, list[Path]]:
-    """Return the modules of ``benchmarks`` and the parts of ``trailmark`` that a program imports, with their files.
+def dependencies(program: str, root: Path = ROOT) -> dict[str, Path]:
+    """Return the modules of ``benchmarks`` and ``trailmark`` that a program depends on, with their files.
 
     Imports are read from the source, wherever they stand, also in texts that are programs of their own. ``import
     trailmark`` asks for all of it; a program that imports none of it runs the shell command, and depends on all too.
     """
-    found: dict[str, list[Path]] = {}
-    waiting, seen = [program, f"{program}.__main__"], set[str]()
+    found: dict[str, Path] = {}
+    waiting = [program, f"{program}.__main__"]
     while waiting:
-        module = waiting.pop()
-        if module in seen:
+        name, file = _module(waiting.pop(), root)
+        if file is None or name in found or name in DESCRIBING:
             continue
-        seen.add(module)
-        name, files = _locate(module, root)
-        if files and name not in found and name not in DESCRIBING:
-            found[name] = files
-            waiting += [imported for file in files for imported in _imports(file.read_text(encoding="utf-8"))]
-    if not any(name.startswith("trailmark") for name in found):
-        found["trailmark"] = sorted((root / "src" / "trailmark").rglob("*.py"))
+        found[name] = file
+        waiting += [
+            imported
+            for imported in _imports(file.read_text(encoding="utf-8"))
+            if (name, ".".join(imported.split(".")[:2])) not in SHOWING
+        ]
+    source = root / "src"
+    if "trailmark" in found or not any(name.startswith("trailmark") for name in found):
+        for file in source.rglob("*.py"):
+            found[".".join(file.relative_to(source).with_suffix("").parts).removesuffix(".__init__")] = file
     return found
 
 
-def _locate(module: str, root: Path) -> tuple[str, list[Path]]:
-    """Return the part or file that a module belongs to, and its files: none where the module is not the project's."""
-    package, *names = module.split(".")
-    if package == "benchmarks":
-        path = root.joinpath(package, *names)
-        files = [file for file in (path.with_suffix(".py"), path / "__init__.py") if file.is_file()]
-        return module, files
-    if package != "trailmark":
-        return module, []
-    source = root / "src" / "trailmark"
-    if not names:
-        return module, sorted(source.rglob("*.py"))
-    part = source / names[0]
-    files = sorted(part.rglob("*.py")) if part.is_dir() else [part.with_suffix(".py")]
-    if files and files[0].is_file():
-        return f"trailmark.{names[0]}", files
-    home = _public_names(source / "__init__.py").get(names[0])
-    return _locate(home, root) if home else (module, [])
+def _module(name: str, root: Path) -> tuple[str, Path | None]:
+    """Return the module that has a name or holds what has it, and its file: None where it is not the project's."""
+    package, *names = name.split(".")
+    if package not in ("benchmarks", "trailmark"):
+        return name, None
+    path = root.joinpath(*(["src"] if package == "trailmark" else []), package, *names)
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
+        if file.is_file():
+            return name, file
+    if package == "trailmark" and len(names) == 1:
+        home = _public_names(root / "src" / "trailmark" / "__init__.py").get(names[0])
+        return _module(home, root) if home else (name, None)
+    return _module(name.rpartition(".")[0], root)
 
 
 @cache

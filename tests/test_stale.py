@@ -17,9 +17,11 @@ SOURCES = {
     "benchmarks/speed.py": "from trailmark import Wheel\nfrom benchmarks.cases import CASES",
     "benchmarks/cases.py": "def cases():\n    from trailmark.ground import Floor\n",
     "benchmarks/shell.py": "import subprocess",
+    "benchmarks/whole.py": "import trailmark",
+    "benchmarks/module.py": "from trailmark.car.wheel import Wheel",
     "benchmarks/workers.py": "PROGRAM = 'from trailmark.ground import Floor'\nCOMMAND = ['-m', 'trailmark.shell']",
     "src/trailmark/__init__.py": "from trailmark.car import Wheel\nfrom trailmark.sky import Cloud",
-    "src/trailmark/car/__init__.py": "from trailmark.car.wheel import Wheel",
+    "src/trailmark/car/__init__.py": "from trailmark.car.wheel import Wheel\nfrom trailmark.car.brake import Brake",
     "src/trailmark/car/wheel.py": "from trailmark.units import METRE\n\n\nclass Wheel:\n    '''Turns.'''\n",
     "src/trailmark/car/brake.py": "",
     "src/trailmark/ground.py": "class Floor: ...",
@@ -50,9 +52,11 @@ def _fresh() -> None:
 
 
 def test_dependencies_are_followed(checkout: Path) -> None:
-    parts = {"benchmarks.speed", "benchmarks.cases", "trailmark.car", "trailmark.ground", "trailmark.units"}
-    assert set(dependencies("benchmarks.speed", checkout)) == parts
-    assert len(dependencies("benchmarks.speed", checkout)["trailmark.car"]) == 3
+    package = {"trailmark.car", "trailmark.car.wheel", "trailmark.car.brake", "trailmark.units"}
+    asked = {"benchmarks.speed", "benchmarks.cases", "trailmark.ground"}
+    assert set(dependencies("benchmarks.speed", checkout)) == package | asked
+    module = {"benchmarks.module", "trailmark.car.wheel", "trailmark.units"}
+    assert set(dependencies("benchmarks.module", checkout)) == module
 
 
 def test_programs_within_texts_count(checkout: Path) -> None:
@@ -61,7 +65,17 @@ def test_programs_within_texts_count(checkout: Path) -> None:
 
 
 def test_who_imports_nothing_runs_all(checkout: Path) -> None:
-    assert len(dependencies("benchmarks.shell", checkout)["trailmark"]) == 8
+    assert len(dependencies("benchmarks.shell", checkout)) == 1 + 8
+    assert len(dependencies("benchmarks.whole", checkout)) == 1 + 8
+
+
+def test_what_shows_itself_depends_on_nobody_who_draws_it(checkout: Path) -> None:
+    (checkout / "src/trailmark/shown.py").write_text("def show():\n    from trailmark.plotting import Wheel\n")
+    (checkout / "src/trailmark/plotting.py").write_text("")
+    (checkout / "benchmarks/shown.py").write_text("from trailmark.shown import show")
+    (checkout / "benchmarks/drawn.py").write_text("from trailmark.shown import show\nimport trailmark.plotting")
+    assert "trailmark.plotting" not in dependencies("benchmarks.shown", checkout)
+    assert "trailmark.plotting" in dependencies("benchmarks.drawn", checkout)
 
 
 @pytest.mark.parametrize(
