@@ -24,7 +24,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -67,6 +67,10 @@ STATES = 400
 """Configurations of each problem that queries join."""
 
 
+NAMES = ("office", "clutter", "clutter, L", "clutter, disc", "clutter, car", "clutter, car forwards")
+"""Of the problems: worlds and robots."""
+
+
 class Problem(NamedTuple):
     """What is planned.
 
@@ -83,22 +87,26 @@ class Problem(NamedTuple):
     reference: Reference
 
 
-def problems(seed: int, size: float = SIZE) -> list[Problem]:
+def problems(seed: int, size: float = SIZE, names: Collection[str] = NAMES) -> list[Problem]:
     """Return what is planned: a world that ships and a random one of some size, for cars, too."""
     from trailmark.library import shipped_worlds
 
     found = []
     office = World.load(shipped_worlds()["office"])
     clutter = random_world(seed, round(60 * (size / SIZE) ** 2), size=size, radii=(0.5, 3.0), discs=0.3, holes=0.2)
-    for name, world, robot in (
-        ("office", office, office.robot),
-        ("clutter", clutter, ROBOTS["rectangle"]),
-        ("clutter, L", clutter, ROBOTS["L"]),
-        ("clutter, disc", clutter, Robot.disc(0.6)),
-        ("clutter, car", clutter, ROBOTS["rectangle"].steered(2.0)),
-        ("clutter, car forwards", clutter, ROBOTS["rectangle"].steered(2.0, reverse=False)),
-    ):
+    robots = (
+        office.robot,
+        ROBOTS["rectangle"],
+        ROBOTS["L"],
+        Robot.disc(0.6),
+        ROBOTS["rectangle"].steered(2.0),
+        ROBOTS["rectangle"].steered(2.0, reverse=False),
+    )
+    for name, robot in zip(NAMES, robots, strict=True):
+        if name not in names:
+            continue
         assert robot is not None
+        world = office if name == "office" else clutter
         planner = LandmarkPlanner(world, robot, seed=seed)
         states = random_states(world, 40 * STATES, np.random.default_rng(seed))
         states = states[np.asarray(planner.checker.valid(states))][:STATES]
@@ -126,10 +134,11 @@ class Soak:
         seed: of all chances.
         folder: where roadmaps and worlds are saved.
         size: of the random world.
+        names: of the problems.
     """
 
-    def __init__(self, seed: int, folder: Path, size: float = SIZE) -> None:
-        self.problems, self.seed, self.folder = problems(seed, size), seed, folder
+    def __init__(self, seed: int, folder: Path, size: float = SIZE, names: Collection[str] = NAMES) -> None:
+        self.problems, self.seed, self.folder = problems(seed, size, names), seed, folder
         self.counts: Counter[str] = Counter()
         self.seconds: dict[str, list[float]] = {"plan": [], "again": [], "many": []}
         self.wrong: list[str] = []
@@ -256,13 +265,15 @@ class Soak:
                     self.wrong.append(f"{problem.name}: {complaint}")
 
 
-def measure(minutes: float, threads: int, seed: int, size: float = SIZE) -> dict[str, Any]:
+def measure(
+    minutes: float, threads: int, seed: int, size: float = SIZE, names: Collection[str] = NAMES
+) -> dict[str, Any]:
     """Return what was measured."""
     rows: list[dict[str, float]] = []
     with tempfile.TemporaryDirectory() as folder:
         # What the library finds of its own errors before they do harm is an error all the same.
         warnings.simplefilter("error", InternalErrorWarning)
-        soak = Soak(seed, Path(folder), size)
+        soak = Soak(seed, Path(folder), size, names)
         begin = time.perf_counter()
         soak.start(threads)
         for k in range(1, SAMPLES + 1):

@@ -26,7 +26,7 @@ def test_verdicts() -> None:
 
 @pytest.mark.slow
 def test_a_short_soak() -> None:
-    found = measure(minutes=0.02, threads=3, seed=0, size=15.0)
+    found = measure(minutes=0.02, threads=3, seed=0, size=15.0, names=("clutter", "clutter, car"))
     assert found["wrong"] == []
     assert len(found["rows"]) == SAMPLES
     assert found["rows"][-1]["queries"] > 0

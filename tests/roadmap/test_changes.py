@@ -163,7 +163,8 @@ def test_a_change_that_is_cut_short_has_not_taken_place(name: str) -> None:
         after = contents(done)
         lines = lines_run(FILES, lambda action=action: action(twin(origin)))  # type: ignore[misc]
         assert lines > 3
-        for k in range(lines):
+        # Every other line with every other robot: each line with two of the four.
+        for k in range(list(CHECKERS).index(name) % 2, lines, 2):
             roadmap = twin(origin)
             assert interrupted(FILES, lambda action=action, roadmap=roadmap: action(roadmap), k)  # type: ignore[misc]
             sizes = [len(rows) for rows in contents(roadmap)]

@@ -119,7 +119,7 @@ def test_paths_of_cars_are_networkxs(reverse: bool) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(
     seed=st.integers(0, 10_000),
     name=st.sampled_from(["disc", "rectangle", "L"]),
