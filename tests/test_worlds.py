@@ -47,7 +47,7 @@ def test_files_come_from_the_generator(worlds: Path) -> None:
 @pytest.mark.slow
 def test_check_names_every_file_that_differs(worlds: Path, tmp_path: Path) -> None:
     folder = tmp_path / "worlds"
-    shutil.copytree(worlds, folder)
+    shutil.copytree(worlds, folder, ignore=shutil.ignore_patterns("__pycache__"))
     (folder / "office.yaml").write_text((folder / "office.yaml").read_text() + "\n")
     (folder / "maze.yaml").unlink()
     (folder / "mine.yaml").touch()
