@@ -169,8 +169,8 @@ def memory(pid: int) -> float:
 
 def soak(tab: Browser, address: str, pid: int, minutes: float, clients: int) -> dict[str, Any]:
     """Return complaints and growth of memory over minutes of random drags, with programs as further clients."""
+    tab.open("about:blank", 1400)  # the page before seeks its server, which has ended
     tab.complaints.clear()
-    tab.open("about:blank", 1400)
     tab.open(address, 1400)
     tab.wait("trailmark.scene.path")
     end, rng, errors = time.monotonic() + 60.0 * minutes, np.random.default_rng(0), list[str]()
