@@ -78,12 +78,53 @@ class Asked:
     def __init__(self, world: World, left: list[float]) -> None:
         self.checker, self.left = StateChecker(world), left
         self.incumbent = SimpleNamespace(start=ENDS[0], goal=ENDS[1], bounded=False, infeasible=False, claim=self.claim)
+        self.incumbent.whole_cost = np.inf
 
     def claim(self, cost: float) -> None:
         self.incumbent.infeasible = cost == np.inf
 
     def seconds_left(self) -> float:
         return self.left.pop(0) if len(self.left) > 1 else self.left[0]
+
+
+class Staged:
+    """A bound of which it is known only once it is begun that an end is shut in, which takes little to prove."""
+
+    def __init__(self) -> None:
+        self.begun, self.asked = False, 0
+
+    def seconds(self, *_query: object) -> float:
+        return 0.01 if self.begun else 1.0
+
+    def seconds_to_begin(self) -> float:
+        return 0.0 if self.begun else 0.2
+
+    def begin(self) -> None:
+        self.begun = True
+
+    def known(self, *_query: object) -> float:
+        return 1.0
+
+    def of(self, *_query: object) -> Any:
+        self.asked += 1
+        return SimpleNamespace(cost=np.inf)
+
+
+@pytest.mark.parametrize(
+    ("left", "solved", "proven"), [(0.7, False, False), (0.9, False, True), (0.9, True, False), (9.0, True, True)]
+)
+def test_a_bound_is_begun_where_there_is_time_for_that_and_no_path_yet(left: float, solved: bool, proven: bool) -> None:
+    query: Any = Asked(SHUT, [left])
+    query.solved = solved
+    bound: Any = Staged()
+    proofs = Prover(query, bound)
+    for _ in range(2):
+        proofs.bound_below(0.25)
+    assert query.incumbent.infeasible == proven == bool(bound.asked)
+    assert bound.asked <= 1
+    assert bound.begun == (proven and not solved)
+    # Who asks what a region takes that is not made yet is told all of it.
+    assert proofs.seconds() == 1.0
 
 
 def test_a_proof_is_waited_for_no_longer_than_it_takes() -> None:

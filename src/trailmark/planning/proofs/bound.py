@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision.obstacles import ObstacleGrid
@@ -18,8 +17,9 @@ from trailmark.planning.pace import Pace
 from trailmark.planning.proofs.grown import QUARTER
 from trailmark.planning.proofs.mesh import Mesh, locate, triangulated
 from trailmark.planning.proofs.polyanya import shortest_point_path
-from trailmark.planning.proofs.region import ellipse, free_region, local_origin
+from trailmark.planning.proofs.region import ellipse, local_origin, region_parts
 from trailmark.planning.proofs.separation import Separation
+from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
@@ -37,14 +37,20 @@ LARGE = 20_000
 MANY = 150_000
 """Vertices of a region for each of which it takes twice as long as in a small one."""
 
-CUTTING = Pace(2.2e-5)
-"""For each vertex: cutting a region into triangles, and proving that they fill it."""
+GROWING = Pace(4.5e-6)
+"""For each corner of the obstacles: making the region, in parts that nothing joins."""
+
+CUTTING = Pace(9e-6)
+"""For each vertex of a part: cutting it into triangles, and proving that no path leaves them."""
+
+ROUNDED = 1.5
+"""Vertices of a region for each corner of the obstacles, around which it is rounded."""
 
 ASKING = Pace(0.003)
 """For each query, once the region is cut."""
 
 NEARNESS = 0.25
-"""Vertices whose cutting takes as long as telling whether an obstacle lies near a query."""
+"""Corners that take as long as telling whether an obstacle lies near a query."""
 
 PART = 500
 """Labels of a search along tangents between two looks at the clock."""
@@ -52,7 +58,8 @@ PART = 500
 MAX_FREED = 64
 """Obstacles removed after which what was proven before they were is used no more."""
 
-FloatArray = NDArray[np.float64]
+
+Ends = tuple[FloatArray, FloatArray]
 
 
 class Bound(NamedTuple):
@@ -68,7 +75,7 @@ class Bound(NamedTuple):
 
 
 def _work(vertices: float) -> float:
-    """Return how much work cutting a region into triangles is, in vertices of a small one."""
+    """Return how much work making a region or cutting it into triangles is, in vertices of a small one."""
     return vertices * (1.0 + vertices / MANY)
 
 
@@ -141,11 +148,9 @@ class LowerBound:
             limit: cost (metres) of a known path; in a large world only paths no longer than that are considered.
             seconds: in a grid map the search ends after that, with the bound that it has proven by then.
         """
-        work, begin = self._cutting(start, goal, limit), perf_counter()
+        asking, cut, begin = self.ready or self.tangents is not None, len(self._meshes), perf_counter()
         found = self._found(start, goal, limit, begin + seconds)
-        if work > 0.0:
-            CUTTING.note(work, perf_counter() - begin)
-        else:
+        if asking and cut == len(self._meshes):
             ASKING.note(1.0, perf_counter() - begin)
         return found
 
@@ -158,10 +163,8 @@ class LowerBound:
         longest = limit * self._stretch
         if self.tangents is not None:
             found = self._along_tangents(self.tangents, a, b, by)
-        elif self.ready or self._size <= self.large or not np.isfinite(longest):
-            found = self._shortest(a, b)
         else:
-            found = self._shortest_within(a, b, longest)
+            found = self._shortest(a, b) if self._whole(longest) else self._shortest_within(a, b, longest)
         if found is None:
             return straight
         length, path = found
@@ -173,21 +176,48 @@ class LowerBound:
 
     def seconds(self, start: FloatArray, goal: FloatArray, limit: float = np.inf) -> float:
         """Return how long :meth:`of` is expected to take."""
-        work = self._cutting(start, goal, limit)
-        return CUTTING.seconds(work) if work > 0.0 else ASKING.seconds(1.0)
+        growing, cutting = self._work_left(start, goal, limit)
+        return GROWING.seconds(growing) + CUTTING.seconds(cutting) or ASKING.seconds(1.0)
 
-    def _cutting(self, start: FloatArray, goal: FloatArray, limit: float) -> float:
-        """Return how much of the region :meth:`of` will have to cut, in vertices of a small one."""
-        if self.ready or self.tangents is not None:
-            return 0.0
-        if self._size <= self.large or not np.isfinite(limit):
-            return _work(self._size)
-        xmin, ymin, xmax, ymax = self.world.bounds
-        center = self._center[0]
-        a, b = (se2.transform(q, center[None])[0] for q in (start, goal))
+    def seconds_to_begin(self) -> float:
+        """Return how long :meth:`begin` is expected to take; 0 if there is nothing to do."""
+        begun = "_parts" in self.__dict__ or self.tangents is not None
+        return 0.0 if begun else GROWING.seconds(_work(self._size))
+
+    def begin(self) -> None:
+        """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter."""
+        if self.tangents is None:
+            _ = self._parts
+
+    def _work_left(self, start: FloatArray, goal: FloatArray, limit: float) -> tuple[float, float]:
+        """Return how much work making the region, and cutting it, :meth:`of` has to do, in vertices of a small one."""
+        if self.tangents is not None:
+            return 0.0, 0.0
+        a, b = (se2.transform(q, self._center[0][None])[0] for q in (start, goal))
         longest = limit * self._stretch
-        share = min(1.0, ellipse(a, b, longest).area / ((xmax - xmin) * (ymax - ymin)))
-        return _work(share * self._size) + NEARNESS * len(self.world.obstacles)
+        if not self._whole(longest):
+            corners = self._corners(ellipse(a, b, longest))
+            return _work(corners), _work(ROUNDED * corners)
+        if self.seconds_to_begin() > 0.0:
+            return _work(self._size), _work(ROUNDED * self._size)
+        for part in self._around(self._parts, a, b):
+            if part not in self._meshes:
+                return 0.0, _work(int(shapely.get_num_coordinates(self._parts[part])))
+            if self._meshes[part] is not None:
+                break
+        return 0.0, 0.0
+
+    def _whole(self, longest: float) -> bool:
+        """Return whether a query whose paths go so far (metres) looks at the region of the whole world."""
+        return self.ready or self._size <= self.large or not np.isfinite(longest)
+
+    def _corners(self, within: Any = None) -> float:
+        """Return about how many corners obstacles have in a polygon, or everywhere; to tell which are in it counts."""
+        if within is None:
+            return float(self._size)
+        xmin, ymin, xmax, ymax = self.world.bounds
+        share = min(1.0, float(within.area) / ((xmax - xmin) * (ymax - ymin)))
+        return share * self._size + NEARNESS * len(self.world.obstacles)
 
     def _in_the_open(self, start: FloatArray, goal: FloatArray) -> float:
         """Return what the way would cost without obstacles, metres."""
@@ -213,7 +243,7 @@ class LowerBound:
 
     @cached_property
     def _size(self) -> int:
-        """About how many vertices the region has."""
+        """About how many corners all obstacles have."""
         if self._grid is not None:
             # At once: to go through thousands of obstacles takes as long as planning may.
             return 4 * len(self._grid.segments) + 8 * QUARTER * len(self._grid.discs) + 4
@@ -224,7 +254,7 @@ class LowerBound:
 
     @property
     def ready(self) -> bool:
-        """Whether the region of the whole world is cut already, so that a bound takes little."""
+        """Whether some of the region of the whole world is cut already, so that a bound there takes little."""
         return "_parts" in self.__dict__ and bool(self._meshes)
 
     def _along_tangents(
@@ -243,9 +273,8 @@ class LowerBound:
         """Return what `_shortest` does, as far as it is below ``longest``: all such ways lie within an ellipse."""
         around = ellipse(a - self._origin, b - self._origin, longest)
         parts = self._cut(around)
-        # The smaller is soonest proven.
-        for part in sorted(self._around(parts, a, b), key=shapely.get_num_coordinates):
-            mesh = self._proven(part, (a, b), longest)
+        for part in self._around(parts, a, b):
+            mesh = self._proven(parts[part], (a, b), longest)
             if mesh is not None:
                 found = self._in(mesh, a, b)
                 return None if found is None else (min(found[0], longest * (1.0 - ROUNDING)), found[1])
@@ -253,9 +282,7 @@ class LowerBound:
 
     def _shortest(self, a: FloatArray, b: FloatArray) -> tuple[float, FloatArray] | None:
         """Return the length of the disc centre's shortest path and its bends; None if that cannot be told."""
-        near = {int(p) for q in (a, b) for p in self._tree.query(shapely.Point(q - self._origin), "intersects")}
-        # The smaller is soonest proven.
-        for part in sorted(near, key=lambda n: int(shapely.get_num_coordinates(self._parts[n]))):
+        for part in self._around(self._parts, a, b):
             if part not in self._meshes:
                 self._meshes[part] = self._proven(self._parts[part])
             mesh = self._meshes[part]
@@ -278,9 +305,7 @@ class LowerBound:
         size = max(float(np.abs(self.world.bounds).max()), float(np.abs(mesh.points).max()))
         return max(0.0, length * (1.0 - ROUNDING) - DIGITS * size * (len(path) + 4)), path + self._origin
 
-    def _proven(
-        self, part: Any, ends: tuple[FloatArray, FloatArray] | None = None, longest: float = np.inf
-    ) -> Mesh | None:
+    def _proven(self, part: Any, ends: Ends | None = None, longest: float = np.inf) -> Mesh | None:
         """Return a part of the region cut into triangles, None unless it is proven that none but long paths leave it.
 
         Args:
@@ -288,28 +313,24 @@ class LowerBound:
             ends: of a query: ways longer than ``longest`` may leave it.
             longest: metres.
         """
-        mesh = triangulated(part)
-        if mesh is None:
-            return None
-        edges = mesh.points[mesh.edges] + self._origin
-        open_ = ~self._separation.edges_block(edges)
-        if ends is not None and open_.any():
-            open_[open_] = _least_detours(edges[open_], *ends) < longest * (1.0 - ROUNDING)
-        return None if open_.any() else mesh
+        begin, mesh, shut_in = perf_counter(), triangulated(part), False
+        if mesh is not None:
+            edges = mesh.points[mesh.edges] + self._origin
+            shut_in = self._separation.shuts_in(edges, ends, longest * (1.0 - ROUNDING))
+        CUTTING.note(_work(int(shapely.get_num_coordinates(part))), perf_counter() - begin)
+        return mesh if shut_in else None
 
     def _cut(self, within: Any = None) -> Any:
-        """Return the region's parts relative to the origin, shape (n,); none if shapely fails."""
-        try:
-            region = free_region(self.world, self.robot.inscribed_disc.radius, within, origin=self._origin)
-        except shapely.errors.GEOSException:
-            return np.empty(0, dtype=object)
-        parts = shapely.get_parts(region)
-        return parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
+        """Return the region's parts, in a polygon or everywhere, relative to the origin, shape (n,)."""
+        begin = perf_counter()
+        parts = region_parts(self.world, self.robot.inscribed_disc.radius, within, origin=self._origin)
+        GROWING.note(_work(self._corners(within)), perf_counter() - begin)
+        return parts
 
-    def _around(self, parts: Any, a: FloatArray, b: FloatArray) -> list[Any]:
-        """Return the parts, one or two, in which the ends lie."""
+    def _around(self, parts: Any, a: FloatArray, b: FloatArray) -> list[int]:
+        """Return the parts, one or two, in which the ends lie; the smaller first, which is soonest proven."""
         at = [shapely.intersects_xy(parts, *(end - self._origin)) for end in (a, b)]
-        return list(parts[at[0] | at[1]]) if len(parts) else []
+        return sorted(np.flatnonzero(at[0] | at[1]).tolist(), key=lambda n: int(shapely.get_num_coordinates(parts[n])))
 
     @cached_property
     def _origin(self) -> FloatArray:
@@ -324,27 +345,5 @@ class LowerBound:
         return self._cut()
 
     @cached_property
-    def _tree(self) -> Any:
-        return shapely.STRtree(self._parts)
-
-    @cached_property
     def _meshes(self) -> dict[int, Mesh | None]:
         return {}
-
-
-def _least_detours(edges: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return the length of the shortest path from a to b over each edge (n, 2, 2), as if nothing were in between."""
-    p, d = edges[:, 0], edges[:, 1] - edges[:, 0]
-    square = np.maximum((d * d).sum(axis=1), 1e-300)
-    u, v = ((point - p)[:, None] for point in (a, b))
-    along = [np.einsum("nij,nj->n", w, d) / square for w in (u, v)]
-    off = [np.abs(w[:, 0, 0] * d[:, 1] - w[:, 0, 1] * d[:, 0]) / np.sqrt(square) for w in (u, v)]
-    total = np.maximum(off[0] + off[1], 1e-300)
-    # As light is mirrored: where the two ends' distances from the line divide it.
-    share = np.clip((along[0] * off[1] + along[1] * off[0]) / total, 0.0, 1.0)
-    # Of a convex function, the tangent at any point is a lower bound: rounding of the share does no harm.
-    at = p + share[:, None] * d
-    ways = [at - a, at - b]
-    length = sum(np.hypot(*way.T) for way in ways)
-    slope = sum((way * d).sum(axis=1) / np.maximum(np.hypot(*way.T), 1e-300) for way in ways)
-    return np.asarray(length + np.minimum(slope * (0.0 - share), slope * (1.0 - share)))

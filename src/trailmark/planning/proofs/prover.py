@@ -42,27 +42,36 @@ class Prover:
             self._background.end()
 
     def seconds(self) -> float:
-        """Return what a lower bound is expected to take, seconds."""
-        incumbent = self.query.incumbent
+        """Return what a lower bound is expected to take, seconds; once it is begun, what it was expected to."""
         if self.bound is not None:
-            seconds = self.bound.seconds(incumbent.start, incumbent.goal, incumbent.whole_cost)
             # The better the path, the less there is to do. Once it is done, what it took is known no more.
-            self._seconds = max(self._seconds, seconds) if self.bound.ready else seconds
+            seconds = self._seconds_left_of(self.bound)
+            self._seconds = seconds if self.bound.seconds_to_begin() > 0.0 else max(self._seconds, seconds)
         return self._seconds
+
+    def _seconds_left_of(self, bound: AnyBound) -> float:
+        incumbent = self.query.incumbent
+        return bound.seconds(incumbent.start, incumbent.goal, incumbent.whole_cost)
 
     def bound_below(self, share: float) -> None:
         """Prove a lower bound, once, if that is expected to take no more than a share of the time left.
 
-        If it is not, what is known from the world before it changed is made use of.
+        If it is not, what is known from the world before it changed is made use of. Where there is no path yet, it is
+        begun all the same if that takes no longer: an end may turn out to lie in a small part of the region, which is
+        soon proven to be shut in.
         """
-        incumbent = self.query.incumbent
+        query, incumbent = self.query, self.query.incumbent
         if self.bound is None or incumbent.bounded:
             return
-        if not self.seconds() < share * self.query.seconds_left():
+        seconds = share * query.seconds_left()
+        expected = self.seconds()
+        if seconds <= expected and not query.solved and self.bound.seconds_to_begin() < seconds:
+            self.bound.begin()
+            expected, seconds = self._seconds_left_of(self.bound), share * query.seconds_left()
+        if not expected < seconds:
             incumbent.claim(self.bound.known(incumbent.start, incumbent.goal))
             return
         incumbent.bounded = True
-        seconds = share * self.query.seconds_left()
         incumbent.claim(self.bound.of(incumbent.start, incumbent.goal, incumbent.whole_cost, seconds).cost)
 
     def begin_in_background(self) -> None:

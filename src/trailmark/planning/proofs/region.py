@@ -15,7 +15,7 @@ from trailmark.planning.proofs.grown import QUARTER, grown, strips
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.world import World
 
-__all__ = ["MARGIN", "ellipse", "free_region", "local_origin", "near_shapes"]
+__all__ = ["MARGIN", "ellipse", "free_region", "local_origin", "near_shapes", "region_parts"]
 
 FloatArray = NDArray[np.float64]
 
@@ -111,6 +111,15 @@ def _discs(shapes: Sequence[Shape], r: float, around: float, origin: FloatArray 
     # A convex line is not simplified; its arcs are drawn inside.
     discs = shapely.buffer(shapely.points(rows[:, :2] - origin), sizes, quad_segs=2 * QUARTER)
     return [disc for disc, size in zip(discs, sizes, strict=True) if size > 0.0]
+
+
+def region_parts(world: World, radius: float, within: Any = None, *, origin: FloatArray) -> Any:
+    """Return the polygons of :func:`free_region`, shape (n,), which no path joins; none if shapely fails."""
+    try:
+        parts = shapely.get_parts(free_region(world, radius, within, origin=origin))
+    except shapely.errors.GEOSException:
+        return np.empty(0, dtype=object)
+    return parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON]
 
 
 def ellipse(a: FloatArray, b: FloatArray, longest: float) -> Any:

@@ -54,6 +54,19 @@ class Separation:
             return np.zeros(len(edges), np.bool_)
         return np.asarray(_edges_block(self._grid, np.ascontiguousarray(edges), self.reach))
 
+    def shuts_in(self, edges: FloatArray, ends: tuple[FloatArray, FloatArray] | None, longest: float) -> bool:
+        """Return whether the disc's centre crosses none of the edges, shape (n, 2, 2) in the world's frame.
+
+        Args:
+            edges: around a place.
+            ends: of a query, shape (2,) each: a way from one to the other longer than ``longest`` may cross them.
+            longest: metres.
+        """
+        open_ = ~self.edges_block(edges)
+        if ends is not None and open_.any():
+            open_[open_] = _least_detours(edges[open_], *ends) < longest
+        return not open_.any()
+
     def cells_block(self, corners: FloatArray) -> NDArray[np.bool_]:
         """Return which convex cells, shape (n, k, 2), the disc's centre can be nowhere in for certain; shape (n,)."""
         if self.reach <= 0.0:
@@ -128,3 +141,21 @@ def _cells_block(grid: ObstacleGrid, corners: FloatArray, reach: float) -> NDArr
     for n in range(len(corners)):
         found[n] = _one_blocks(grid, corners[n], reach)
     return found
+
+
+def _least_detours(edges: FloatArray, a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the length of the shortest path from a to b over each edge (n, 2, 2), as if nothing were in between."""
+    p, d = edges[:, 0], edges[:, 1] - edges[:, 0]
+    square = np.maximum((d * d).sum(axis=1), 1e-300)
+    u, v = ((point - p)[:, None] for point in (a, b))
+    along = [np.einsum("nij,nj->n", w, d) / square for w in (u, v)]
+    off = [np.abs(w[:, 0, 0] * d[:, 1] - w[:, 0, 1] * d[:, 0]) / np.sqrt(square) for w in (u, v)]
+    total = np.maximum(off[0] + off[1], 1e-300)
+    # As light is mirrored: where the two ends' distances from the line divide it.
+    share = np.clip((along[0] * off[1] + along[1] * off[0]) / total, 0.0, 1.0)
+    # Of a convex function, the tangent at any point is a lower bound: rounding of the share does no harm.
+    at = p + share[:, None] * d
+    ways = [at - a, at - b]
+    length = sum(np.hypot(*way.T) for way in ways)
+    slope = sum((way * d).sum(axis=1) / np.maximum(np.hypot(*way.T), 1e-300) for way in ways)
+    return np.asarray(length + np.minimum(slope * (0.0 - share), slope * (1.0 - share)))
