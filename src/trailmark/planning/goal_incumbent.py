@@ -22,7 +22,7 @@ from trailmark.planning.result import PlanProgress, PlanResult, Status
 from trailmark.planning.world_model import WorldModel
 from trailmark.se2 import FloatArray
 
-__all__ = ["GoalIncumbent"]
+__all__ = ["GoalIncumbent", "reached_at"]
 
 
 class GoalIncumbent:
@@ -150,12 +150,14 @@ class GoalIncumbent:
         if path is not None and len(path.states) > 1:
             self.model.followed = FollowedPath.of(self.motion, path)
         found = self.model.verification.result(incumbent, status, path, self.model.shared.roadmap, self.build)
-        goal = None if path is None else ReachedGoal(self._index, _three(path.states[-1]), self.goals[self._index].cost)
+        goal = None if path is None else reached_at(path, self._index, self.goals[self._index])
         # Where the two meet, the cost may be below the bound by its error.
         lower_bound = min(bound, self.cost) if np.isfinite(bound) else None
         nearest = self.nearest if path is None else None
         return replace(found, lower_bound=lower_bound, goal=goal, nearest=nearest, target=tuple(self.goals))
 
 
-def _three(q: FloatArray) -> tuple[float, float, float]:
-    return float(q[0]), float(q[1]), float(q[2])
+def reached_at(path: Path, index: int, goal: Goal) -> ReachedGoal:
+    """Return which of its goals, and where, a path ends at."""
+    x, y, theta = path.states[-1].tolist()
+    return ReachedGoal(index, (x, y, theta), goal.cost)

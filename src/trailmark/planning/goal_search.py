@@ -10,6 +10,7 @@ then gets the end that costs it least.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike
 from trailmark.goals import Goal
 from trailmark.planning.followed import vertices_of
 from trailmark.planning.goal_candidates import Candidates
-from trailmark.planning.goal_incumbent import GoalIncumbent
+from trailmark.planning.goal_incumbent import GoalIncumbent, reached_at
 from trailmark.planning.lattice.cost_to_go import CostToGo
 from trailmark.planning.lattice.schedule import AT_FIRST, LatticeSchedule
 from trailmark.planning.query import Clock, OnProgress
@@ -77,6 +78,12 @@ def answer_goals(
     Raises:
         ConfigurationError: the start is not valid, or each goal is one configuration and none is valid.
     """
+    if len(goals) == 1 and goals[0].cost == 0.0 and (pose := goals[0].configuration) is not None:
+        # A query like any other, which knows shorter ways than a search among several ends.
+        one = answer_query(
+            model, start, pose, time_limit, max_rounds=max_rounds, on_progress=on_progress, stop=stop, gap=gap
+        )
+        return replace(one, goal=None if one.path is None else reached_at(one.path, 0, goals[0]), target=goals)
     begin = perf_counter()
     state = model.checker.require_valid(start, "start")
     search = GoalSearch(model, state, goals, Clock(begin, time_limit, stop), gap, max_rounds, on_progress)
