@@ -9,7 +9,17 @@ from math import pi
 import numpy as np
 import pytest
 
-from trailmark import Goal, LandmarkPlanner, PlannerSettings, PlanProgress, PlanResult, Rectangle, Robot, World
+from trailmark import (
+    Goal,
+    LandmarkPlanner,
+    PlannerSettings,
+    PlanProgress,
+    PlanResult,
+    ReachedGoal,
+    Rectangle,
+    Robot,
+    World,
+)
 from trailmark.benchmark.referee import Referee
 from trailmark.errors import ConfigurationError
 from trailmark.se2 import FloatArray
@@ -127,6 +137,7 @@ def test_zero_tolerance_is_a_pose() -> None:
     world, pose = room(), (8.5, 2.0, 1.0)
     result = plan(world, Goal(pose, position_tolerance=0.0, heading_tolerance=0.0))
     assert result.path is not None
+    assert result.goal == ReachedGoal(0, pose)
     assert tuple(result.path.states[-1]) == pose
     other = LandmarkPlanner(world, seed=3, settings=QUICK).plan(START, pose)
     assert result.cost == pytest.approx(other.cost, rel=0.02)
