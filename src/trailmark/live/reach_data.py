@@ -11,7 +11,7 @@ import shapely
 
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.proofs.enclosure import Enclosure, enclosure
-from trailmark.planning.proofs.region import free_region, local_origin
+from trailmark.planning.proofs.region import local_origin, region_parts
 from trailmark.se2 import FloatArray, transform
 from trailmark.world import World
 
@@ -63,7 +63,7 @@ def reach_data(
 
     disc, origin = checker.robot.inscribed_disc, local_origin(checker.world)
     centers = [transform(np.asarray(q), np.asarray(disc.center)[None])[0] for q in (start, goal)]
-    parts = shapely.get_parts(free_region(checker.world, disc.radius, origin=origin))
+    parts = region_parts(checker.world, disc.radius, origin=origin)
     if len(parts) == 0:
         return {"end": "start", "proof": None, "text": "", "rings": [], "radius": disc.radius}
     # By rounding, an end may lie just outside.
@@ -133,7 +133,7 @@ def _narrowest(
     """
 
     def sides(size: float) -> list[Any]:
-        parts = shapely.get_parts(free_region(world, size, origin=origin))
+        parts = region_parts(world, size, origin=origin)
         if len(parts) == 0:
             return []
         return [parts[int(np.argmin(shapely.distance(parts, shapely.Point(c - origin))))] for c in centers]

@@ -79,7 +79,7 @@ def answer_goals(
         ConfigurationError: the start is not valid, or each goal is one configuration and none is valid.
     """
     if len(goals) == 1 and goals[0].cost == 0.0 and (pose := goals[0].configuration) is not None:
-        # A query like any other, which knows shorter ways than a search among several ends.
+        # A query like any other: choosing among ends would only take time.
         one = answer_query(
             model, start, pose, time_limit, max_rounds=max_rounds, on_progress=on_progress, stop=stop, gap=gap
         )

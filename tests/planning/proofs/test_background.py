@@ -88,7 +88,7 @@ class Asked:
 
 
 class Staged:
-    """A bound of which it is known only once it is begun that an end is shut in, which takes little to prove."""
+    """A bound of which it is known only once its region is made that an end is shut in, which takes little to prove."""
 
     def __init__(self) -> None:
         self.begun, self.asked = False, 0
@@ -96,10 +96,10 @@ class Staged:
     def seconds(self, *_query: object) -> float:
         return 0.01 if self.begun else 1.0
 
-    def seconds_to_begin(self) -> float:
+    def seconds_for_region(self) -> float:
         return 0.0 if self.begun else 0.2
 
-    def begin(self) -> None:
+    def make_region(self) -> None:
         self.begun = True
 
     def known(self, *_query: object) -> float:
@@ -113,7 +113,9 @@ class Staged:
 @pytest.mark.parametrize(
     ("left", "solved", "proven"), [(0.7, False, False), (0.9, False, True), (0.9, True, False), (9.0, True, True)]
 )
-def test_a_bound_is_begun_where_there_is_time_for_that_and_no_path_yet(left: float, solved: bool, proven: bool) -> None:
+def test_the_region_is_made_where_there_is_time_for_that_and_no_path_yet(
+    left: float, solved: bool, proven: bool
+) -> None:
     query: Any = Asked(SHUT, [left])
     query.solved = solved
     bound: Any = Staged()

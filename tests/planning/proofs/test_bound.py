@@ -76,15 +76,15 @@ def test_the_bound_of_a_disc_is_the_shortest_path() -> None:
     assert found.cost <= 2.0 * tangent + 3.0 * angle
 
 
-def test_once_begun_it_tells_how_large_the_part_around_an_end_is() -> None:
+def test_once_the_region_is_made_what_is_left_is_the_part_around_an_end() -> None:
     box = [Rectangle((x, y), *size) for x, y, *size in [(1, 2, 0.2, 2), (3, 2, 0.2, 2), (2, 1, 2, 0.2), (2, 3, 2, 0.2)]]
     discs = [Disc((x, y), 0.3) for x in range(6, 30, 2) for y in range(1, 30, 2)]
     bound = LowerBound(World("box", (0.0, 0.0, 30.0, 30.0), (*box, *discs)), Robot.disc(0.3))
     inside, outside, far = np.array([[2.0, 2.0, 0.0], [4.5, 2.0, 0.0], [29.0, 29.0, 0.0]])
-    assert 0.0 < bound.seconds_to_begin() < 0.5 * bound.seconds(inside, far)
+    assert 0.0 < bound.seconds_for_region() < 0.5 * bound.seconds(inside, far)
     assert bound.seconds(inside, far) == bound.seconds(outside, far)
-    bound.begin()
-    assert bound.seconds_to_begin() == 0.0
+    bound.make_region()
+    assert bound.seconds_for_region() == 0.0
     assert bound.seconds(inside, far) < 0.2 * bound.seconds(outside, far)
     assert bound.of(inside, far).cost == np.inf
     # The other part is not cut by that.

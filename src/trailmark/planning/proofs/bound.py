@@ -179,12 +179,12 @@ class LowerBound:
         growing, cutting = self._work_left(start, goal, limit)
         return GROWING.seconds(growing) + CUTTING.seconds(cutting) or ASKING.seconds(1.0)
 
-    def seconds_to_begin(self) -> float:
-        """Return how long :meth:`begin` is expected to take; 0 if there is nothing to do."""
+    def seconds_for_region(self) -> float:
+        """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
         begun = "_parts" in self.__dict__ or self.tangents is not None
         return 0.0 if begun else GROWING.seconds(_work(self._size))
 
-    def begin(self) -> None:
+    def make_region(self) -> None:
         """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter."""
         if self.tangents is None:
             _ = self._parts
@@ -198,7 +198,7 @@ class LowerBound:
         if not self._whole(longest):
             corners = self._corners(ellipse(a, b, longest))
             return _work(corners), _work(ROUNDED * corners)
-        if self.seconds_to_begin() > 0.0:
+        if self.seconds_for_region() > 0.0:
             return _work(self._size), _work(ROUNDED * self._size)
         for part in self._around(self._parts, a, b):
             if part not in self._meshes:

@@ -42,11 +42,11 @@ class Prover:
             self._background.end()
 
     def seconds(self) -> float:
-        """Return what a lower bound is expected to take, seconds; once it is begun, what it was expected to."""
+        """Return what a lower bound is expected to take, seconds; once the region is made, what it was."""
         if self.bound is not None:
             # The better the path, the less there is to do. Once it is done, what it took is known no more.
             seconds = self._seconds_left_of(self.bound)
-            self._seconds = seconds if self.bound.seconds_to_begin() > 0.0 else max(self._seconds, seconds)
+            self._seconds = seconds if self.bound.seconds_for_region() > 0.0 else max(self._seconds, seconds)
         return self._seconds
 
     def _seconds_left_of(self, bound: AnyBound) -> float:
@@ -56,8 +56,8 @@ class Prover:
     def bound_below(self, share: float) -> None:
         """Prove a lower bound, once, if that is expected to take no more than a share of the time left.
 
-        If it is not, what is known from the world before it changed is made use of. Where there is no path yet, it is
-        begun all the same if that takes no longer: an end may turn out to lie in a small part of the region, which is
+        If it is not, what is known from the world before it changed is made use of. Where there is no path yet, the
+        region is made first if that alone takes no longer: an end may turn out to lie in a small part of it, which is
         soon proven to be shut in.
         """
         query, incumbent = self.query, self.query.incumbent
@@ -65,8 +65,8 @@ class Prover:
             return
         seconds = share * query.seconds_left()
         expected = self.seconds()
-        if seconds <= expected and not query.solved and self.bound.seconds_to_begin() < seconds:
-            self.bound.begin()
+        if seconds <= expected and not query.solved and self.bound.seconds_for_region() < seconds:
+            self.bound.make_region()
             expected, seconds = self._seconds_left_of(self.bound), share * query.seconds_left()
         if not expected < seconds:
             incumbent.claim(self.bound.known(incumbent.start, incumbent.goal))

@@ -55,11 +55,11 @@ class Separation:
         return np.asarray(_edges_block(self._grid, np.ascontiguousarray(edges), self.reach))
 
     def shuts_in(self, edges: FloatArray, ends: tuple[FloatArray, FloatArray] | None, longest: float) -> bool:
-        """Return whether the disc's centre crosses none of the edges, shape (n, 2, 2) in the world's frame.
+        """Return whether no path of the disc's centre, or only long ones, can cross the edges around a place.
 
         Args:
-            edges: around a place.
-            ends: of a query, shape (2,) each: a way from one to the other longer than ``longest`` may cross them.
+            edges: shape (n, 2, 2), metres, in the world's frame.
+            ends: of a query, shape (2,) each: a path from one to the other longer than ``longest`` may cross them.
             longest: metres.
         """
         open_ = ~self.edges_block(edges)

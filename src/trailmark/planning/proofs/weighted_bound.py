@@ -54,13 +54,13 @@ class WeightedBound:
         """Return how long :meth:`of` is expected to take."""
         return self.plain.seconds(start, goal, limit / self._factor) + self._eikonal.seconds()
 
-    def seconds_to_begin(self) -> float:
-        """Return how long :meth:`begin` is expected to take; 0 if there is nothing to do."""
-        return self.plain.seconds_to_begin()
+    def seconds_for_region(self) -> float:
+        """Return how long :meth:`make_region` is expected to take; 0 if there is nothing to do."""
+        return self.plain.seconds_for_region()
 
-    def begin(self) -> None:
+    def make_region(self) -> None:
         """Make the region of the whole world, by which :meth:`seconds` tells how large the parts are that matter."""
-        self.plain.begin()
+        self.plain.make_region()
 
 
 def lower_bound_of(
