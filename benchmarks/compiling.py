@@ -16,8 +16,10 @@ import resource
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +29,9 @@ from benchmarks.machine import describe_machine, markdown_table
 RESULTS = Path(__file__).resolve().parent / "results"
 
 COMMANDS = ("plan office", "warmup")
+
+Row = dict[str, Any]
+"""A command, and its runs before and now: seconds by the clock, and of all processors."""
 
 
 def seconds(checkout: Path, command: str) -> tuple[float, float]:
@@ -47,25 +52,31 @@ def main() -> int:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--command", action="append", help=f"of the shell; by default {', '.join(COMMANDS)}")
     options = parser.parse_args()
-    rows, table = [], []
+    rows: list[Row] = []
     for command in options.command or COMMANDS:
-        times: dict[str, list[tuple[float, float]]] = {"before": [], "now": []}
+        rows.append({"command": command, "before": [], "now": []})
         for _ in range(options.repeats):
             for name, checkout in (("before", options.base.resolve()), ("now", ROOT)):
-                times[name].append(seconds(checkout, command))
-                print(command, name, *(f"{t:.1f} s" for t in times[name][-1]), flush=True)
-        rows.append({"command": command, **times})
-        walls, processor = zip(*(np.median(times[name], axis=0).tolist() for name in ("before", "now")), strict=True)
-        figures = [f"{t:.1f}" for t in (*walls, *processor)]
-        table.append([command, *figures, f"{walls[1] / walls[0]:.2f}", f"{processor[1] / processor[0]:.2f}"])
-    header = ["command", "wall s, before", "now", "processor s, before", "now", "wall, now / before", "processor"]
+                rows[-1][name].append(seconds(checkout, command))
+                print(command, name, *(f"{t:.1f} s" for t in rows[-1][name][-1]), flush=True)
+            publish(rows)  # after each turn: runs that are cut short, hours into it, keep what they have
+    return 0
+
+
+def publish(rows: Sequence[Row]) -> None:
+    """Write what is measured so far, and print it."""
+    table = []
+    for row in rows:
+        walls, processor = zip(*(np.median(row[name], axis=0).tolist() for name in ("before", "now")), strict=True)
+        figures = [f for a, b in (walls, processor) for f in (f"{a:.1f}", f"{b:.1f}", f"{b / a:.2f}")]
+        table.append([row["command"], str(len(row["now"])), *figures])
+    header = ["command", "runs", "wall s, before", "now", "ratio", "processor s, before", "now", "ratio"]
     machine = describe_machine()
-    what = f"Medians of {options.repeats} fresh processes each, by turns, every one with an empty cache of its own."
+    what = "Medians of fresh processes, by turns, every one with an empty cache of its own."
     text = f"# First use\n\n{what} {machine}\n\n{markdown_table(header, table)}\n"
     (RESULTS / "compiling.md").write_text(text)
-    (RESULTS / "compiling.json").write_text(json.dumps({"machine": machine, "rows": rows}, indent=1) + "\n")
-    print("\n" + text)
-    return 0
+    (RESULTS / "compiling.json").write_text(json.dumps({"machine": machine, "rows": list(rows)}, indent=1) + "\n")
+    print("\n" + text, flush=True)
 
 
 if __name__ == "__main__":
