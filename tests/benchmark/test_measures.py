@@ -104,3 +104,16 @@ def test_a_large_disc_far_away_counts_before_a_small_one_near_by() -> None:
     found = judge.clearance(np.array([(-2.4, -2.4, 0.0), (0.0, 0.0, 0.0), (0.0, 3.2, 0.0)]))
     away = math.hypot(4.6, 4.6) - 5.0 - 0.5
     np.testing.assert_allclose(found, [away, math.hypot(0, 3) - 0.55, 0.0], atol=2e-6)
+
+
+@pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.3)], ids=["rectangle", "disc"])
+def test_what_is_further_away_than_is_asked_for_stays_further_away(robot: Robot) -> None:
+    judge = Referee(small_world(), robot)
+    states = np.random.default_rng(5).uniform((0.0, 0.0, -3.0), (10.0, 6.0, 3.0), (500, 3))
+    whole = judge.clearance(states)
+    for up_to in (0.0, 0.1, 0.5):
+        found, near = judge.clearance(states, up_to), whole <= up_to
+        np.testing.assert_array_equal(found[near], whole[near])
+        assert (found[~near] > up_to).all()
+        assert near.any()
+        assert not near.all()

@@ -121,24 +121,20 @@ def _curvature(points: FloatArray, scale: float) -> float:
 def _least_clearance(referee: Referee, states: FloatArray) -> float:
     """Return the least clearance, by halves: from a part's middle, none of the robot moves by more than half a part."""
     least = float(referee.clearance(states).min())
-    parts: list[tuple[int, float, float]] = []
     bounds = np.array([referee.bound(a, b) for a, b in pairwise(states)])
-    precise = max(PRECISE, float(bounds.sum()) / FINEST)
-    for i, bound in enumerate(bounds):
-        n = max(1, int(np.ceil(PIECES * bound / bounds.sum()))) if bound > 0.0 else 0
-        parts += [(i, k / n, (k + 1) / n) for k in range(n)]
-    while parts:
-        motion, low, high = (np.array(column) for column in zip(*parts, strict=True))
-        middle = 0.5 * (low + high)
-        found = np.empty(len(parts))
-        for i in np.unique(motion):
-            at = motion == i
-            found[at] = referee.clearance(referee.between(states[i], states[i + 1], middle[at]))
+    whole = float(bounds.sum())
+    precise = max(PRECISE, whole / FINEST)
+    counts = np.where(bounds > 0.0, np.maximum(1, np.ceil(PIECES * bounds / (whole or 1.0))), 0).astype(int)
+    # Of each part: its motion, and where on that it begins and how long it is, as shares of the motion.
+    motion = np.repeat(np.arange(len(counts)), counts)
+    share = 1.0 / counts[motion]
+    low = share * np.concatenate([np.arange(n) for n in counts] or [np.empty(0)])
+    while len(motion):
+        middle, moved = low + 0.5 * share, 0.5 * share * bounds[motion]
+        between = [referee.between(states[i], states[i + 1], middle[motion == i]) for i in np.unique(motion)]
+        found = referee.clearance(np.vstack(between), least + float(moved.max()))
         least = min(least, float(found.min()))
-        open_ = found - 0.5 * (high - low) * bounds[motion] < least - precise
-        parts = [
-            half
-            for i, a, m, b in zip(motion[open_], low[open_], middle[open_], high[open_], strict=True)
-            for half in ((int(i), float(a), float(m)), (int(i), float(m), float(b)))
-        ]
+        open_ = found - moved < least - precise
+        motion, low, share = (np.repeat(column[open_], 2) for column in (motion, low, 0.5 * share))
+        low[1::2] += share[1::2]
     return least

@@ -105,12 +105,15 @@ class Referee:
         """Of a robot that is a car; None for one that moves straight."""
         return self._steering
 
-    def clearance(self, states: FloatArray) -> FloatArray:
+    def clearance(self, states: FloatArray, up_to: float = math.inf) -> FloatArray:
         """Return the distance (metres) from the robot to what it may not meet, at states of shape (n, 3): shape (n,).
 
-        Obstacles, the boundary and the bounds count; 0 where the robot touches one, or is beyond it.
+        Obstacles, the boundary and the bounds count; 0 where the robot touches one, or is beyond it. Where it is more
+        than ``up_to`` metres, something above that may take its place, which is found sooner.
         """
         (xmin, ymin, xmax, ymax), radius = self._world.bounds, self._radius
+        # Of the reference point, if the robot is a disc.
+        furthest = None if math.isinf(up_to) else up_to + radius + 2.0 * TOUCHING
         if self._outline is None:
             places = states[:, None, :2]
             robots = shapely.points(places[:, 0])
@@ -123,15 +126,16 @@ class Referee:
             inside = shapely.covers(self._boundary, robots)
             found = np.where(inside, np.minimum(found, shapely.distance(self._boundary.exterior, robots)), 0.0)
         if len(self._solid.geometries):
-            index, apart = self._solid.query_nearest(robots, return_distance=True, all_matches=False)
+            index, apart = self._solid.query_nearest(robots, furthest, return_distance=True, all_matches=False)
             found[index[0]] = np.minimum(found[index[0]], apart)
         if len(self._radii):
             # The disc in the nearest box bounds the distance within which the nearest disc's box lies.
             for near in ("nearest", "within"):
                 if near == "nearest":
-                    which, disc = self._discs.query_nearest(robots, all_matches=False)
+                    which, disc = self._discs.query_nearest(robots, furthest, all_matches=False)
                 else:
-                    which, disc = self._discs.query(robots, predicate="dwithin", distance=np.maximum(found, 0.0))
+                    reach = np.clip(found, 0.0, furthest)
+                    which, disc = self._discs.query(robots, predicate="dwithin", distance=reach)
                 apart = shapely.distance(robots[which], self._centers[disc]) - self._radii[disc]
                 np.minimum.at(found, which, apart)
         return np.asarray(np.maximum(0.0, found - radius - TOUCHING))
