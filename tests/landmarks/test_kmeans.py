@@ -11,7 +11,7 @@ from scipy.spatial.distance import cdist
 
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import k_means_landmarks
-from trailmark.landmarks.kmeans import lloyd
+from trailmark.landmarks.kmeans import farthest_samples, lloyd
 
 FloatArray = NDArray[np.float64]
 
@@ -146,3 +146,12 @@ def test_without_a_number_of_steps_no_sample_changes_its_cluster_any_more() -> N
     for seed in range(10):
         found = k_means_landmarks(q, 2, radius=0.0, random_state=seed)
         assert np.sort(found[:, 0]) == pytest.approx([0.5, 9.5], abs=0.06)
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.7])
+@pytest.mark.parametrize("k", [1, 100, 399, 400, 1000])
+def test_the_samples_farthest_from_landmarks(radius: float, k: int) -> None:
+    q, landmarks = samples(400, 11), samples(30, 12)
+    found = farthest_samples(q, landmarks, k, radius=radius)
+    apart = cdist(points(q, radius), points(landmarks, radius)).min(axis=1)
+    assert found.tolist() == q[apart >= np.sort(apart)[-min(k, len(q))]].tolist()

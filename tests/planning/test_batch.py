@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
-from trailmark import LandmarkPlanner
+from trailmark import LandmarkPlanner, se2
 from trailmark.errors import ConfigurationError, TrailmarkError
-from trailmark.landmarks import free_samples
+from trailmark.landmarks import free_samples, k_means_landmarks
 from trailmark.motion.translation import turned_evenly
 from trailmark.planning.batch import for_each
 from trailmark.planning.growth import grow_general
@@ -211,6 +212,19 @@ def test_a_general_roadmap_stops_where_more_would_not_help() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("kind", ["disc", "rectangle"])
+def test_landmarks_that_come_in_parts_leave_no_larger_gaps_than_those_placed_at_once(kind: str) -> None:
+    planner = LandmarkPlanner(WORLD, ROBOTS[kind], seed=1)
+    radius, free = planner.checker.footprint.sweep_radius, free_samples(planner.checker, 20_000, random_state=2)
+    whole = k_means_landmarks(free[:2_000], 400, radius=radius, steps=5, random_state=3)
+    parts = planner.build(400).configurations
+    assert len(parts) >= 0.97 * 400
+    places = [cKDTree(se2.embed(q, radius)) for q in (parts, whole, free[:400])]
+    mine, theirs, random = (np.quantile(place.query(se2.embed(free, radius))[0], 0.99) for place in places)
+    assert mine <= 1.05 * theirs
+    assert mine <= 0.85 * random
+
+
 def test_building_keeps_to_the_time_and_goes_on_later() -> None:
     planner = planner_for("rectangle")
     left = iter([0.0])

@@ -15,7 +15,7 @@ from trailmark.landmarks.sampling import RandomState, generator
 from trailmark.landmarks.threads import one_thread
 from trailmark.nearest import nearest_to
 
-__all__ = ["k_means_landmarks", "lloyd"]
+__all__ = ["farthest_samples", "k_means_landmarks", "lloyd"]
 
 FloatArray = NDArray[np.float64]
 
@@ -53,6 +53,25 @@ def k_means_landmarks(
     first = points[generator(random_state).choice(len(points), k, replace=False)]
     centres = _converged(points, first) if steps is None else lloyd(points, first, steps)
     return np.array(samples[np.unique(nearest_to(centres, points))])
+
+
+def farthest_samples(samples: se2.FloatArray, landmarks: se2.FloatArray, k: int, *, radius: float) -> se2.FloatArray:
+    """Return the k samples farthest from their nearest landmark, in the samples' order, shape (min(k, n), 3).
+
+    Landmarks that come in parts are each spread evenly within their part, but all together little better than at
+    random, unless those to come are clusters of what lies between the others.
+
+    Args:
+        samples: valid configurations, shape (n, 3).
+        landmarks: those that are there already, shape (m, 3), m >= 1.
+        k: how many, >= 1.
+        radius: R of the embedding, metres, as in :func:`k_means_landmarks`.
+    """
+    if k >= len(samples):
+        return samples
+    points, centres = se2.embed(samples, radius), se2.embed(landmarks, radius)
+    apart = ((points - centres[nearest_to(points, centres)]) ** 2).sum(axis=1)
+    return np.asarray(samples[np.sort(np.argpartition(-apart, k)[:k])])
 
 
 def lloyd(points: FloatArray, centres: FloatArray, steps: int) -> FloatArray:

@@ -17,6 +17,7 @@ import numpy as np
 from trailmark import se2
 from trailmark.errors import ConfigurationError
 from trailmark.landmarks import Relaxation, free_samples, k_means_landmarks
+from trailmark.landmarks.kmeans import farthest_samples
 from trailmark.nearest import near_to_near
 from trailmark.planning.settings import PlannerSettings
 from trailmark.roadmap import Roadmap
@@ -26,6 +27,11 @@ __all__ = ["Grown", "Growth", "grow_general", "spread_landmarks"]
 
 SMALLEST, FIRST = 16, 1_024
 """Landmarks of the first part, and when random queries are asked first: each part doubles them."""
+
+DRAWN, FARTHEST = 2, 0.25
+"""Where there are landmarks already: times as many samples are drawn, and which share of them, the farthest, is
+clustered. The same number of landmarks then leaves gaps a quarter smaller and answers up to 10 % more queries
+(benchmarks.nodes)."""
 
 NEXT = 2.5
 """Times as long as a part of landmarks the next one may take, twice as large."""
@@ -165,9 +171,14 @@ def spread_landmarks(
 
 def _spread(roadmap: Roadmap, count: int, rng: np.random.Generator, settings: PlannerSettings) -> None:
     checker, radius = roadmap.checker, roadmap.motion.radius
-    samples = free_samples(checker, settings.samples_per_landmark * count, method="halton", random_state=rng)
+    wanted = settings.samples_per_landmark * count
+    drawn = DRAWN * wanted if len(roadmap) else wanted
+    samples = free_samples(checker, drawn, method="halton", random_state=rng)
     if len(samples) == 0:
         raise ConfigurationError(f"world {checker.world.name!r}: no free place for the robot was found")
+    if len(roadmap):
+        kept = max(count, int(FARTHEST * len(samples)))
+        samples = farthest_samples(samples, roadmap.configurations, kept, radius=radius)
     # Landmarks come in the samples' order, and what is near in space is looked at together from here on.
     samples = samples[near_to_near(se2.embed(samples, radius))]
     roadmap.add(k_means_landmarks(samples, count, radius=radius, steps=settings.spread_steps, random_state=rng))
