@@ -207,6 +207,27 @@ def test_a_path_that_passes_in_time_is_kept_and_one_swept_is_not() -> None:
     check(swept, planner.world, robot, speed, START, GOAL)
 
 
+def test_where_all_that_changes_moves_nothing_that_stands_is_built_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[World] = []
+    edited = StateChecker.edited
+
+    def count(self: StateChecker, world: World) -> StateChecker:
+        built.extend([world] * (world.name == HALL.name))
+        return edited(self, world)
+
+    planner = LandmarkPlanner(HALL, ROBOTS["disc"], seed=0)
+    path = planner.plan(START, GOAL, time_limit=5.0, max_iterations=2).path
+    assert path is not None
+    monkeypatch.setattr(StateChecker, "edited", count)
+    for now in range(4):
+        planner.update(HALL.edited(add={"cart": Moving(Disc((30.0, 2.0 + now), 0.5), (0.0, 1.0), 2.0)}))
+        assert planner.replan(START, GOAL, path, speed=2.0).path is not None
+        assert built == []
+    # What it sweeps is occupied for whoever does not say how fast it is.
+    assert planner.replan(START, GOAL, path).path is not None
+    assert len(built) == 1
+
+
 def test_a_robot_that_stands_in_what_will_be_swept_gets_out_of_the_way() -> None:
     robot, speed = ROBOTS["disc"], 2.0
     planner = LandmarkPlanner(FIELD, robot, seed=0)

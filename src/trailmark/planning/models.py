@@ -16,6 +16,7 @@ from trailmark.collision import StateChecker
 from trailmark.keep_out import with_keep_outs
 from trailmark.lock import Lock
 from trailmark.motion import Motion
+from trailmark.objective import Objective
 from trailmark.planning.space_time.obstacles import MovingObstacles
 from trailmark.planning.space_time.replanning import Route
 from trailmark.planning.updating import Update
@@ -64,6 +65,11 @@ class WorldModels:
     def motion(self) -> Motion:
         """How the robot moves."""
         return self._full.motion
+
+    @property
+    def objective(self) -> Objective:
+        """What a path costs, in whatever world."""
+        return self._full.objective
 
     @property
     def full(self) -> WorldModel:

@@ -125,7 +125,7 @@ class LandmarkPlanner:
     def _warm_up(self, use: Use) -> None:
         """Compile what a use needs on a machine's first, before the limit of a query begins."""
         if self._warm:
-            warm_up_for(self.robot, self.world, self._model.objective, use)
+            warm_up_for(self.robot, self.world, self._models.objective, use)
 
     @property
     def _model(self) -> WorldModel:
