@@ -22,17 +22,18 @@ SHALLOW = 0.011
 """Share of the distance from which on a concavity is left as it is: GEOS's own 0.01 and what rounding may add."""
 
 
-def grown(polygons: NDArray[Any], r: float) -> list[Any]:
+def grown(polygons: NDArray[Any], r: float, quarter: int = QUARTER) -> list[Any]:
     """Return regions that together lie within ``r`` of the polygons, and hold all but what chords cut off.
 
     Args:
         polygons: with holes or without (shapely), shape (n,).
         r: metres, above 0.
+        quarter: chords for each quarter of a circle, at least QUARTER.
     """
     if len(polygons) == 0:
         return []
     shallow = _shallow(polygons, r)
-    regions = list(shapely.buffer(polygons[~shallow], r, quad_segs=QUARTER))
+    regions = list(shapely.buffer(polygons[~shallow], r, quad_segs=quarter))
     if shallow.any():
         uneven = shapely.orient_polygons(polygons[shallow])
         regions += [*uneven, *strips(shapely.get_rings(uneven), r)]

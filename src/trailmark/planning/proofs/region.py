@@ -71,7 +71,10 @@ def free_region(
         region = shapely.intersection(region, within)
     shapes = world.obstacles if within is None else near_shapes(world, within, r + MARGIN, origin)
     polygons = _moved([s.polygon().shapely() for s in shapes if not isinstance(s, Disc)], origin)
-    taken += [*(grown(polygons, r) if r > 0.0 else polygons), *_discs(shapes, r / around - margin, around_disc, origin)]
+    # GEOS rounds the number of a corner's chords: one may span half as much again as in a whole circle.
+    quarter = QUARTER * 3 // 2 if inner else QUARTER
+    taken += list(grown(polygons, r, quarter) if r > 0.0 else polygons)
+    taken += _discs(shapes, r / around - margin, around_disc, origin)
     return shapely.difference(region, shapely.union_all(taken)) if taken else region
 
 
