@@ -59,7 +59,7 @@ def main() -> int:
             for name, checkout in (("before", options.base.resolve()), ("now", ROOT)):
                 rows[-1][name].append(seconds(checkout, command))
                 print(command, name, *(f"{t:.1f} s" for t in rows[-1][name][-1]), flush=True)
-            publish(rows)  # after each turn: runs that are cut short, hours into it, keep what they have
+            publish(rows)  # after each turn: a run that is cut short keeps what it has
     return 0
 
 

@@ -225,6 +225,7 @@ def test_landmarks_that_come_in_parts_leave_no_larger_gaps_than_those_placed_at_
     assert mine <= 0.85 * random
 
 
+@pytest.mark.slow
 def test_building_keeps_to_the_time_and_goes_on_later() -> None:
     planner = planner_for("rectangle")
     left = iter([0.0])

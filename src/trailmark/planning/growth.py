@@ -138,7 +138,8 @@ def spread_landmarks(
 ) -> int:
     """Add landmarks spread evenly over all free space: K-means centres of a Halton sequence's valid samples.
 
-    They are placed in parts, each as large as all before. Fewer than asked for come back where some centres share
+    They are placed in parts, each as large as all before and clustered from the samples that lie farthest from those
+    (:func:`~trailmark.landmarks.kmeans.farthest_samples`). Fewer than asked for come back where some centres share
     their nearest sample.
 
     Args:

@@ -29,7 +29,8 @@ class PlannerSettings:
     Attributes:
         first_landmarks: landmarks of the first round; enough to cross a room with furniture.
         landmark_growth: each round places so many times the landmarks of the one before, >= 1.
-        samples_per_landmark: samples that are clustered for each landmark.
+        samples_per_landmark: samples that are clustered for each landmark; half as many for those that join others
+            over all free space (:mod:`trailmark.planning.growth`).
         lloyd_steps: steps of K-means in a round; more move the centres by little.
         rounds_per_grid: rounds without a path after which the relaxed problem is looked at on cells half as large.
         max_kept_nodes: nodes up to which the planner's own roadmap takes in what queries bring that it might answer
