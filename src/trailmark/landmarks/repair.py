@@ -55,28 +55,70 @@ def repair_centres(checker: StateChecker, centres: ArrayLike, samples: ArrayLike
     Raises:
         ConfigurationError: other shapes, or no sample at which the robot can stand though a centre needs one.
     """
-    from scipy.spatial import cKDTree
-
     places, replacements = _places(centres, "centres"), _places(samples, "samples")
     at_zero = np.ascontiguousarray(np.column_stack([places, np.zeros(len(places))]))
     speck = build_footprint(Robot.disc(SPECK))
     in_obstacle = np.asarray(states_free(checker.grid, checker.field, speck, at_zero) != FREE)
     q, valid = widest_headings(checker, places)
-    tree = cKDTree(replacements)
-    for i in np.flatnonzero(~valid):
-        # Mostly one of the nearest few is suitable.
-        for count in (16, 256, len(replacements)):
-            nearest = np.asarray(tree.query(places[i], np.arange(1, min(count, len(replacements)) + 1))[1])
-            found, standing = widest_headings(checker, replacements[nearest])
-            if standing.any():
-                q[i] = found[np.argmax(standing)]
-                break
-        else:
+    if not valid.all():
+        q[~valid] = widest_headings(checker, _nearest_standing(checker, places[~valid], replacements))[0]
+    return Repair(in_obstacle, ~valid, q)
+
+
+def _nearest_standing(checker: StateChecker, places: se2.FloatArray, samples: se2.FloatArray) -> se2.FloatArray:
+    """Return for each place (n, 2) the nearest sample (m, 2) at which the robot can stand; each is checked once.
+
+    Raises:
+        ConfigurationError: it can stand at none.
+    """
+    from scipy.spatial import cKDTree
+
+    tree, nearest = cKDTree(samples), np.full(len(places), -1)
+    checked, standing = np.zeros(len(samples), dtype=np.bool_), np.zeros(len(samples), dtype=np.bool_)
+
+    def check(among: NDArray[np.int64]) -> None:
+        new = np.unique(among[~checked[among]])
+        standing[new], checked[new] = _can_stand(checker, samples[new]), True
+
+    # Mostly one of the nearest few is suitable.
+    for count in (16, 256):
+        left = np.flatnonzero(nearest < 0)
+        among = np.asarray(tree.query(places[left], np.arange(1, min(count, len(samples)) + 1))[1])
+        check(among.ravel())
+        suits = standing[among]
+        nearest[left] = np.where(suits.any(axis=1), among[np.arange(len(left)), suits.argmax(axis=1)], -1)
+    left = np.flatnonzero(nearest < 0)
+    if len(left):
+        check(np.arange(len(samples)))
+        suitable = np.flatnonzero(standing)
+        if not len(suitable):
             raise ConfigurationError(
                 f"samples: expected one at which the robot ({checker.robot.describe()}) can stand, "
-                f"got {len(replacements)} at which it cannot"
+                f"got {len(samples)} at which it cannot"
             )
-    return Repair(in_obstacle, ~valid, q)
+        nearest[left] = suitable[cKDTree(samples[suitable]).query(places[left])[1]]
+    return np.asarray(samples[nearest])
+
+
+def _headings(checker: StateChecker) -> se2.FloatArray:
+    """Return the headings that are tried at a place, radians: HEADINGS of them, for a disc only 0."""
+    count = 1 if isinstance(checker.robot.footprint, Disc) else HEADINGS
+    return np.asarray(se2.wrap(2.0 * np.pi * np.arange(count) / count))
+
+
+def _at_all_headings(places: se2.FloatArray, headings: se2.FloatArray) -> se2.FloatArray:
+    """Return the configurations (n * h, 3) at n places (n, 2) with each of h headings."""
+    return np.column_stack([np.repeat(places, len(headings), axis=0), np.tile(headings, len(places))])
+
+
+def _can_stand(checker: StateChecker, places: se2.FloatArray) -> NDArray[np.bool_]:
+    """Return whether the robot can stand at each place (n, 2) with any of the headings, shape (n,)."""
+    headings, standing = _headings(checker), np.zeros(len(places), dtype=np.bool_)
+    for begin in range(0, len(places), BATCH):
+        part = slice(begin, begin + BATCH)
+        valid = checker.valid(_at_all_headings(places[part], headings))
+        standing[part] = valid.reshape(-1, len(headings)).any(axis=1)
+    return standing
 
 
 def widest_headings(checker: StateChecker, places: se2.FloatArray) -> tuple[se2.FloatArray, NDArray[np.bool_]]:
@@ -84,18 +126,16 @@ def widest_headings(checker: StateChecker, places: se2.FloatArray) -> tuple[se2.
 
     HEADINGS headings are tried; for a disc only 0.
     """
-    count = 1 if isinstance(checker.robot.footprint, Disc) else HEADINGS
-    headings = np.asarray(se2.wrap(2.0 * np.pi * np.arange(count) / count))
+    headings = _headings(checker)
     best, valid = np.zeros((len(places), 3)), np.zeros(len(places), dtype=np.bool_)
     cap = 2.0 * checker.robot.circumradius
     for begin in range(0, len(places), BATCH):
         part = slice(begin, begin + BATCH)
-        at = np.repeat(places[part], count, axis=0)
-        q = np.column_stack([at, np.tile(headings, len(places[part]))])
-        clearance = np.where(checker.valid(q), checker.clearance(q, cap=cap), -1.0).reshape(-1, count)
+        q = _at_all_headings(places[part], headings)
+        clearance = np.where(checker.valid(q), checker.clearance(q, cap=cap), -1.0).reshape(-1, len(headings))
         widest = np.argmax(clearance, axis=1)
         rows = np.arange(len(widest))
-        best[part] = q.reshape(-1, count, 3)[rows, widest]
+        best[part] = q.reshape(-1, len(headings), 3)[rows, widest]
         valid[part] = clearance[rows, widest] >= 0.0
     return best, valid
 
