@@ -29,13 +29,15 @@ def main() -> int:
     parser.add_argument("--database", type=Path, help="where runs are kept")
     options, others = parser.parse_known_args()
     command = [sys.executable, "-m", "trailmark.cli"]
+    name = options.name or options.suite
     with tempfile.TemporaryDirectory() as folder:
-        database, report = options.database or Path(folder) / "results.db", Path(folder) / "report.md"
+        # The report's title is the database's name.
+        database, report = options.database or Path(folder) / f"{name}.db", Path(folder) / "report.md"
         suite = ["--suite", str(SUITES / f"{options.suite}.yaml"), "--output", str(database)]
         subprocess.run([*command, "benchmark", *suite, *others], check=True)
         subprocess.run([*command, "report", database, "--markdown", report], check=True)
         text = report.read_text(encoding="utf-8")
-    (RESULTS / f"{options.name or options.suite}.md").write_text(f"{text}\n{describe_machine()}\n", encoding="utf-8")
+    (RESULTS / f"{name}.md").write_text(f"{text}\n{describe_machine()}\n", encoding="utf-8")
     return 0
 
 
