@@ -19,6 +19,8 @@ from tests.live.conftest import serving
 from trailmark import World, check_path
 from trailmark.exploration.exploration_folder import save_exploration
 
+pytestmark = pytest.mark.slow
+
 READY = "window.trailmark.scene.path && document.getElementById('verdict').textContent.startsWith('path found')"
 
 

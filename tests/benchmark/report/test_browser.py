@@ -18,6 +18,8 @@ from trailmark.benchmark.report.data import Results
 from trailmark.benchmark.report.digits import percent
 from trailmark.benchmark.report.summary import summarise, summarise_runs
 
+pytestmark = pytest.mark.slow
+
 PLANNERS = ["landmark", "native:RRTConnect", "RRTConnect+certified", "RRTConnect", "PRM+certified", "PRM", "RRTstar"]
 PLANNERS += [f"my_module:plan{i}" for i in range(8)]
 
