@@ -61,12 +61,14 @@ def repair_centres(checker: StateChecker, centres: ArrayLike, samples: ArrayLike
     in_obstacle = np.asarray(states_free(checker.grid, checker.field, speck, at_zero) != FREE)
     q, valid = widest_headings(checker, places)
     if not valid.all():
-        q[~valid] = widest_headings(checker, _nearest_standing(checker, places[~valid], replacements))[0]
+        q[~valid] = _nearest_standing(checker, places[~valid], replacements)
     return Repair(in_obstacle, ~valid, q)
 
 
 def _nearest_standing(checker: StateChecker, places: se2.FloatArray, samples: se2.FloatArray) -> se2.FloatArray:
-    """Return for each place (n, 2) the nearest sample (m, 2) at which the robot can stand; each is checked once.
+    """Return the widest configuration at the sample (m, 2) nearest to each place (n, 2) at which the robot can stand.
+
+    Shape (n, 3). Each sample is checked once at most.
 
     Raises:
         ConfigurationError: it can stand at none.
@@ -75,10 +77,12 @@ def _nearest_standing(checker: StateChecker, places: se2.FloatArray, samples: se
 
     tree, nearest = cKDTree(samples), np.full(len(places), -1)
     checked, standing = np.zeros(len(samples), dtype=np.bool_), np.zeros(len(samples), dtype=np.bool_)
+    q = np.zeros((len(samples), 3))
 
     def check(among: NDArray[np.int64]) -> None:
         new = np.unique(among[~checked[among]])
-        standing[new], checked[new] = _can_stand(checker, samples[new]), True
+        q[new], standing[new] = widest_headings(checker, samples[new])
+        checked[new] = True
 
     # Mostly one of the nearest few is suitable.
     for count in (16, 256):
@@ -97,28 +101,7 @@ def _nearest_standing(checker: StateChecker, places: se2.FloatArray, samples: se
                 f"got {len(samples)} at which it cannot"
             )
         nearest[left] = suitable[cKDTree(samples[suitable]).query(places[left])[1]]
-    return np.asarray(samples[nearest])
-
-
-def _headings(checker: StateChecker) -> se2.FloatArray:
-    """Return the headings that are tried at a place, radians: HEADINGS of them, for a disc only 0."""
-    count = 1 if isinstance(checker.robot.footprint, Disc) else HEADINGS
-    return np.asarray(se2.wrap(2.0 * np.pi * np.arange(count) / count))
-
-
-def _at_all_headings(places: se2.FloatArray, headings: se2.FloatArray) -> se2.FloatArray:
-    """Return the configurations (n * h, 3) at n places (n, 2) with each of h headings."""
-    return np.column_stack([np.repeat(places, len(headings), axis=0), np.tile(headings, len(places))])
-
-
-def _can_stand(checker: StateChecker, places: se2.FloatArray) -> NDArray[np.bool_]:
-    """Return whether the robot can stand at each place (n, 2) with any of the headings, shape (n,)."""
-    headings, standing = _headings(checker), np.zeros(len(places), dtype=np.bool_)
-    for begin in range(0, len(places), BATCH):
-        part = slice(begin, begin + BATCH)
-        valid = checker.valid(_at_all_headings(places[part], headings))
-        standing[part] = valid.reshape(-1, len(headings)).any(axis=1)
-    return standing
+    return np.asarray(q[nearest])
 
 
 def widest_headings(checker: StateChecker, places: se2.FloatArray) -> tuple[se2.FloatArray, NDArray[np.bool_]]:
@@ -126,16 +109,17 @@ def widest_headings(checker: StateChecker, places: se2.FloatArray) -> tuple[se2.
 
     HEADINGS headings are tried; for a disc only 0.
     """
-    headings = _headings(checker)
+    count = 1 if isinstance(checker.robot.footprint, Disc) else HEADINGS
+    headings = np.asarray(se2.wrap(2.0 * np.pi * np.arange(count) / count))
     best, valid = np.zeros((len(places), 3)), np.zeros(len(places), dtype=np.bool_)
     cap = 2.0 * checker.robot.circumradius
     for begin in range(0, len(places), BATCH):
         part = slice(begin, begin + BATCH)
-        q = _at_all_headings(places[part], headings)
-        clearance = np.where(checker.valid(q), checker.clearance(q, cap=cap), -1.0).reshape(-1, len(headings))
+        q = np.column_stack([np.repeat(places[part], count, axis=0), np.tile(headings, len(places[part]))])
+        clearance = np.where(checker.valid(q), checker.clearance(q, cap=cap), -1.0).reshape(-1, count)
         widest = np.argmax(clearance, axis=1)
         rows = np.arange(len(widest))
-        best[part] = q.reshape(-1, len(headings), 3)[rows, widest]
+        best[part] = q.reshape(-1, count, 3)[rows, widest]
         valid[part] = clearance[rows, widest] >= 0.0
     return best, valid
 
