@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-__all__ = ["AGE", "ROOT", "code_digest", "dependencies", "describe_code"]
+__all__ = ["AGE", "ROOT", "changed_files", "code_digest", "dependencies", "describe_code"]
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -62,7 +62,7 @@ def code_digest(program: str, root: Path = ROOT) -> str:
     """Return 16 hexadecimal digits that change with the code that ``program`` depends on."""
     digest = hashlib.sha256()
     for name, file in sorted(dependencies(program, root).items()):
-        digest.update(f"{name} {_code(ast.parse(file.read_bytes()))}\n".encode())
+        digest.update(f"{name} {_code_of(file.read_text(encoding='utf-8'))}\n".encode())
     return digest.hexdigest()[:16]
 
 
@@ -81,7 +81,7 @@ def dependencies(program: str, root: Path = ROOT) -> dict[str, Path]:
         found[name] = file
         waiting += [
             imported
-            for imported in _imports(file.read_text(encoding="utf-8"))
+            for imported in _imports_of(file.read_text(encoding="utf-8"))
             if (name, ".".join(imported.split(".")[:2])) not in SHOWING
         ]
     source = root / "src"
@@ -91,6 +91,34 @@ def dependencies(program: str, root: Path = ROOT) -> dict[str, Path]:
     return found
 
 
+def changed_files(program: str, commit: str, root: Path = ROOT) -> list[str]:
+    """Return the files that ``program`` depends on whose code is not that of a commit, as paths from ``root``.
+
+    None are returned where git does not know the commit, as in a shallow clone.
+    """
+    with contextlib.suppress(subprocess.CalledProcessError):
+        changed = set(_files_changed_since(commit, root))
+        files = {file.relative_to(root).as_posix() for file in dependencies(program, root).values()}
+        return sorted(file for file in files & changed if _code_differs(commit, file, root))
+    return []
+
+
+@cache
+def _files_changed_since(commit: str, root: Path) -> list[str]:
+    untracked = _git(root, "ls-files", "--others", "--exclude-standard", "--", "src", "benchmarks")
+    return [*_git(root, "diff", "--name-only", commit, "--", "src", "benchmarks").splitlines(), *untracked.splitlines()]
+
+
+@cache
+def _code_differs(commit: str, file: str, root: Path) -> bool:
+    try:
+        before = _git(root, "show", f"{commit}:{file}")
+    except subprocess.CalledProcessError:  # The commit has no such file.
+        return True
+    return _code_of(before) != _code_of(root.joinpath(file).read_text(encoding="utf-8"))
+
+
+@cache
 def _module(name: str, root: Path) -> tuple[str, Path | None]:
     """Return the module that has a name or holds what has it, and its file: None where it is not the project's."""
     package, *names = name.split(".")
@@ -114,6 +142,11 @@ def _public_names(file: Path) -> dict[str, str]:
     return {alias.name: node.module or "" for node in imports for alias in node.names}
 
 
+@cache
+def _imports_of(source: str) -> list[str]:
+    return list(_imports(source))
+
+
 def _imports(text: str) -> Iterator[str]:
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
@@ -129,6 +162,11 @@ def _imports(text: str) -> Iterator[str]:
             elif "import " in node.value:
                 with contextlib.suppress(SyntaxError):
                     yield from _imports(node.value)
+
+
+@cache
+def _code_of(source: str) -> str:
+    return str(_code(ast.parse(source)))
 
 
 def _code(node: object) -> object:

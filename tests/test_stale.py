@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from benchmarks.age import AGE, ROOT, code_digest, dependencies, describe_code
+from benchmarks.age import AGE, ROOT, changed_files, code_digest, dependencies, describe_code
 from benchmarks.stale import stale
 
 SOURCES = {
@@ -112,7 +112,29 @@ def test_results_are_listed_when_the_code_has_changed(checkout: Path) -> None:
     code_digest.cache_clear()
     commit = re.search(r"commit (\w{12}),", age)
     assert commit is not None
-    assert stale(checkout)["speed.json"] == f"benchmarks.speed has changed since commit {commit[1]}"
+    changed = f"benchmarks.speed has changed since commit {commit[1]}"
+    assert stale(checkout)["speed.json"] == f"{changed}: src/trailmark/units.py"
+
+
+def test_files_with_other_code_are_named(checkout: Path) -> None:
+    (checkout / "src/trailmark/units.py").write_text("METRE = 1  # in metres")
+    (checkout / "src/trailmark/sky.py").write_text("class Cloud: colour = 1")
+    (checkout / "src/trailmark/car/brake.py").write_text("from trailmark.car.disc import Disc")
+    (checkout / "src/trailmark/car/disc.py").write_text("class Disc: ...")
+    assert changed_files("benchmarks.speed", "HEAD", checkout) == [
+        "src/trailmark/car/brake.py",
+        "src/trailmark/car/disc.py",
+    ]
+    assert changed_files("benchmarks.speed", "0123456789ab", checkout) == []
+
+
+def test_many_changed_files_are_counted(checkout: Path) -> None:
+    age = describe_code("benchmarks.whole", checkout)
+    (checkout / "benchmarks" / "results" / "whole.md").write_text(age)
+    for name in ("units", "sky", "shell", "ground"):
+        (checkout / f"src/trailmark/{name}.py").write_text("x = 1")
+    code_digest.cache_clear()
+    assert stale(checkout)["whole.md"].endswith(": 4 files")
 
 
 def test_changes_since_the_commit_are_told(checkout: Path) -> None:
