@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.oracle import Oracle, motion_states
+from trailmark.formats.cell_obstacles import CellObstacles
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
 
@@ -39,9 +40,10 @@ class Case:
         world: obstacles and bounds.
         robot: footprint.
         cell: of the field, metres.
-        hit: (n, 3) states that overlap something by more than BAND, or lie beyond the bounds.
+        hit: (n, 3) states that overlap something by more than BAND, or lie beyond the bounds; with the clearance that
+            the robot keeps, as for all that follow.
         free: (n, 3) states that keep at least 1e-6 m away.
-        clearances: (n,) of ``free``, metres.
+        clearances: (n,) of ``free``, metres; without the clearance that the robot keeps.
         bad_motions: (n, 2, 3): both ends are free, something between them is not.
         good_motions: (n, 2, 3) that keep CLEAR away.
         bad_curves: (n, 2, 3): likewise along the shortest curves of ``radius``.
@@ -61,6 +63,20 @@ class Case:
     bad_curves: FloatArray = field(default_factory=lambda: np.empty((0, 2, 3)))
     good_curves: FloatArray = field(default_factory=lambda: np.empty((0, 2, 3)))
     radius: float = 0.7
+
+
+class _Oracle(Oracle):
+    """The oracle of a robot that keeps a clearance: its footprint is dilated by it."""
+
+    def __init__(self, world: World, robot: Robot) -> None:
+        super().__init__(world, robot.keeping(0.0), BAND)
+        self.kept = robot.clearance
+
+    def clearance(self, q: FloatArray) -> FloatArray:
+        return np.maximum(0.0, super().clearance(q) - self.kept)
+
+    def collides(self, q: FloatArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        return super().collides(q) | (super().clearance(q) < self.kept - self.band)
 
 
 def _polygon(outline: list[list[float]], *holes: list[list[float]]) -> Polygon:
@@ -103,6 +119,14 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
     rim = World("w", room, tuple(Rectangle((x, y), 0.02, 0.02) for x, y in edges))
     far = tuple(Polygon(np.add(s.polygon().vertices, (2e5, -1e5))) for s in polygons if not isinstance(s, Disc))
     distant: tuple[Shape, ...] = (*far, Disc((2e5 + 4.2, 3.4 - 1e5), 0.55))
+    # So many discs above each other that cells within one of them list no other; small ones look out from under them.
+    rng = np.random.default_rng(0)
+    heap = [((x, y), r) for x, y, r in rng.uniform((2.4, 2.0, 0.7), (3.6, 3.0, 1.2), (150, 3))]
+    heap += [((3.0 + 1.55 * math.cos(a), 2.5 + 1.5 * math.sin(a)), 0.2) for a in rng.uniform(0.0, 2.0 * math.pi, 20)]
+    crowd = World("w", room, tuple(Disc(*disc) for disc in heap))
+    occupied = rng.random((10, 12)) < 0.12
+    occupied[2:8, 4], occupied[7, 4:9] = True, True
+    cells = World("w", room, CellObstacles(occupied, 0.5))
     return [
         ("mixed, rectangle", World("w", room, mixed), rectangle, 0.11),
         ("mixed, disc", World("w", room, mixed), Robot.disc(0.21), 0.13),
@@ -120,6 +144,13 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
         ("rim, rectangle", rim, Robot.rectangle(0.3, 0.15), 0.05),
         ("rim, small, large cells", rim, Robot.rectangle(0.1, 0.06), 0.45),
         ("far away, hook", World("w", (2e5, -1e5, 2e5 + 6, 5 - 1e5), distant), hook, 0.21),
+        ("crowded, rectangle", crowd, rectangle, 0.2),
+        ("crowded, disc", crowd, Robot.disc(0.21), 0.26),
+        ("cells, hook", cells, Robot.polygon(0.5 * np.array([[-0.1, -0.3], [0.8, -0.3], [0.1, 0], [0, 0.5]])), 0.12),
+        ("kept clearance, hook", World("w", room, mixed), hook.keeping(0.13), 0.11),
+        ("kept clearance, aside", World("w", room, specks), aside.keeping(0.2), 0.16),
+        ("kept clearance, disc", World("w", room, mixed), Robot.disc(0.1).keeping(0.11), 0.13),
+        ("little clearance, rectangle", World("w", room, mixed), rectangle.keeping(6e-8), 0.11),
     ]
 
 
@@ -263,7 +294,7 @@ def _corner_case(
 
 
 def _case(name: str, world: World, robot: Robot, cell: float, rng: np.random.Generator, size: int) -> Case:
-    oracle = Oracle(world, robot, BAND)
+    oracle = _Oracle(world, robot)
     low, high = np.array([*world.bounds[:2], -math.pi]), np.array([*world.bounds[2:], math.pi])
     q = rng.uniform(low, high, (400 * size, 3))
     collides, clearance = oracle.collides(q), oracle.clearance(q)
@@ -298,6 +329,7 @@ def _case(name: str, world: World, robot: Robot, cell: float, rng: np.random.Gen
     free, clearances = free[keep], clearances[keep]
     bad_motions = _bad_motions(oracle, graze, rng, size)
     good_motions = _good_motions(oracle, outside, rng, size // 2)
+    clearances = clearances + robot.clearance
     case = Case(name, world, robot, cell, np.concatenate(hit), free, clearances, bad_motions, good_motions)
     # Radii smaller and larger than the robot.
     case.radius = float(rng.choice([0.15, 0.7, 2.0]))

@@ -285,7 +285,7 @@ def verdict(made: list[Case]) -> tuple[str, str, list[tuple[int, int]]]:
             return "accepts", f"{case.name}: state", []
         if (kernels.field_states(checker.field, checker.footprint, case.hit) == kernels.FREE).any():
             return "accepts", f"{case.name}: state by the field", []
-        if checker.clearance(case.hit).max() > 1e-8:
+        if checker.clearance(case.hit).max() > case.robot.clearance + 1e-8:
             return "accepts", f"{case.name}: clearance on overlap", []
         if (checker.clearance(case.free) - case.clearances).max() > 1e-8:
             return "accepts", f"{case.name}: clearance too large", []
