@@ -126,7 +126,7 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
     crowd = World("w", room, tuple(Disc(*disc) for disc in heap))
     occupied = rng.random((10, 12)) < 0.12
     occupied[2:8, 4], occupied[7, 4:9] = True, True
-    cells = World("w", room, CellObstacles(occupied, 0.5))
+    cells = World("w", room, CellObstacles(occupied, 0.5).as_tuple())
     return [
         ("mixed, rectangle", World("w", room, mixed), rectangle, 0.11),
         ("mixed, disc", World("w", room, mixed), Robot.disc(0.21), 0.13),
