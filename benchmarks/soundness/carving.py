@@ -80,7 +80,7 @@ def drive_along(q: FloatArray, drive: FloatArray, radius: float, step: float) ->
 def swept(robot: Robot, places: FloatArray) -> Any:
     """Return what a robot covers on straight motions from place to place, without the bulge of turning between them."""
     reference = Reference(World("open", (-1e6, -1e6, 1e6, 1e6)), robot)
-    if reference.radius > 0.0:
+    if reference.round:
         return shapely.buffer(
             shapely.LineString(places[:, :2]), reference.radius / math.cos(math.pi / 64), quad_segs=32
         )

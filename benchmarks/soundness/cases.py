@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +65,9 @@ def question(what: str, states: FloatArray, **more: Any) -> Question:
 
 def save(folder: Path, kind: str, world: World, asked: Question) -> Path:
     """Write a case into a folder of its own, named after its kind and content; return that folder."""
-    text = json.dumps(asdict(asked), indent=1)
+    # A world's file holds no clearance that its robot keeps.
+    kept = {} if world.robot is None or world.robot.clearance == 0.0 else {"clearance": world.robot.clearance}
+    text = json.dumps({**asdict(asked), **kept}, indent=1)
     name = hashlib.sha256((repr(world.bounds) + text).encode()).hexdigest()[:8]
     case = folder / f"{kind}-{name}"
     case.mkdir(parents=True, exist_ok=True)
@@ -78,7 +80,10 @@ def load(case: Path) -> tuple[World, Question]:
     """Read a case."""
     data = json.loads((case / "question.json").read_text())
     data["states"] = tuple((row[0], row[1], row[2]) for row in data["states"])
-    return World.load(case / "world.yaml"), Question(**data)
+    world = World.load(case / "world.yaml")
+    if (kept := data.pop("clearance", 0.0)) and world.robot is not None:
+        world = replace(world, robot=world.robot.keeping(kept))
+    return world, Question(**data)
 
 
 def ask(world: World, asked: Question) -> str | None:

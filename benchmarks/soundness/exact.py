@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["deeper", "inside", "nearer", "overlaps"]
+__all__ = ["apart_less", "deeper", "inside", "nearer", "overlaps"]
 
 Point = tuple[Fraction, Fraction]
 
@@ -70,6 +70,15 @@ def overlaps(a: Sequence[Sequence[Point]], b: Sequence[Sequence[Point]], depth: 
                         if deeper((p[0] + t * (q[0] - p[0]), p[1] + t * (q[1] - p[1])), other, depth):
                             return True
     return False
+
+
+def apart_less(a: Sequence[Sequence[Point]], b: Sequence[Sequence[Point]], distance: Fraction) -> bool:
+    """Return whether the outlines of two regions are less than ``distance`` apart at a vertex of one of them.
+
+    Outlines that do not cross are nearest there. None are less than 0 apart.
+    """
+    pairs = ((a, b), (b, a)) if distance > 0 else ()
+    return any(nearer(point, other, distance) for one, other in pairs for ring in one for point in ring)
 
 
 def pairs_of(values: Sequence[Fraction]) -> Iterable[tuple[Fraction, Fraction]]:

@@ -40,16 +40,20 @@ LEVELS = 16
 class Reference:
     """Room and overlap of one robot in one world.
 
+    A robot that keeps a clearance is its footprint dilated by it.
+
     Attributes:
+        radius: metres by which the robot's ring of vertices is dilated; that of a round robot is a point.
         reach: largest distance (metres) of the robot's outline from its reference point.
-        sweep: the same, 0 for a disc: how far a radian of turning moves it.
+        sweep: the same of its ring, 0 for a round robot: how far a radian of turning moves it.
         allowed: metres of overlap that count as touching: ALLOWED, and what the rounding of coordinates makes of them.
     """
 
     def __init__(self, world: World, robot: Robot) -> None:
         self.bounds = world.bounds
         shape = robot.footprint
-        self.radius = shape.radius if isinstance(shape, Disc) else 0.0
+        self.round = isinstance(shape, Disc)
+        self.radius = robot.clearance + (shape.radius if isinstance(shape, Disc) else 0.0)
         ring = np.zeros((1, 2)) if isinstance(shape, Disc) else np.asarray(shape.polygon().vertices)
         self.ring = ring[:, 0] + 1j * ring[:, 1]
         self.sweep = float(np.abs(self.ring).max())
@@ -72,8 +76,8 @@ class Reference:
         self.discs = np.array(discs, dtype=np.float64).reshape(-1, 3)
 
     def bodies(self, q: FloatArray) -> NDArray[Any]:
-        """Return the robot at configurations of shape (n, 3): points for a disc, else polygons."""
-        if self.radius > 0.0:
+        """Return the robot at configurations of shape (n, 3), not dilated: points for a disc, else polygons."""
+        if self.round:
             return np.asarray(shapely.points(q[:, :2]))
         z = np.exp(1j * q[:, 2, None]) * self.ring
         return np.asarray(shapely.polygons(np.stack([q[:, 0, None] + z.real, q[:, 1, None] + z.imag], axis=-1)))
@@ -102,20 +106,19 @@ class Reference:
         bodies = self.bodies(q)
         found = np.maximum(0.0, self._beyond(q))
         if len(self.regions):
-            if self.radius > 0.0:
-                body, region = self.tree.query(bodies, predicate="dwithin", distance=self.radius)
-                to_outline = shapely.distance(bodies[body], self.outlines[region])
-                within = shapely.intersects(self.regions[region], bodies[body])
-                np.maximum.at(found, body, self.radius + np.where(within, to_outline, -to_outline))
+            body, region = self.tree.query(bodies, predicate="dwithin", distance=self.radius)
+            apart = shapely.distance(bodies[body], self.regions[region])
+            if self.round:
+                within = shapely.distance(bodies[body], self.outlines[region])
             else:
-                body, region = self.tree.query(bodies, predicate="intersects")
-                np.maximum.at(found, body, self._shared(bodies[body], region))
+                within = self._shared(bodies[body], region)
+            np.maximum.at(found, body, self.radius + np.where(apart > 0.0, -apart, within))
         for x, y, r in self.discs:
             near = np.flatnonzero(np.hypot(q[:, 0] - x, q[:, 1] - y) < r + self.reach)
             if len(near):
                 center = shapely.Point(x, y)
                 gap = shapely.distance(bodies[near], center)
-                if self.radius == 0.0:
+                if not self.round:
                     within = shapely.distance(shapely.boundary(bodies[near]), center)
                     gap = np.where(gap > 0.0, gap, -within)
                 found[near] = np.maximum(found[near], r + self.radius - gap)
@@ -136,24 +139,21 @@ class Reference:
             return True
         z = np.exp(1j * q[2]) * self.ring
         body = exact.points_of(np.column_stack([q[0] + z.real, q[1] + z.imag]))
-        radius = Fraction(self.radius)
+        near_by = Fraction(self.radius) - depth
         near = self.tree.query(self.bodies(q[None])[0], predicate="dwithin", distance=self.radius + 1e-6)
         for region in self.regions[near] if len(self.regions) else ():
             rings = [exact.points_of(shapely.get_coordinates(r)[:-1]) for r in (region.exterior, *region.interiors)]
-            if self.radius > 0.0:
-                if exact.inside(body[0], rings) or exact.nearer(body[0], rings, radius - depth):
+            if self.round:
+                if exact.inside(body[0], rings) or exact.nearer(body[0], rings, near_by):
                     return True
-            elif exact.overlaps([body], rings, depth):
+            elif exact.overlaps([body], rings, max(-near_by, Fraction(0))) or exact.apart_less([body], rings, near_by):
                 return True
         for x, y, r in self.discs:
             center = (Fraction(float(x)), Fraction(float(y)))
-            if self.radius > 0.0:
-                if (
-                    sum((u - v) ** 2 for u, v in zip(center, body[0], strict=True))
-                    < (Fraction(r) + radius - depth) ** 2
-                ):
+            if self.round:
+                if sum((u - v) ** 2 for u, v in zip(center, body[0], strict=True)) < (Fraction(r) + near_by) ** 2:
                     return True
-            elif exact.inside(center, [body]) or exact.nearer(center, [body], Fraction(r) - depth):
+            elif exact.inside(center, [body]) or exact.nearer(center, [body], Fraction(r) + near_by):
                 return True
         return False
 

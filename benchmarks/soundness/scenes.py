@@ -167,12 +167,18 @@ def random_scene(rng: Rng, scale: str = "plain", make: Callable[[Rng], Robot] = 
             chosen = make(rng)
             body = scaled(chosen.footprint, factor)
             steering = None if chosen.turning_radius is None else factor * chosen.turning_radius
+            # Half of the clearances are of the size of what counts as touching.
+            kept = float(
+                rng.choice(
+                    [0.0, 10.0 ** rng.uniform(-8.5, -6.0), factor * 10.0 ** rng.uniform(-6.0, 0.0)], p=[0.7, 0.15, 0.15]
+                )
+            )
             x, y = origin
             return World(
                 f"scene ({scale})",
                 (x, y, x + 20.0 * factor, y + 20.0 * factor),
                 tuple(scaled(shape, factor, origin) for shape in shapes),
-                Robot(body, steering, chosen.reverse),
+                Robot(body, steering, chosen.reverse, kept),
                 boundary if isinstance(boundary, Polygon) else None,
             )
         except ShapeError:

@@ -42,8 +42,8 @@ class FclScene:
 
     Args:
         world: obstacles, boundary and bounds.
-        robot: its footprint; eroded by at most TOUCHING_TOLERANCE for :meth:`collides`, since touching is allowed; and
-            the clearance that it keeps.
+        robot: its footprint and the clearance that it keeps. Without one, :meth:`collides` erodes the footprint by at
+            most TOUCHING_TOLERANCE, since touching is allowed.
     """
 
     def __init__(self, world: World, robot: Robot) -> None:
@@ -54,7 +54,8 @@ class FclScene:
         # A copy: shapes are read-only, which numba would take for another type and compile anew for.
         self._outline = np.array(robot.outline.vertices) if disc is None else np.zeros((1, 2))
         self._robot = fcl.CollisionObject(_robot_geometry(robot, eroding=False))
-        self._robot_eroded = fcl.CollisionObject(_robot_geometry(robot, eroding=True))
+        # Eroded, it would come nearer by up to the tolerance to what it is to keep away from by less than that.
+        self._robot_eroded = fcl.CollisionObject(_robot_geometry(robot, eroding=robot.clearance == 0.0))
         self._shapes: list[Any] = [*_outside_boundary(world), *world.obstacles]
         self._objects: list[Any] = [None] * len(self._shapes)
         boxes = [shape.bounding_box() for shape in self._shapes]
