@@ -146,11 +146,13 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
         ("far away, hook", World("w", (2e5, -1e5, 2e5 + 6, 5 - 1e5), distant), hook, 0.21),
         ("crowded, rectangle", crowd, rectangle, 0.2),
         ("crowded, disc", crowd, Robot.disc(0.21), 0.26),
+        ("crowded, small, large cells", crowd, Robot.rectangle(0.05, 0.03), 0.5),
         ("cells, hook", cells, Robot.polygon(0.5 * np.array([[-0.1, -0.3], [0.8, -0.3], [0.1, 0], [0, 0.5]])), 0.12),
         ("kept clearance, hook", World("w", room, mixed), hook.keeping(0.13), 0.11),
         ("kept clearance, aside", World("w", room, specks), aside.keeping(0.2), 0.16),
         ("kept clearance, disc", World("w", room, mixed), Robot.disc(0.1).keeping(0.11), 0.13),
-        ("little clearance, rectangle", World("w", room, mixed), rectangle.keeping(6e-8), 0.11),
+        # Less than what the core is eroded by.
+        ("little clearance, rectangle", World("w", room, mixed), rectangle.keeping(2.5e-7), 0.11),
     ]
 
 

@@ -11,6 +11,7 @@ import pytest
 from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import ROBOTS, random_states, random_world
 
+from trailmark.collision import StateChecker
 from trailmark.collision.fcl_scene import FclScene
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
@@ -32,6 +33,18 @@ def test_fcl_agrees_with_shapely(name: str, origin: tuple[float, float]) -> None
     assert 20 < free.sum() < 480
     clearance = np.array([scene.clearance(row) for row in q])
     assert clearance == pytest.approx(oracle.clearance(q), abs=1e-10)
+
+
+@pytest.mark.parametrize("robot", [Robot.disc(1.0), Robot.rectangle(2.0, 1.0)])
+@pytest.mark.parametrize("kept", [1e-9, 7e-8, 1e-7, 2e-7, 0.1])
+def test_a_clearance_is_kept_however_small(robot: Robot, kept: float) -> None:
+    world = World("w", (0.0, 0.0, 10.0, 8.0), (Rectangle((6.0, 4.0), 2.0, 8.0),))
+    for exact in ("kernel", "fcl"):
+        checker = StateChecker(world, robot, clearance=kept, exact=exact)  # type: ignore[arg-type]
+        # Dilated by the clearance, it overlaps by no more than 1e-7 m.
+        assert not checker.valid((4.0 - kept + 1.1e-7, 4.0, 0.0))
+        assert not checker.valid((4.0 + 1e-9, 4.0, 0.0))
+        assert checker.valid((4.0 - kept - 1e-8, 4.0, 0.0))
 
 
 def test_one_inside_the_other_is_a_collision() -> None:

@@ -43,6 +43,19 @@ def test_depth_is_the_shortest_shift_that_undoes_it(robot: Robot, x: float, dept
     assert reference.certainly(q[0]) == (depth > 0.0)
 
 
+@pytest.mark.parametrize("kept", [5e-8, 0.25])
+@pytest.mark.parametrize("robot", [Robot.disc(0.5), Robot.rectangle(1.0, 0.5)])
+@pytest.mark.parametrize("obstacle", [Rectangle((0.0, 0.0), 2.0, 2.0), Disc((0.0, 0.0), 1.0)])
+def test_a_clearance_that_is_kept_dilates_the_robot(robot: Robot, kept: float, obstacle: Rectangle | Disc) -> None:
+    reference = Reference(World("block", BLOCK.bounds, (obstacle,)), robot.keeping(kept))
+    at = np.array([1.5 + kept + 1e-3, 1.5 + kept - 0.9e-7, 1.5 + kept - 1.2e-7, 1.5, 1.4])
+    q = np.column_stack([at, np.zeros((len(at), 2))])
+    overlap = 1.5 + kept - at
+    assert reference.clearance(q[:1]) == pytest.approx(1e-3, abs=1e-12)
+    assert reference.depth(q) == pytest.approx(np.maximum(0.0, overlap), abs=1e-12)
+    assert reference.collides(q).tolist() == [reference.certainly(row) for row in q] == (overlap > 1e-7).tolist()
+
+
 def test_bars_that_cross_overlap_though_no_corner_lies_in_the_other() -> None:
     reference = Reference(World("bar", BLOCK.bounds, (Rectangle((0.0, 0.0), 4.0, 0.2),)), Robot.rectangle(0.2, 4.0))
     assert reference.depth(np.zeros((1, 3)))[0] == pytest.approx(0.1)
