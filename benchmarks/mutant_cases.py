@@ -124,6 +124,9 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
     heap = [((x, y), r) for x, y, r in rng.uniform((2.4, 2.0, 0.7), (3.6, 3.0, 1.2), (150, 3))]
     heap += [((3.0 + 1.55 * math.cos(a), 2.5 + 1.5 * math.sin(a)), 0.2) for a in rng.uniform(0.0, 2.0 * math.pi, 20)]
     crowd = World("w", room, tuple(Disc(*disc) for disc in heap))
+    # A robot that fits where a cell's corner looks out from under the disc that is said to cover the cell.
+    bubbles = np.random.default_rng(1).uniform((0.8, 0.8, 0.3), (5.2, 4.2, 0.6), (600, 3))
+    foam = World("w", room, tuple(Disc((x, y), r) for x, y, r in bubbles))
     occupied = rng.random((10, 12)) < 0.12
     occupied[2:8, 4], occupied[7, 4:9] = True, True
     cells = World("w", room, CellObstacles(occupied, 0.5).as_tuple())
@@ -146,7 +149,7 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
         ("far away, hook", World("w", (2e5, -1e5, 2e5 + 6, 5 - 1e5), distant), hook, 0.21),
         ("crowded, rectangle", crowd, rectangle, 0.2),
         ("crowded, disc", crowd, Robot.disc(0.21), 0.26),
-        ("crowded, small, large cells", crowd, Robot.rectangle(0.05, 0.03), 0.5),
+        ("crowded, tiny disc", foam, Robot.disc(0.01), 0.25),
         ("cells, hook", cells, Robot.polygon(0.5 * np.array([[-0.1, -0.3], [0.8, -0.3], [0.1, 0], [0, 0.5]])), 0.12),
         ("kept clearance, hook", World("w", room, mixed), hook.keeping(0.13), 0.11),
         ("kept clearance, aside", World("w", room, specks), aside.keeping(0.2), 0.16),
