@@ -40,7 +40,7 @@ def test_fcl_agrees_with_shapely(name: str, origin: tuple[float, float]) -> None
 def test_a_clearance_is_kept_however_small(robot: Robot, kept: float) -> None:
     world = World("w", (0.0, 0.0, 10.0, 8.0), (Rectangle((6.0, 4.0), 2.0, 8.0),))
     for exact in ("kernel", "fcl"):
-        checker = StateChecker(world, robot, clearance=kept, exact=exact)  # type: ignore[arg-type]
+        checker = StateChecker(world, robot, clearance=kept, exact=exact)
         # Dilated by the clearance, it overlaps by no more than 1e-7 m.
         assert not checker.valid((4.0 - kept + 1.1e-7, 4.0, 0.0))
         assert not checker.valid((4.0 + 1e-9, 4.0, 0.0))
