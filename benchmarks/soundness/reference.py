@@ -43,6 +43,7 @@ class Reference:
     A robot that keeps a clearance is its footprint dilated by it.
 
     Attributes:
+        round: whether the robot is round, with or without a clearance.
         radius: metres by which the robot's ring of vertices is dilated; that of a round robot is a point.
         reach: largest distance (metres) of the robot's outline from its reference point.
         sweep: the same of its ring, 0 for a round robot: how far a radian of turning moves it.
@@ -139,6 +140,7 @@ class Reference:
             return True
         z = np.exp(1j * q[2]) * self.ring
         body = exact.points_of(np.column_stack([q[0] + z.real, q[1] + z.imag]))
+        # Metres that the ring has to keep from an outline; if negative, it may overlap so deep.
         near_by = Fraction(self.radius) - depth
         near = self.tree.query(self.bodies(q[None])[0], predicate="dwithin", distance=self.radius + 1e-6)
         for region in self.regions[near] if len(self.regions) else ():

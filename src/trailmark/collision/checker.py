@@ -43,7 +43,7 @@ class StateChecker:
     1e-6 m (1e-4 of the inscribed radius of a robot of less than 2 cm) count as free, as its ends are.
 
     A robot that keeps a clearance (:attr:`trailmark.Robot.clearance`) is valid where nothing is nearer than that; all
-    the above then holds of its footprint dilated by as much, which alone may touch: the footprint itself may not.
+    the above then holds of its footprint dilated by as much.
 
     The clearance field decides what it can prove, exact distances in compiled code decide most of the rest, and FCL
     decides what lies within 3e-7 m of touching. With ``exact="fcl"``, FCL decides all that the field leaves open: the
