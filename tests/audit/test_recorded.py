@@ -21,6 +21,15 @@ CURVES = CurvePath(np.array([[0.0, 0.0, 0.0], [4.0, 3.0, 1.0], [6.0, 1.0, -1.0]]
 def test_recorded_curves_are_rebuilt() -> None:
     found = recorded_path(PathFile(Path(CURVES.states), 1.0, CURVES.record()), FILE)
     assert found == CURVES
+    # Files of versions that did not write down where the states are.
+    record = {key: value for key, value in CURVES.record().items() if key != "places"}
+    assert recorded_path(PathFile(Path(CURVES.states), 1.0, record), FILE) == CURVES
+
+
+def test_recorded_curves_are_rebuilt_with_the_states_that_were_added() -> None:
+    fine = CURVES.refined(lambda a, b: np.hypot(*(b - a)[:, :2].T) < 0.05)
+    assert len(fine) > len(CURVES)
+    assert isinstance(recorded_path(PathFile(Path(fine.states), 1.0, fine.record()), FILE), CurvePath)
 
 
 def test_states_that_are_not_the_curves_own_count_themselves() -> None:
@@ -42,6 +51,7 @@ def test_states_that_are_not_the_curves_own_count_themselves() -> None:
         ({"kind": "dubins", "turning_radius": 1e300, "knots": [[0, 0, 0]]}, "curve: turning radius"),
         ({"kind": "dubins", "turning_radius": 1}, "curve: path"),
         ({"kind": "dubins", "turning_radius": 1, "knots": [[0, 0]]}, "curve: path: expected shape"),
+        ({"kind": "dubins", "turning_radius": 1, "knots": [[0, 0, 0]], "places": "all"}, "curve: path: places"),
     ],
 )
 def test_curves_that_are_none_are_told_in_one_line(curve: Any, problem: str) -> None:

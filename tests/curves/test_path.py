@@ -95,7 +95,48 @@ def test_paths_are_values() -> None:
 
 def test_what_a_program_needs_to_rebuild_the_curves() -> None:
     record = made(reverse=False).record()
+    places = record.pop("places")
     assert record == {"kind": "dubins", "turning_radius": 2.0, "knots": KNOTS.tolist()}
+    again = CurvePath(record["knots"], Steering(2.0, reverse=False), places)
+    assert np.array_equal(again.states, made(reverse=False).states)
+
+
+def test_states_at_given_places() -> None:
+    path = made()
+    places = np.array([0.0, 0.3, 0.3, path.length])
+    given = CurvePath(KNOTS, path.steering, places)
+    assert given.states == pytest.approx(path.at(places / path.length), abs=1e-9)
+    assert not given.places.flags.writeable
+    assert places.flags.writeable
+    end = path.length
+    for wrong in ([0.1, end], [0.0, 1.0], [0.0, 2.0, 1.0, end], [[0.0, end]], [], [0.0, np.nan]):
+        with pytest.raises(ConfigurationError, match="path: places: expected"):
+            CurvePath(KNOTS, path.steering, wrong)  # type: ignore[arg-type]  # a list serves, too
+
+
+def test_arcs_get_more_states_where_their_chords_are_not_free() -> None:
+    path = made()
+    assert path.refined(lambda a, b: np.ones(len(a), np.bool_)) is path
+    wall = path.at(0.4)[0]  # motions that cross it are free once they are a centimetre long
+    asked = []
+
+    def free(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        asked.append(len(a))
+        crosses = (a[:, 0] - wall) * (b[:, 0] - wall) <= 0.0
+        return np.asarray(~crosses | (np.hypot(*(b - a)[:, :2].T) < 0.01))
+
+    fine = path.refined(free)
+    assert fine == path
+    assert len(path) < len(fine) < len(path) + 40
+    assert np.isin(path.places, fine.places).all()
+    assert fine.states == pytest.approx(path.at(fine.places / path.length), abs=1e-9)
+    # As near to the arcs as anything can ask for, and no nearer; straight pieces stay as they are.
+    finest = path.refined(lambda a, b: np.zeros(len(a), np.bool_))
+    gaps = np.diff(finest.places)
+    assert gaps.max() > 0.5
+    arcs = gaps < 0.5
+    assert 0.2 < (gaps[arcs] ** 2 / (8.0 * 2.0 * 5e-7)).max() <= 1.0
+    assert len(finest) < 4 * len(path.polyline(5e-7))
 
 
 def test_a_single_knot_and_equal_knots() -> None:

@@ -12,11 +12,12 @@ import pytest
 from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import ROBOTS, random_world
 
+from trailmark.audit import check_path
 from trailmark.curves import CurvePath, Steering
 from trailmark.landmarks import free_samples
 from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner, PlanProgress, PlanResult
-from trailmark.shapes import Polygon, Rectangle
+from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Query, Robot, World
 
 
@@ -141,6 +142,23 @@ def test_a_free_way_is_the_shortest_curve_itself() -> None:
     assert (
         path.cost == pytest.approx(result.lower_bound) == pytest.approx(Steering(3.0).lengths(query.start, query.goal))
     )
+
+
+@pytest.mark.parametrize(("pillar", "room", "rows"), [(0.2, 2e-6, 100), (1.7, 5e-4, 100), (1.6, 0.1, 50)])
+def test_straight_lines_from_state_to_state_are_free_as_well(pillar: float, room: float, rows: int) -> None:
+    # A pillar within the arc that the car drives along: a chord of 1 mm of sagitta would meet it.
+    car = Robot.disc(0.3).steered(2.0)
+    beside = 2.0 - 0.3 - room - pillar
+    centre = (beside * math.sin(0.8), 2.0 - beside * math.cos(0.8))
+    world = World("pillar", (-3.0, -3.0, 5.0, 5.0), (Disc(centre, pillar),), car)
+    heard: list[PlanProgress] = []
+    _, result = planned(world, Query("around", (0.0, 0.0, 0.0), (2.0, 2.0, 0.5 * math.pi)), on_progress=heard.append)
+    assert result.path is not None
+    assert result.path.cost == pytest.approx(math.pi, abs=1e-9)
+    for path in (result.path, *(progress.path for progress in heard if progress.path is not None)):
+        assert check_path(world, car, path.states).free
+        # As many as are needed, not everywhere as many as there could be.
+        assert len(path) < rows
 
 
 def test_a_three_point_turn_in_an_aisle() -> None:

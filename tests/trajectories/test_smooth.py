@@ -110,10 +110,11 @@ def test_headings_turn_the_way_that_the_path_turns(turn: float) -> None:
     assert max(apart) < 2.0
 
 
-def test_a_reversal_and_turns_in_place_are_stops() -> None:
-    smooth = path_of((0, 0, 0), (5, 0, 0), (1, 0, 0)).smooth(OPEN, ROBOT)
+@pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.3)], ids=["rectangle", "disc"])
+def test_a_reversal_and_turns_in_place_are_stops(robot: Robot) -> None:
+    smooth = path_of((0, 0, 0), (5, 0, 0), (1, 0, 0)).smooth(OPEN, robot)
     np.testing.assert_array_equal(smooth.stops, [[5.0, 0.0, 0.0]])
-    smooth = path_of((0, 0, 0), (5, 0, 0), (5, 0, 1), (5, 5, 1)).smooth(OPEN, ROBOT)
+    smooth = path_of((0, 0, 0), (5, 0, 0), (5, 0, 1), (5, 5, 1)).smooth(OPEN, robot)
     np.testing.assert_allclose(smooth.stops, [[5.0, 0.0, 0.0], [5.0, 0.0, 1.0]], atol=1e-12)
 
 

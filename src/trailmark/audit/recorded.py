@@ -30,14 +30,14 @@ def recorded_path(found: PathFile, file: FilePath) -> Path:
     if found.curve is None:
         return found.path
     curve = found.curve if isinstance(found.curve, dict) else {}
-    kind, radius, knots = (curve.get(key) for key in ("kind", "turning_radius", "knots"))
+    kind, radius, knots, places = (curve.get(key) for key in ("kind", "turning_radius", "knots", "places"))
     if kind not in ("dubins", "reeds-shepp"):
         raise FormatError(file, f"curve: kind: expected dubins or reeds-shepp, got {brief(kind)}")
     if not SMALLEST_RADIUS <= real(radius) <= TURNING_LIMIT:
         allowed = f"expected metres from {SMALLEST_RADIUS:g} to {TURNING_LIMIT:g}"
         raise FormatError(file, f"curve: turning radius: {allowed}, got {brief(radius)}")
     try:
-        curves = CurvePath(knots, Steering(real(radius), reverse=kind == "reeds-shepp"))  # type: ignore[arg-type]  # checked
+        curves = CurvePath(knots, Steering(real(radius), reverse=kind == "reeds-shepp"), places)  # type: ignore[arg-type]  # checked
     except TrailmarkError as error:
         raise FormatError(file, f"curve: {error}") from None
     same = len(curves) == len(found.path) and np.allclose(curves.states, found.path.states, rtol=0.0, atol=1e-6)

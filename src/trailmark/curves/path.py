@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from trailmark import se2
-from trailmark.arguments import number, one_of
+from trailmark.arguments import number, number_array, one_of
 from trailmark.curves.steering import Curves, Steering
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path, fractions
 
-__all__ = ["CurvePath"]
+__all__ = ["CLOSE", "CurvePath"]
 
 SAGITTA, MAX_TURN = 1e-3, 0.1
 """Between two states of an arc: maximum distance (metres) of the chord from it, and maximum turn (radians)."""
+
+CLOSE = 5e-7
+"""Metres that a chord is off its arc at most where it takes the arc's place: half of what certified curves keep."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,26 +32,35 @@ class CurvePath(Path):
 
     ``states`` follow the curves: all knots, all ends of the curves' pieces (among them the cusps, where the driving
     direction changes), and between those as many as it takes for the straight lines from state to state to lie within
-    1 mm of the arcs. What is certified are the curves, not those straight lines.
+    1 mm of the arcs. The planner's paths have more where these straight lines would come upon an obstacle
+    (:meth:`refined`).
 
     Attributes:
         states: shape (n, 3), n >= the number of knots. Read-only.
         knots: shape (k, 3), k >= 1; metres and radians. Read-only.
         steering: turning radius, and whether the car reverses.
+        places: of the states, metres along the path, shape (n,), rising from 0 to the path's length. Read-only. None to
+            have them chosen as above.
 
     Raises:
-        ConfigurationError: knots of another shape, or values that are not finite.
+        ConfigurationError: knots or places of another shape, values that are not finite, or places that do not rise
+            from 0 to the length.
     """
 
     states: se2.FloatArray = field(init=False)
     knots: se2.FloatArray
     steering: Steering
+    places: se2.FloatArray = None  # type: ignore[assignment]  # known once it is made
 
     def __post_init__(self) -> None:
         one_of(self.steering, Steering, "path: steering:")
         knots = Path(self.knots).states
         object.__setattr__(self, "knots", knots)
-        object.__setattr__(self, "states", self._rows(self._places(SAGITTA)))
+        chosen = self.places is None
+        places = self._places(SAGITTA) if chosen else self._checked(self.places)
+        places.setflags(write=False)
+        object.__setattr__(self, "places", places)
+        object.__setattr__(self, "states", self._on_curves(places))
         super().__post_init__()
 
     def __eq__(self, other: object) -> bool:
@@ -110,7 +123,12 @@ class CurvePath(Path):
         Raises:
             ConfigurationError: a step that is no finite number above 0, or that makes more than a million states.
         """
-        return Path(self._rows(self._places(SAGITTA, self._checked_step(step))))
+        gaps = np.diff(self.places)
+        count = np.maximum(1, np.ceil(gaps / self._checked_step(step))).astype(np.intp)
+        gap = np.repeat(np.arange(len(count)), count)
+        before = np.cumsum(count) - count
+        within = (np.arange(len(gap)) - before[gap]) / count[gap]
+        return Path(self._on_curves(np.append(self.places[gap] + within * gaps[gap], self.places[-1])))
 
     def polyline(self, sagitta: float) -> Path:
         """Return a plain path whose straight motions are at most ``sagitta`` metres off the curves.
@@ -118,7 +136,27 @@ class CurvePath(Path):
         Raises:
             ConfigurationError: a distance that is not a finite number above 0.
         """
-        return Path(self._rows(self._places(number(sagitta, "polyline: sagitta", above=0.0))))
+        return Path(self._on_curves(self._places(number(sagitta, "polyline: sagitta", above=0.0))))
+
+    def refined(self, free: Callable[[se2.FloatArray, se2.FloatArray], NDArray[np.bool_]]) -> CurvePath:
+        """Return the path with more states on arcs, so that whoever joins them by straight lines is free too.
+
+        Motions that are not free are halved until they are, or lie within 0.5 µm of the arc, of which a certified curve
+        keeps twice as much from obstacles.
+
+        Args:
+            free: tells which straight motions between states, each of shape (n, 3), are free.
+        """
+        places = self.places
+        while True:
+            middle = 0.5 * (places[:-1] + places[1:])
+            coarse = np.diff(places) ** 2 > 8.0 * CLOSE * self.steering.radius
+            coarse[coarse] = self._turns(middle[coarse])
+            states = self._on_curves(places)
+            coarse[coarse] = ~free(states[:-1][coarse], states[1:][coarse])
+            if not coarse.any():
+                return self if places is self.places else CurvePath(self.knots, self.steering, places)
+            places = np.insert(places, np.flatnonzero(coarse) + 1, middle[coarse])
 
     def reversed(self) -> CurvePath:
         """Return the path driven back from its end to its start; it has the same length.
@@ -133,41 +171,58 @@ class CurvePath(Path):
         return CurvePath(self.knots[::-1], self.steering)
 
     def record(self) -> dict[str, Any]:
-        """Return what a program needs to rebuild the curves, as plain numbers, strings and lists."""
-        return {"kind": self.steering.kind, "turning_radius": self.steering.radius, "knots": self.knots.tolist()}
+        """Return what a program needs to rebuild the curves and states, as plain numbers, strings and lists."""
+        return {
+            "kind": self.steering.kind,
+            "turning_radius": self.steering.radius,
+            "knots": self.knots.tolist(),
+            "places": self.places.tolist(),
+        }
 
-    def _places(self, sagitta: float, step: float = np.inf) -> list[se2.FloatArray]:
-        """Return for each curve the arc lengths (metres) of its states, the last one at its end."""
+    def _checked(self, places: ArrayLike) -> se2.FloatArray:
+        """Return a copy of places that were given; raise a ConfigurationError if they cannot be the path's."""
+        given = number_array(places, "path: places").copy()
+        if given.ndim != 1 or not len(given) or given[0] != 0.0 or (np.diff(given) < 0.0).any():
+            raise ConfigurationError("path: places: expected numbers, shape (n,), that rise from 0")
+        if not abs(given[-1] - self.length) <= 1e-9 * (1.0 + self.length):
+            raise ConfigurationError(f"path: places: expected {self.length:g} m at the end, got {given[-1]:g}")
+        return given
+
+    def _places(self, sagitta: float) -> se2.FloatArray:
+        """Return places (metres along the path, rising) between which chords are at most ``sagitta`` m off arcs."""
         radius = self.steering.radius
-        arc = min(step, radius * min(MAX_TURN, sqrt(8.0 * sagitta / radius)))
-        places = []
-        for sides, lengths in zip(self.curves.sides, np.abs(self.curves.signed_lengths), strict=True):
+        arc = radius * min(MAX_TURN, sqrt(8.0 * sagitta / radius))
+        places = [np.zeros(1)]
+        for i, lengths in enumerate(np.abs(self.curves.signed_lengths)):
             ends = np.cumsum(lengths)
-            pieces = [np.zeros(0)]
-            for side, end, length in zip(sides, ends, lengths, strict=True):
+            for side, end, length in zip(self.curves.sides[i], ends, lengths, strict=True):
                 if length > 0.0:
-                    n = max(1, int(np.ceil(length / (arc if side else step))))
-                    pieces.append(end - length + length * np.arange(1, n + 1) / n)
-            places.append(np.concatenate(pieces))
-        return places
+                    n = max(1, int(np.ceil(length / arc))) if side else 1
+                    places.append(self._ends[i] + end - length + length * np.arange(1, n + 1) / n)
+            places[-1] = np.append(places[-1][:-1], self._ends[i + 1]) if ends[-1] > 0.0 else places[-1]
+        return np.concatenate(places)
 
-    def _rows(self, places: list[se2.FloatArray]) -> se2.FloatArray:
-        """Return the states at the places along each curve, with the knots themselves at the curves' ends."""
-        rows = [self.knots[:1]]
-        for i, along in enumerate(places):
-            if len(along) > 1:
-                rows.append(self.steering.states(self.knots[i], self.knots[i + 1], along[:-1]))
-            rows.append(self.knots[i + 1 : i + 2])
-        return np.concatenate(rows)
+    @cached_property
+    def _ends(self) -> se2.FloatArray:
+        """How far along the path (metres) each knot is, shape (k,)."""
+        return np.concatenate([[0.0], np.cumsum(self.curves.lengths)])
+
+    def _turns(self, where: se2.FloatArray) -> NDArray[np.bool_]:
+        """Return whether the path turns ``where`` (m,) metres along it, shape (m,)."""
+        ends = np.cumsum(np.abs(self.curves.signed_lengths))
+        piece = np.minimum(np.searchsorted(ends, where), len(ends) - 1)
+        return np.asarray(self.curves.sides.ravel()[piece] != 0)
 
     def _on_curves(self, where: se2.FloatArray) -> se2.FloatArray:
         """Return the states, shape (m, 3), ``where`` (m,) metres along the path."""
         if len(self.knots) == 1:
             return np.repeat(self.knots, len(where), axis=0)
-        ends = np.cumsum(self.curves.lengths)
-        curve = np.clip(np.searchsorted(ends, where, side="right"), 0, len(ends) - 1)
-        before = np.concatenate([[0.0], ends[:-1]])[curve]
-        found = self.steering.states(self.knots[curve], self.knots[curve + 1], (where - before)[:, None])[:, 0]
-        # The end itself, without rounding.
-        found[where >= ends[-1]] = self.knots[-1]
+        ends = self._ends
+        curve = np.clip(np.searchsorted(ends, where, side="right") - 1, 0, len(ends) - 2)
+        along = (where - ends[curve])[:, None]
+        found = self.steering.states(self.knots[curve], self.knots[curve + 1], along)[:, 0]
+        # Knots themselves, without rounding.
+        knot = np.minimum(np.searchsorted(ends, where), len(ends) - 1)
+        exact = where >= ends[knot]
+        found[exact] = self.knots[knot[exact]]
         return found

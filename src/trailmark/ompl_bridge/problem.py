@@ -137,7 +137,8 @@ class SE2Problem:
         steering = Steering.of(self.checker.robot)
         if steering is None:
             return Path(states_of(path))
-        return CurvePath(followed_states(self.information, path, steering), steering)
+        curves = CurvePath(followed_states(self.information, path, steering), steering)
+        return curves.refined(self.checker.motions_valid)
 
     def graph(self) -> Any:
         """Return the planner's roadmap or tree as a ``networkx.Graph``."""

@@ -75,7 +75,7 @@ class Verification:
                 else:
                     # At the end it is reported, unless a better path has taken its place.
                     progress = replace(progress, path=None, cost=None)
-            on_progress(progress)
+            on_progress(replace(progress, path=self._followed_by_lines(progress.path)))
 
         return hand_on
 
@@ -101,6 +101,7 @@ class Verification:
         cost, error = self.cost(path, incumbent)
         if path is not None and min_clearance is None:
             min_clearance = self.least_clearance(vertices_of(self.motion, path))[0]
+        path = self._followed_by_lines(path)
         return PlanResult(
             status=status,
             path=path,
@@ -144,7 +145,12 @@ class Verification:
         if incumbent.nearest is None:
             return None
         path = self.motion.path(incumbent.nearest)
-        return path if self.certified(path, np.array([incumbent.start, path.states[-1]])) else None
+        certified = self.certified(path, np.array([incumbent.start, path.states[-1]]))
+        return self._followed_by_lines(path) if certified else None
+
+    def _followed_by_lines(self, path: Path | None) -> Path | None:
+        """Return the path, a car's with states between which straight motions are free too: programs join them so."""
+        return path.refined(self.checker.motions_valid) if isinstance(path, CurvePath) else path
 
     def cost(self, path: Path | None, incumbent: Incumbent) -> tuple[float | None, float]:
         """Return a path's cost under the objective, as it is reported, and a bound on its error."""

@@ -58,12 +58,10 @@ def certified(checker: StateChecker, pieces: Pieces) -> NDArray[np.bool_]:
         free[piece[d <= CHORD + CONTACT]] = False
         free[used > MAX_STATES] = False
         left = (d < need) & free[piece]
-        part = (d - CHORD - CONTACT) / rate[piece]
-        low, high = (
-            np.concatenate([low[left], (middle + part)[left]]),
-            np.concatenate([(middle - part)[left], high[left]]),
-        )
-        piece = np.concatenate([piece[left], piece[left]])
+        piece, low, middle, high = piece[left], low[left], middle[left], high[left]
+        part = (d[left] - CHORD - CONTACT) / rate[piece]
+        low, high = np.concatenate([low, middle + part]), np.concatenate([middle - part, high])
+        piece = np.concatenate([piece, piece])
     return free
 
 
