@@ -79,6 +79,9 @@ def test_driving_back() -> None:
     assert back.length == pytest.approx(path.length, abs=1e-12)
     assert np.abs(se2.difference(back.at(0.3), path.at(0.7))).max() < 1e-9
     assert back.reversed() == path
+    # Its states are the same places on the curves.
+    given = CurvePath(KNOTS, path.steering, np.append(np.arange(0.0, path.length, 0.01), path.length))
+    assert np.abs(se2.difference(given.reversed().states, given.states[::-1])).max() < 1e-9
     with pytest.raises(ConfigurationError, match="expected the path of a car that reverses"):
         made(reverse=False).reversed()
 

@@ -56,8 +56,7 @@ class CurvePath(Path):
         one_of(self.steering, Steering, "path: steering:")
         knots = Path(self.knots).states
         object.__setattr__(self, "knots", knots)
-        chosen = self.places is None
-        places = self._places(SAGITTA) if chosen else self._checked(self.places)
+        places = self._places(SAGITTA) if self.places is None else self._checked(self.places)
         places.setflags(write=False)
         object.__setattr__(self, "places", places)
         object.__setattr__(self, "states", self._on_curves(places))
@@ -168,7 +167,7 @@ class CurvePath(Path):
             raise ConfigurationError(
                 "reversed: expected the path of a car that reverses, got one of a car that does not"
             )
-        return CurvePath(self.knots[::-1], self.steering)
+        return CurvePath(self.knots[::-1], self.steering, self.places[-1] - self.places[::-1])
 
     def record(self) -> dict[str, Any]:
         """Return what a program needs to rebuild the curves and states, as plain numbers, strings and lists."""
@@ -194,12 +193,13 @@ class CurvePath(Path):
         arc = radius * min(MAX_TURN, sqrt(8.0 * sagitta / radius))
         places = [np.zeros(1)]
         for i, lengths in enumerate(np.abs(self.curves.signed_lengths)):
-            ends = np.cumsum(lengths)
-            for side, end, length in zip(self.curves.sides[i], ends, lengths, strict=True):
+            begin = self._ends[i]
+            for side, length in zip(self.curves.sides[i], lengths, strict=True):
                 if length > 0.0:
                     n = max(1, int(np.ceil(length / arc))) if side else 1
-                    places.append(self._ends[i] + end - length + length * np.arange(1, n + 1) / n)
-            places[-1] = np.append(places[-1][:-1], self._ends[i + 1]) if ends[-1] > 0.0 else places[-1]
+                    places.append(begin + length * np.arange(1, n + 1) / n)
+                    begin += length
+            places[-1][-1] = self._ends[i + 1]  # without rounding
         return np.concatenate(places)
 
     @cached_property
