@@ -61,7 +61,7 @@ def text(record: dict[str, Any]) -> str:
             "- motions, curves: pushed by halving until they are barely certified; halved again by the judge wherever",
             "  the room leaves a collision possible.",
             "- paths: `plan` and `plan_many`, cars forward-only and reversing; judged through `path.at`, `resample`",
-            "  and, straight ones, by motions taken anew from the states.",
+            "  and by straight motions taken anew from the states.",
             "- carved: a drive first, obstacles around what it sweeps, with 1e-5 to 1e-1 m to spare; then `plan`,",
             "  the lower bound and the enclosure are asked, which must neither claim that there is no way nor",
             "  that it costs more.",

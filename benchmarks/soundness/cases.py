@@ -131,10 +131,19 @@ def judge_result(
             return complaint
     if (result.status == "solved") != (result.path is not None):
         return f"status {result.status} and path {result.path}"
-    complaint = None if result.path is None else judge_path(reference, robot, ends, result.path)
+    complaint = None if result.path is None else _judge_answer(reference, robot, ends, result.path)
     if complaint is None and result.nearest is not None and len(result.nearest) > 1:
-        complaint = judge_path(reference, robot, np.array([ends[0], result.nearest.states[-1]]), result.nearest)
+        complaint = _judge_answer(reference, robot, np.array([ends[0], result.nearest.states[-1]]), result.nearest)
         complaint = complaint and f"nearest: {complaint}"
+    return complaint
+
+
+def _judge_answer(reference: Reference, robot: Robot, ends: FloatArray, path: Way) -> str | None:
+    """Judge a path that a planner returned: a car's also as programs drive it that join its states by straight lines."""
+    complaint = judge_path(reference, robot, ends, path)
+    if complaint is None and isinstance(path, CurvePath):
+        complaint = _straight_collision(reference, path.states)
+        complaint = complaint and f"states: {complaint}"
     return complaint
 
 

@@ -138,8 +138,8 @@ def test_arcs_get_more_states_where_their_chords_are_not_free() -> None:
     gaps = np.diff(finest.places)
     assert gaps.max() > 0.5
     arcs = gaps < 0.5
-    assert 0.2 < (gaps[arcs] ** 2 / (8.0 * 2.0 * 5e-7)).max() <= 1.0
-    assert len(finest) < 4 * len(path.polyline(5e-7))
+    assert 0.2 < (gaps[arcs] ** 2 / (8.0 * 2.0 * 5e-8)).max() <= 1.0
+    assert len(finest) < 4 * len(path.polyline(5e-8))
 
 
 def test_a_single_knot_and_equal_knots() -> None:

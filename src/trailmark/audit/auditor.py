@@ -18,13 +18,15 @@ from trailmark.audit.scale import Scale
 from trailmark.audit.verdict import colliding_parts
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
-from trailmark.curves.path import CLOSE
 from trailmark.errors import ConfigurationError
 from trailmark.keep_out import keep_outs
 from trailmark.path import Path
 from trailmark.world import BOUNDS_LIMIT, Robot, World
 
 __all__ = ["PathAuditor", "check_path"]
+
+SAGITTA = 5e-7
+"""Metres that a car's arc may be off its chords: half of what its certified curves keep from obstacles."""
 
 STILL = 1e-9
 """Metres, and radians, below which a robot does not move, or turn: rounding has no curvature."""
@@ -69,7 +71,7 @@ class PathAuditor:
             ConfigurationError: another shape, values that are not finite, or positions beyond 1e7 m.
         """
         given = path if isinstance(path, Path) else Path(path)  # type: ignore[arg-type]  # it makes an array itself
-        audited = given.polyline(CLOSE) if isinstance(given, CurvePath) else given
+        audited = given.polyline(SAGITTA) if isinstance(given, CurvePath) else given
         if len(audited) < 2:
             raise ConfigurationError(f"path: expected two or more states, got {len(audited)}")
         # A copy: read-only arrays would be another type to the kernels, and compiled for anew.

@@ -7,11 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from trailmark.audit.attribution import merged_intervals
-from trailmark.audit.auditor import PathAuditor
+from trailmark.audit.auditor import SAGITTA, PathAuditor
 from trailmark.audit.result import PathAudit
 from trailmark.audit.scale import Scale
 from trailmark.curves import CurvePath
-from trailmark.curves.path import CLOSE
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
 
@@ -45,7 +44,7 @@ def repaired(auditor: PathAuditor, audit: PathAudit, plan: Plan) -> Path | None:
     states, checker = np.array(audit.path.states), auditor.checker
     checker.require_valid(states[0], "start")
     checker.require_valid(states[-1], "goal")
-    scale = Scale(states, max(checker.footprint.sweep_radius, CLOSE))
+    scale = Scale(states, max(checker.footprint.sweep_radius, SAGITTA))
     broken = merged_intervals([scale.interval(collision.motions) for collision in audit.collisions])
     room = ROOM * checker.robot.inscribed_disc.radius
 
@@ -77,7 +76,7 @@ def repaired(auditor: PathAuditor, audit: PathAudit, plan: Plan) -> Path | None:
             return None
         if begin > resumed:
             pieces.append(scale.part(resumed, begin)[:-1])
-        pieces.append((detour.polyline(CLOSE) if isinstance(detour, CurvePath) else detour).states)
+        pieces.append((detour.polyline(SAGITTA) if isinstance(detour, CurvePath) else detour).states)
         resumed, broken = end, broken[met:]
     if resumed < scale.total:
         pieces.append(scale.part(resumed, scale.total)[1:])

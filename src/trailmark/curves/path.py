@@ -17,13 +17,13 @@ from trailmark.curves.steering import Curves, Steering
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path, fractions
 
-__all__ = ["CLOSE", "CurvePath"]
+__all__ = ["CurvePath"]
 
 SAGITTA, MAX_TURN = 1e-3, 0.1
 """Between two states of an arc: maximum distance (metres) of the chord from it, and maximum turn (radians)."""
 
-CLOSE = 5e-7
-"""Metres that a chord is off its arc at most where it takes the arc's place: half of what certified curves keep."""
+CLOSE = 5e-8
+"""Metres from an arc within which a chord is as free as the arc: half of the overlap that counts as touching."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -140,8 +140,7 @@ class CurvePath(Path):
     def refined(self, free: Callable[[se2.FloatArray, se2.FloatArray], NDArray[np.bool_]]) -> CurvePath:
         """Return the path with more states on arcs, so that whoever joins them by straight lines is free too.
 
-        Motions that are not free are halved until they are, or lie within 0.5 µm of the arc, of which a certified curve
-        keeps twice as much from obstacles.
+        Motions that are not free are halved until they are, or lie within 0.05 µm of an arc that is.
 
         Args:
             free: tells which straight motions between states, each of shape (n, 3), are free.
