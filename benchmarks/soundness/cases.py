@@ -139,7 +139,7 @@ def judge_result(
 
 
 def _judge_answer(reference: Reference, robot: Robot, ends: FloatArray, path: Way) -> str | None:
-    """Judge a path that a planner returned: a car's as programs drive it, too, that join its states by straight lines."""
+    """Judge a path that a planner returned; a car's also as a program drives it that joins states by straight lines."""
     complaint = judge_path(reference, robot, ends, path)
     if complaint is None and isinstance(path, CurvePath):
         complaint = _straight_collision(reference, path.states)
