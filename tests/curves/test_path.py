@@ -117,6 +117,29 @@ def test_states_at_given_places() -> None:
             CurvePath(KNOTS, path.steering, wrong)  # type: ignore[arg-type]  # a list serves, too
 
 
+@pytest.mark.parametrize("reverse", [True, False])
+def test_pieces_of_hardly_any_length(reverse: bool) -> None:
+    # The next knot lies on an arc or ahead to rounding, so that the other pieces of its curve are all but empty.
+    rng = np.random.default_rng(4)
+    steering = Steering(0.9413138183310996, reverse)
+    for _ in range(300):
+        q = rng.uniform((-10.0, -10.0, -math.pi), (10.0, 10.0, math.pi))
+        knots = [q]
+        for turn in rng.uniform(0.0, 2.0, 4) * rng.choice([-1.0, 0.0, 1.0], 4):
+            x, y, heading = knots[-1]
+            if turn:
+                side = math.copysign(steering.radius, turn)
+                x += side * (math.sin(heading + turn) - math.sin(heading))
+                y -= side * (math.cos(heading + turn) - math.cos(heading))
+            knots.append(np.array([x, y, heading + turn]) + rng.normal(0.0, 1e-16, 3))
+        path = CurvePath(np.array(knots), steering)
+        fine = path.refined(lambda a, b: np.asarray(np.hypot(*(b - a)[:, :2].T) < 0.05))
+        for each in (path, fine, CurvePath(path.knots, steering, fine.record()["places"])):
+            assert (np.diff(each.places) >= 0.0).all()
+            assert np.array_equal(each.states[[0, -1]], path.knots[[0, -1]])
+        assert np.isin(path.places, fine.places).all()
+
+
 def test_arcs_get_more_states_where_their_chords_are_not_free() -> None:
     path = made()
     assert path.refined(lambda a, b: np.ones(len(a), np.bool_)) is path

@@ -25,6 +25,9 @@ SAGITTA, MAX_TURN = 1e-3, 0.1
 CLOSE = 5e-8
 """Metres from an arc within which a chord is as free as the arc: half of the overlap that counts as touching."""
 
+SAME = 1e-6
+"""Share of its length, and metres, by which lengths of the same curve may differ, found from its two ends."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CurvePath(Path):
@@ -59,7 +62,7 @@ class CurvePath(Path):
         places = self._places(SAGITTA) if self.places is None else self._checked(self.places)
         places.setflags(write=False)
         object.__setattr__(self, "places", places)
-        object.__setattr__(self, "states", self._on_curves(places))
+        object.__setattr__(self, "states", self._rows(places))
         super().__post_init__()
 
     def __eq__(self, other: object) -> bool:
@@ -127,7 +130,7 @@ class CurvePath(Path):
         gap = np.repeat(np.arange(len(count)), count)
         before = np.cumsum(count) - count
         within = (np.arange(len(gap)) - before[gap]) / count[gap]
-        return Path(self._on_curves(np.append(self.places[gap] + within * gaps[gap], self.places[-1])))
+        return Path(self._rows(np.append(self.places[gap] + within * gaps[gap], self.places[-1])))
 
     def polyline(self, sagitta: float) -> Path:
         """Return a plain path whose straight motions are at most ``sagitta`` metres off the curves.
@@ -135,7 +138,7 @@ class CurvePath(Path):
         Raises:
             ConfigurationError: a distance that is not a finite number above 0.
         """
-        return Path(self._on_curves(self._places(number(sagitta, "polyline: sagitta", above=0.0))))
+        return Path(self._rows(self._places(number(sagitta, "polyline: sagitta", above=0.0))))
 
     def refined(self, free: Callable[[se2.FloatArray, se2.FloatArray], NDArray[np.bool_]]) -> CurvePath:
         """Return the path with more states on arcs, so that whoever joins them by straight lines is free too.
@@ -150,7 +153,7 @@ class CurvePath(Path):
             middle = 0.5 * (places[:-1] + places[1:])
             coarse = np.diff(places) ** 2 > 8.0 * CLOSE * self.steering.radius
             coarse[coarse] = self._turns(middle[coarse])
-            states = self._on_curves(places)
+            states = self._rows(places)
             coarse[coarse] = ~free(states[:-1][coarse], states[1:][coarse])
             if not coarse.any():
                 return self if places is self.places else CurvePath(self.knots, self.steering, places)
@@ -182,9 +185,10 @@ class CurvePath(Path):
         given = number_array(places, "path: places").copy()
         if given.ndim != 1 or not len(given) or given[0] != 0.0 or (np.diff(given) < 0.0).any():
             raise ConfigurationError("path: places: expected numbers, shape (n,), that rise from 0")
-        if not abs(given[-1] - self.length) <= 1e-9 * (1.0 + self.length):
+        if not abs(given[-1] - self.length) <= SAME * (1.0 + self.length):
             raise ConfigurationError(f"path: places: expected {self.length:g} m at the end, got {given[-1]:g}")
-        return given
+        given[-1] = self._ends[-1]
+        return np.asarray(np.minimum(given, self._ends[-1]))
 
     def _places(self, sagitta: float) -> se2.FloatArray:
         """Return places (metres along the path, rising) between which chords are at most ``sagitta`` m off arcs."""
@@ -192,13 +196,16 @@ class CurvePath(Path):
         arc = radius * min(MAX_TURN, sqrt(8.0 * sagitta / radius))
         places = [np.zeros(1)]
         for i, lengths in enumerate(np.abs(self.curves.signed_lengths)):
-            begin = self._ends[i]
+            begin, end = self._ends[i : i + 2]
             for side, length in zip(self.curves.sides[i], lengths, strict=True):
                 if length > 0.0:
                     n = max(1, int(np.ceil(length / arc))) if side else 1
-                    places.append(begin + length * np.arange(1, n + 1) / n)
+                    # Rounding must not lead beyond the knot: of some pieces there is hardly more than that.
+                    places.append(np.minimum(begin + length * np.arange(1, n + 1) / n, end))
                     begin += length
-            places[-1][-1] = self._ends[i + 1]  # without rounding
+            places[-1][-1] = end
+        if len(self.knots) > 1 and self._ends[-1] == 0.0:
+            places.append(np.zeros(1))
         return np.concatenate(places)
 
     @cached_property
@@ -212,16 +219,24 @@ class CurvePath(Path):
         piece = np.minimum(np.searchsorted(ends, where), len(ends) - 1)
         return np.asarray(self.curves.sides.ravel()[piece] != 0)
 
+    def _rows(self, places: se2.FloatArray) -> se2.FloatArray:
+        """Return the states (n, 3) at places (n,) that rise from the path's start to its end, which are knots."""
+        rows = self._on_curves(places)
+        # Knots a rounding apart are at the same place.
+        rows[-1] = self.knots[-1]
+        return rows
+
     def _on_curves(self, where: se2.FloatArray) -> se2.FloatArray:
         """Return the states, shape (m, 3), ``where`` (m,) metres along the path."""
         if len(self.knots) == 1:
             return np.repeat(self.knots, len(where), axis=0)
         ends = self._ends
-        curve = np.clip(np.searchsorted(ends, where, side="right") - 1, 0, len(ends) - 2)
+        knot = np.searchsorted(ends, where, side="right") - 1
+        curve = np.minimum(knot, len(ends) - 2)
         along = (where - ends[curve])[:, None]
         found = self.steering.states(self.knots[curve], self.knots[curve + 1], along)[:, 0]
         # Knots themselves, without rounding.
-        knot = np.minimum(np.searchsorted(ends, where), len(ends) - 1)
-        exact = where >= ends[knot]
+        exact = (ends[knot] == where) | (knot > curve)
         found[exact] = self.knots[knot[exact]]
+        found[where == 0.0] = self.knots[0]
         return found
