@@ -144,10 +144,8 @@ def test_arcs_get_more_states_where_their_chords_are_not_free() -> None:
     path = made()
     assert path.refined(lambda a, b: np.ones(len(a), np.bool_)) is path
     wall = path.at(0.4)[0]  # motions that cross it are free once they are a centimetre long
-    asked = []
 
     def free(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        asked.append(len(a))
         crosses = (a[:, 0] - wall) * (b[:, 0] - wall) <= 0.0
         return np.asarray(~crosses | (np.hypot(*(b - a)[:, :2].T) < 0.01))
 

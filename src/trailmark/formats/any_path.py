@@ -33,7 +33,7 @@ class PathFile(NamedTuple):
     Attributes:
         path: its states.
         headings: the largest heading as it was written, |theta| in radians: more than a full turn looks like degrees.
-        curve: of a car's path that trailmark planned: ``kind``, ``turning_radius`` and ``knots``
+        curve: of a car's path that trailmark planned: ``kind``, ``turning_radius``, ``knots`` and ``places``
             (:meth:`trailmark.curves.CurvePath.record`); None without.
     """
 
