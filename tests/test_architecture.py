@@ -230,11 +230,13 @@ def modules_after(code: str) -> set[str]:
     return set(json.loads(done.stdout.splitlines()[-1]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", ["import trailmark", "import trailmark; dir(trailmark)", "import trailmark.cli"])
 def test_importing_is_light(code: str) -> None:
     assert modules_after(code).isdisjoint(HEAVY)
 
 
+@pytest.mark.slow
 def test_light_parts_stay_light() -> None:
     # What the shell needs to read a world's file name and a robot's size: nothing that compiles or plots.
     code = "from trailmark import Robot, Path, World, TrailmarkError, Query, Disc\nfrom trailmark import se2"

@@ -49,6 +49,7 @@ def test_turns_are_the_same_for_numbers_and_for_arrays() -> None:
     assert by_arrays.tolist() == [turn(float(x), float(y)) for x, y in zip(a, b, strict=True)]
 
 
+@pytest.mark.slow
 def test_a_turn_is_the_shorter_way_by_exact_arithmetic() -> None:
     half = Fraction(pi)
     for a in headings()[::5].tolist():

@@ -30,6 +30,7 @@ def covered(motion: Moving, steps: int = 400) -> shapely.Geometry:
     return shapely.union_all(places)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("velocity", [(1.0, 0.0), (-0.3, 0.8), (0.0, -2.0)])
 @pytest.mark.parametrize("shape", [Rectangle((1, 2), 3, 1, 0.4), L_SHAPE, FRAME])
 def test_the_region_swept_is_exact_for_polygons(shape: Shape, velocity: tuple[float, float]) -> None:

@@ -28,6 +28,7 @@ def reference_cost(states: np.ndarray) -> tuple[float, float]:
     return length, rotation
 
 
+@pytest.mark.slow
 @given(paths)
 def test_cost_is_length_plus_half_of_the_rotation(path: Path) -> None:
     length, rotation = reference_cost(path.states)
@@ -36,6 +37,7 @@ def test_cost_is_length_plus_half_of_the_rotation(path: Path) -> None:
     assert path.cost == pytest.approx(length + 0.5 * rotation, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(paths)
 def test_the_way_back_costs_the_same(path: Path) -> None:
     back = path.reversed()
@@ -44,6 +46,7 @@ def test_the_way_back_costs_the_same(path: Path) -> None:
     assert back.reversed() == path
 
 
+@pytest.mark.slow
 @given(paths, st.floats(0.0, 1.0))
 def test_a_fraction_of_the_way_is_a_fraction_of_the_cost(path: Path, fraction: float) -> None:
     q = path.at(fraction)
@@ -80,6 +83,7 @@ def test_a_way_across_the_cut_turns_the_shorter_way() -> None:
     assert abs(path.at(0.5)[2]) == pytest.approx(math.pi)
 
 
+@pytest.mark.slow
 @given(paths, st.floats(0.5, 50.0))
 def test_resampling_keeps_the_way_and_the_states(path: Path, step: float) -> None:
     fine = path.resample(step)

@@ -36,6 +36,7 @@ def test_radii_bound_the_footprint(name: str) -> None:
     assert inscribed.radius <= region.exterior.distance(center) * (1 + 1e-12)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 def test_the_inscribed_disc_is_inside_and_nearly_the_largest(seed: int) -> None:
     rng = np.random.default_rng(seed)

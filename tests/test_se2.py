@@ -71,6 +71,7 @@ def test_wrap_keeps_shapes(shape: tuple[int, ...]) -> None:
 # --- difference and distance
 
 
+@pytest.mark.slow
 @given(poses, poses)
 def test_difference_leads_from_a_to_b_and_never_turns_more_than_half(a: np.ndarray, b: np.ndarray) -> None:
     delta = se2.difference(a, b)
@@ -83,6 +84,7 @@ def test_difference_of_half_a_turn_is_plus_pi() -> None:
     assert se2.difference((0, 0, math.pi), (0, 0, 0))[2] == math.pi
 
 
+@pytest.mark.slow
 @given(poses, poses, poses)
 def test_distance_is_a_metric(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> None:
     ab, bc, ac = se2.distance(a, b), se2.distance(b, c), se2.distance(a, c)
@@ -92,6 +94,7 @@ def test_distance_is_a_metric(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> No
     assert ac <= ab + bc + 1e-12 * max(1.0, float(np.abs([a, b, c]).max()))
 
 
+@pytest.mark.slow
 @given(poses, poses)
 def test_distance_is_way_plus_half_of_the_turn(a: np.ndarray, b: np.ndarray) -> None:
     turn = abs(np.angle(unit(b[2]) / unit(a[2])))
@@ -108,6 +111,7 @@ def test_distances_broadcast() -> None:
 # --- interpolate
 
 
+@pytest.mark.slow
 @given(poses, poses)
 def test_interpolation_ends_at_its_ends_and_halves_in_its_middle(a: np.ndarray, b: np.ndarray) -> None:
     scale = float(np.abs([a, b]).max())
@@ -119,6 +123,7 @@ def test_interpolation_ends_at_its_ends_and_halves_in_its_middle(a: np.ndarray, 
     assert se2.distance(middle, b) == pytest.approx(half, rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(poses, poses, fractions)
 def test_interpolation_goes_straight_along_the_shorter_arc(a: np.ndarray, b: np.ndarray, t: float) -> None:
     q = se2.interpolate(a, b, t)
@@ -149,6 +154,7 @@ def test_interpolation_broadcasts_over_fractions() -> None:
 # --- compose and transform
 
 
+@pytest.mark.slow
 @given(poses, poses, poses)
 def test_composition_is_associative(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> None:
     left = se2.compose(se2.compose(a, b), c)
@@ -168,6 +174,7 @@ def test_composition_has_an_identity_and_inverses(a: np.ndarray) -> None:
     assert close(se2.compose(inverse, a), identity, scale)
 
 
+@pytest.mark.slow
 @given(poses, poses, st.lists(st.tuples(lengths, lengths), min_size=1, max_size=4))
 def test_transform_moves_points_as_composition_moves_frames(
     a: np.ndarray, b: np.ndarray, points: list[tuple[float, float]]
@@ -197,6 +204,7 @@ def test_transform_of_many_configurations() -> None:
 radii = st.one_of(st.just(0.0), st.floats(1e-6, 100.0))
 
 
+@pytest.mark.slow
 @given(poses, poses, radii, st.floats(-math.pi, math.pi))
 def test_embedding_bounds_the_displacement_of_every_point(
     a: np.ndarray, b: np.ndarray, radius: float, bearing: float

@@ -61,6 +61,7 @@ def test_check_names_every_file_that_differs(worlds: Path, tmp_path: Path) -> No
     assert not (folder / "maze.yaml").exists()
 
 
+@pytest.mark.slow
 def test_shipped_worlds_cover_what_they_should() -> None:
     loaded = {name: World.load(file) for name, file in shipped_worlds().items()}
     assert len(loaded) >= 10
@@ -274,6 +275,7 @@ def proven_free(oracle: Oracle, a: Configuration, b: Configuration, arm: float) 
     return clearance > 1e-3 and proven_free(oracle, a, middle, arm) and proven_free(oracle, middle, b, arm)
 
 
+@pytest.mark.slow
 def test_narrow_is_feasible() -> None:
     world = World.load(shipped_worlds()["narrow"])
     assert world.robot is not None

@@ -99,6 +99,7 @@ def test_touching_is_free_and_a_micrometre_deeper_is_not(robot: Robot, offset: f
             assert found.min_clearance == pytest.approx(max(0.0, gap), abs=2e-7 + digits)
 
 
+@pytest.mark.slow
 def test_touching_while_turning() -> None:
     # A regular 64-gon turns in place, its corners passing a wall at a distance of 1e-8 m, then a micrometre deep.
     angles = 2 * math.pi * np.arange(64) / 64
@@ -291,6 +292,7 @@ def test_without_a_robot_or_a_world_nothing_is_audited() -> None:
         PathAuditor(SQUARE)  # type: ignore[arg-type]  # misuse
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turn", [0.0, 1e-3])
 def test_slivers(turn: float) -> None:
     # A needle whose tip, 1/3 of a milliradian wide, slides along a wall; and a needle that stands in a robot's way.

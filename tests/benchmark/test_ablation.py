@@ -44,6 +44,7 @@ def test_figures_are_those_of_the_runs() -> None:
     assert without.first.low < without.first.mean < without.first.high
 
 
+@pytest.mark.slow
 def test_the_page_has_a_row_for_each_variant_and_the_plot_is_a_picture() -> None:
     text = page(ROWS, 1.0)
     assert names_in(ROWS) == [CONTROL, "without lattice"]

@@ -123,6 +123,7 @@ def test_costs(results: Results) -> None:
     assert results.gaps[easy.problem.key] == pytest.approx(8.2 / LENGTH - 1.0)
 
 
+@pytest.mark.slow
 def test_the_page_says_what_is_reached(results: Results) -> None:
     verdicts = {target.what: target.reached for target in targets(results)}
     assert verdicts["success within 1 s, feasible problems"] is False

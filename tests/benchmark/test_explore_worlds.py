@@ -52,6 +52,7 @@ def test_the_anchor_of_a_corridor() -> None:
     assert 13.0 < length < 15.0
 
 
+@pytest.mark.slow
 def test_surfaces_that_nobody_can_see_do_not_count() -> None:
     """The box's front and its sides, but neither its back against the wall nor what faces a gap too narrow to see."""
     truth = truth_of(corridor(), 30.0)

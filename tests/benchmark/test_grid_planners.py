@@ -109,6 +109,7 @@ def test_searches_for_the_disc_around_a_robot_are_not_for_cars(module: ModuleTyp
     assert planned(module, Robot.disc(0.3).steered(1.0), "open") is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", [smac_like, theta_star_like, any_angle_exact])
 def test_searches_end_when_their_time_is_up(module: ModuleType) -> None:
     checker = StateChecker(World("room", (0.0, 0.0, 10.0, 5.0), WALLS["block"], Robot.disc(0.3)))

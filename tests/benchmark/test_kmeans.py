@@ -24,6 +24,7 @@ def checker() -> StateChecker:
     return StateChecker(World("room", (0.0, 0.0, 10.0, 6.0), (wall,), Robot.rectangle(0.6, 0.4)))
 
 
+@pytest.mark.slow
 def test_queries_cost_what_networkx_finds(checker: StateChecker) -> None:
     roadmap = placed_roadmap(checker, PLACEMENTS[UNIFORM], 40, seed=1)
     assert len(roadmap.nodes) == roadmap.k == 40

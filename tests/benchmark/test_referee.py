@@ -83,6 +83,7 @@ def test_the_boundary_is_not_left() -> None:
         assert "out of bounds" in over
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.floats(0.0, 4.0), st.floats(0.05, 1.5), st.floats(0.05, 1.0))
 def test_a_disc_passing_a_disc_is_plain_geometry(height: float, radius: float, robot: float) -> None:
@@ -94,6 +95,7 @@ def test_a_disc_passing_a_disc_is_plain_geometry(height: float, radius: float, r
     assert (Referee(world, Robot.disc(robot)).fault([start, goal], start, goal) is None) == (apart > 0.0)
 
 
+@pytest.mark.slow
 def test_it_agrees_with_the_certified_checker() -> None:
     rng = np.random.default_rng(5)
     checker, judge = StateChecker(ROOM, ROBOT), Referee(ROOM, ROBOT)

@@ -63,6 +63,7 @@ def runs_in(file: Path) -> list[tuple[str, str, int]]:
         ).fetchall()
 
 
+@pytest.mark.slow
 def test_problem_by_problem_and_seed_by_seed_through_all_planners(
     tmp_path: Path, ahead: Problem, around: Problem
 ) -> None:
@@ -81,6 +82,7 @@ def test_problem_by_problem_and_seed_by_seed_through_all_planners(
     assert seen == sorted(seen)
 
 
+@pytest.mark.slow
 def test_only_what_is_missing_is_made(tmp_path: Path, ahead: Problem) -> None:
     file = tmp_path / "results.db"
     make(file, plan(ahead), AtOnce(well))
@@ -99,6 +101,7 @@ def test_only_what_is_missing_is_made(tmp_path: Path, ahead: Problem) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_runs_to_the_first_path_are_another_setting_of_the_planner(tmp_path: Path, ahead: Problem) -> None:
     file, whole, first = tmp_path / "results.db", AtOnce(well), AtOnce(well)
     make(file, plan(ahead, planners=["PRM"]), whole)
@@ -110,6 +113,7 @@ def test_runs_to_the_first_path_are_another_setting_of_the_planner(tmp_path: Pat
     assert settings[1] == f"{settings[0]}; ends at its first path"
 
 
+@pytest.mark.slow
 def test_other_limits_are_another_experiment(tmp_path: Path, ahead: Problem) -> None:
     file = tmp_path / "results.db"
     changes: list[dict[str, Any]] = [
@@ -129,6 +133,7 @@ def test_other_limits_are_another_experiment(tmp_path: Path, ahead: Problem) -> 
         ]
 
 
+@pytest.mark.slow
 def test_each_planner_has_its_own_resolution_unless_one_is_given(tmp_path: Path, ahead: Problem) -> None:
     done = AtOnce(well)
     make(tmp_path / "own.db", plan(ahead, planners=["PRM", "native:PRM"], runs=1), done)
@@ -142,6 +147,7 @@ def test_each_planner_has_its_own_resolution_unless_one_is_given(tmp_path: Path,
     assert [setup["facts"]["resolution_share"] for setup in setups] == pytest.approx([0.5, 0.15], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_another_version_is_refused(tmp_path: Path, ahead: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "results.db"
     make(file, plan(ahead), AtOnce(well))
@@ -177,6 +183,7 @@ def test_a_run_that_costs_every_worker_is_reported(tmp_path: Path, ahead: Proble
     assert ("room-ahead", "landmark", 0) in runs_in(file)
 
 
+@pytest.mark.slow
 def test_an_interrupt_keeps_what_came_in(tmp_path: Path, ahead: Problem) -> None:
     def interrupt(tally: Tally) -> None:
         if tally.made:

@@ -38,6 +38,7 @@ def test_wilson_by_hand(successes: int, n: int, expected: tuple[float, float]) -
     assert wilson(successes, n) == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(1e-4, 1e4), min_size=1, max_size=20))
 def test_without_a_shift_it_is_the_geometric_mean(array: list[float]) -> None:
     assert shifted_geometric_mean(array, 0.0) == pytest.approx(scipy.stats.gmean(array))
@@ -55,6 +56,7 @@ def test_a_shifted_mean_lies_among_the_values(array: list[float], shift: float) 
     assert min(array) * (1 - 1e-9) <= mean <= max(array) * (1 + 1e-9)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=40), st.lists(st.floats(0.0, 1.0), min_size=1, max_size=5))
 def test_quantiles_are_numpys(array: list[float], shares: list[float]) -> None:
     # NumPy's own rounding decides otherwise where n times the share is a whole number but for its last digit.
@@ -78,12 +80,14 @@ def test_step_values_hold_between_steps() -> None:
     assert step_values([], [], [1.0]).tolist() == [INF]
 
 
+@pytest.mark.slow
 @given(values, values)
 def test_superiority_is_the_share_of_pairs(a: list[float], b: list[float]) -> None:
     wins = [1.0 if x < y else 0.5 if x == y else 0.0 for x, y in itertools.product(a, b)]
     assert rank_test([(a, b)]).superiority == pytest.approx(np.mean(wins))
 
 
+@pytest.mark.slow
 @given(st.integers(2, 9), st.integers(2, 9), st.integers(0, 2**32 - 1))
 def test_one_problem_without_ties_is_mann_whitneys_exact_test(n: int, m: int, seed: int) -> None:
     generator = np.random.default_rng(seed)
@@ -103,6 +107,7 @@ def test_with_ties_every_way_to_share_the_ranks_is_counted(a: list[float], b: li
     assert rank_test([(a, b)]).p == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_many_runs_of_one_problem_are_mann_whitneys_normal_test(seed: int, ties: bool) -> None:
     generator = np.random.default_rng(seed)
@@ -149,6 +154,7 @@ def test_many_problems_agree_with_permutations(ties: bool) -> None:
     assert rank_test(pairs).p == pytest.approx(share, abs=4.0 * math.sqrt(share / 1500) + 0.002)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(coarse, coarse), min_size=1, max_size=3))
 @settings(max_examples=40)
 def test_superiority_and_the_test_agree_on_the_side(pairs: list[tuple[list[float], list[float]]]) -> None:

@@ -193,6 +193,7 @@ def test_without_an_output(shell: Shell, yard: Path) -> None:
     assert run.problem.startswith("--output is missing")
 
 
+@pytest.mark.slow
 def test_a_database_that_is_not_ours_or_in_use(shell: Shell, yard: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.db"
     with closing(sqlite3.connect(other)) as db:

@@ -33,6 +33,7 @@ def paths(tmp_path: Path) -> Callable[[str, Any], Path]:
     return write
 
 
+@pytest.mark.slow
 def test_a_free_path(shell: Shell, yard: Path, paths: Any) -> None:
     run = shell("check", yard, paths("a.csv", FREE), "--json")
     record = json.loads(run.out)
@@ -49,6 +50,7 @@ def test_a_free_path(shell: Shell, yard: Path, paths: Any) -> None:
     assert "above the lower bound" in text
 
 
+@pytest.mark.slow
 def test_a_path_that_collides(shell: Shell, yard: Path, paths: Any) -> None:
     run = shell("check", yard, paths("a.json", THROUGH), "--json")
     record = json.loads(run.out)
@@ -64,6 +66,7 @@ def test_a_path_that_collides(shell: Shell, yard: Path, paths: Any) -> None:
     assert "obstacle 0, 1.2" in text
 
 
+@pytest.mark.slow
 def test_options_override_the_robot(shell: Shell, yard: Path, paths: Any) -> None:
     file = paths("a.path", [[1.0, 1.75, 0.0], [9.0, 1.75, 0.0]])
     assert shell("check", yard, file).status == 0
@@ -131,6 +134,7 @@ def test_bad_paths_are_told_in_one_line(shell: Shell, yard: Path, tmp_path: Path
     assert problem in run.problem
 
 
+@pytest.mark.slow
 def test_bad_words_are_told_in_one_line(shell: Shell, yard: Path, paths: Any, tmp_path: Path) -> None:
     file = paths("a.csv", FREE)
     for words in (

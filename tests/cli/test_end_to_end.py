@@ -72,6 +72,7 @@ def test_a_whole_process_prints_writes_and_draws(terminal: Shell, worlds: Path, 
     assert "planning" not in run.out
 
 
+@pytest.mark.slow
 def test_given_ends_and_robot(shell: Shell, worlds: Path, tmp_path: Path) -> None:
     file = tmp_path / "path.csv"
     words = ["--robot", "disc:0.15", "--start", "1,1,-3", "--goal=5,4.5,3", "--time-limit", "0.5", "--output", file]
@@ -83,6 +84,7 @@ def test_given_ends_and_robot(shell: Shell, worlds: Path, tmp_path: Path) -> Non
     assert run.err == ""
 
 
+@pytest.mark.slow
 def test_infeasible_is_status_4_and_the_picture_tells_why(shell: Shell, worlds: Path, tmp_path: Path) -> None:
     run = shell("plan", worlds / "enclosed.yaml", "--json", "--plot", tmp_path / "why.svg")
     assert run.status == 4

@@ -197,6 +197,7 @@ def test_bad_input_is_told_in_one_line(
     assert not Path("run").exists()
 
 
+@pytest.mark.slow
 def test_a_world_is_asked_for(shell: Shell, tmp_path: Path) -> None:
     run = shell("explore", "--output", tmp_path / "run")
     assert (run.status, run.problem[:48]) == (2, "WORLD is missing; expected a file, a shipped wor")

@@ -150,6 +150,7 @@ sys.exit(main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_files_that_may_not_get_large_enough(tmp_path: Path, worlds: Path) -> None:
     out = tmp_path / "office.yaml"
     words = ["worlds", "convert", str(worlds / "office.yaml"), str(out)]

@@ -115,6 +115,7 @@ def test_convert_keeps_map_and_image(shell: Shell, nav2: Path, tmp_path: Path, n
     assert "same file" in kept(shell, tmp_path, "worlds", "convert", tmp_path / "new.yaml", tmp_path / "new.yaml")
 
 
+@pytest.mark.slow
 def test_convert_keeps_scenarios_and_meshes(shell: Shell, tmp_path: Path) -> None:
     grid = tmp_path / "grid.map"
     grid.write_text("type octile\nheight 2\nwidth 3\nmap\n...\n...\n")
@@ -130,6 +131,7 @@ def test_convert_keeps_scenarios_and_meshes(shell: Shell, tmp_path: Path) -> Non
         assert "same file" in kept(shell, tmp_path, "worlds", "convert", problem, tmp_path / name)
 
 
+@pytest.mark.slow
 def test_map_keeps_the_log(shell: Shell, tmp_path: Path) -> None:
     log = tmp_path / "drive.yaml"
     save_log(recorded(), log)
@@ -147,6 +149,7 @@ def test_map_keeps_the_log(shell: Shell, tmp_path: Path) -> None:
     kept(shell, tmp_path, "map", bag, "--output", bag / "metadata.yaml")
 
 
+@pytest.mark.slow
 def test_report_keeps_the_results(shell: Shell, tmp_path: Path) -> None:
     results = random_results(tmp_path / "results.html", ["landmark", "PRM"], problems=1, runs=3)
     kept(shell, tmp_path, "report", results, "--html", results)
@@ -161,6 +164,7 @@ def test_report_keeps_the_results(shell: Shell, tmp_path: Path) -> None:
     assert shell("report", results, "--html", page, "--markdown", tmp_path / "same.md").status == 2
 
 
+@pytest.mark.slow
 def test_benchmark_keeps_worlds_suite_and_databases_of_others(shell: Shell, yard: Path, tmp_path: Path) -> None:
     words = ["benchmark", yard, "-p", "landmark", "--runs", 1]
     assert "same file" in kept(shell, tmp_path, *words, "--output", yard)

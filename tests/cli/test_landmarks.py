@@ -26,6 +26,7 @@ def record(shell: Shell, *words: object) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_environment_1_as_published(shell: Shell) -> None:
     found = record(shell, "environment1", "-k", 12)
     assert (found["world"], found["method"], found["init"], found["n"], found["k"]) == (
@@ -56,6 +57,7 @@ def test_environment_1_as_published(shell: Shell) -> None:
     assert found["spread"]["worst"] == max(pair["rms"] for pair in pairs)
 
 
+@pytest.mark.slow
 def test_the_table(shell: Shell) -> None:
     run = shell("landmarks", "environment1", "-k", 12, "--init", "random-partition")
     assert (run.status, run.err) == (0, "")
@@ -69,6 +71,7 @@ def test_the_table(shell: Shell) -> None:
     assert rows[3].split()[0] == "spread"
 
 
+@pytest.mark.slow
 def test_other_counts_have_no_published_figures(shell: Shell, yard: Path) -> None:
     assert record(shell, "environment1", "-k", 12, "-n", 500, "--runs", 1)["published"] == []
     run = shell("landmarks", yard, "-k", 3, "--runs", 1)
@@ -110,6 +113,7 @@ def test_paths_lead_over_the_landmarks_or_it_says_that_they_do_not(shell: Shell,
     assert "the landmarks do not connect it" in text.out
 
 
+@pytest.mark.slow
 def test_trailmarks_own_method(shell: Shell, yard: Path) -> None:
     found = record(shell, yard, "--method", "se2", "-k", 6, "--runs", 2)
     for run in found["runs"]:

@@ -83,6 +83,7 @@ def test_the_figures(shell: Shell, log: Path, tmp_path: Path) -> None:
     assert "note" not in plain
 
 
+@pytest.mark.slow
 def test_the_json_object(shell: Shell, log: Path, tmp_path: Path) -> None:
     file, picture = tmp_path / "world.yaml", tmp_path / "map.svg"
     found = record(shell, log, "--output", file, "--confidence", "0.95", "--plot", picture)
@@ -153,6 +154,7 @@ def test_settings_change_the_map(shell: Shell, log: Path, tmp_path: Path) -> Non
     assert areas("--outlier-gate", "none") > 0.0
 
 
+@pytest.mark.slow
 def test_mrclam_folders_in_all_their_names(shell: Shell, mrclam: Path, tmp_path: Path) -> None:
     file = tmp_path / "world.yaml"
     worlds = []

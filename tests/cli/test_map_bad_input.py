@@ -208,6 +208,7 @@ def test_bad_options(shell: Shell, log: Path, tmp_path: Path, words: list[str], 
     assert not (tmp_path / "world.yaml").exists()
 
 
+@pytest.mark.slow
 def test_the_output_is_checked_before_the_work(shell: Shell, tmp_path: Path) -> None:
     log = tmp_path / "missing.jsonl"
     assert "--output" in shell("map", log).problem
@@ -249,6 +250,7 @@ sys.exit(main(["map", {str(log)!r}, "--output", {str(log.parent / "world.yaml")!
     assert list(log.parent.iterdir()) == [log]
 
 
+@pytest.mark.slow
 def test_interruption_while_writing_leaves_the_old_world(
     shell: Shell, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

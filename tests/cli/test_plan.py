@@ -30,6 +30,7 @@ def test_defaults_are_the_files(shell: Shell, yard: Path, planner: Any) -> None:
     assert (call["seed"], call["landmarks"], call["time_limit"]) == (0, None, 1.0)
 
 
+@pytest.mark.slow
 def test_settings_come_from_a_file_and_go_into_the_record(
     shell: Shell, yard: Path, planner: Any, tmp_path: Path
 ) -> None:
@@ -88,6 +89,7 @@ def test_goals_without_a_heading_near_a_pose_or_several(
     assert planner.calls[0]["goal"] == goals
 
 
+@pytest.mark.slow
 def test_a_querys_goals_are_the_worlds_and_may_get_a_tolerance(shell: Shell, yard: Path, planner: Any) -> None:
     goals = "[{pose: [9.0, 5.0]}, {region: [[8, 1], [9, 1], [9, 2]], cost: 1}]"
     with yard.open("a") as file:
@@ -146,6 +148,7 @@ def test_without_a_path_there_are_no_rows_to_write(
     assert list(tmp_path.iterdir()) == [yard]
 
 
+@pytest.mark.slow
 def test_summary_says_what_was_found_and_written(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
     run = shell("plan", yard, "--output", tmp_path / "p.csv", "--plot", tmp_path / "p.svg", "--seed", 5)
     facts = {line.split()[0]: line for line in run.out.splitlines()}
@@ -173,6 +176,7 @@ def test_summary_without_a_path(shell: Shell, yard: Path, planner: Any, status: 
     assert "3 landmarks" in run.out
 
 
+@pytest.mark.slow
 def test_the_picture_shows_the_layers_that_are_named(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
     for name, words in (("all", []), ("few", ["--layers", "obstacles,path"])):
         assert shell("plan", yard, "--plot", tmp_path / f"{name}.svg", *words).status == 0

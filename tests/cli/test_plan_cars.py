@@ -24,6 +24,7 @@ def cars(yard: Path) -> Path:
     return yard
 
 
+@pytest.mark.slow
 def test_options_make_the_robot_a_car(shell: Shell, yard: Path, planner: Any) -> None:
     box = Robot.rectangle(0.8, 0.4)
     for words, robot in (
@@ -36,6 +37,7 @@ def test_options_make_the_robot_a_car(shell: Shell, yard: Path, planner: Any) ->
         assert planner.calls[-1]["robot"] == robot
 
 
+@pytest.mark.slow
 def test_options_override_the_files_car(shell: Shell, cars: Path, planner: Any) -> None:
     box = Robot.rectangle(0.8, 0.4)
     for words, robot in (
@@ -49,6 +51,7 @@ def test_options_override_the_files_car(shell: Shell, cars: Path, planner: Any) 
         assert planner.calls[-1]["robot"] == robot
 
 
+@pytest.mark.slow
 def test_a_differential_drive_reverses_as_its_file_and_the_options_say(shell: Shell, yard: Path, planner: Any) -> None:
     text = yard.read_text()
     yard.write_text(text.replace("width: 0.4}", "width: 0.4, drive: differential, reverse: true}"))

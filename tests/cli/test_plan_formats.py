@@ -34,6 +34,7 @@ def test_a_path_for_others_comes_back(shell: Shell, yard: Path, tmp_path: Path, 
     assert file.read_text() == before, "what is no path replaces none"
 
 
+@pytest.mark.slow
 def test_a_drawing_to_scale(shell: Shell, yard: Path, tmp_path: Path, planner: Any) -> None:
     for _ in range(2):
         assert shell("plan", yard, "--output", tmp_path / "path.svg").status == 0

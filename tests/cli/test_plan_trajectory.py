@@ -15,6 +15,7 @@ from trailmark import se2
 Shell = Callable[..., Any]
 
 
+@pytest.mark.slow
 def test_a_trajectory_is_written_and_told(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
     file = tmp_path / "drive.csv"
     limits = ["--max-speed", "0.5", "--max-acceleration", "0.3", "--max-turn-rate", "0.4"]

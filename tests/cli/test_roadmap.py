@@ -18,6 +18,7 @@ from trailmark.world import World
 Shell = Callable[..., Any]
 
 
+@pytest.mark.slow
 def test_each_format_holds_the_same_roadmap(shell: Shell, yard: Path, tmp_path: Path) -> None:
     records = []
     for suffix in ("geojson", "graphml", "npz") * 2:  # the second time each is written again
@@ -43,6 +44,7 @@ def test_each_format_holds_the_same_roadmap(shell: Shell, yard: Path, tmp_path: 
         assert np.array_equal(loaded.configurations[node, :2], position)
 
 
+@pytest.mark.slow
 def test_a_car_s_roadmap(shell: Shell, yard: Path, tmp_path: Path) -> None:
     words = ["roadmap", yard, "-k", 10, "--turning-radius", 0.5, "--output"]
     run = shell(*words, tmp_path / "graph.graphml")

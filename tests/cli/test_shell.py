@@ -26,6 +26,7 @@ def python(program: str, **how: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, **how)
 
 
+@pytest.mark.slow
 def test_help_names_every_command(shell: Shell) -> None:
     run = shell("--help")
     assert run.status == 0
@@ -45,6 +46,7 @@ def test_every_command_has_help(shell: Shell, command: list[str]) -> None:
     assert " ".join(["trailmark", *command]) in run.out
 
 
+@pytest.mark.slow
 def test_the_package_runs_as_a_program() -> None:
     done = subprocess.run([sys.executable, "-m", "trailmark", "--version"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, f"trailmark {trailmark.__version__}\n")
@@ -91,6 +93,7 @@ def test_usage_errors_are_one_line(shell: Shell, words: list[str], problem: str)
     assert run.problem.startswith(problem)
 
 
+@pytest.mark.slow
 def test_help_and_version_import_nothing_heavy() -> None:
     heavy = ["fcl", "matplotlib", "networkx", "numba", "numpy", "ompl", "PIL", "scipy", "shapely", "sklearn", "yaml"]
     for word in ("--help", "--version"):
@@ -102,6 +105,7 @@ def test_help_and_version_import_nothing_heavy() -> None:
         assert done.stderr == "[]\n"
 
 
+@pytest.mark.slow
 def test_module_and_exit_status() -> None:
     done = subprocess.run([*COMMAND, "plan", "nowhere.yaml"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
@@ -121,6 +125,7 @@ def test_a_reader_that_goes_away_is_no_error(words: list[str]) -> None:
     assert done.returncode == 128 + signal.SIGPIPE
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device /dev/full")
 def test_a_full_disk_is_one_line() -> None:
     with Path("/dev/full").open("w") as full:
@@ -182,6 +187,7 @@ def test_pieces_of_work_have_a_bar(terminal: Terminal) -> None:
     assert "━━━━━━╌╌╌╌╌╌ 3 of 4 · planning" in terminal(sys.executable, "-c", program).err
 
 
+@pytest.mark.slow
 def test_short_work_shows_nothing(terminal: Terminal) -> None:
     assert "planning" not in terminal(sys.executable, "-c", WAIT.format(seconds=0.05)).err
 
@@ -191,12 +197,14 @@ def test_no_progress_without_a_terminal() -> None:
     assert python(WAIT.format(seconds=0.5)).stderr == ""
 
 
+@pytest.mark.slow
 def test_notes_are_for_terminals_only(terminal: Terminal) -> None:
     program = "from trailmark.cli import console; console.note('written')"
     assert terminal(sys.executable, "-c", program).err == "written\r\n"
     assert python(program).stderr == ""
 
 
+@pytest.mark.slow
 def test_colours_are_for_terminals_only(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
     program = "from trailmark.cli import console; console.fail('[b]no[/b]')"
     assert python(program).stderr == "trailmark: error: [b]no[/b]\n"
@@ -205,6 +213,7 @@ def test_colours_are_for_terminals_only(terminal: Terminal, monkeypatch: pytest.
     assert terminal(sys.executable, "-c", program).err == "trailmark: error: [b]no[/b]\r\n"
 
 
+@pytest.mark.slow
 def test_output_survives_a_terminal_that_knows_ascii_only() -> None:
     program = "from trailmark.cli import console; console.say('86° · \\ud800'); console.fail('θ')"
     done = python(program, env=os.environ | {"PYTHONIOENCODING": "ascii"})

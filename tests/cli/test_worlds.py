@@ -15,6 +15,7 @@ from trailmark.world import Robot, World
 Shell = Callable[..., Any]
 
 
+@pytest.mark.slow
 def test_list_names_every_shipped_world(shell: Shell) -> None:
     run = shell("worlds")
     assert (run.status, run.err) == (0, "")
@@ -23,6 +24,7 @@ def test_list_names_every_shipped_world(shell: Shell) -> None:
     assert [row.split()[0] for row in rows] == sorted(library.shipped_worlds())
 
 
+@pytest.mark.slow
 def test_list_as_json(shell: Shell) -> None:
     listed = json.loads(shell("worlds", "--json").out)["worlds"]
     assert [facts["name"] for facts in listed] == sorted(library.shipped_worlds())

@@ -168,6 +168,7 @@ def test_one_and_many_and_none(exact: Literal["kernel", "fcl"]) -> None:
     assert (checker.valid(turned) == many).all()
 
 
+@pytest.mark.slow
 def test_overlapping_discs_and_polygons_are_one_obstacle() -> None:
     world = World("w", (0, 0, 20, 20), tuple(Disc((10 + 0.2 * i, 10), 2.0) for i in range(5)))
     heap = replace(world, obstacles=world.obstacles + tuple(random_world(3, 30, size=20.0).obstacles) * 2)

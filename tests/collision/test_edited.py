@@ -65,6 +65,7 @@ def test_an_edited_checker_answers_as_one_built_anew(kind: str, exact: str) -> N
             assert checker.scene.clearance(row) == pytest.approx(anew.scene.clearance(row), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_old_checker_stays_as_it_is() -> None:
     rng = np.random.default_rng(0)
     world = random_world(3, 25, size=20.0, radii=(0.3, 2.0), discs=0.3)

@@ -91,6 +91,7 @@ def test_in_contact_nothing_is_called_deep() -> None:
     assert invalid_reason(world(), SQUARE, np.array([5.0, 5.0, 0.0])).startswith("touches")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_invalid_configuration_has_a_reason_with_a_size(name: str) -> None:
     clutter = random_world(6, 60, size=30.0, radii=(0.2, 3.0), discs=0.3, holes=0.4, boundary=True)

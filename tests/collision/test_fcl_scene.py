@@ -113,6 +113,7 @@ def test_huge_configurations_are_outside(obstacle: Polygon | Disc | Rectangle) -
                 assert scene.clearance(np.array(q)) == 0.0
 
 
+@pytest.mark.slow
 def test_threads_may_share_a_scene() -> None:
     """The robot is one object that is moved to be looked at: without turns, one thread looks at another's robot."""
     world = World("w", (0, 0, 20, 20), (square(10, 5, 1), square(14, 5, 3)))

@@ -41,6 +41,7 @@ def values_at(field: ClearanceField, points: np.ndarray) -> np.ndarray:
     return np.array([field_value(field, x, y) for x, y in points.tolist()])
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 2**32 - 1),
     st.sampled_from([0.02, 0.3, 2.0, 30.0]),
@@ -65,6 +66,7 @@ def test_the_distance_lies_within_the_slack(seed: int, cell: float, origin: tupl
     assert (true[inside] <= value[inside] + field.slack + rounding).all()
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.integers(1, 40), st.sampled_from([0.01, 0.1, 0.6]))
 @settings(max_examples=60)
 def test_distances_are_those_of_scipys_transform(seed: int, rows: int, columns: int, share: float) -> None:
@@ -83,6 +85,7 @@ def test_outside_of_the_grid_everything_is_blocked() -> None:
     assert values_at(field, np.array([[5.0, 3.0]])) == pytest.approx([3.0], abs=field.slack)
 
 
+@pytest.mark.slow
 def test_between_cell_centres_distances_are_interpolated_and_slopes_are_theirs() -> None:
     field = build_field(build_grid(random_world(3, 10, size=8.0, radii=(0.3, 1.5)), 0.2))
     rows, columns = field.distance.shape

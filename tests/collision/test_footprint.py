@@ -152,6 +152,7 @@ def test_no_corner_is_drawn_back_by_more_than_the_tolerance_of_touching() -> Non
     assert touching_depth(needle) == pytest.approx(0.1 * TOUCHING_TOLERANCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 def test_the_gap_to_the_core_is_a_bound(name: str) -> None:
     footprint = build_footprint(SHAPES[name])

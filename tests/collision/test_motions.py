@@ -91,6 +91,7 @@ def test_the_field_contradicts_no_exact_verdict(world: str, name: str) -> None:
 poses = st.tuples(st.floats(6.0, 14.0), st.floats(6.0, 14.0), st.floats(-math.pi, math.pi))
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(sorted(ROBOTS)),
     poses,
@@ -193,6 +194,7 @@ def test_a_motion_without_length(exact: Literal["kernel", "fcl"]) -> None:
 # --- contact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exact", EXACT)
 @pytest.mark.parametrize("robot", [Robot.rectangle(2, 2), Robot.disc(1)], ids=["square", "disc"])
 def test_a_motion_may_leave_contact_and_arrive_in_it(robot: Robot, exact: Literal["kernel", "fcl"]) -> None:
@@ -236,6 +238,7 @@ def test_leaving_contact_in_random_directions() -> None:
     assert 0 < accepted.sum() < n
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exact", EXACT)
 @pytest.mark.parametrize("gap", [1e-3, 1e-5])
 def test_passing_close_by_a_corner_is_certified(gap: float, exact: Literal["kernel", "fcl"]) -> None:

@@ -37,6 +37,7 @@ def test_a_wall_through_the_centres_of_cells_hides_nothing_behind_it(left: float
             assert (checker.valid(at) == expected).all()
 
 
+@pytest.mark.slow
 @given(
     st.integers(1, 12),
     st.integers(2, 60),

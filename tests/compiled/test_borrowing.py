@@ -147,6 +147,7 @@ def test_results_are_pythons_and_no_memory_stays(function: Callable[[int], float
     assert after.alloc - before.alloc == after.free - before.free
 
 
+@pytest.mark.slow
 def test_arrays_of_python_keep_their_references() -> None:
     @njit()
     def outer(pair: Pair) -> float:
@@ -176,6 +177,7 @@ def test_an_error_inside_comes_out(counting: None) -> None:
     assert all(now - then <= 5 for now, then in zip(map(sys.getrefcount, pair), before, strict=True))
 
 
+@pytest.mark.slow
 def test_what_makes_or_returns_arrays_counts_and_nothing_else_does() -> None:
     @njit()
     def at(a: Array, i: int) -> float:  # one that no other test has compiled with all references counted

@@ -42,6 +42,7 @@ def make_kernels() -> tuple[Any, Any]:
     return inner, outer
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["inner first", "outer first"])
 def test_a_kernel_serves_python_and_other_kernels(order: str) -> None:
     inner, outer = make_kernels()
@@ -52,6 +53,7 @@ def test_a_kernel_serves_python_and_other_kernels(order: str) -> None:
     assert [inner(values, 3), outer(values)] == [6.0, 20.0]
 
 
+@pytest.mark.slow
 def test_each_is_compiled_once_for_each_kind_of_caller() -> None:
     inner, outer = make_kernels()
     listener = Compilations()
@@ -62,11 +64,13 @@ def test_each_is_compiled_once_for_each_kind_of_caller() -> None:
     assert sorted(listener.names) == ["inner", "inner", "outer"]
 
 
+@pytest.mark.slow
 def test_other_types_are_compiled_anew() -> None:
     _, outer = make_kernels()
     assert outer(np.arange(3.0)) == outer(np.arange(3)) == outer(np.arange(6.0)[::2] / 2) == 6.0
 
 
+@pytest.mark.slow
 def test_errors_of_a_kernel_inside_another_arrive() -> None:
     inner, _ = make_kernels()
 
@@ -79,6 +83,7 @@ def test_errors_of_a_kernel_inside_another_arrive() -> None:
             kernel(np.arange(3.0), -1)
 
 
+@pytest.mark.slow
 def test_a_kernel_calls_itself() -> None:
     @njit()
     def factorial(n: int) -> int:
@@ -102,6 +107,7 @@ def test_threads_may_compile_at_the_same_time() -> None:
     assert found == [(12.0, 4.0)] * 4
 
 
+@pytest.mark.slow
 def test_what_cannot_be_compiled_says_so_and_harms_nothing() -> None:
     @njit()
     def wrong(x: Any) -> Any:

@@ -37,6 +37,7 @@ def test_results_are_those_of_numba_and_python() -> None:
     assert OURS(_work)(7) == NUMBAS(_work)(7) == _work(7)
 
 
+@pytest.mark.slow
 def test_functions_of_numba_that_kernels_call_are_compiled_as_kernels_are() -> None:
     kernel = OURS(lambda n: np.full((n, 1, n), np.complex64(2)).sum())  # of a type that nothing else compiles
     assert kernel(3) == 18

@@ -43,6 +43,7 @@ def _areas() -> Callable[[Any, float], float]:
     return area
 
 
+@pytest.mark.slow
 def test_python_and_compiled_code_choose_alike() -> None:
     area = _areas()
 

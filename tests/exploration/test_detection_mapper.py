@@ -93,6 +93,7 @@ def test_with_noise_discs_are_grown_so_that_they_cover_the_true_ones() -> None:
         assert float(off @ np.linalg.solve(mapper.covariance, off)) < 20.0
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_carried_away_is_lost_and_found_again() -> None:
     robot, mapper = begun(1.0)
     drive(robot, mapper, 50)

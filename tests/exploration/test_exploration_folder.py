@@ -76,6 +76,7 @@ def test_the_summary_has_what_the_contract_names() -> None:
     json.dumps(exact, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_what_going_on_needs_is_read_back(folder: Path) -> None:
     result, saved = made_exploration(), load_exploration(folder)
     assert saved.robot_state == {"truth": [[0.0, 1.0, 1.0, 0.0]]}

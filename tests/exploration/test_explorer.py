@@ -82,6 +82,7 @@ class Late(Background):
         return None if self.asked else super().outcome(until + 60.0)
 
 
+@pytest.mark.slow
 def test_a_machine_that_plans_more_slowly_than_the_sensor_reads(monkeypatch: pytest.MonkeyPatch) -> None:
     """With noise each reading changes the map, and what was planned before it is driven all the same."""
     monkeypatch.setattr("trailmark.exploration.course.Background", Late)
@@ -283,6 +284,7 @@ def by_signal() -> None:
     signal.raise_signal(signal.SIGINT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interrupt", [by_raising, by_signal])
 def test_ctrl_c_keeps_what_is_known(interrupt: Callable[[], None]) -> None:
     def stop(progress: ExplorationProgress) -> None:
@@ -314,6 +316,7 @@ def faulty(
     )
 
 
+@pytest.mark.slow
 def test_a_silent_sensor_ends_it() -> None:
     result = faulty(lambda robot: faults.Faulty(robot, faults.silence, 2.0)).run()
     assert result.status == "silent"
@@ -328,6 +331,7 @@ def test_a_sensor_that_is_silent_from_the_first_ends_it() -> None:
     assert not len(result.known.state.nonzero()[0])
 
 
+@pytest.mark.slow
 def test_a_clock_may_begin_at_any_time() -> None:
     def later(records: list[Record]) -> list[Record]:
         return [record._replace(t=record.t + 1.7e9) for record in records]

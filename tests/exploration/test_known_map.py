@@ -118,6 +118,7 @@ THINGS = (
 PLACES = [*line((1.5, 1.0), (6.0, 3.2), 25, 0.3), *line((6.0, 3.2), (2.0, 4.4), 25, 2.0)]
 
 
+@pytest.mark.slow
 def test_without_noise_nothing_that_is_larger_than_the_gap_of_beams_is_taken_for_free() -> None:
     known = entered(room(*THINGS), PLACES)
     true = shapely.union_all([thing.polygon(1e-4).shapely() for thing in THINGS])
@@ -129,6 +130,7 @@ def test_without_noise_nothing_that_is_larger_than_the_gap_of_beams_is_taken_for
     assert shapely.distance(shapely.points(shapely.get_coordinates(wrong)), true.boundary).max(initial=0.0) < 4.0 * GAP
 
 
+@pytest.mark.slow
 def test_surfaces_lie_where_they_were_met() -> None:
     world = room(*THINGS)
     known = entered(world, PLACES)
@@ -170,6 +172,7 @@ def heights(world: World, axis: int, low: float, places: FloatArray) -> FloatArr
     return np.array(ends)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", [0.04, 0.065, 0.1])
 @pytest.mark.parametrize("offset", [0.0, 0.4])
 def test_a_thin_wall_seen_from_both_sides_grows_no_thicker_and_no_side_of_it_is_lost(
@@ -202,6 +205,7 @@ def test_what_stands_out_of_a_wall_by_little_more_than_the_noise_is_not_averaged
         assert np.median(flat) <= y + 1.5 * NOISY.sigma + cell / known.parts
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("high", [0.025, 0.035])
 def test_a_narrow_post_that_was_seen_from_near_is_kept_where_beams_pass_beside_it(high: float) -> None:
     world = room(Rectangle((3.0, 1.8), 4.0, 0.5), Rectangle((3.0, 2.05 + 0.5 * high), 0.02, high))
@@ -212,6 +216,7 @@ def test_a_narrow_post_that_was_seen_from_near_is_kept_where_beams_pass_beside_i
     assert (heights(followed(known), 1, 2.0, np.array([2.992, 3.0, 3.008])) >= 2.05 + high).all()
 
 
+@pytest.mark.slow
 def test_looks_from_afar_do_not_shut_a_passage_that_was_seen_from_near() -> None:
     # Between the ends of two thin walls there is a gap of 0.85 m; from afar beams lie 0.1 m apart there.
     world = room(Rectangle((4.0, 1.3), 0.2, 2.6), Rectangle((4.0, 4.725), 0.2, 2.55))
@@ -227,6 +232,7 @@ def test_looks_from_afar_do_not_shut_a_passage_that_was_seen_from_near() -> None
             assert not occupied.intersects(shapely.box(x0, 2.6 + lost, x1, 3.45 - lost))
 
 
+@pytest.mark.slow
 def test_a_door_that_closes_and_opens_again_is_known_within_a_few_scans() -> None:
     walls = (Rectangle((4.0, 1.3), 0.2, 2.6), Rectangle((4.0, 4.7), 0.2, 2.6))
     opened, closed = room(*walls), room(*walls, Rectangle((4.0, 3.0), 0.1, 0.8))
@@ -260,6 +266,7 @@ def test_beams_that_graze_a_wall_do_not_take_it_away(angle: float, sigma: float)
     assert away.max() < CELL / 8.0 + 3.0 * sigma + 0.01
 
 
+@pytest.mark.slow
 def test_beams_in_front_of_a_slanted_wall_do_not_take_it_away() -> None:
     # Of the world `long`: they enter a cell of the wall in front of its surface and leave it sideways.
     bounds, (a, b) = (0.0, 0.0, 15.0, 20.0), np.array([[9.546, 12.251], [9.468, 11.59]])
@@ -288,6 +295,7 @@ def test_the_bounds_are_walls() -> None:
     assert solid(followed(known)).intersection(inside).difference(corners).area < 1e-9
 
 
+@pytest.mark.slow
 def test_what_a_scan_says_of_the_map() -> None:
     world, pose = room(*THINGS), np.array([1.5, 1.0, 0.3])
     known = entered(world, PLACES)

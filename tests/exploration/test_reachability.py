@@ -73,6 +73,7 @@ def lattice_places(
     return {(b // 2, c // 2) for _, b, c in seen}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_nowhere_is_never_where_a_lattice_of_configurations_leads(seed: int) -> None:
     free, robot = world_of(seed), Robot.rectangle(0.6, 0.24)
@@ -126,6 +127,7 @@ def test_what_is_kept_from_call_to_call_is_what_is_found_anew() -> None:
         free[r, c] = ~free[r, c]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_changes_anywhere_in_a_larger_map_are_found(seed: int) -> None:
     """Distances are found anew around the changes alone; windows end in free space, at surfaces and at the border."""

@@ -46,6 +46,7 @@ def drive(robot: SimulatedRobot, mapper: ScanMapper, times: int, step: tuple[flo
     return intakes
 
 
+@pytest.mark.slow
 def test_exact_odometry_is_taken_as_exact() -> None:
     robot, mapper = begun(0.0)
     intakes = drive(robot, mapper, 60, (0.05, 0.0, 0.02))
@@ -66,6 +67,7 @@ def test_noisy_odometry_is_set_right_by_scans() -> None:
     assert (inside != FREE).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_what_is_read_while_divided_cells_are_drawn_is_entered(noise: float) -> None:
     robot, mapper = begun(noise, cell=0.1)
@@ -145,6 +147,7 @@ def test_a_robot_that_is_carried_away_is_lost_and_found_again(noise: float) -> N
     assert np.hypot(*(mapped.trajectory[-1, 1:] - robot.pose)[:2]) < 0.05
 
 
+@pytest.mark.slow
 def test_a_robot_whose_readings_fit_the_map_nowhere_is_not_found() -> None:
     robot, mapper = begun()
     drive(robot, mapper, 40, (0.05, 0.0, 0.0))
@@ -192,6 +195,7 @@ def test_repeated_and_late_readings_are_left_out() -> None:
     assert all("in the order of time" in problem for problem in late.refused)
 
 
+@pytest.mark.slow
 def test_odometry_that_stands_still_is_not_trusted_for_long() -> None:
     robot, mapper = begun(0.0)
     drive(robot, mapper, 20, (0.05, 0.0, 0.0))

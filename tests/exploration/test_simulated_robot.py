@@ -143,6 +143,7 @@ def test_it_goes_on_where_it_was() -> None:
         )
 
 
+@pytest.mark.slow
 def test_slip_loses_a_part_of_the_way_and_nothing_without_noise() -> None:
     slipping = [laser(seed=seed, slip=0.5) for seed in range(40)]
     for robot in slipping:

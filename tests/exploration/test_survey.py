@@ -152,6 +152,7 @@ def test_while_the_robot_stands_noise_makes_nothing_be_proven_for_ever() -> None
     assert look(room_with_a_door(), (0.5, 0.5, 0.0), memory)[0].ended == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [ROBOT, Robot.rectangle(0.5, 0.3)], ids=["disc", "rectangle"])
 def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robot: Robot) -> None:
     # The robot came out of the hall on the left into the chamber on the right, whose door is closed now.
@@ -215,6 +216,7 @@ def test_between_failures_other_places_get_their_turn_though_the_map_changes() -
     assert memory.refused[15, 25] == 0
 
 
+@pytest.mark.slow
 def test_what_no_heading_leads_to_is_excluded_at_once_for_a_robot_with_a_shape() -> None:
     # The same room behind a window: one landmark, with one heading, tells that none of its cells is reached.
     robot = Robot.rectangle(0.5, 0.3)
@@ -443,6 +445,7 @@ def test_beams_go_where_the_robot_does_not_fit(strategy: str) -> None:
     assert hidden.pose[0] < 2.0
 
 
+@pytest.mark.slow
 def test_a_door_that_just_fits_is_driven_through() -> None:
     hidden = Hidden(slanted(), 0.05, Robot.rectangle(0.5, 0.3), (0.5, 0.5))
     found = hidden.explore("tour")

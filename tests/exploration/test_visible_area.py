@@ -100,6 +100,7 @@ def test_the_share_that_is_known() -> None:
     assert VisibleArea(points[:0], 0.1).share_known(known) == 1.0
 
 
+@pytest.mark.slow
 def test_evaluation() -> None:
     robot = SimulatedRobot(two_rooms(0.7), DISC, (1.0, 2.0, 0.0), laser_scanner(20.0, 0.1), noise=0.0)
     robot.drive(np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), 9.0)

@@ -28,6 +28,7 @@ def made(world: World) -> bool:
     return "shapes" in world.obstacles.__dict__
 
 
+@pytest.mark.slow
 @given(grids)
 def test_sides_are_those_of_the_polygons(occupied: NDArray[np.bool_]) -> None:
     origin = (0.5, -2.0, 0.0)

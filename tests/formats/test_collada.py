@@ -141,6 +141,7 @@ LAUGHS = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

@@ -30,6 +30,7 @@ def centres(shape: tuple[int, ...]) -> NDArray[np.float64]:
     return np.stack([columns + 0.5, rows + 0.5], axis=-1)
 
 
+@pytest.mark.slow
 @given(grids)
 def test_polygons_cover_the_occupied_cells_exactly(occupied: NDArray[np.bool_]) -> None:
     polygons = grid_polygons(occupied)
@@ -38,6 +39,7 @@ def test_polygons_cover_the_occupied_cells_exactly(occupied: NDArray[np.bool_]) 
     assert sum(polygon.area for polygon in polygons) == occupied.sum()
 
 
+@pytest.mark.slow
 @given(grids)
 def test_vertices_are_corners_and_rings_have_their_sense(occupied: NDArray[np.bool_]) -> None:
     for polygon in grid_polygons(occupied):
@@ -65,6 +67,7 @@ def test_one_polygon_for_each_component_of_cells(occupied: NDArray[np.bool_]) ->
     assert len(grid_polygons(occupied)) == components
 
 
+@pytest.mark.slow
 @given(grids, st.floats(0.01, 10.0), st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-4, 4)))
 def test_cells_are_placed_by_size_origin_and_angle(
     occupied: NDArray[np.bool_], cell: float, origin: tuple[float, float, float]

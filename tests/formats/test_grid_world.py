@@ -24,6 +24,7 @@ def corners(cell: float, origin: tuple[float, float, float], row: int, column: i
     return [(point.real, point.imag) for point in points]
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 2**30),
     st.sampled_from([0.05, 0.1, 1.0]),

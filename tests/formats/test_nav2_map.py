@@ -123,6 +123,7 @@ def free_by_definition(v: int, file: MapFile) -> bool:
     return p <= Fraction(str(file.free_thresh)) and p < Fraction(str(file.occupied_thresh))
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(["trinary", "scale", "raw"]),
     st.sampled_from([0, 1]),
@@ -309,6 +310,7 @@ def test_cells_too_small_to_tell_apart(tmp_path: Path, keys: dict[str, Any]) -> 
         load_world(write_map(tmp_path, grey([0, 254]), **keys))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "free_at_most", "origin"),
     [("depot", "0.25", (0.0, 0.0, 0.0)), ("tb3_sandbox", "0.196", (-10.0, -10.0, 0.0))],

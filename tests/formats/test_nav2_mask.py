@@ -41,6 +41,7 @@ def test_grades_are_left_open(tmp_path: Path, mode: str, column: int) -> None:
     assert zone.region.bounding_box() == (1.0 + 0.5 * column, 2.0, 1.5 + 0.5 * column, 2.5)
 
 
+@pytest.mark.slow
 def test_speeds_are_shares_of_the_maximum(tmp_path: Path) -> None:
     grades = list(range(0, 256, 5))
     file = write_mask(tmp_path, [grades], mode="scale", occupied_thresh=1.0, free_thresh=0.0)

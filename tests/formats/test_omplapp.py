@@ -216,6 +216,7 @@ def placed(outline: NDArray[np.float64], states: NDArray[np.float64]) -> NDArray
     return np.asarray(shapely.polygons(np.stack([x, y], axis=-1)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Maze", "RandomPolygons"])
 def test_published_solutions_are_free(shared_data: Path, name: str) -> None:
     world = load_world(shared_data / "omplapp" / f"{name}_planar.cfg")
@@ -230,6 +231,7 @@ def test_published_solutions_are_free(shared_data: Path, name: str) -> None:
     assert world.queries[0].start == pytest.approx(states[0])
 
 
+@pytest.mark.slow
 def test_published_solutions_hold_only_with_theta_as_read(shared_data: Path) -> None:
     world = load_world(shared_data / "omplapp" / "Maze_planar.cfg")
     states = poses(np.loadtxt(shared_data / "omplapp" / "Maze_planar.path"), 0.02) * (1.0, 1.0, -1.0)
@@ -237,6 +239,7 @@ def test_published_solutions_hold_only_with_theta_as_read(shared_data: Path) -> 
     assert shapely.intersects(region(world), placed(world.robot.outline.vertices, states)).any()
 
 
+@pytest.mark.slow
 def test_a_wall_that_lacks_its_roof_in_published_data(shared_data: Path) -> None:
     """A roof triangle is missing in RandomPolygons, but the wall before the notch stands."""
     world = load_world(shared_data / "omplapp" / "RandomPolygons_planar.cfg")

@@ -83,6 +83,7 @@ def test_nothing_is_in_the_way(tmp_path: Path, name: str) -> None:
     require_replaceable(tmp_path / name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".png", ".svg", ".pdf"])
 def test_own_pictures_are_written_again(tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"world{suffix}"

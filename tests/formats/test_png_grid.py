@@ -70,6 +70,7 @@ def test_no_start_and_two(tmp_path: Path) -> None:
         load_world(saved(tmp_path, picture("s.s")))
 
 
+@pytest.mark.slow
 def test_images_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     deep = Image.fromarray(np.full((2, 2), 208, dtype=np.uint16))
     with pytest.raises(FormatError, match="expected grey or colours of 8 bits, got pixels of mode I"):
@@ -88,6 +89,7 @@ def test_images_that_cannot_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         load_world(file)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(0, 200), st.integers(0, 5), st.binary(max_size=5)), max_size=4))
 def test_damaged_files_give_a_world_or_one_line(
     tmp_path_factory: pytest.TempPathFactory, edits: list[tuple[int, int, bytes]]
@@ -107,6 +109,7 @@ def test_damaged_files_give_a_world_or_one_line(
     assert len(message.splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_published_worlds(shared_data: Path) -> None:
     files = sorted((shared_data / "explore").glob("ariadne_*.png"))
     assert len(files) >= 15

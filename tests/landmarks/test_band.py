@@ -30,6 +30,7 @@ def band_of(checker: StateChecker, start: tuple[float, ...], goal: tuple[float, 
     return Band(checker, Relaxation(checker), np.array(start), np.array(goal))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_all_that_the_band_gives_is_valid(name: str) -> None:
     world = random_world(5, 40, size=40.0, discs=0.3, holes=0.2)
@@ -68,6 +69,7 @@ def test_guides_tell_whether_they_are_a_path() -> None:
             assert np.hypot(*(guides[0, :2] - guides[-1, :2])) > 15.0
 
 
+@pytest.mark.slow
 def test_refined_bands_have_cells_half_as_large_until_the_grid_is_the_finest() -> None:
     checker = StateChecker(World("open", (0, 0, 60, 60)), Robot.rectangle(1.0, 0.6))
     band = band_of(checker, (20.0, 30.0, 0.0), (40.0, 30.0, 0.0))

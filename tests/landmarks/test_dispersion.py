@@ -51,6 +51,7 @@ def exact_dispersion(nodes: FloatArray) -> float:
 # --- dispersion
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(st.integers(1, 60), st.integers(0, 2**32 - 1))
 def test_bounds_hold_the_voronoi_diagrams_answer(n: int, seed: int) -> None:
@@ -75,6 +76,7 @@ def test_known_answers() -> None:
     assert found.lower <= math.sqrt(0.5) <= found.upper
 
 
+@pytest.mark.slow
 def test_more_cells_tell_more() -> None:
     nodes = np.random.default_rng(3).uniform(0.0, SIDE, (20, 2))
     exact, gaps = exact_dispersion(nodes), []

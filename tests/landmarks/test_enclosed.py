@@ -33,6 +33,7 @@ def flood(occupied: BoolArray, seeds: list[tuple[int, int]]) -> BoolArray:
 grids = arrays.arrays(np.bool_, st.tuples(st.integers(1, 9), st.integers(1, 9)))
 
 
+@pytest.mark.slow
 @given(grids)
 def test_without_a_robot_the_edge_is_open(occupied: BoolArray) -> None:
     rows, columns = occupied.shape
@@ -40,6 +41,7 @@ def test_without_a_robot_the_edge_is_open(occupied: BoolArray) -> None:
     assert np.array_equal(enclosed_cells(occupied), ~occupied & ~flood(occupied, edge))
 
 
+@pytest.mark.slow
 @given(grids, st.data())
 def test_with_a_robot_the_edge_is_closed(occupied: BoolArray, data: st.DataObject) -> None:
     rows, columns = occupied.shape

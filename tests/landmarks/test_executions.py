@@ -52,6 +52,7 @@ def test_grown_boxes_leave_out_the_points_of_the_c_obstacle(checker: StateChecke
     assert grown.forbidden.sum() > 1.3 * plain.forbidden.sum()
 
 
+@pytest.mark.slow
 def test_the_source_method_in_environment_2(checker: StateChecker) -> None:
     found = execute_paper(checker, 1000, 14, random_state=0, start=start(checker))
     points = shapely.points(found.samples)
@@ -112,6 +113,7 @@ def test_the_seed_decides(checker: StateChecker, method: object) -> None:
     assert not np.array_equal(first.centres, other.centres)
 
 
+@pytest.mark.slow
 def test_a_start_in_an_obstacle_tells_nothing(checker: StateChecker) -> None:
     blocked = np.array([42.0, 43.0, 0.0])
     assert not checker.valid(blocked)

@@ -37,6 +37,7 @@ def rows(q: FloatArray) -> set[tuple[float, ...]]:
     return {tuple(row) for row in q.tolist()}
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(n=st.integers(1, 60), k=st.integers(1, 80), radius=st.sampled_from([0.0, 0.5, 3.0]), seed=st.integers(0, 999))
 def test_landmarks_are_samples_and_no_two_the_same(n: int, k: int, radius: float, seed: int) -> None:

@@ -33,6 +33,7 @@ def test_nearly_as_good_as_lloyd(init: Initialisation) -> None:
     assert batches.inertia < (2.0 if init == "random-partition" else 1.15) * lloyd.inertia
 
 
+@pytest.mark.slow
 def test_progress_and_seed() -> None:
     x, told = uniform(25_000), list[tuple[int, int]]()
     first = mini_batch_clusters(x, 8, "forgy", 3, on_progress=lambda done, total: told.append((done, total)))
@@ -42,6 +43,7 @@ def test_progress_and_seed() -> None:
     assert not np.array_equal(first.centres, mini_batch_clusters(x, 8, "forgy", 4).centres)
 
 
+@pytest.mark.slow
 def test_memory_is_bounded_by_the_samples_and_not_by_samples_times_clusters() -> None:
     x = uniform(100_000)
     mini_batch_clusters(x[:1000], 5, "forgy", 0)

@@ -48,6 +48,7 @@ def inertia_of(x: FloatArray, centres: FloatArray) -> float:
 # --- Algorithm 1 -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(data(), initialisations, st.integers(0, 99))
 def test_the_end_is_a_fixed_point(given_data: tuple[FloatArray, int], init: Initialisation, seed: int) -> None:
     x, k = given_data
@@ -65,6 +66,7 @@ def test_the_end_is_a_fixed_point(given_data: tuple[FloatArray, int], init: Init
     assert found.iterations >= 1
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(data(), initialisations, st.integers(0, 99))
 def test_inertia_never_increases(given_data: tuple[FloatArray, int], init: Initialisation, seed: int) -> None:
@@ -110,6 +112,7 @@ def test_the_seed_decides(init: Initialisation) -> None:
     assert not np.array_equal(first.centres, algorithm_1(x, 9, init, 5).centres)
 
 
+@pytest.mark.slow
 @given(data(), st.integers(0, 99))
 def test_forgy_starts_from_k_different_samples(given_data: tuple[FloatArray, int], seed: int) -> None:
     x, k = given_data
@@ -186,6 +189,7 @@ def test_boxes_are_smallest_and_largest_coordinates(m: int, seed: int) -> None:
         assert tuple(box) == (min(points[:, 0]), min(points[:, 1]), max(points[:, 0]), max(points[:, 1]))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 12), st.integers(0, 999))
 def test_forbidden_points_are_those_in_boxes_or_cut_off_by_them(m: int, seed: int) -> None:
     obstacles, robot = readings(m, seed), np.array([9.9, 5.9])

@@ -138,6 +138,7 @@ def test_a_small_disc_does_not_go_through_obstacles_larger_than_a_cell() -> None
     assert component[relaxation.cells(np.array([10.0, 6.5]))]
 
 
+@pytest.mark.slow
 def test_the_disc_is_the_robots_largest() -> None:
     for name, robot in ROBOTS.items():
         relaxation = Relaxation(StateChecker(cluttered(1), robot))

@@ -57,6 +57,7 @@ def fits(robot: Robot, place: FloatArray) -> bool:
     return any(TIGHT.contains(body(robot, np.array([*place, heading]))) for heading in headings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS, ids=Robot.describe)
 def test_all_configurations_are_valid_and_the_flags_are_right(robot: Robot) -> None:
     centres, samples = uniform(40, 0), uniform(200, 1)

@@ -260,6 +260,7 @@ def test_other_bad_arguments() -> None:
         distances_to_landmarks(checker, np.zeros((3, 2)), np.empty((0, 3)))
 
 
+@pytest.mark.slow
 def test_no_free_space() -> None:
     full = StateChecker(World("full", (0, 0, 4, 4), (Rectangle((2, 2), 4, 4),)), Robot.disc(0.5))
     with pytest.raises(ConfigurationError, match=r"^world 'full': no free place for the robot was found$"):

@@ -20,6 +20,7 @@ def places(k: int, seed: int) -> FloatArray:
     return np.random.default_rng(seed).uniform(0.0, 10.0, (k, 2))
 
 
+@pytest.mark.slow
 @given(st.integers(1, 6), st.integers(1, 6), st.integers(0, 999))
 def test_the_matching_has_the_least_sum_of_squares(k: int, other: int, seed: int) -> None:
     a, b = places(k, seed), places(other, seed + 1)
@@ -30,6 +31,7 @@ def test_the_matching_has_the_least_sum_of_squares(k: int, other: int, seed: int
     assert (found**2).sum() == pytest.approx(best)
 
 
+@pytest.mark.slow
 @given(st.integers(1, 40), st.integers(0, 999))
 def test_order_does_not_count(k: int, seed: int) -> None:
     a, rng = places(k, seed), np.random.default_rng(seed)

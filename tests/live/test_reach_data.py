@@ -65,6 +65,7 @@ def test_the_end_shut_in_may_be_a_pocket_with_a_hole() -> None:
     assert not reached.intersects(ring)
 
 
+@pytest.mark.slow
 def test_headings_prove_what_a_disc_does_not() -> None:
     # A turn at a right angle: the disc inside the long robot passes, the robot does not.
     walls = (Rectangle((3.0, 3.5), 6.0, 5.0), Rectangle((8.5, 3.0), 3.0, 6.0))

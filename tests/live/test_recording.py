@@ -54,6 +54,7 @@ def test_a_long_one_is_thinned_to_the_same_end(folder: str, monkeypatch: pytest.
     assert np.array_equal(played(found)[-1], made_exploration().known.state.ravel())
 
 
+@pytest.mark.slow
 def test_what_is_missing_or_damaged_is_told(folder: str, tmp_path: Path) -> None:
     assert not is_exploration(str(tmp_path))
     path = Path(folder)

@@ -76,6 +76,7 @@ def test_messages_are_answered_and_bad_ones_refused_on_one_connection(address: s
         assert ask(client, type="plan", id=6, start=START, goal=GOAL, time_limit=0.2)[-1]["final"]
 
 
+@pytest.mark.slow
 def test_a_newer_plan_or_edit_ends_the_older(address: str) -> None:
     with socket_of(address) as client:
         begin = time.monotonic()
@@ -162,6 +163,7 @@ def test_a_token_is_asked_for() -> None:
                 socket_of(other)
 
 
+@pytest.mark.slow
 def test_bad_options_are_told_in_a_line(capsys: pytest.CaptureFixture[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])

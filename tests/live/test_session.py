@@ -184,6 +184,7 @@ def test_a_world_that_cannot_be_planned_in_leaves_the_old_one() -> None:
     assert final["min_clearance"] >= 0.1 - 1e-9
 
 
+@pytest.mark.slow
 def test_goals_as_a_world_file_has_them() -> None:
     client = Client()
     final = client.ask("plan", start=START, goal=GOAL[:2], time_limit=0.2)[-1]
@@ -207,6 +208,7 @@ def test_what_was_never_begun_is_told_as_a_record() -> None:
     assert (answer["id"], answer["status"], answer["states"]) == (9, "timeout", [])
 
 
+@pytest.mark.slow
 def test_the_path_that_is_followed_is_kept_or_led_around() -> None:
     client = Client()
     states = client.states()

@@ -162,6 +162,7 @@ def test_the_robots_own_steering_and_bad_input() -> None:
         motions.motion_valid([(5, 5, 0)], [(6, 5, 0)])
 
 
+@pytest.mark.slow
 def test_cost_of_a_path_counts_changes_of_direction_and_metres_in_reverse() -> None:
     steering, rng = Steering(1.5), np.random.default_rng(3)
     checker = StateChecker(World("open", (-20.0, -20.0, 20.0, 20.0), ()), Robot.rectangle(1.0, 0.5).steered(1.5))

@@ -17,6 +17,7 @@ from trailmark.shapes import Disc, Shape
 from trailmark.world import Robot, World
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steering", [Steering(1.5), Steering(1.5, reverse=False)], ids=["reeds-shepp", "dubins"])
 def test_marks_lie_on_the_curves(steering: Steering) -> None:
     marks_of = CurveMarks(PointwiseChecker(StateChecker(World("free", (-60, -60, 60, 60)), Robot.disc(0.2)), steering))

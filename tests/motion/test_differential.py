@@ -148,6 +148,7 @@ def test_the_final_check_refuses_what_cannot_be_driven() -> None:
         assert "neither a turn in place nor a drive ahead" in fault
 
 
+@pytest.mark.slow
 def test_roadmaps_are_saved_with_their_directions(tmp_path: Path) -> None:
     planner = LandmarkPlanner(narrow(1.0), CART, seed=1, landmarks=60)
     planner.build()

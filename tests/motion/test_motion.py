@@ -53,6 +53,7 @@ def test_robots_move_as_they_are_made() -> None:
     assert isinstance(motion_of(StateChecker(WORLD, Robot.disc(0.4)), Steering(2.0)), CurveMotion)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 1000))
 def test_costs_are_those_of_the_metric(seed: int) -> None:
     a, b = pairs(seed)

@@ -30,6 +30,7 @@ def straight(zones: list[OneWayZone], *ends: float) -> bool:
     return bool(straight_allowed(one_ways(zones), np.array([ax, ay, 0.3]), np.array([bx, by, 2.0])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ends", "allowed"),
     [

@@ -180,6 +180,7 @@ def unguarded(source: str) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_nothing_that_ompl_calls_lets_an_exception_pass() -> None:
     assert unguarded("class A(ob.StateSampler):\n    def sampleUniform(self, state):\n        fail()") == [
         "A.sampleUniform"

@@ -70,6 +70,7 @@ def test_the_curve_is_read_while_it_plans() -> None:
     assert run.curve[0][0] < 0.5
 
 
+@pytest.mark.slow
 def test_prm_takes_its_turns(monkeypatch: pytest.MonkeyPatch) -> None:
     from trailmark.ompl_bridge import measured
 

@@ -46,6 +46,7 @@ def test_landmarks_come_first_and_in_order(narrow: StateChecker) -> None:
     assert sum(stream.tally) == 503
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mixture", [ROADMAP_MIXTURE, TREE_MIXTURE, Mixture(0.0, 0.0, 1.0), Mixture(6.0, 3.0, 1.0)])
 def test_shares_are_those_asked_for(mixture: Mixture) -> None:
     # Nothing is in the way here, so that nothing is dropped but what lies out of bounds.
@@ -83,6 +84,7 @@ def test_what_must_be_valid_is(robot: str, seed: int) -> None:
         assert (np.abs(q[:, 2]) <= math.pi).all()
 
 
+@pytest.mark.slow
 def test_rounds_alternate_with_the_mixture(narrow: StateChecker) -> None:
     query = narrow.world.query("second")
     source = LandmarkSource(narrow, query=[query.start, query.goal], seed=0)
@@ -117,6 +119,7 @@ def test_between_and_around_are_nearer_to_the_passage_than_uniform_ones(narrow: 
     assert share(Mixture(1.0, 0.0, 1e-9)) > 3.0 * uniform
 
 
+@pytest.mark.slow
 def test_every_free_place_is_hit_in_the_end(narrow: StateChecker) -> None:
     # The only landmark is in a corner. Cells of 2 m by 2 m by a quarter of a turn that are free to 10 % are all hit.
     stream = LandmarkStream(LandmarkSource(narrow, [[1.6, 2.0, 0.0]]), ROADMAP_MIXTURE, 0, valid=True)
@@ -132,6 +135,7 @@ def test_every_free_place_is_hit_in_the_end(narrow: StateChecker) -> None:
     assert wanted <= {tuple(cell) for cell in np.floor(q / size).tolist()}
 
 
+@pytest.mark.slow
 def test_uniform_ones_need_not_be_valid_for_trees() -> None:
     world = random_world(3, 200)
     checker = StateChecker(world, ROBOTS["rectangle"])
@@ -150,6 +154,7 @@ def test_none_where_nothing_is_valid() -> None:
     assert sum(stream.tally) == 0
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_configurations(narrow: StateChecker) -> None:
     a, b, c = (
         taken(LandmarkStream(LandmarkSource(narrow, seed=4), ROADMAP_MIXTURE, seed, valid=True), 1500)

@@ -40,6 +40,7 @@ def test_landmarks_within_the_distance_take_turns() -> None:
     assert sum(row == near[0] for row in hits) / len(hits) == pytest.approx(0.5, abs=0.1)
 
 
+@pytest.mark.slow
 @given(
     st.tuples(st.floats(0.5, 9.5), st.floats(0.5, 9.5), st.floats(-math.pi, math.pi)),
     st.floats(0.01, 20.0),

@@ -132,6 +132,7 @@ def test_many_threads_ask_one_planner_while_it_grows() -> None:
     assert nodes < len(planner.roadmap) < 1.1 * nodes
 
 
+@pytest.mark.slow
 def test_what_the_roadmap_does_not_answer_is_planned() -> None:
     # Ten landmarks in a world of sixty obstacles answer next to nothing.
     planner = planner_for("rectangle")
@@ -142,6 +143,7 @@ def test_what_the_roadmap_does_not_answer_is_planned() -> None:
     assert len(planner.roadmap) > 10
 
 
+@pytest.mark.slow
 def test_infeasible_queries_are_proven_so() -> None:
     walled = World("walled", (0, 0, 10, 6), (Rectangle((5, 3), 0.5, 6.0),))
     planner = LandmarkPlanner(walled, Robot.rectangle(1.0, 0.5), seed=1)
@@ -190,6 +192,7 @@ def test_bad_arguments(change: dict[str, object], message: str) -> None:
         planner.plan_many(**arguments)  # type: ignore[arg-type]  # wrong on purpose
 
 
+@pytest.mark.slow
 def test_a_general_roadmap_stops_where_more_would_not_help() -> None:
     planner = LandmarkPlanner(World("open", (0, 0, 10, 10)), Robot.disc(0.3), seed=0)
     sizes: list[int] = []
@@ -275,6 +278,7 @@ def test_many_queries_can_be_stopped() -> None:
     assert {r.status for r in planner.plan_many(starts, goals, 60.0)} == {"solved"}
 
 
+@pytest.mark.slow
 def test_landmarks_that_were_asked_for_keep_to_half_of_the_limit() -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=100_000)
     starts, goals = queries(planner, 1)

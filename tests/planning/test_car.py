@@ -123,10 +123,12 @@ def require_sound(planned: Office) -> CurvePath:
     return path
 
 
+@pytest.mark.slow
 def test_an_office(office: Office) -> None:
     assert require_sound(office).steering == Steering(0.6)
 
 
+@pytest.mark.slow
 def test_an_office_forwards_only(worlds: Path) -> None:
     path = require_sound(through_the_door(worlds, reverse=False))
     assert path.steering == Steering(0.6, reverse=False)
@@ -170,6 +172,7 @@ def test_a_three_point_turn_in_an_aisle() -> None:
     assert path.cusps >= 2
 
 
+@pytest.mark.slow
 def test_a_round_car_has_a_heading() -> None:
     wall = Polygon(np.array([(9.5, 0.0), (10.5, 0.0), (10.5, 7.0), (9.5, 7.0)]))
     world = World("wall", (0.0, 0.0, 20.0, 10.0), (wall,), Robot.disc(0.6).steered(1.5, reverse=False))
@@ -204,6 +207,7 @@ def test_what_is_too_tight_for_a_car_ends_in_time_with_how_far_it_got() -> None:
     referee(free, query, planned(free, query)[1])
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_path_and_queries_share_the_roadmap(worlds: Path) -> None:
     world = shipped(worlds, "office", 0.6)
     query = world.query("coffee")

@@ -57,6 +57,7 @@ def test_changes_of_direction_are_what_a_driver_avoids_by_default(paid: PlanResu
     assert record["objective"]["direction_change"] == 3.0
 
 
+@pytest.mark.slow
 def test_the_factor_decides_whether_a_car_turns_round() -> None:
     # Straight back, or round by a three-point turn.
     start, goal = np.array([16.0, 5.5, 0.0]), np.array([4.0, 5.5, 0.0])
@@ -66,6 +67,7 @@ def test_the_factor_decides_whether_a_car_turns_round() -> None:
     assert result.cost == pytest.approx(14.4)
 
 
+@pytest.mark.slow
 def test_a_longer_curve_may_have_fewer_changes_of_direction() -> None:
     world = World("open", (-30.0, -30.0, 30.0, 30.0), robot=Robot.rectangle(2.0, 1.0).steered(3.0))
     start, goal = (0.0, 0.0, 0.0), (0.0, 2.0, 0.5)
@@ -91,6 +93,7 @@ def test_many_queries_and_new_plans_pay_too(paid: PlanResult) -> None:
         assert result.cost == pytest.approx(path.length + 3.0 * path.cusps + 0.5 * path.reverse_length)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [False, True], ids=["from the slot", "to the slot"])
 def test_drives_lead_to_the_cheapest_target(reverse: bool) -> None:
     checker = StateChecker(WORLD)

@@ -40,6 +40,7 @@ def test_every_edge_of_an_occupied_cell_beside_a_free_one_is_found(seed: int) ->
             assert {tuple(edge) for edge in every[meets]} <= near
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [Robot.disc(0.4), Robot.rectangle(0.9, 0.5)])
 def test_verdicts_are_those_of_the_polygons(robot: Robot) -> None:
     rng = np.random.default_rng(1)

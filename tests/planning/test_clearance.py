@@ -121,6 +121,7 @@ def test_proofs_with_headings_know_of_the_clearance() -> None:
     assert enclosed(StateChecker(world, robot, clearance=0.15), *ends, seconds=120.0)
 
 
+@pytest.mark.slow
 def test_lower_bounds_rise_with_the_clearance() -> None:
     world = World("block", (0, 0, 10, 10), (Rectangle((5.0, 5.0), 4.0, 6.0), Disc((5.0, 9.5), 0.5)))
     costs = []
@@ -133,6 +134,7 @@ def test_lower_bounds_rise_with_the_clearance() -> None:
     assert costs[0] + 0.1 < costs[1] < costs[2] - 0.1
 
 
+@pytest.mark.slow
 def test_updates_and_replanned_paths_keep_the_clearance() -> None:
     start, goal = (1.0, 3.0, 0.0), (9.0, 3.0, 0.0)
     world = World("open", (0, 0, 10, 6), (), ids=())
@@ -168,6 +170,7 @@ def test_queries_answered_together_and_saved_roadmaps_keep_the_clearance(tmp_pat
     assert (other.status == UNDECIDED).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [CAR, Robot.disc(0.2)])
 def test_relaxed_it_keeps_as_much_as_there_is(robot: Robot) -> None:
     start, goal = (1.0, 3.0, 0.0), (9.0, 3.0, 0.0)

@@ -111,6 +111,7 @@ def test_replanning_leads_out_first(name: str) -> None:
     assert valid[np.argmax(valid) :].all()
 
 
+@pytest.mark.slow
 def test_a_car_is_free_from_the_state_on_that_ends_its_escape() -> None:
     corner = Polygon(np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 0.5], [0.5, 0.5], [0.5, 3.0], [0.0, 3.0]]))
     world, robot = World("corner", (0.0, 0.0, 10.0, 10.0), (corner,)), Robot.rectangle(0.8, 0.4).steered(1.0)

@@ -227,6 +227,7 @@ def test_a_wrong_path_is_reported_and_planning_goes_on(
     assert again.query("failed").goal == GOAL
 
 
+@pytest.mark.slow
 def test_a_path_that_is_wrong_whatever_is_tried_is_no_path(monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath) -> None:
     from trailmark.planning.batch import BatchSolver
 
@@ -272,6 +273,7 @@ def test_a_lower_bound_above_a_cost_is_not_told(
     assert len(list(tmp_path.iterdir())) == 1
 
 
+@pytest.mark.slow
 def test_good_paths_cause_no_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

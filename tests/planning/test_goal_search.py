@@ -133,6 +133,7 @@ def test_a_start_inside_is_a_path_of_one_state(robot: str) -> None:
     assert result.goal.index == 1
 
 
+@pytest.mark.slow
 def test_zero_tolerance_is_a_pose() -> None:
     world, pose = room(), (8.5, 2.0, 1.0)
     result = plan(world, Goal(pose, position_tolerance=0.0, heading_tolerance=0.0))
@@ -166,6 +167,7 @@ def test_the_best_goal_is_chosen_as_by_planning_to_each() -> None:
     assert wrong == 0
 
 
+@pytest.mark.slow
 def test_equal_goals_and_costs() -> None:
     goal = Goal((8.5, 2.0, 1.0))
     result = plan(room(), goal, goal, goal, seconds=0.5)
@@ -175,6 +177,7 @@ def test_equal_goals_and_costs() -> None:
     assert far.goal.index == 1
 
 
+@pytest.mark.slow
 def test_a_hundred_goals_of_which_one_can_be_reached() -> None:
     world = room("rectangle", *closed(2.5, 4.0, 1.2))
     rng = np.random.default_rng(2)
@@ -186,6 +189,7 @@ def test_a_hundred_goals_of_which_one_can_be_reached() -> None:
     assert result.time["first_solution"] is not None
 
 
+@pytest.mark.slow
 def test_it_is_infeasible_only_if_each_goal_is() -> None:
     world = room("rectangle", *closed(2.5, 4.0, 1.2))
     blocked = [Goal((2.5, 4.0, 0.0)), Goal((2.3, 4.1, 1.0)), Goal((5.0, 4.0, 0.0))]
@@ -204,6 +208,7 @@ def test_goals_that_are_blocked_as_a_whole_are_infeasible(robot: str) -> None:
     assert plan(world, outside, Goal((8.5, 2.0))).status == "solved"
 
 
+@pytest.mark.slow
 def test_a_goal_beside_which_there_is_room_is_not_proven_blocked() -> None:
     # The reference point lies outside of the footprint: in a wall, it blocks nothing.
     ahead = Robot.polygon(np.array([[0.5, -0.1], [0.8, -0.1], [0.8, 0.1], [0.5, 0.1]]))
@@ -213,6 +218,7 @@ def test_a_goal_beside_which_there_is_room_is_not_proven_blocked() -> None:
     assert result.status == "solved"
 
 
+@pytest.mark.slow
 def test_goals_that_are_not_valid_are_left_out_or_refused() -> None:
     world, wall, free = room(), (5.0, 4.0, 0.0), (8.5, 2.0, 1.0)
     result = plan(world, Goal(wall), Goal((20.0, 2.0, 0.0)), Goal(free), seconds=0.5)
@@ -229,6 +235,7 @@ def test_goals_that_are_not_valid_are_left_out_or_refused() -> None:
         planner.plan(START, [Goal(free), free])  # type: ignore[arg-type]  # that is the point
 
 
+@pytest.mark.slow
 def test_progress_tells_of_ever_better_paths() -> None:
     world, told = room(), list[PlanProgress]()
     goals = [Goal((8.5, 2.0, 1.0)), Goal(region=box(8.5, 8.0, 0.5)), Goal((3.0, 6.0), cost=3.0)]

@@ -160,6 +160,7 @@ def test_a_zone_that_covers_everything_cannot_be_left() -> None:
         LandmarkPlanner(world, ROBOTS["disc"], seed=0).plan((6.0, 4.0, 0.0), (8.0, 6.0, 0.0))
 
 
+@pytest.mark.slow
 def test_updates_replans_and_progress() -> None:
     world = World("w", BOUNDS, (Disc((12.0, 6.0), 1.0),), zones=(zone(MIDDLE),))
     planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0, settings=QUICK)

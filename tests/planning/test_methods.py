@@ -50,6 +50,7 @@ def test_every_method_finds_a_path(method: str, robot: str) -> None:
     assert states[np.argmin(np.abs(states[:, 0] - 8.0)), 1] < 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ["disc", "rectangle"])
 def test_lattices_alone_find_a_path_without_landmarks(robot: str) -> None:
     result = plan(robot, METHODS["lattice"])
@@ -66,6 +67,7 @@ def test_lattices_alone_end_where_none_leads_through() -> None:
     assert (result.time["total"] or 0.0) < 600.0
 
 
+@pytest.mark.slow
 def test_the_published_method_answers_by_its_roadmap_alone() -> None:
     published, full = (plan("rectangle", METHODS[name]).cost for name in ("paper", "landmark"))
     assert published is not None

@@ -76,6 +76,7 @@ def test_paths_of_many_queries(name: str) -> None:
     assert vertices > 16
 
 
+@pytest.mark.slow
 def test_a_cars_paths() -> None:
     warm_up("curve")
     planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"].steered(1.5), seed=4)

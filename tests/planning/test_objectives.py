@@ -113,6 +113,7 @@ def test_a_one_way_zone_is_gone_round_against_its_direction(name: str) -> None:
     assert back.lower_bound <= 8.0
 
 
+@pytest.mark.slow
 def test_many_queries_mind_the_objective_too() -> None:
     world = World("dear", (0.0, 0.0, 10.0, 10.0), zones=(CostZone(SQUARE, 4.0),))
     planner = LandmarkPlanner(world, ROBOTS["rectangle"], seed=0)
@@ -124,6 +125,7 @@ def test_many_queries_mind_the_objective_too() -> None:
         assert result.cost < 12.5
 
 
+@pytest.mark.slow
 def test_the_bound_of_a_drive_that_turns_faster_than_half_a_second_a_radian() -> None:
     """Turning is charged less than a length has it: the bound on lengths is none on times as it stands."""
     objective = Objective.of("time", max_turn_rate=5.0)

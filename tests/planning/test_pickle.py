@@ -71,6 +71,7 @@ def test_a_copy_answers_as_the_planner_does(name: str, way: str) -> None:
     assert all(same(a, b) for a, b in zip(answers(other), expected, strict=True))
 
 
+@pytest.mark.slow
 def test_a_copy_and_the_planner_are_apart() -> None:
     planner = used(ROBOTS["disc"])
     other, nodes, world = copy.copy(planner), len(planner.roadmap), planner.world
@@ -100,6 +101,7 @@ def test_another_process_gets_the_same_answers(tmp_path: FilePath, forks: Forks)
     assert all(same(a, b) for a, b in zip(theirs, answers(planner), strict=True))
 
 
+@pytest.mark.slow
 def test_a_planner_is_pickled_between_queries() -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS["disc"], seed=0, warm=False)
     ends = free_samples(planner.checker, 2, random_state=1)

@@ -212,6 +212,7 @@ def test_a_proof_that_seems_long_is_begun_where_a_path_is_sought_in_vain() -> No
     assert planner.plan((2.0, 3.0, 0.0), (8.0, 3.0, 0.0), LONG).status == "infeasible"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [0.05, 0.2])
 def test_the_time_limit_is_kept(limit: float) -> None:
     # The inscribed disc gets round the bend, the robot does not, by half a percent: no proof so soon, no path.
@@ -227,6 +228,7 @@ def test_the_time_limit_is_kept(limit: float) -> None:
     assert result.lower_bound >= math.dist((3.0, 0.5), (9.5, 7.0)) + math.pi / 4 - 1e-6
 
 
+@pytest.mark.slow
 def test_improving_ends_with_the_time_limit_too() -> None:
     world = random_world(1, 100, size=50.0)
     planner = LandmarkPlanner(world, Robot.rectangle(1.0, 0.5), seed=0)
@@ -241,6 +243,7 @@ def test_improving_ends_with_the_time_limit_too() -> None:
 # --- seeds, progress, reuse ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_seed_decides() -> None:
     world = random_world(3, 40, size=40.0, discs=0.3)
 
@@ -256,6 +259,7 @@ def test_the_seed_decides() -> None:
     assert LandmarkPlanner(world, ROBOTS["L"]).seed != LandmarkPlanner(world, ROBOTS["L"]).seed
 
 
+@pytest.mark.slow
 def test_progress_is_reported() -> None:
     seen: list[PlanProgress] = []
     result = LandmarkPlanner(wall(0.8), seed=0).plan(
@@ -276,6 +280,7 @@ def test_progress_is_reported() -> None:
     assert seen[-1].elapsed <= (result.time["total"] or 0.0)
 
 
+@pytest.mark.slow
 def test_an_exception_in_the_callback_comes_through() -> None:
     def stop(_: PlanProgress) -> None:
         raise KeyboardInterrupt
@@ -287,6 +292,7 @@ def test_an_exception_in_the_callback_comes_through() -> None:
     assert planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=4).status == "solved"
 
 
+@pytest.mark.slow
 def test_the_roadmap_serves_later_queries(judge: Judge) -> None:
     world = wall(0.8)
     planner = LandmarkPlanner(world, seed=0)
@@ -308,6 +314,7 @@ def test_the_roadmap_serves_later_queries(judge: Judge) -> None:
     assert second.cost < 1.1 * first.cost
 
 
+@pytest.mark.slow
 def test_each_query_adds_its_ends_once() -> None:
     planner = LandmarkPlanner(wall(2.0), seed=0)
     start, goal = np.array([3.0, 5.0, 0.0]), np.array([17.0, 5.0, 0.0])
@@ -317,6 +324,7 @@ def test_each_query_adds_its_ends_once() -> None:
             assert (planner.roadmap.configurations == end).all(axis=1).sum() == 1
 
 
+@pytest.mark.slow
 def test_a_roadmap_outlives_its_planner(tmp_path: Any) -> None:
     planner = LandmarkPlanner(wall(0.8), seed=0)
     planner.plan((4.0, 2.0, 1.0), (16.0, 2.0, -2.0), LONG, max_iterations=3)
@@ -482,6 +490,7 @@ def test_without_a_path_the_nearest_approach_is_told() -> None:
     assert math.dist(states[-1, :2], goal[:2]) < math.dist(start[:2], goal[:2])
 
 
+@pytest.mark.slow
 def test_the_nearest_approach_of_a_disc_begins_with_the_heading_of_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     # No path is taken, so that there is none to tell but what comes near.
     monkeypatch.setattr(Query, "take", lambda self, states: np.inf)

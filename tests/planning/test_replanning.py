@@ -29,6 +29,7 @@ def states_of(result: PlanResult) -> np.ndarray:
     return result.path.states
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
 def test_a_path_that_no_change_touches_is_kept(name: str, judge: Judge) -> None:
     planner, path = planner_with_path(name)
@@ -44,6 +45,7 @@ def test_a_path_that_no_change_touches_is_kept(name: str, judge: Judge) -> None:
     judge(planner.world, planner.robot, here, GOAL, states_of(result))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
 def test_a_path_that_is_blocked_is_led_around(name: str, judge: Judge) -> None:
     planner, path = planner_with_path(name)
@@ -77,6 +79,7 @@ def test_a_car_is_led_around(judge: Judge) -> None:
     judge(planner.world, robot, here, GOAL, np.array(result.path.resample(0.003).states))
 
 
+@pytest.mark.slow
 def test_a_much_better_path_takes_the_place_of_one_that_is_free() -> None:
     planner, path = planner_with_path()
     planner.update(OPEN.edited(remove=[0]))
@@ -109,6 +112,7 @@ def test_ends_in_obstacles_are_said() -> None:
     assert "the goal overlaps obstacle pallet-7 (disc) by" in result.reason
 
 
+@pytest.mark.slow
 def test_paths_of_others_and_other_goals() -> None:
     _, path = planner_with_path()
     other = LandmarkPlanner(OPEN, ROBOTS["rectangle"], seed=1)

@@ -70,6 +70,7 @@ def test_paths_get_no_longer_and_stay_free(judge: Judge, name: str, world: int, 
     assert chart.checker.motions_valid(short[:-1], short[1:]).all()
 
 
+@pytest.mark.slow
 def test_much_is_gained() -> None:
     gains = []
     for name in ROBOTS:
@@ -101,6 +102,7 @@ def test_around_a_corner_the_shortest_way_is_found() -> None:
         assert best - 1e-2 < cost(shorten(motion_of(checker), states, np.random.default_rng(seed)), False) < 1.03 * best
 
 
+@pytest.mark.slow
 def test_added_vertices_lead_around_a_block() -> None:
     # The shortest path bends twice; moved alone, the one bend that there is has nowhere better to go.
     robot = Robot.rectangle(2.0, 1.0)

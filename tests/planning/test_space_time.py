@@ -139,6 +139,7 @@ def test_turning_in_place_meets_what_passes_beside() -> None:
     assert motion_clear(obstacles, here, 0.0, turned, 1.0)
 
 
+@pytest.mark.slow
 def test_one_inside_the_other_is_no_clear_start() -> None:
     inside, ring = Moving(Disc((0.2, 0.0), 0.05), (0.0, 0.0), 1.0), Moving(Rectangle((0, 0), 9, 9), (1.0, 0.0), 1.0)
     for name, robot in ROBOTS.items():
@@ -165,6 +166,7 @@ def check(result: ReplanResult, world: World, robot: Robot, speed: float, start:
     assert StateChecker(stands, robot).valid(result.path.resample(0.05).states).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
 @pytest.mark.parametrize("world", [FIELD, HALL])
 def test_a_path_passes_what_crosses_it(world: World, name: str) -> None:
@@ -267,6 +269,7 @@ def test_a_robot_in_a_frame_that_moves_along_is_clear() -> None:
             assert (path_clear(obstacles, states, 1.0 - 0.1 * lag) < 0) == clear
 
 
+@pytest.mark.slow
 def test_what_comes_to_stand_is_avoided_as_well_as_what_moves() -> None:
     robot, speed = ROBOTS["rectangle"], 2.0
     planner = LandmarkPlanner(FIELD, robot, seed=0)
@@ -311,6 +314,7 @@ def test_where_steps_do_not_help_a_path_is_found_that_avoids_what_is_swept() -> 
     check(result, world, ROBOTS["rectangle"], 2.0, START, GOAL)
 
 
+@pytest.mark.slow
 def test_a_disc_that_turns_on_its_way_keeps_to_its_times() -> None:
     robot, speed, goal = ROBOTS["disc"], 2.0, np.array([38.0, 10.0, 3.0])
     planner = LandmarkPlanner(FIELD, robot, seed=0)

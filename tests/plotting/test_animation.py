@@ -27,6 +27,7 @@ def frames() -> list[Frame]:
     ]
 
 
+@pytest.mark.slow
 def test_each_frame_is_a_picture(tmp_path: FilePath) -> None:
     file = tmp_path / "drive.gif"
     save_animation(file, frames(), ROBOT, PATH.states[-1], seconds=0.2)
@@ -43,6 +44,7 @@ def test_each_frame_is_a_picture(tmp_path: FilePath) -> None:
     assert (shown[1] != shown[2]).any()
 
 
+@pytest.mark.slow
 def test_bad_files_are_refused_and_nothing_is_written(tmp_path: FilePath) -> None:
     with pytest.raises(OutputError, match=r"expected a file that ends in \.gif"):
         save_animation(tmp_path / "drive.png", frames(), ROBOT)

@@ -36,12 +36,14 @@ def test_a_collision_is_red_and_a_repaired_path_is_drawn(tmp_path: FilePath) -> 
     assert share(file, REPAIRED) > 0.001
 
 
+@pytest.mark.slow
 def test_a_free_path_has_no_red(tmp_path: FilePath) -> None:
     file = tmp_path / "a.png"
     save_audit_figure(file, WORLD, ROBOT, check_path(WORLD, ROBOT, [[1, 1, 0], [9, 1, 0]]))
     assert share(file, COLLISION) == 0.0
 
 
+@pytest.mark.slow
 def test_a_turn_in_place_that_collides_is_marked(tmp_path: FilePath) -> None:
     file = tmp_path / "a.png"
     audit = check_path(WORLD, ROBOT, [[5, 4.3, 0], [5, 4.3, 3.0]])

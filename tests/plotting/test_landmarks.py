@@ -115,6 +115,7 @@ def test_the_initial_execution_shows_boxes_and_all_kinds_of_points(executions: l
     assert shapely.contains(shapely.box(5.9, 0.9, 8.1, 2.7), points[pink]).all()
 
 
+@pytest.mark.slow
 def test_an_execution_shows_centres_and_as_many_colours_as_clusters(executions: list[Execution]) -> None:
     canvas = Canvas()
     canvas.axes.set_xlim(0.0, 10.0)
@@ -160,6 +161,7 @@ def titles(monkeypatch: pytest.MonkeyPatch, *arguments: Any) -> list[str]:
     return [axes.get_title(loc="left") for axes in drawn[0].axes]
 
 
+@pytest.mark.slow
 def test_the_panels(executions: list[Execution], monkeypatch: pytest.MonkeyPatch) -> None:
     counts = [int(execution.forbidden.sum()) for execution in executions]
     assert titles(monkeypatch, ROOM, ROBOT, executions, PLANNED) == [
@@ -183,6 +185,7 @@ def test_a_world_without_queries_and_trailmarks_own_landmarks(monkeypatch: pytes
     ]
 
 
+@pytest.mark.slow
 def test_other_suffixes_are_refused(executions: list[Execution], tmp_path: FilePath) -> None:
     with pytest.raises(OutputError, match=r"/room\.gif: suffix: expected \.png, \.svg, \.pdf, got"):
         save_landmarks_figure(tmp_path / "room.gif", ROOM, ROBOT, executions)

@@ -49,6 +49,7 @@ def with_covariance(result: MappedLog, covariance: np.ndarray[Any, Any]) -> Mapp
     return result._replace(world=World("yard", result.world.bounds, tuple(means), estimates=estimates))
 
 
+@pytest.mark.slow
 def test_ellipses_hold_centres_with_their_probability() -> None:
     angle = 0.4
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
@@ -72,6 +73,7 @@ def test_ellipses_too_small_to_see_are_drawn_larger_and_the_legend_says_so() -> 
     np.testing.assert_allclose(ellipses(axes).get_widths(), 2.0 * math.sqrt(5.991464547) * 1e-3 * scale, rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scans", "confidence", "expected"),
     [

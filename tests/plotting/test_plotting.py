@@ -91,6 +91,7 @@ PATH = Path(np.array([START, (8.0, 1.2, 0.0), (8.5, 3.0, 1.2), GOAL]))
 ROADMAP = roadmap_of([START, (5.0, 1.0, 0.5), (8.0, 1.2, 0.0), (8.5, 3.0, 1.2), GOAL], [FREE, UNDECIDED, BLOCKED, FREE])
 
 
+@pytest.mark.slow
 def test_dark_pixels_are_obstacles_and_white_ones_are_free() -> None:
     canvas = Canvas(ROOM.bounds)
     plotting.draw_world(canvas.axes, ROOM)
@@ -131,6 +132,7 @@ def test_a_robot_beside_its_reference_point_has_no_margin() -> None:
     assert is_colour(canvas.pixels()[0], plotting.MARGIN).mean() < 0.001  # smoothed edges may chance on it
 
 
+@pytest.mark.slow
 def test_outside_of_boundary_and_bounds_is_shaded_over_what_lies_there() -> None:
     triangle = np.array([[1.0, 0.5], [9.0, 0.5], [5.0, 5.5]])
     world = World("triangle", (0, 0, 10, 6), (Disc((1.0, 5.0), 0.8), Disc((5.0, 2.0), 0.5)), boundary=Polygon(triangle))
@@ -146,6 +148,7 @@ def test_outside_of_boundary_and_bounds_is_shaded_over_what_lies_there() -> None
     assert is_colour(rgb[inside], plotting.OBSTACLE).any()
 
 
+@pytest.mark.slow
 def test_path_robot_and_ends_are_visible() -> None:
     canvas = Canvas(ROOM.bounds)
     plotting.draw_world(canvas.axes, ROOM, CAR)
@@ -203,6 +206,7 @@ def test_landmarks_have_heading_ticks_unless_the_robot_is_a_disc(robot: Robot, t
     assert (along.max() > -1.5 * along.min()) == ticks
 
 
+@pytest.mark.slow
 def test_a_dense_roadmap_stays_lighter_than_its_landmarks() -> None:
     rng = np.random.default_rng(1)
     at = [(float(x), float(y), 0.0) for x, y in rng.uniform((1, 1), (9, 5), (4000, 2))]
@@ -254,12 +258,14 @@ def test_without_a_path_the_picture_shows_the_roadmap(tmp_path: FilePath, status
     assert is_colour(rgb, plotting.PATH).sum() < 5
 
 
+@pytest.mark.slow
 def test_a_world_without_robot_or_obstacles_and_with_many_queries(tmp_path: FilePath) -> None:
     queries = tuple(Query(f"q{i}", (0.1 * i, 1.0, 0.0), (9.0, 0.05 * i, 1.0)) for i in range(60))
     plotting.save_world_figure(tmp_path / "empty.svg", World("empty", (0, 0, 10, 6), queries=queries))
     assert b"<svg" in (tmp_path / "empty.svg").read_bytes()
 
 
+@pytest.mark.slow
 def test_names_are_not_taken_for_formulas(tmp_path: FilePath) -> None:
     world = World("cost_$5$ ^{ \\frac", ROOM.bounds, queries=(Query("$", START, GOAL),))
     plotting.save_world_figure(tmp_path / "name.png", world)

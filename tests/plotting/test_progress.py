@@ -76,6 +76,7 @@ def test_the_panel_keeps_clear_of_plan_and_legend(size: tuple[float, float], ent
         assert shared is None or shared.width * shared.height < 1.0
 
 
+@pytest.mark.slow
 def test_pictures_of_plans_have_it_if_there_is_a_path(tmp_path: FilePath) -> None:
     path = Path(np.array([[1.0, 1.0, 0.0], [9.0, 5.0, 0.0]]))
     for found, history in ((path, HISTORY), (None, ())):

@@ -28,6 +28,7 @@ def planned() -> Any:
     return planner, planner.plan(QUERY.start, QUERY.goal, 60.0, max_iterations=1)
 
 
+@pytest.mark.slow
 def test_they_draw_into_the_axes_given_and_return_them(planned: Any) -> None:
     planner, result = planned
     for shown in (ROOM, ROBOT, planner.roadmap, result):
@@ -71,6 +72,7 @@ def test_each_layer_can_be_switched_off(planned: Any, layer: str) -> None:
     assert drawn[0] - drawn[1] == {LABELS[layer], *(("goal",) if layer == "ends" else ())}
 
 
+@pytest.mark.slow
 def test_clearance_is_a_layer_of_its_own() -> None:
     without, with_it = (ROOM.plot(Figure().add_subplot(), clearance=shown) for shown in (False, True))
     assert not without.images

@@ -51,6 +51,7 @@ def test_a_page_holds_all_that_it_shows(tmp_path: FilePath) -> None:
     require_replaceable(file)
 
 
+@pytest.mark.slow
 def test_a_robot_that_stands_still_is_shown(tmp_path: FilePath) -> None:
     still = Path(np.array([[1.0, 3.0, 0.0]])).timed(1.0, 1.0, 1.0)
     for name in ("still.gif", "still.html"):

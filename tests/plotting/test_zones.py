@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
@@ -29,6 +30,7 @@ ZONES: tuple[Zone, ...] = (
 )
 
 
+@pytest.mark.slow
 def test_zones_are_drawn_where_they_are() -> None:
     figure = Figure(figsize=(8.0, 5.0), dpi=100)
     canvas: Any = FigureCanvasAgg(figure)

@@ -41,6 +41,7 @@ def made(reverse: bool, n: int = 150) -> Roadmap:
     return roadmap
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_edges_are_shortest_curves_to_near_nodes(reverse: bool) -> None:
     roadmap = made(reverse)
@@ -57,6 +58,7 @@ def test_edges_are_shortest_curves_to_near_nodes(reverse: bool) -> None:
     assert np.mean(found) > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 def test_paths_are_the_shortest_over_certified_edges(reverse: bool) -> None:
     lazy, eager = made(reverse), made(reverse)

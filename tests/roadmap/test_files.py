@@ -99,6 +99,7 @@ def test_round_trip(roadmaps: dict[str, Roadmap], name: str, suffix: str, tmp_pa
     assert len(again) == len(roadmap) + 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_what_is_loaded_is_saved_alike(roadmap: Roadmap, suffix: str, tmp_path: Path) -> None:
     first, second = tmp_path / f"a{suffix}", tmp_path / f"b{suffix}"
@@ -196,6 +197,7 @@ def test_certificates_of_another_world_are_not_believed(name: str, suffix: str, 
     assert np.array_equal(again.certified, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_invalid_nodes_are_refused_or_left_out_if_asked(roadmap: Roadmap, suffix: str, tmp_path: Path) -> None:
     file = tmp_path / f"r{suffix}"
@@ -218,6 +220,7 @@ def test_invalid_nodes_are_refused_or_left_out_if_asked(roadmap: Roadmap, suffix
     assert set(again.status.tolist()) == {UNDECIDED}
 
 
+@pytest.mark.slow
 def test_an_edited_file_is_checked_anew(roadmap: Roadmap, tmp_path: Path) -> None:
     content = arrays(roadmap, tmp_path)
     edited = {key: value.copy() for key, value in content.items()}
@@ -447,6 +450,7 @@ def test_graphml_that_is_no_roadmap(parts: dict[str, str], said: str, tmp_path: 
     assert problem(file, checker).startswith(said)
 
 
+@pytest.mark.slow
 def test_entities_do_not_multiply(tmp_path: Path) -> None:
     lines = ['<!ENTITY e0 "aaaaaaaaaa">', *(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 10))]
     text = f"<!DOCTYPE graphml [{''.join(lines)}]>\n<graphml><graph><desc>&e9;</desc></graph></graphml>"

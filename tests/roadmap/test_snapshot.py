@@ -42,6 +42,7 @@ def as_graph(n: int, links: Adjacency) -> nx.Graph:
     return graph
 
 
+@pytest.mark.slow
 @given(
     seed=st.integers(0, 10_000),
     n=st.integers(2, 40),
@@ -60,6 +61,7 @@ def test_sparse_links_stretch_no_distance_by_more(seed: int, n: int, density: fl
             assert before[u][v] - 1e-9 <= after[u][v] <= stretch * before[u][v] + 1e-9
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 10_000), n=st.integers(1, 40), density=st.floats(0.0, 3.0))
 def test_beacons_tell_distances_and_components(seed: int, n: int, density: float) -> None:
     edges, lengths = random_graph(seed, n, int(density * n))

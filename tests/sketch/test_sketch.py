@@ -56,6 +56,7 @@ def test_a_world_is_drawn_to_scale() -> None:
     assert (center[1] - float(disc.get("cy") or 0)) / width == pytest.approx(0.75, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_result_shows_path_ends_and_roadmap() -> None:
     planner = LandmarkPlanner(ROOM, seed=0)
     planner.build(30)
@@ -103,6 +104,7 @@ def test_zones_are_drawn() -> None:
     assert {PREFER, AVOID, COLLISION, SPEED, ONE_WAY} <= set(re.findall(r'fill="(#\w+)"', text))
 
 
+@pytest.mark.slow
 def test_a_crowded_roadmap_stays_small() -> None:
     planner = LandmarkPlanner(ROOM, seed=0)
     planner.build(3000)

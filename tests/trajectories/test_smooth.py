@@ -77,6 +77,7 @@ def test_a_clearance_is_kept_where_corners_are_cut(robot: Robot) -> None:
     assert checker.motions_valid(smooth.states[:-1], smooth.states[1:]).all()
 
 
+@pytest.mark.slow
 def test_where_there_is_no_room_the_corner_is_a_stop() -> None:
     # Two corridors a little wider than the robot, and a quarter of a turn between them.
     walls = Polygon(np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [4.0, 5.0], [4.0, 1.0], [0.0, 1.0]]))

@@ -117,6 +117,7 @@ def test_a_speed_zone_holds_wherever_the_reference_point_is_in_it() -> None:
     assert trajectory.duration == pytest.approx(2.0 * (peak + peak - 0.25) + 4.0, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_speed_zone_on_curves_no_wider_than_a_micrometre() -> None:
     corners = [[4.0, -9.0], [4.0 + 1e-6, -9.0], [4.0 + 1e-6, 9.0], [4.0, 9.0]]
     trajectory = CAR.timed(1.0, 1.0, 5.0, zones=[SpeedZone(Polygon(np.array(corners)), 0.1)])
@@ -136,6 +137,7 @@ def test_limits_are_checked(name: str, value: Any) -> None:
         CORNERS.timed(**limits)
 
 
+@pytest.mark.slow
 def test_times_are_checked() -> None:
     trajectory = CORNERS.timed(1.0, 1.0, 1.0)
     with pytest.raises(ConfigurationError, match="expected seconds, got NaN"):

@@ -86,6 +86,7 @@ def test_what_a_planner_of_the_users_own_prepares_is_set_up_and_no_planning(work
     assert answer["time"] < 0.3
 
 
+@pytest.mark.slow
 def test_parameters_reach_the_planner(worker: Worker, ahead: Problem) -> None:
     # Straight ahead: with motions of 0.5 m at most, the tree has the 16 pieces of 8 m; unlimited, one edge does.
     short, default = (
@@ -132,6 +133,7 @@ def test_what_is_proven_infeasible_is_no_approximate_solution(worker: Worker) ->
     assert not answer["approximate_solution"]
 
 
+@pytest.mark.slow
 def test_no_run_knows_of_those_before_it(worker: Worker, around: Problem) -> None:
     first, other, again = (worker.run(job(around, "RRTConnect", seed=seed)) for seed in (1, 2, 1))
     assert first["path"] == again["path"] != other["path"]
@@ -163,6 +165,7 @@ def test_whatever_becomes_of_a_run_is_its_result(
     assert worker.run(job(ahead, ROGUES + "honest"))["correct_solution"]
 
 
+@pytest.mark.slow
 def test_memory_is_limited(worker: Worker, ahead: Problem) -> None:
     answer = worker.run(job(ahead, ROGUES + "eat", memory=64.0, limit=5.0))
     assert answer["status"] == Status.ABORT
@@ -178,6 +181,7 @@ def test_the_referee_has_the_last_word(rogue: str, why: str, worker: Worker, ahe
     assert answer["path"] is not None, "kept for replay"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rogue", ["turn_back", "run_ahead"])
 def test_times_are_held_against_the_clock_outside(rogue: str, worker: Worker, ahead: Problem) -> None:
     answer = worker.run(job(ahead, ROGUES + rogue, limit=1.0))
@@ -193,6 +197,7 @@ def test_what_a_planner_prints_is_no_answer(worker: Worker, ahead: Problem) -> N
     assert worker.run(job(ahead, ROGUES + "shout"))["status"] == Status.TIMEOUT
 
 
+@pytest.mark.slow
 def test_a_solution_that_comes_late_is_none(worker: Worker, ahead: Problem) -> None:
     late = worker.run(job(ahead, ROGUES + "honest", limit=1e-4))
     assert not late["solved"] or late["time"] < 0.03
@@ -200,6 +205,7 @@ def test_a_solution_that_comes_late_is_none(worker: Worker, ahead: Problem) -> N
     assert slow["solved"]
 
 
+@pytest.mark.slow
 def test_ends_that_are_not_valid(worker: Worker, around: Problem) -> None:
     from dataclasses import replace
 

@@ -35,6 +35,7 @@ def test_passages_are_as_much_wider_than_the_robot_as_they_say() -> None:
         assert shapely.distance(below, above) == pytest.approx(0.6 + spare)
 
 
+@pytest.mark.slow
 def test_a_robot_without_room_is_told_in_one_line() -> None:
     with pytest.raises(SuiteError, match="expected room for the robot near two corners, got none"):
         worlds("clutter", 1, Robot.disc(40.0))

@@ -48,6 +48,7 @@ def costs(blocked: np.ndarray) -> np.ndarray:
     return found
 
 
+@pytest.mark.slow
 def test_pairs_are_those_of_the_tool(tmp_path: Path) -> None:
     blocked = room()
     costmap = costs(blocked)

@@ -62,6 +62,7 @@ def text(database: Path) -> str:
     return html_report(load_results(database))
 
 
+@pytest.mark.slow
 def test_the_page_is_whole_and_asks_for_nothing(text: str) -> None:
     page = Page(text)
     assert page.loaded == ["data:,"]
@@ -90,6 +91,7 @@ def test_all_that_was_asked_for_is_there(text: str) -> None:
         assert words in text
 
 
+@pytest.mark.slow
 def test_the_same_database_gives_the_same_page(database: Path, text: str) -> None:
     assert html_report(load_results(database)) == text
 
@@ -125,6 +127,7 @@ def test_a_path_of_cost_nothing_is_no_trouble(tmp_path: Path) -> None:
     Page(html_report(load_results(write_results(tmp_path / "r.db", {"yard": {"landmark": rows}}))))
 
 
+@pytest.mark.slow
 def test_markdown_tables_line_up(database: Path) -> None:
     text = markdown_report(load_results(database))
     tables = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)

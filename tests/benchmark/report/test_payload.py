@@ -53,6 +53,7 @@ def test_what_is_not_known_is_null(tmp_path: Path) -> None:
     assert b == [1, 0, [], [], [], [32], 0.05]
 
 
+@pytest.mark.slow
 @given(st.lists(st.integers(0, 50) | st.just(math.inf), min_size=1, max_size=12))
 def test_stairs_are_the_curve_again(drops: list[float]) -> None:
     # Beginning with what is not known, then falling from somewhere.
@@ -64,6 +65,7 @@ def test_stairs_are_the_curve_again(drops: list[float]) -> None:
     assert again == curve.tolist()
 
 
+@pytest.mark.slow
 def test_a_run_takes_few_characters(tmp_path: Path) -> None:
     found = compressed(unpacked(random_results(tmp_path / "r.db", ["landmark", "PRM", "RRT"], problems=10, runs=50)))
     assert len(found) / 1500 < 9.0

@@ -106,6 +106,7 @@ def test_warnings(tmp_path: Path) -> None:
     assert "(B 1)" in late
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("problems", "runs", "told"), [(1, 6, "7 runs"), (1, 7, ""), (3, 6, "On 3 of 3 problems")])
 def test_where_no_test_can_succeed_it_says_so(tmp_path: Path, problems: int, runs: int, told: str) -> None:
     rows = {f"P{i}": [run(k, 10.0**-i + 1e-4 * k, 10.0 + i + 0.01 * k) for k in range(runs)] for i in range(8)}

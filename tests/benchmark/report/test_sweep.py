@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from tests.benchmark.conftest import experiment, solved
 
 from trailmark.benchmark.record import RunRecord
@@ -32,6 +33,7 @@ def swept(file: Path, problems: dict[str, list[float]]) -> Results:
     return load_results(file)
 
 
+@pytest.mark.slow
 def test_each_resolution_of_planners_with_discrete_checks_has_its_row(tmp_path: Path) -> None:
     results = swept(tmp_path / "r.db", {"a": [0.5, 0.1], "b": [0.5, 0.1], "c": [0.5]})
     table = sweep_table(results)

@@ -93,6 +93,7 @@ def reading(ekf: SlamFilter, feature: int, rng: np.random.Generator) -> FloatArr
     return np.asarray(SENSOR.sample(ekf.pose, ekf.feature(feature), rng))
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(seed=st.integers(0, 99999), steps=st.integers(1, 60))
 def test_equal_to_the_dense_filter(seed: int, steps: int) -> None:
@@ -139,6 +140,7 @@ def wander(ekf: SlamFilter, updates: int, rng: np.random.Generator) -> None:
         ekf.update(reading(ekf, i, rng), SENSOR, i)
 
 
+@pytest.mark.slow
 def test_covariance_stays_symmetric_and_positive_definite_over_a_thousand_updates() -> None:
     # A start that is certain: the hardest, since what the features then share is the motion's noise alone.
     ekf = SlamFilter()
@@ -148,6 +150,7 @@ def test_covariance_stays_symmetric_and_positive_definite_over_a_thousand_update
     assert -np.pi < ekf.pose[2] <= np.pi
 
 
+@pytest.mark.slow
 def test_covariance_stays_positive_with_a_prior_much_wider_than_the_readings() -> None:
     rng = np.random.default_rng(2)
     sharp = RangeBearing(1e-4, 1e-4)
@@ -184,6 +187,7 @@ def test_equal_to_filterpy_s_own_update() -> None:
     assert ekf.log_likelihood == pytest.approx(dense.log_likelihood)
 
 
+@pytest.mark.slow
 def test_predictions_of_readings() -> None:
     rng = np.random.default_rng(4)
     ekf = SlamFilter()
@@ -230,6 +234,7 @@ def test_a_stated_covariance_counts_instead_of_the_sensor_s() -> None:
         assert np.allclose(ekf.pose_covariance, F @ P @ F.T + np.diag([0.01, 0.02, 0.03]))
 
 
+@pytest.mark.slow
 def test_localisation_leaves_the_map_alone_and_counts_its_errors() -> None:
     rng = np.random.default_rng(5)
     truth = rng.uniform(-5.0, 5.0, (12, 2))
@@ -272,6 +277,7 @@ def test_considered_errors_are_the_true_ones(seed: int) -> None:
     assert 2.2 < np.mean(errors) < 4.0
 
 
+@pytest.mark.slow
 def test_mapping_from_certain_poses_keeps_features_apart() -> None:
     rng = np.random.default_rng(6)
     truth = rng.uniform(-5.0, 5.0, (8, 2))
@@ -323,6 +329,7 @@ def test_mapping_from_uncertain_poses_counts_their_errors() -> None:
     assert 3.3 < np.mean(nees) < 4.9
 
 
+@pytest.mark.slow
 def test_walls_and_points_in_one_state() -> None:
     # A robot drives along a wall that it reads from both sides of the line's foot point, and sees a point as well.
     rng = np.random.default_rng(8)

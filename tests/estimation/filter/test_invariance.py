@@ -95,6 +95,7 @@ class OnTheGroup:
         return np.concatenate([self.points[0], [heading], *self.points[1:]]), T @ self.P @ T.T
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(seed=st.integers(0, 99999), steps=st.integers(1, 40))
 def test_equal_to_the_filter_on_the_group(seed: int, steps: int) -> None:
@@ -132,6 +133,7 @@ def everything_turned(ekf: SlamFilter) -> FloatArray:
     return direction
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("iterations", [1, 3])
 def test_readings_tell_nothing_of_how_the_map_is_turned(iterations: int) -> None:
     # vᵀ P⁻¹ v is the information on moving along v. Readings add none along a turn of everything; noise takes some.
@@ -171,6 +173,7 @@ def test_an_iterated_update_is_the_best_fit_of_prior_and_reading() -> None:
     assert np.hypot(*(found[1] - best)) > 0.3
 
 
+@pytest.mark.slow
 def test_lines_and_points_in_one_state_stay_symmetric_and_positive() -> None:
     rng, walls = np.random.default_rng(4), LinePolar(0.02, 0.01)
     ekf = SlamFilter((0.0, -1.0, 0.0), 0.01 * np.eye(3), iterations=3)

@@ -40,6 +40,7 @@ def check(model: MotionModel, x: FloatArray, u: FloatArray, q: int) -> None:
     assert np.allclose(model.W(x, u), W, rtol=1e-8, atol=1e-8)
 
 
+@pytest.mark.slow
 @given(poses, velocities)
 def test_one_step_is_f_and_its_jacobians(x: FloatArray, u: FloatArray) -> None:
     for model in (UNICYCLE, INCREMENT):
@@ -50,6 +51,7 @@ def test_one_step_is_f_and_its_jacobians(x: FloatArray, u: FloatArray) -> None:
         assert np.allclose(step.W, model.W(x, u), rtol=1e-13, atol=1e-15)
 
 
+@pytest.mark.slow
 @given(poses, velocities)
 def test_unicycle_jacobians(x: FloatArray, u: FloatArray) -> None:
     check(UNICYCLE, x, u, 2)
@@ -78,6 +80,7 @@ def test_slope_across_the_turn_to_twelve_digits(turn: float) -> None:
     assert np.allclose(found, [float(x_slope), float(y_slope)], rtol=1e-12, atol=1e-17)
 
 
+@pytest.mark.slow
 @given(poses, velocities)
 def test_arc_is_the_integral_of_the_velocities(x: FloatArray, u: FloatArray) -> None:
     v, omega, dt = u
@@ -112,6 +115,7 @@ def test_batches_are_row_by_row(model: MotionModel, q: int) -> None:
     assert model.f(x[0, 0], u).shape == (5, 3)
 
 
+@pytest.mark.slow
 @given(poses, velocities)
 def test_headings_stay_in_their_range(x: FloatArray, u: FloatArray) -> None:
     for end in (UNICYCLE.f(x, u), INCREMENT.f(x, u)):
@@ -132,6 +136,7 @@ def test_noise_of_increments() -> None:
     assert np.allclose(Q, np.diag([0.01 + 0.05, 0.04 + 0.05, 0.0025 + 0.1 + 0.015]))
 
 
+@pytest.mark.slow
 @given(poses, velocities, st.integers(2, 7))
 def test_with_a_period_an_interval_adds_the_same_however_it_is_cut(x: FloatArray, u: FloatArray, parts: int) -> None:
     # Straight ahead, so that what is left is the cutting alone and not how heading errors carry on.

@@ -81,6 +81,7 @@ def in_view(records: list[Record]) -> list[Record]:
     return [r for r in records if not isinstance(r, Detection) or abs(r.z[1]) < 0.6]
 
 
+@pytest.mark.slow
 def test_right_noise_is_left_as_it_is() -> None:
     given = case(list(log().records))
     estimate = given.batch.solve(given.poses, given.places(), given.feature)
@@ -106,6 +107,7 @@ def test_errors_that_last_for_half_of_a_log_are_seen_in_its_halves() -> None:
     assert inflation(given.batch, estimate) > 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.3, 3.0])
 def test_wrong_noise_is_found(factor: float) -> None:
     sensor = RangeBearing(0.03 * factor, 0.01 * factor)
@@ -118,6 +120,7 @@ def test_wrong_noise_is_found(factor: float) -> None:
     assert (estimate.feature >= 0).mean() > 0.99
 
 
+@pytest.mark.slow
 def test_systematic_errors_are_found_and_taken_off() -> None:
     given = case([changed(record) for record in in_view(list(log().records))])
     plain = given.batch.solve(given.poses, given.places(), given.feature).solution.features

@@ -9,6 +9,7 @@ from benchmarks.alignment import aligned
 from trailmark.estimation.graph.gauge import relative_covariance
 
 
+@pytest.mark.slow
 def test_errors_after_alignment() -> None:
     rng = np.random.default_rng(0)
     points = rng.uniform(-5.0, 5.0, (7, 2))

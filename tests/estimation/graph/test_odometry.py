@@ -49,6 +49,7 @@ def test_velocities_give_the_motion_of_the_filters_steps() -> None:
         assert P_found[i] == pytest.approx(P, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stated", [True, False])
 def test_increments_give_the_motion_of_the_filters_steps(stated: bool) -> None:
     records, instants = increments(covariance=stated), np.array([0.0, 3.0, 4.0, 17.5])

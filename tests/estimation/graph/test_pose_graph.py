@@ -71,6 +71,7 @@ def test_covariances_are_those_of_the_errors_after_the_best_alignment() -> None:
     assert abs(ratio.mean() - 1.0) < 0.05
 
 
+@pytest.mark.slow
 def test_covariances_of_a_long_corridor_are_those_of_its_steps_added_up() -> None:
     """Headings that are known to 1e-4 after a first one that is not: Cholesky factors of such a graph do not exist."""
     n, rng = 1500, np.random.default_rng(0)

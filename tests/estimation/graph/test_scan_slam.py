@@ -95,6 +95,7 @@ def test_covariances_are_those_of_the_errors_after_the_best_alignment() -> None:
     assert sigma.max() < 0.2
 
 
+@pytest.mark.slow
 def test_scans_between_nodes_have_poses_too() -> None:
     """A robot that stands or crawls makes no nodes."""
     slow = [scan._replace(t=scan.t + 0.1 * k) for scan in scans()[:20] for k in range(4)]
@@ -150,6 +151,7 @@ def test_places_that_look_alike_close_no_loop() -> None:
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.6
 
 
+@pytest.mark.slow
 def test_odometry_that_jumps_or_slips_is_not_believed() -> None:
     true = truth()[:40]
     steps = relative(true[:-1], true[1:])
@@ -162,6 +164,7 @@ def test_odometry_that_jumps_or_slips_is_not_believed() -> None:
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.3
 
 
+@pytest.mark.slow
 def test_the_other_face_of_a_thin_wall_is_not_taken_for_the_known_one() -> None:
     """Behind a door hardly anything but the wall's other face holds the scan along the way."""
     wall = shapely.difference(shapely.box(0.0, 5.0, 8.0, 5.18), shapely.box(3.6, 4.0, 4.4, 6.0))

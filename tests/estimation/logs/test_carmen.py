@@ -243,6 +243,7 @@ def test_bad_lines(tmp_path: Path, line: str, problem: str) -> None:
     assert (len(log.records), log.dropped) == (len(load(path, *GOOD).records), 1)
 
 
+@pytest.mark.slow
 def test_the_intel_log(shared_data: Path) -> None:
     path = shared_data / "carmen" / "intel-corrected.log.gz"
     log = load_log(path)
@@ -284,6 +285,7 @@ def test_scans_of_corrected_logs_fall_together(shared_data: Path, name: str) -> 
     assert cells(first, step) < min(cells(first + half, step), cells(first - half, step), cells(first, math.pi / 179))
 
 
+@pytest.mark.slow
 def test_the_odometry_alone_is_near_the_corrected_poses(shared_data: Path) -> None:
     # Between two scans of the ACES log the odometry drifts by centimetres; a jump left in would show.
     log = load_log(shared_data / "carmen" / "aces-corrected.log.gz")

@@ -160,6 +160,7 @@ def drive(bag: Bag) -> list[Message]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_drive(tmp_path: Path, kind: Kind) -> None:
     bag = Bag(kind)
@@ -182,6 +183,7 @@ def test_a_drive(tmp_path: Path, kind: Kind) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["drive.db3", "drive.mcap"])
 def test_a_file_of_a_ros_2_folder(tmp_path: Path, name: str) -> None:
     bag = Bag("sqlite3" if name.endswith("db3") else "mcap")
@@ -208,6 +210,7 @@ def test_the_mount_comes_from_the_transforms(tmp_path: Path, kind: Kind, topic: 
     assert log.notes == ()
 
 
+@pytest.mark.slow
 def test_upside_down_and_tilted_scanners(tmp_path: Path) -> None:
     bag = Bag("sqlite3")
     messages = [bag.transform("base_footprint", "laser", (0.3, 0.0, 0.2), roll=math.pi, yaw=0.5), *drive(bag)]
@@ -233,6 +236,7 @@ def test_a_stamp_of_zero_is_the_time_of_receipt(tmp_path: Path) -> None:
     assert [(type(r), r.t) for r in log.records] == [(Pose, 10.0), (Scan, 10.5), (Increment, 11.0)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_topics(tmp_path: Path, kind: Kind) -> None:
     bag = Bag(kind)

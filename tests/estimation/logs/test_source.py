@@ -88,6 +88,7 @@ def test_all_records_bad(tmp_path: Path) -> None:
         load_log(path, skip_bad=True)
 
 
+@pytest.mark.slow
 def test_too_large(tmp_path: Path) -> None:
     path, bad = tmp_path / "log", source.BadRecords(skip=False)
     for content in (JSONL.encode() * 100, gzip.compress(JSONL.encode() * 100, mtime=0)):
@@ -103,6 +104,7 @@ def test_too_large(tmp_path: Path) -> None:
         list(source.read_lines(path, bad))
 
 
+@pytest.mark.slow
 def test_a_file_that_unpacks_to_many_times_its_size_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(source, "MIN_UNPACKED_BYTES", 2**16)
     path, bad = tmp_path / "log", source.BadRecords(skip=False)

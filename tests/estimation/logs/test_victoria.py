@@ -111,6 +111,7 @@ def test_a_truncated_last_line(tmp_path: Path) -> None:
         load_log(path)
 
 
+@pytest.mark.slow
 def test_the_real_log(shared_data: Path) -> None:
     path = shared_data / "victoria" / "victoria_park.txt"
     log = load_log(path)

@@ -15,6 +15,7 @@ from trailmark.estimation.maps.evidence import EvidenceGrid
 coordinate = st.floats(-0.7, 4.7)
 
 
+@pytest.mark.slow
 @given(st.tuples(coordinate, coordinate), st.tuples(coordinate, coordinate), st.booleans(), st.floats(0.0, 3.0))
 def test_a_beam_counts_in_the_cells_that_it_crosses(
     start: tuple[float, float], end: tuple[float, float], met: bool, margin: float

@@ -62,6 +62,7 @@ def discs(world: World) -> list[Disc]:
     return [estimate.mean for estimate in world.estimates if estimate and isinstance(estimate.mean, Disc)]
 
 
+@pytest.mark.slow
 def test_detections_become_discs_with_their_covariances() -> None:
     settings = MapSettings(radius=RADIUS, radius_sigma=0.02, start=START, velocity=Unicycle(0.01, 0.01, period=1.0))
     mapped = map_log(recorded(), settings, robot=ROBOT)
@@ -88,6 +89,7 @@ def test_detections_become_discs_with_their_covariances() -> None:
     np.testing.assert_allclose(mapped.trajectory[-1, 1:3], WAY[-1], atol=0.3)
 
 
+@pytest.mark.slow
 def test_bounds_leave_room_around_everything() -> None:
     mapped = map_log(recorded(), MapSettings(margin=2.0), robot=ROBOT, confidence=0.99)
     xmin, ymin, xmax, ymax = mapped.world.bounds
@@ -114,6 +116,7 @@ def test_confidence_grows_and_the_covariances_are_kept() -> None:
     assert all(b.area > a.area for a, b in zip(grown.obstacles, errs.obstacles, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("confidence", [None, 0.95])
 def test_queries_start_and_end_where_the_robot_was_and_stands_free(confidence: float | None) -> None:
     robot = Robot.rectangle(0.8, 0.5)
@@ -133,6 +136,7 @@ def test_queries_start_and_end_where_the_robot_was_and_stands_free(confidence: f
     assert away[1] >= away[0]
 
 
+@pytest.mark.slow
 def test_a_robot_too_large_for_its_own_way_gets_no_queries() -> None:
     mapped = map_log(recorded(), robot=Robot.disc(3.0))
     assert mapped.world.queries == ()
@@ -151,6 +155,7 @@ def test_features_of_unknown_identity(method: Any) -> None:
     assert np.hypot(*(found[:, None] - CENTRES).transpose(2, 0, 1)).min(axis=1).max() < 0.2
 
 
+@pytest.mark.slow
 def test_increments_and_cartesian_detections_as_in_victoria_park() -> None:
     log = recorded(increments=True)
     records = tuple(
@@ -199,6 +204,7 @@ def test_scans_are_mapped_from_the_poses_that_detections_give() -> None:
     assert len(discs(only.world)) == len(CENTRES)
 
 
+@pytest.mark.slow
 def test_scans_by_odometry_alone_say_that_they_drift() -> None:
     log = without(recorded(scanner=True), Detection)
     mapped = map_log(log, MapSettings(start=START, poses="odometry"))
@@ -244,6 +250,7 @@ def test_stated_poses_are_taken_between_records() -> None:
         assert math.remainder(theta - 3.0 - turn * t, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_features_from_stated_poses() -> None:
     poses = [
         record._replace(truth=False) if isinstance(record, Pose) else record
@@ -307,6 +314,7 @@ def test_figures_are_plain_data() -> None:
     assert json.dumps(scans, allow_nan=False)
 
 
+@pytest.mark.slow
 def test_progress_reaches_its_end() -> None:
     seen: list[tuple[str, int, int]] = []
     map_log(recorded(scanner=True), on_progress=lambda *step: seen.append(step))
@@ -316,6 +324,7 @@ def test_progress_reaches_its_end() -> None:
         assert [done for done, _ in steps] == sorted({done for done, _ in steps})
 
 
+@pytest.mark.slow
 def test_nothing_to_go_by() -> None:
     log = recorded()
     for kept, settings, problem in (

@@ -73,6 +73,7 @@ def test_scans_end_at_outlines_and_the_way_is_free() -> None:
     assert shapely.covers(shapely.box(*world.bounds), shapely.points(ends)).all()
 
 
+@pytest.mark.slow
 def test_what_nobody_saw_is_blocked_or_free_as_asked() -> None:
     outside = shapely.points([[-0.2, 2.5], [5.0, 5.2], [10.2, 1.0], [7.5, 3.5]])
     blocked = regions(mapped().world)
@@ -108,6 +109,7 @@ def test_walls_stand_where_they_are_within_what_they_are_known_by() -> None:
     assert met == set(faces)
 
 
+@pytest.mark.slow
 def test_poses_whose_errors_do_not_last_tell_more() -> None:
     short = MappingSettings(scan=SETTINGS.scan, pose_sigma=SETTINGS.pose_sigma, pose_memory=1.0)
     known = map_scans(scans(), settings=short)
@@ -146,6 +148,7 @@ def test_each_obstacle_has_its_readings_and_so_its_box() -> None:
         assert shapely.distance(shape.polygon(1e-3).shapely(), shapely.points(readings)).max() < 0.12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shapes", ["hulls", "boxes"])
 def test_obstacles_drawn_as_hulls_or_as_the_plain_boxes_of_algorithm_2(shapes: Literal["hulls", "boxes"]) -> None:
     settings = MappingSettings(scan=SETTINGS.scan, pose_sigma=SETTINGS.pose_sigma, shapes=shapes)
@@ -169,6 +172,7 @@ def test_people_who_walk_on_leave_no_obstacle() -> None:
     assert shapely.distance(regions(mapped().world), shapely.Point(3.0, 2.5)).min() > 0.3
 
 
+@pytest.mark.slow
 def test_the_door_is_open_and_passable_when_grown(tmp_path: Path) -> None:
     world = map_scans(scans(), settings=SETTINGS, robot=Robot.disc(0.2), confidence=0.99).world
     assert world.risk is not None
@@ -211,6 +215,7 @@ def test_progress_is_told() -> None:
 # --- Poses
 
 
+@pytest.mark.slow
 def test_poses_from_elsewhere() -> None:
     given = map_scans(scans()[:4], drive()[:4], settings=SETTINGS)
     own = map_scans(scans()[:4], settings=SETTINGS)
@@ -259,6 +264,7 @@ def test_a_part_of_the_intel_lab(shared_data: Path) -> None:
     assert found.walls > 50
 
 
+@pytest.mark.slow
 def test_a_robot_that_stands_is_no_surer_by_seeing_the_same_again() -> None:
     """And it holds no more end points, however long it stands."""
     once = scans()[:12]

@@ -107,6 +107,7 @@ def test_saving_and_loading_is_exact(tmp_path: Path) -> None:
     assert (tmp_path / "v.yaml").read_text() == (tmp_path / "w.yaml").read_text()
 
 
+@pytest.mark.slow
 @given(st.floats(0.01, 0.99999), st.integers(0, 2**32 - 1))
 @settings(max_examples=10)
 def test_growing_again_needs_the_file_only(tmp_path_factory: pytest.TempPathFactory, p: float, seed: int) -> None:

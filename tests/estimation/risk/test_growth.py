@@ -197,6 +197,7 @@ def test_the_robots_own_error_counts(seed: int) -> None:
     assert hits / draws <= 1.0 - confidence
 
 
+@pytest.mark.slow
 @given(seed=seeds, confidence=st.floats(0.5, 0.9999))
 @settings(max_examples=20)
 def test_a_robots_displacement_is_one_of_the_obstacle(seed: int, confidence: float) -> None:

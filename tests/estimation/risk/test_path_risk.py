@@ -101,6 +101,7 @@ def moved(shape: Shape, error: FloatArray) -> shapely.Geometry:
     return shapely.affinity.translate(turned, e[0], e[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mean", "sigmas"),
     [

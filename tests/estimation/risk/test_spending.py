@@ -83,6 +83,7 @@ def test_without_a_path_it_ends_without_one_and_one_that_only_a_smaller_growth_l
     assert found.risk.upper_bound <= 0.05
 
 
+@pytest.mark.slow
 def test_a_path_that_would_be_too_likely_to_collide_is_never_returned() -> None:
     def careless(world: World) -> tuple[FloatArray, float]:
         return np.array([[1.0, 5.39, 0.0], [19.0, 5.39, 0.0]]), 18.0 if world.risk is None else 30.0

@@ -13,6 +13,7 @@ from benchmarks.random_worlds import ROBOTS
 from trailmark.estimation.risk.swept_region import swept_region
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "L", "disc"])
 def test_the_swept_region_is_what_the_robot_covers(name: str) -> None:
     robot = ROBOTS[name]
@@ -33,6 +34,7 @@ def test_the_swept_region_is_what_the_robot_covers(name: str) -> None:
     assert shapely.covers(swept_region(robot, states[0]), robot.outline.shapely())
 
 
+@pytest.mark.slow
 def test_far_from_the_origin_it_is_the_same_region() -> None:
     states = np.array([[0, 0, 0], [3, 0, 2.5], [3, 2, -2.5]])
     near = swept_region(ROBOTS["L"], states)

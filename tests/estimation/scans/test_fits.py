@@ -39,6 +39,7 @@ def on_arc(x: float, y: float, radius: float, turns: np.ndarray) -> np.ndarray:
 # --- Lines
 
 
+@pytest.mark.slow
 @given(st.floats(0.1, 50.0), angles, st.floats(-30, 30), st.floats(0.1, 10), st.integers(2, 50), seeds)
 def test_points_on_a_line_give_that_line(
     rho: float, alpha: float, first: float, length: float, n: int, seed: int
@@ -75,6 +76,7 @@ def test_equal_round_noise_gives_total_least_squares(seed: int, n: int) -> None:
     assert fit.misfit == pytest.approx(values[0] / 0.0025 / max(1, n - 2), rel=1e-5)
 
 
+@pytest.mark.slow
 @given(seeds)
 def test_unequal_noise_gives_the_likeliest_line(seed: int) -> None:
     rng = np.random.default_rng(seed)

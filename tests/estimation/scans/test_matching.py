@@ -45,6 +45,7 @@ def match(area: LocalMap, cloud: PointCloud, guess: FloatArray) -> FloatArray:
     return refine(area, cloud, found.pose).pose
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(
     x=st.floats(-0.5, 0.5),
@@ -100,6 +101,7 @@ def test_the_direction_of_a_corridor_is_left_open() -> None:
     assert abs(along @ (found - guess)[:2]) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gap", "is_open"), [(0.1, True), (math.inf, False)])
 def test_beams_that_lie_metres_apart_do_not_hold_a_scan_along_a_corridor(gap: float, is_open: bool) -> None:
     """Where each end point counts for itself, the next scan seems to lie where its own come to lie on some."""
@@ -135,6 +137,7 @@ def test_lines_are_filled_in_on_one_surface_alone() -> None:
     assert len(local_map(cloud, gap=0.06).normals) == len(filled)
 
 
+@pytest.mark.slow
 def test_the_search_finds_the_best_of_all_poses() -> None:
     """Branch and bound against trying each pose of the lattice."""
     true = np.array([2.0, 2.4, 0.2])

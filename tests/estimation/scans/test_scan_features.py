@@ -38,6 +38,7 @@ seeds = st.integers(0, 2**32 - 1)
 # --- End points
 
 
+@pytest.mark.slow
 @given(
     st.tuples(st.floats(0.5, 5.5), st.floats(0.5, 3.5), st.floats(-3, 3)),
     st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-3, 3)),
@@ -82,6 +83,7 @@ def test_both_ways_of_grouping_find_things_that_stand_apart() -> None:
         assert found == sorted(np.flatnonzero(owner == i).tolist() for i in range(3))
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(seeds, st.integers(1, 60), st.booleans())
 def test_every_end_point_is_in_one_group(seed: int, n: int, whole_turn: bool) -> None:

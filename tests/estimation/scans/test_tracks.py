@@ -34,6 +34,7 @@ def follow_lines(tracks: LineTracks, seen_by: list[Scan], offset: np.ndarray | N
     return tracks
 
 
+@pytest.mark.slow
 def test_a_walls_front_is_one_line_refined_with_every_scan() -> None:
     rng = np.random.default_rng(0)
     tracks = LineTracks(0.999, np.zeros((3, 3)), 0.3)
@@ -49,6 +50,7 @@ def test_a_walls_front_is_one_line_refined_with_every_scan() -> None:
     assert sum(map(len, tracks.readings[0])) > 500
 
 
+@pytest.mark.slow
 def test_with_exact_poses_the_covariance_is_that_of_the_errors() -> None:
     errors, stated = [], []
     for seed in range(30):
@@ -189,6 +191,7 @@ def test_discs_are_found_again_and_refined() -> None:
     assert 0.3 * result.low < result.mean < result.high
 
 
+@pytest.mark.slow
 def test_the_pose_turns_what_a_disc_is_known_by() -> None:
     """The pose's part of a disc's covariance against the spread of discs seen from drawn poses."""
     rng = np.random.default_rng(8)
@@ -221,6 +224,7 @@ def test_no_features_no_tracks() -> None:
     assert tracks.scans.tolist() == [1]
 
 
+@pytest.mark.slow
 def test_end_points_are_thinned_where_they_are_very_many() -> None:
     tracks, many = LineTracks(0.999, np.zeros((3, 3)), 0.3), np.random.default_rng(0)
     for _ in range(1200):

@@ -24,6 +24,7 @@ def turn(a: float, b: float) -> float:
     return abs(math.remainder(a - b, 2 * math.pi))
 
 
+@pytest.mark.slow
 @given(q=states, speed=st.floats(0.1, 5.0), rate=st.floats(0.1, 5.0), holonomic=st.booleans())
 def test_each_configuration_is_reached_in_order(q: FloatArray, speed: float, rate: float, holonomic: bool) -> None:
     drive = Drive(q, speed, rate, holonomic=holonomic)
@@ -38,6 +39,7 @@ def test_each_configuration_is_reached_in_order(q: FloatArray, speed: float, rat
     assert np.abs(drive.velocities([-1.0, drive.times[-1] + 1.0])).max() == 0.0
 
 
+@pytest.mark.slow
 @given(q=states, speed=st.floats(0.1, 5.0), rate=st.floats(0.1, 5.0))
 def test_velocities_are_the_poses_derivative(q: FloatArray, speed: float, rate: float) -> None:
     drive = Drive(q, speed, rate)

@@ -127,6 +127,7 @@ def test_a_sensor_that_touches_a_wall() -> None:
         assert caster.distances((3.0 + slack, 7.0), [0.0, np.pi]) == pytest.approx([1.0, 0.0], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_many_rays_and_edges_at_once() -> None:
     # More pairs than one block holds: the blocks' seams must not show.
     rng = np.random.default_rng(2)

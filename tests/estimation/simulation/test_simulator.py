@@ -53,6 +53,7 @@ def line_of_sight(world: World, pose: FloatArray, disc: Disc, skip: int) -> bool
     return not any(line.intersects(region) for region in regions) and world.boundary.shapely().buffer(1e-6).covers(line)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", [Unicycle(0.0, 0.0), PoseIncrement(0.0, 0.0, 0.0)])
 def test_without_noise_dead_reckoning_leads_along_the_truth(motion: Any) -> None:
     detector = Detector(SENSOR, period=0.37)
@@ -85,6 +86,7 @@ def test_without_noise_dead_reckoning_leads_along_the_truth(motion: Any) -> None
     assert np.abs(simulation.truth[-1, 1:3] - (2.0, 2.0)).max() < 1e-5
 
 
+@pytest.mark.slow
 def test_records_come_by_time_and_kind() -> None:
     order = (Increment, Odometry, Pose, Detection, Scan)
     for motion in (Unicycle(0.1, 0.1), PoseIncrement(0.1, 0.1, 0.1)):
@@ -99,6 +101,7 @@ def test_records_come_by_time_and_kind() -> None:
         assert np.abs(np.diff(sorted({r.t for r in log.records if isinstance(r, Scan)})) - 0.5).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_the_odometrys_noise_is_the_models() -> None:
     square = [[5, 5, 0], [15, 5, 0], [15, 5, 2], [10, 8, -1]] * 10
     world = World("field", (0, 0, 20, 20))
@@ -256,6 +259,7 @@ def test_bounds_can_be_seen_through() -> None:
         assert scan.ranges.tolist() == pytest.approx([expected])
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_log_and_sensors_do_not_disturb_each_other(tmp_path: Path) -> None:
     full = {"detector": Detector(SENSOR), "scanner": Scanner(drop_out=0.1)}
     motion = Unicycle(0.1, 0.1)

@@ -170,6 +170,7 @@ def test_spurious_readings_find_no_partner() -> None:
         assert assigned[4] == NEW
 
 
+@pytest.mark.slow
 def test_a_search_without_end_is_cut_short() -> None:
     # Twelve readings of twelve features all in one place: 12! ways, each as good as any.
     ekf = SlamFilter()

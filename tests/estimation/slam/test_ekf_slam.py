@@ -71,6 +71,7 @@ def pose_errors(result: SlamResult, truth: FloatArray) -> tuple[FloatArray, Floa
     return error, result.covariances[at]
 
 
+@pytest.mark.slow
 def test_known_identities_give_map_and_trajectory() -> None:
     records, truth = drive(1)
     result = slam().run(records)
@@ -107,6 +108,7 @@ def test_consistent_over_many_runs() -> None:
     assert average(nis, dof, 0.999).inside
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("association", ["nearest", "joint"])
 def test_unknown_identities_are_found(association: str) -> None:
     records, truth = drive(2)
@@ -126,6 +128,7 @@ def test_unknown_identities_are_found(association: str) -> None:
     assert result.counts.used + result.counts.ambiguous == result.counts.detections
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("association", ["nearest", "joint"])
 def test_clutter_is_dropped(association: str) -> None:
     records, _ = drive(3, clutter=0.5)
@@ -174,6 +177,7 @@ def incremental(**changes: Any) -> EkfSlam:
     return EkfSlam({"range-bearing": SENSOR}, increment=PoseIncrement(0.02, 0.02, 0.01), **changes)
 
 
+@pytest.mark.slow
 def test_at_one_instant_motion_comes_first_whatever_the_order() -> None:
     records = increments(4)
     expected = incremental().run(records)
@@ -190,6 +194,7 @@ def test_at_one_instant_motion_comes_first_whatever_the_order() -> None:
         assert np.allclose(same.covariance, feature.covariance, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_late_records() -> None:
     records = increments(5)
     late = [*records, Increment(3.0, 9.0, 9.0, 9.0), Detection(2.0, np.array([1.0, 1.0]), identity=3)]
@@ -200,6 +205,7 @@ def test_late_records() -> None:
     assert np.array_equal(result.trajectory, incremental().run(records).trajectory)
 
 
+@pytest.mark.slow
 def test_repeated_records() -> None:
     records = increments(6)
     doubled: list[Record] = []
@@ -244,6 +250,7 @@ def test_truth_and_references_are_not_estimated_from() -> None:
     assert result.counts.not_estimated_from == 2 * len(records) + 1
 
 
+@pytest.mark.slow
 def test_localisation_in_a_known_map() -> None:
     records, truth = drive(8)
     runner = slam(mode="localisation", start=(0.5, -0.4, 0.2), P=np.diag([0.5, 0.5, 0.2]) ** 2)
@@ -258,6 +265,7 @@ def test_localisation_in_a_known_map() -> None:
     assert result.counts.unknown == odd > 0
 
 
+@pytest.mark.slow
 def test_localisation_by_nearest_neighbours() -> None:
     records, truth = drive(9)
     runner = slam(mode="localisation", P=0.01 * np.eye(3), settings=SlamSettings(association="nearest"))
@@ -267,6 +275,7 @@ def test_localisation_by_nearest_neighbours() -> None:
     assert np.hypot(error[:, 0], error[:, 1]).max() < 0.15
 
 
+@pytest.mark.slow
 def test_mapping_with_known_poses() -> None:
     rng = np.random.default_rng(10)
     records: list[Record] = []
@@ -309,6 +318,7 @@ def test_scans_are_looked_into() -> None:
     assert (blind.counts.not_estimated_from, blind.counts.detections) == (20, 0)
 
 
+@pytest.mark.slow
 def test_outliers_of_a_known_identity() -> None:
     records, truth = drive(11)
     rng = np.random.default_rng(11)

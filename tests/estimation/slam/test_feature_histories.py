@@ -69,6 +69,7 @@ def test_a_merged_feature_is_not_one_that_its_duplicate_was_read_beside() -> Non
     assert known.histories[ids[2]].seen_with == {ids[1]}
 
 
+@pytest.mark.slow
 def test_a_run_without_identities_finds_posts_that_stand_close_together() -> None:
     # Two posts 25 cm apart, at first seen one at a time: their readings go to one feature until both are seen at once.
     posts = np.array([[4.0, 0.0], [4.0, 0.25], [0.0, 4.0], [-3.0, -2.0]])

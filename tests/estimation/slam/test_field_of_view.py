@@ -42,6 +42,7 @@ def run(absences: int | None) -> tuple[int, list[int]]:
     return result.counts.absent, sorted(feature.readings for feature in result.features)
 
 
+@pytest.mark.slow
 def test_a_post_that_went_away_is_dropped() -> None:
     absent, readings = run(20)
     assert (absent, len(readings)) == (1, 4)

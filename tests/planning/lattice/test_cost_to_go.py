@@ -204,6 +204,7 @@ def test_straight_costs_hold_nothing() -> None:
     assert CostToGo.straight().cost.size == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
 def test_what_went_lowers_costs_to_those_of_the_world_without_it(name: str) -> None:
     rng, cheaper = np.random.default_rng(4), 0

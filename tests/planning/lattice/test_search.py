@@ -348,6 +348,7 @@ def test_from_corner_to_corner_of_the_bounds(judge: Judge, name: str, corner: in
         judge(judged.world, robot, start, goal, way)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(
     name=st.sampled_from(sorted(ROBOTS)),
@@ -437,6 +438,7 @@ def test_seats_lead_through_gaps_that_no_node_lies_in(judge: Judge, size: float,
         judge(GATE, judged.robot, start, goal, way)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(
     name=st.sampled_from(sorted(ROBOTS)),

@@ -94,6 +94,7 @@ def test_the_table_is_a_dict(written: list[tuple[int, tuple[int, float, int]]], 
         assert contents(table) == known
 
 
+@pytest.mark.slow
 def test_a_new_table_is_empty() -> None:
     for tree, length in ((new_table(), 1 << MIN_BITS), (new_table(16), 16)):
         assert {len(column) for column in tree[:-1]} == {length}

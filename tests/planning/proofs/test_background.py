@@ -38,6 +38,7 @@ def others() -> int:
     return sum(thread.name == "proof of infeasibility" for thread in threading.enumerate())
 
 
+@pytest.mark.slow
 def test_a_proof_is_found() -> None:
     proof = BackgroundProof(StateChecker(SHUT), *ENDS, 60.0)
     proof.begin()
@@ -47,6 +48,7 @@ def test_a_proof_is_found() -> None:
     assert others() == 0
 
 
+@pytest.mark.slow
 def test_nothing_is_found_where_there_is_a_path() -> None:
     assert LandmarkPlanner(SLIT, seed=0).plan(*ENDS, 20.0, max_iterations=4).status == "solved"
     proof = BackgroundProof(StateChecker(SLIT), *ENDS, 0.3)
@@ -56,6 +58,7 @@ def test_nothing_is_found_where_there_is_a_path() -> None:
     assert others() == 0
 
 
+@pytest.mark.slow
 def test_what_is_no_longer_wanted_ends_soon() -> None:
     enclosed(StateChecker(SHUT), *ENDS)
     proof = BackgroundProof(StateChecker(SLIT), *ENDS, 3600.0)
@@ -129,6 +132,7 @@ def test_the_region_is_made_where_there_is_time_for_that_and_no_path_yet(
     assert proofs.seconds() == 1.0
 
 
+@pytest.mark.slow
 def test_a_proof_is_waited_for_no_longer_than_it_takes() -> None:
     query: Any = Asked(SHUT, [100.0])
     with Prover(query, cast(Any, object())) as proofs:

@@ -21,6 +21,7 @@ from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.3, 0.8]), st.booleans())
 @settings(max_examples=25)
 def test_the_region_holds_every_free_place_of_the_disc(seed: int, radius: float, boundary: bool) -> None:
@@ -54,6 +55,7 @@ def test_no_path_costs_less(name: str) -> None:
             assert found.cost <= result.path.cost + 1e-9
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.1, 0.4, 0.9]))
 @settings(max_examples=25)
 def test_the_formula_holds_for_discs_off_the_reference_point(seed: int, offset: float) -> None:

@@ -105,6 +105,7 @@ def test_a_bound_above_a_known_cost_is_reported_and_dropped(
     assert many[0].lower_bound <= many[0].path.cost
 
 
+@pytest.mark.slow
 def test_cells_that_are_wrongly_blocked_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
     # Its way above the wall has 1 mm to spare.
     tight = World("tight", (0.0, 0.0, 10.0, 6.0), (Rectangle((5.0, 2.7495), 0.5, 5.499),))

@@ -36,6 +36,7 @@ def wall_with_gap(gap: float) -> World:
     return World("rooms", (0.0, 0.0, 11.0, 5.0), tuple(walls))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", [ROBOTS["rectangle"], Robot.rectangle(1.4, 1.0), ROBOTS["L"]])
 @pytest.mark.parametrize("gap", [0.6, 0.96])
 def test_a_gap_too_narrow_is_closed(robot: Robot, gap: float) -> None:
@@ -78,6 +79,7 @@ def test_a_rod_passes_a_corner_up_to_its_known_length(share: float, closed: bool
     assert enclosed(checker, start, (0.5 * b, 5.5, 0.5 * math.pi), seconds=SECONDS)
 
 
+@pytest.mark.slow
 def test_pockets_of_clutter_are_closed() -> None:
     # The inscribed disc passes out of this pocket.
     case = next(c for c in random_cases(1, first=104) if c.kind == "random 500, L")
@@ -151,6 +153,7 @@ def _grid(oracle: Oracle) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     return labels, states
 
 
+@pytest.mark.slow
 def test_time_stop_and_budget_end_it() -> None:
     case = next(c for c in random_cases(1, first=102) if c.kind == "random 500, L")
     query, checker = case.problem.world.queries[0], StateChecker(case.problem.world, case.problem.robot)
@@ -169,6 +172,7 @@ def test_discs_are_left_to_the_triangles_and_bad_ends_are_told() -> None:
         enclosed(StateChecker(wall_with_gap(0.5), ROBOTS["L"]), np.zeros((2, 3)), (9.0, 2.0, 0.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6])
 def test_very_thin_robots_in_large_worlds_end_in_time(width: float) -> None:
     world = World("large", (-900.0, 0.0, 100.0, 1000.0), (Rectangle((0.0, 500.0), 2.0, 1100.0),))

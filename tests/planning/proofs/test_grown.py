@@ -38,6 +38,7 @@ def judge(polygon: shapely.Polygon, regions: list[shapely.Geometry], r: float) -
     assert inside[distance < r * (1.0 - CHORDS)].all()
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.005, 0.02, 0.05]), st.sampled_from([0.3, 1.0, 2.5]))
 @settings(max_examples=25, deadline=None)
 def test_shallow_places_are_not_filled(seed: int, most: float, r: float) -> None:

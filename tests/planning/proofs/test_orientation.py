@@ -31,6 +31,7 @@ def test_the_sign_is_exact(seed: int, offset: float, ulps: int) -> None:
         assert np.sign(orientation(*p, *q, *r)) == exactly(p, q, r)
 
 
+@pytest.mark.slow
 def test_many_at_once_are_those_one_by_one() -> None:
     grid = np.array([(0.1 * i, 0.1 * j) for i in range(5) for j in range(5)])
     triples = np.array([(i, j, k) for i in range(25) for j in range(25) for k in range(25)])

@@ -47,6 +47,7 @@ def test_a_place_with_two_headings_that_are_apart_takes_two_enclosures() -> None
     assert shut_off(checker, np.array([0.7, 0.7, 0.0]), place[0], place, seconds=SECONDS).all()
 
 
+@pytest.mark.slow
 def test_headings_that_nearly_fit_are_told_from_those_that_do() -> None:
     # Four things cage the robot, upright; across, it collides by a little more than a centimetre.
     things = [(3.84, 6.4, 4.0, 6.72), (4.0, 6.4, 4.4, 6.44), (4.38, 7.18, 4.42, 7.2), (4.76, 6.8, 4.84, 7.04)]
