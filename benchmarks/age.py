@@ -19,7 +19,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-__all__ = ["AGE", "ROOT", "changed_files", "code_digest", "dependencies", "describe_code"]
+__all__ = ["AGE", "ROOT", "WITH_CHANGES", "changed_files", "code_digest", "dependencies", "describe_code"]
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -30,12 +30,17 @@ MODULE = re.compile(r"trailmark(\.\w+)+")
 DESCRIBING = {"benchmarks.age", "benchmarks.machine"}
 """Modules that describe a measurement and have no influence on it."""
 
-SHOWING = {
+ON_REQUEST = {
     ("trailmark.world", "trailmark.live"),
     ("trailmark.shown", "trailmark.sketch"),
     ("trailmark.shown", "trailmark.plotting"),
+    ("trailmark.path", "trailmark.trajectories"),
 }
-"""Imports that are made when something shows itself at a prompt or in a notebook: nothing that is measured does."""
+"""Imports that are made when something shows itself at a prompt or in a notebook, which nothing that is measured does,
+and when a path is smoothed or timed: programs that ask for this import it themselves."""
+
+WITH_CHANGES = " with changes"
+"""Follows a commit whose code was not the one measured."""
 
 STARTED = time.time()
 
@@ -82,7 +87,7 @@ def dependencies(program: str, root: Path = ROOT) -> dict[str, Path]:
         waiting += [
             imported
             for imported in _imports_of(file.read_text(encoding="utf-8"))
-            if (name, ".".join(imported.split(".")[:2])) not in SHOWING
+            if (name, ".".join(imported.split(".")[:2])) not in ON_REQUEST
         ]
     source = root / "src"
     if "trailmark" in found or not any(name.startswith("trailmark") for name in found):
@@ -91,16 +96,17 @@ def dependencies(program: str, root: Path = ROOT) -> dict[str, Path]:
     return found
 
 
-def changed_files(program: str, commit: str, root: Path = ROOT) -> list[str]:
+def changed_files(program: str, commit: str, root: Path = ROOT) -> list[str] | None:
     """Return the files that ``program`` depends on whose code is not that of a commit, as paths from ``root``.
 
-    None are returned where git does not know the commit, as in a shallow clone.
+    None is returned where git does not know the commit, as in a shallow clone.
     """
-    with contextlib.suppress(subprocess.CalledProcessError):
+    try:
         changed = set(_files_changed_since(commit, root))
-        files = {file.relative_to(root).as_posix() for file in dependencies(program, root).values()}
-        return sorted(file for file in files & changed if _code_differs(commit, file, root))
-    return []
+    except subprocess.CalledProcessError:
+        return None
+    files = {file.relative_to(root).as_posix() for file in dependencies(program, root).values()}
+    return sorted(file for file in files & changed if _code_differs(commit, file, root))
 
 
 @cache
@@ -197,7 +203,7 @@ def _commit(root: Path) -> str:
         changes = _git(root, "status", "--porcelain", "--", "src", "benchmarks", ":!benchmarks/results")
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-    return f"{commit} with changes" if changes else commit
+    return f"{commit}{WITH_CHANGES}" if changes else commit
 
 
 def _git(root: Path, *words: str) -> str:

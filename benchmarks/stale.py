@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from benchmarks.age import AGE, ROOT, changed_files, code_digest
+from benchmarks.age import AGE, ROOT, WITH_CHANGES, changed_files, code_digest
 
 __all__ = ["main", "stale"]
 
@@ -26,19 +26,27 @@ def stale(root: Path = ROOT) -> dict[str, str]:
     for file in sorted(file for file in folder.rglob("*") if file.is_file()):
         ages = [[text.decode() for text in age.groups()] for age in AGE.finditer(file.read_bytes())]
         changed = {
-            f"{program} has changed since commit {commit}{_describe_changes(program, commit, root)}"
+            f"{program} has changed since commit {commit}{changes}"
             for program, commit, code in ages
-            if code_digest(program, root) != code
+            if (changes := _changes(program, commit, code, root)) is not None
         }
         if changed or not ages:
             found[file.relative_to(folder).as_posix()] = "; ".join(sorted(changed)) or "names no code"
     return found
 
 
-def _describe_changes(program: str, commit: str, root: Path) -> str:
-    files = changed_files(program, commit.removesuffix(" with changes"), root)
+def _changes(program: str, commit: str, code: str, root: Path) -> str | None:
+    """Return what has changed since a result was measured, as far as is known; None if nothing has.
+
+    The digest decides where it is the same or git does not know the code. Where it is not, and the code is, it was made
+    when other files counted as dependencies.
+    """
+    if code_digest(program, root) == code:
+        return None
+    known = commit.removesuffix(WITH_CHANGES)
+    files = changed_files(program, known, root)
     if not files:
-        return ""
+        return None if files is not None and known == commit else ""
     return f": {', '.join(files) if len(files) <= MAX_FILES else f'{len(files)} files'}"
 
 

@@ -125,7 +125,32 @@ def test_files_with_other_code_are_named(checkout: Path) -> None:
         "src/trailmark/car/brake.py",
         "src/trailmark/car/disc.py",
     ]
-    assert changed_files("benchmarks.speed", "0123456789ab", checkout) == []
+    assert changed_files("benchmarks.speed", "0123456789ab", checkout) is None
+
+
+@pytest.mark.parametrize("commit", ["HEAD", "HEAD with changes", "0123456789ab"])
+@pytest.mark.parametrize("metre", ["1", "2"])
+def test_a_digest_of_other_files_counts_only_where_git_does_not_know_the_code(
+    checkout: Path, commit: str, metre: str
+) -> None:
+    # As if other files had counted as dependencies then.
+    age = f"measured by benchmarks.speed at commit {commit}, code {'0' * 16}"
+    (checkout / "benchmarks" / "results" / "speed.md").write_text(age)
+    (checkout / "src/trailmark/units.py").write_text(f"METRE = {metre}")
+    assert ("speed.md" in stale(checkout)) == (commit != "HEAD" or metre == "2")
+
+
+def test_programs_that_smooth_or_time_paths_depend_on_trajectories() -> None:
+    def asks(file: Path) -> bool:
+        return re.search(r"(?<!results)\.(smooth|timed)\(", file.read_text()) is not None
+
+    assert "trailmark.trajectories.smooth" not in dependencies("benchmarks.ahead")
+    programs = [file for file in (ROOT / "benchmarks").rglob("*.py") if asks(file)]
+    assert programs == [ROOT / "benchmarks" / "trajectories.py"]
+    assert "trailmark.trajectories.smooth" in dependencies("benchmarks.trajectories")
+    within = {file.relative_to(ROOT / "src" / "trailmark").parts[0] for file in ROOT.glob("src/**/*.py") if asks(file)}
+    # Of which no benchmark has a part but through the shell, and so depends on all.
+    assert within == {"cli"}
 
 
 def test_many_changed_files_are_counted(checkout: Path) -> None:

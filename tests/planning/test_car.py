@@ -161,6 +161,10 @@ def test_straight_lines_from_state_to_state_are_free_as_well(pillar: float, room
         assert check_path(world, car, path.states).free
         # As many as are needed, not everywhere as many as there could be.
         assert len(path) < rows
+    # So it is between the rows of its trajectory, and where there are rows between these.
+    trajectory = result.path.timed(1.0, 0.5, 1.0)
+    for t in (trajectory.t, np.union1d(trajectory.t, np.linspace(0.0, trajectory.duration, 500))):
+        assert check_path(world, car, trajectory.at(t)).free
 
 
 def test_a_three_point_turn_in_an_aisle() -> None:

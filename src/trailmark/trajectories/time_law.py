@@ -35,6 +35,9 @@ ZONE_EDGE = 1e-3
 ROUNDING = 1e-12
 """Relative: what exceeds a limit by no more does not."""
 
+APART = 1e-9
+"""Metres along a path between two rows, at least."""
+
 SHORTEST = 1e-12
 """Shares of an interval below which it is not worth a part of its own."""
 
@@ -101,6 +104,7 @@ def fastest(
     limits: Limits,
     zones: Iterable[Any] = (),
     rows: NDArray[np.intp] | None = None,
+    places: FloatArray | None = None,
 ) -> TimeLaw:
     """Return the fastest time law along pieces, from rest to rest.
 
@@ -111,6 +115,7 @@ def fastest(
         zones: of the world; speed limits of :class:`~trailmark.zones.SpeedZone` hold where the reference point is in
             the zone, and for the last millimetre before it.
         rows: (n,), the least number of intervals on each curved piece; those of the limits if that is more.
+        places: where intervals on curved pieces are to meet, metres along a car's path, rising; None for nowhere.
     """
     curved = (pieces.second != 0.0).any(axis=1) | ((pieces.direction != 0) & (pieces.first[:, 2] != 0.0))
     wanted = np.full(len(curved), limits.intervals) if rows is None else np.maximum(rows, limits.intervals)
@@ -119,6 +124,8 @@ def fastest(
     # Shortest at the ends, where a robot comes to a stop or starts: it may do so on a small share of a long piece.
     place = np.arange(len(piece)) - np.repeat(np.cumsum(count) - count, count)
     begin, end = (0.5 * pieces.length[piece] * (1.0 - np.cos(np.pi * k / count[piece])) for k in (place, place + 1))
+    if places is not None:
+        piece, begin, end = _divided(pieces.length, piece, begin, places, curved)
     step = end - begin
     speed = np.full(len(piece), limits.max_speed)
     for zone in zones:
@@ -135,6 +142,22 @@ def fastest(
     nodes[stop] = 0.0
     law = TimeLaw(piece, begin, step, _passes(constraints, nodes))
     return _exact_on_straights(law, constraints, caps[:, 0], ~curved[piece])
+
+
+def _divided(
+    lengths: FloatArray, piece: NDArray[np.intp], begin: FloatArray, places: FloatArray, curved: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+    """Return pieces, beginnings and ends of intervals, which meet at places (metres along the path) on curves too."""
+    ends = np.cumsum(lengths)
+    at = np.minimum(np.searchsorted(ends, places, side="right"), len(ends) - 1)
+    s = places - (ends - lengths)[at]
+    known = (ends - lengths)[piece] + begin
+    before = np.maximum(np.searchsorted(known, places, side="right") - 1, 0)
+    gap = np.minimum(np.abs(places - known[before]), np.abs(np.append(known, ends[-1])[before + 1] - places))
+    new = curved[at] & (gap > APART) & (np.diff(places, prepend=-inf) > APART)
+    piece, begin = np.insert(piece, before[new] + 1, at[new]), np.insert(begin, before[new] + 1, s[new])
+    last = np.diff(piece, append=-1) != 0
+    return piece, begin, np.where(last, lengths[piece], np.roll(begin, -1))
 
 
 def _cut(

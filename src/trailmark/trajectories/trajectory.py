@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from trailmark import se2
 from trailmark.arguments import number_array, one_of
+from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path
 from trailmark.se2 import FloatArray
@@ -131,6 +132,7 @@ def timed(path: Path, limits: Limits, zones: Iterable[Any] = ()) -> Trajectory:
             path, limits, pieces, TimeLaw(np.zeros(0, np.intp), np.zeros(0), np.zeros(0), np.zeros((0, 2)))
         )
     moving = joined(pieces, isinstance(path, SmoothPath) or limits.max_turn_acceleration is not None)
-    # As many rows as the path's, so that the straight motions between them are as good.
+    # As many rows as the path's, or rows at its states, so that the straight motions between them are as good.
     rows = path.rows if isinstance(path, SmoothPath) else None
-    return Trajectory(path, limits, pieces, fastest(pieces, moving, limits, zones, rows))
+    places = path.places if isinstance(path, CurvePath) else None
+    return Trajectory(path, limits, pieces, fastest(pieces, moving, limits, zones, rows, places))
