@@ -12,6 +12,8 @@ from trailmark import ConfigurationError, CurvePath, Path, Polygon, Rectangle, R
 from trailmark.benchmark.referee import Referee
 from trailmark.motion import motion_of
 from trailmark.trajectories import SmoothPath
+from trailmark.trajectories.one_way import one_way_respected
+from trailmark.trajectories.pieces import pieces_of
 from trailmark.zones import OneWayZone
 
 BOX = Rectangle((5.0, 5.0), 2.0, 2.0)
@@ -174,6 +176,13 @@ def test_directions_of_one_way_zones_are_kept() -> None:
     smooth = path.smooth(world, ROBOT)
     assert len(smooth.stops) == 0
     assert not shapely.contains_xy(inside.shapely(), smooth.resample(0.01).states[:, :2]).any()
+
+
+def test_no_pieces_are_against_no_one_way_zone() -> None:
+    # All that a corner is made of may be known already.
+    none = pieces_of(path_of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    zone = OneWayZone(Polygon(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])), 0.0, 1.0)
+    assert one_way_respected(none, [zone]).shape == (0,)
 
 
 @pytest.mark.slow

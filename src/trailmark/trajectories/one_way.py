@@ -30,7 +30,7 @@ def one_way_respected(pieces: Pieces, zones: Iterable[Any]) -> NDArray[np.bool_]
     n = np.arange(len(pieces.length))
     respected = np.ones(len(n), np.bool_)
     one_way = [zone for zone in zones if isinstance(zone, OneWayZone)]
-    if not one_way:
+    if not one_way or len(n) == 0:
         return respected
     begin, _ = pieces.derivatives(n, np.zeros(len(n)))
     end, _ = pieces.derivatives(n, pieces.length)
