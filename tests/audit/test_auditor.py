@@ -17,6 +17,7 @@ from trailmark.errors import ConfigurationError, WorldError
 from trailmark.path import Path
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
+from trailmark.zones import KeepOutZone
 
 BOUNDS = (0.0, 0.0, 20.0, 20.0)
 BOX = Rectangle((10.0, 10.0), 2.0, 2.0)
@@ -139,6 +140,27 @@ def test_a_motion_that_is_longer_than_places_along_it_can_be_told_apart(robot: R
     found = check_path(world, robot, [(1.0 - far, 1.5, 0.0), (far - 1.0, 1.5, 0.0)])
     assert found.free
     assert found.min_clearance <= 0.5 + 5e-7
+
+
+@pytest.mark.parametrize("robot", [SQUARE, Robot.disc(0.5)], ids=["square", "disc"])
+def test_a_turn_in_place_has_places_of_its_own_for_a_disc_too(robot: Robot) -> None:
+    found = audit((BOX,), robot, [[10, 10, 0], [10, 10, 2], [15, 10, 2], [15, 10, 3]])
+    (hit,) = found.collisions
+    assert hit.motions[0] == 0.0
+    assert 1.0 < hit.motions[1] < 2.0
+    assert hit.begin == 0.0
+    turned = audit((BOX,), robot, [[5, 10, 0], [10, 10, 0], [10, 10, 2]]).collisions[0]
+    assert turned.motions[1] == 2.0
+    assert turned.end == 5.0
+    assert audit((BOX,), robot, [[10, 10, 0], [10, 10, 2]]).collisions[0].motions == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("robot", [SQUARE, Robot.disc(0.5)], ids=["square", "disc"])
+def test_a_keep_out_zone_may_be_left_after_a_turn_in_place(robot: Robot) -> None:
+    zones = (KeepOutZone(Polygon(np.array([[1.0, 1.0], [5.0, 1.0], [5.0, 5.0], [1.0, 5.0]]))),)
+    assert audit((), robot, [[3, 3, 0], [3, 3, 1.5], [3, 12, 1.5]], zones=zones).free
+    assert not audit((), robot, [[3, 3, 0], [3, 3, 1.5], [3, 12, 1.5], [3, 3, 1.5]], zones=zones).free
+    assert not audit((), robot, [[3, 3, 0], [3, 3, 1.5]], zones=zones).free
 
 
 def test_a_vertex_that_is_passed() -> None:

@@ -44,7 +44,7 @@ def repaired(auditor: PathAuditor, audit: PathAudit, plan: Plan) -> Path | None:
     states, checker = np.array(audit.path.states), auditor.checker
     checker.require_valid(states[0], "start")
     checker.require_valid(states[-1], "goal")
-    scale = Scale(states, max(checker.footprint.sweep_radius, SAGITTA))
+    scale = Scale(states, checker.footprint.sweep_radius)
     broken = merged_intervals([scale.interval(collision.motions) for collision in audit.collisions])
     room = ROOM * checker.robot.inscribed_disc.radius
 

@@ -11,18 +11,23 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["Scale"]
 
+MIN_RADIUS = 5e-7
+"""Metres: smallest R, so that places along a turn on the spot are apart for a disc too, of which no point moves."""
+
 
 class Scale:
     """A path's scale: ‖Δxy‖ + R·|Δθ| from state to state, R the robot's largest distance from its reference point.
 
     Args:
         states: of the path, shape (n, 3), n >= 2.
-        radius: R in metres; 0 for a disc.
+        radius: R in metres; at least :data:`MIN_RADIUS` is used.
     """
 
     def __init__(self, states: FloatArray, radius: float) -> None:
         self.states = states
-        self._ends = np.concatenate([[0.0], np.cumsum(se2.motion_bound(states[:-1], states[1:], radius))])
+        self._ends = np.concatenate(
+            [[0.0], np.cumsum(se2.motion_bound(states[:-1], states[1:], max(radius, MIN_RADIUS)))]
+        )
         steps = np.hypot(*np.diff(states[:, :2], axis=0).T)
         self._lengths = np.concatenate([[0.0], np.cumsum(steps)])
 
