@@ -277,6 +277,15 @@ def test_random_paths_agree_with_dense_sampling() -> None:
     assert 16 < collided < compared - 8
 
 
+def test_at_a_single_state_the_robot_stands() -> None:
+    # As in the path of a plan whose start is as near to its goal as is asked for.
+    for place, free in ((5.0, True), (10.0, False)):
+        found = audit((BOX,), SQUARE, [[place, 10, 0]])
+        assert found == audit((BOX,), SQUARE, [[place, 10, 0]] * 2)
+        assert (found.free, found.length) == (free, 0.0)
+        assert check_path(World("w", BOUNDS, (BOX,)), SQUARE.steered(1.0), [[place, 10, 0]]).free == free
+
+
 def test_an_auditor_is_reused_while_world_and_robot_stay() -> None:
     world = World("w", BOUNDS, (BOX,), SQUARE)
     path = np.array([[5, 5, 0], [6, 5, 0]])
@@ -291,7 +300,6 @@ def test_an_auditor_is_reused_while_world_and_robot_stay() -> None:
     ("path", "message"),
     [
         ([], "path"),
-        ([[1, 1, 0]], "path: expected two or more states, got 1"),
         ([[1, 1, 0], [math.nan, 1, 0]], "not a finite number"),
         ([[1, 1], [2, 2]], "expected shape"),
         ([[1, 1, 0], [1e308, -1e308, 0]], r"path: expected x and y of at most 1e\+07 m, got 1e\+308"),

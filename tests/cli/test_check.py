@@ -115,8 +115,7 @@ def test_headings_in_degrees_are_warned_of(shell: Shell, yard: Path, tmp_path: P
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "expected two or more states, got an empty path"),
-        ("1 1 0\n", "a.txt: path: expected two or more states, got 1"),
+        ("", "expected one or more states, got an empty path"),
         ("1 1 0\n1e20 1 0\n", "a.txt: path: expected x and y of at most 1e+07 m, got 1e+20"),
         ("1 1 0\n2 1 nan\n", ":2: expected 3 columns"),
         ("1 1\n2 1\n", ":1: expected 3 columns"),

@@ -129,7 +129,7 @@ def zeros() -> str:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("", "expected two or more states, got an empty path"),
+        ("", "expected one or more states, got an empty path"),
         ("\n# nothing\n", "got an empty path"),
         ("[]", "got an empty path"),
         ('{"poses": []}', "got an empty path"),

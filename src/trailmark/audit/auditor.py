@@ -64,16 +64,16 @@ class PathAuditor:
         """Audit a path.
 
         Args:
-            path: straight motions between states, shape (n, 3), n >= 2, metres and radians, or a Path; of a
-                :class:`~trailmark.curves.CurvePath` the curves.
+            path: straight motions between states, shape (n, 3), n >= 1, metres and radians, or a Path; of a
+                :class:`~trailmark.curves.CurvePath` the curves. At a single state the robot stands.
 
         Raises:
             ConfigurationError: another shape, values that are not finite, or positions beyond 1e7 m.
         """
         given = path if isinstance(path, Path) else Path(path)  # type: ignore[arg-type]  # it makes an array itself
         audited = given.polyline(SAGITTA) if isinstance(given, CurvePath) else given
-        if len(audited) < 2:
-            raise ConfigurationError(f"path: expected two or more states, got {len(audited)}")
+        if len(audited) == 1:  # The robot stays where it is.
+            audited = Path(np.repeat(audited.states, 2, axis=0))
         # A copy: read-only arrays would be another type to the kernels, and compiled for anew.
         states = np.array(audited.states)
         farthest = float(np.abs(states[:, :2]).max())
@@ -130,7 +130,7 @@ def check_path(world: World, robot: Robot | None, path: Path | ArrayLike) -> Pat
     Args:
         world: obstacles, bounds and boundary.
         robot: whose path it is; the world's own robot if None.
-        path: states (n, 3), n >= 2, metres and radians, or a Path; see :meth:`PathAuditor.audit`.
+        path: states (n, 3), n >= 1, metres and radians, or a Path; see :meth:`PathAuditor.audit`.
 
     Raises:
         ConfigurationError: a path of another shape, values that are not finite, or positions beyond 1e7 m.

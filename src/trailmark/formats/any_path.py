@@ -68,7 +68,7 @@ def read_any_path(path: FilePath) -> PathFile:
     else:
         states = _states_of_table(text, path)
     if not states:
-        raise FormatError(path, "expected two or more states, got an empty path")
+        raise FormatError(path, "expected one or more states, got an empty path")
     try:
         rows = np.array(states, dtype=np.float64)
         return PathFile(Path(rows), float(np.abs(rows[:, 2]).max()), curve)
