@@ -9,11 +9,14 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numba
 import pytest
 from hypothesis import HealthCheck, settings
 from tests.support.forks import Forks
 
 ROOT = Path(__file__).resolve().parents[1]
+COMPILED = "trailmark/compiled"
+"""Where pytest's cache keeps which code the kernels were compiled of."""
 
 # Deadlines would measure the machine (numba compiles on the first example), not the code. Every run draws other
 # examples: few in each are many in a week. Who changes what a property is about asks for many at once:
@@ -29,11 +32,20 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile all kernels before the workers of pytest-xdist begin: each would compile them for itself."""
+    """Compile all kernels before the workers of pytest-xdist begin: each would compile them for itself.
+
+    While the code stays the same they are there, and loading all of them, which takes ten seconds, is left out.
+    """
     config = session.config
-    if getattr(config.option, "numprocesses", None) and not hasattr(config, "workerinput"):
-        warmup = [sys.executable, "-m", "trailmark", "warmup"]
-        subprocess.run(warmup, stdout=subprocess.DEVNULL, check=True, timeout=1500)
+    if not getattr(config.option, "numprocesses", None) or hasattr(config, "workerinput"):
+        return
+    code = [[sys.prefix, numba.__version__], *sorted([str(f), f.stat().st_mtime] for f in ROOT.glob("src/**/*.py"))]
+    if config.cache is not None and config.cache.get(COMPILED, None) == code:
+        return
+    warmup = [sys.executable, "-m", "trailmark", "warmup"]
+    subprocess.run(warmup, stdout=subprocess.DEVNULL, check=True, timeout=1500)
+    if config.cache is not None:
+        config.cache.set(COMPILED, code)
 
 
 def data_folder() -> Path:
