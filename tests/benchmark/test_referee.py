@@ -18,6 +18,7 @@ from trailmark.motion import CurveMotion
 from trailmark.planning import LandmarkPlanner
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
+from trailmark.zones import OneWayZone
 
 ROOM = small_world()
 ROBOT = Robot.rectangle(0.8, 0.4)
@@ -127,6 +128,39 @@ def test_of_a_car_the_curves_are_judged(reverse: bool) -> None:
         found = Referee(world, car).fault([start, goal], start, goal)
         assert (found is None) is right
         assert right or (found is not None and "meets an obstacle" in found)
+
+
+@pytest.mark.parametrize(
+    ("path", "right"),
+    [
+        ([(1, 1, 0), (9, 1, 0)], True),
+        ([(9, 1, 0), (1, 1, 0)], False),
+        ([(9, 1, 0), (9, 8, 0), (1, 8, 0)], True),  # around it
+        ([(9, 2, 0), (1, 2, 0)], True),  # along its edge
+        ([(5, 1, 0), (5, 1, 3)], True),  # it turns in place
+        ([(4, 1, 0), (5, 1.8, 0), (5, 4, 0)], False),  # out across its edge
+    ],
+)
+def test_one_way_zones_are_travelled_as_they_allow(path: list[tuple[float, ...]], right: bool) -> None:
+    zone = OneWayZone(Polygon(np.array([[3.0, -1.0], [7.0, -1.0], [7.0, 2.0], [3.0, 2.0]])), 0.0, 0.8)
+    world = World("one-way", (0.0, 0.0, 10.0, 10.0), zones=(zone,))
+    found = Referee(world, Robot.disc(0.3)).fault(np.asarray(path, dtype=float), path[0], path[-1])
+    assert (found is None) == right
+    assert right or "one-way" in str(found)
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_of_a_car_the_direction_of_travel_counts_in_one_way_zones(reverse: bool) -> None:
+    zone = OneWayZone(Polygon(np.array([[3.0, 0.0], [7.0, 0.0], [7.0, 4.0], [3.0, 4.0]])), 0.0, 0.5)
+    world = World("one-way", (0.0, 0.0, 10.0, 10.0), zones=(zone,))
+    referee = Referee(world, Robot.disc(0.3).steered(1.0))
+    ahead, back = np.array([[1.0, 2.0, 0.0], [9.0, 2.0, 0.0]]), np.array([[1.0, 2.0, math.pi], [9.0, 2.0, math.pi]])
+    path = back if reverse else ahead  # backwards the other way
+    assert referee.fault(path, path[0], path[-1]) is None
+    assert "one-way" in str(referee.fault(path[::-1], path[-1], path[0]))
+    # A turning point within.
+    turns = np.array([[2.0, 2.0, 0.0], [5.0, 2.0, 0.0], [2.0, 2.0, 0.0]])
+    assert "from (5, 2, 0) to (2, 2, 0)" in str(referee.fault(turns, turns[0], turns[-1]))
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from trailmark.curves import Steering
 from trailmark.keep_out import with_keep_outs
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
+from trailmark.zones import OneWayZone
 
 __all__ = ["Referee"]
 
@@ -37,7 +38,7 @@ class Referee:
     """Judges paths in one world for one robot.
 
     Args:
-        world: obstacles, bounds and boundary.
+        world: obstacles, bounds and boundary, zones to keep out of and one-way zones.
         robot: footprint.
     """
 
@@ -59,6 +60,10 @@ class Referee:
         self._boundary = None if world.boundary is None else world.boundary.shapely().buffer(TOUCHING)
         if self._boundary is not None:
             shapely.prepare(self._boundary)
+        one_way = [zone for zone in world.zones if isinstance(zone, OneWayZone)]
+        self._one_way = [
+            (zone, shapely.buffer(zone.region.shapely(), -TOUCHING, join_style="mitre")) for zone in one_way
+        ]
 
     def fault(self, path: ArrayLike, start: ArrayLike, goal: ArrayLike) -> str | None:
         """Return what is wrong with a path, in one line; None if it is correct.
@@ -92,6 +97,9 @@ class Referee:
                     return (
                         f"the robot neither turns in place nor drives along its heading from ({_row(a)}) to ({_row(b)})"
                     )
+        for a, b in pairwise(states):
+            if self._goes_the_wrong_way(a, b):
+                return f"the robot goes the wrong way through a one-way zone from ({_row(a)}) to ({_row(b)})"
         for block in self._blocks(states):
             for judge in (self._outside, self._hit):
                 wrong = judge(block)
@@ -185,6 +193,28 @@ class Referee:
             return True
         ahead, beside = math.cos(a[2]) * dx + math.sin(a[2]) * dy, math.cos(a[2]) * dy - math.sin(a[2]) * dx
         return bool(turned <= TOUCHING and abs(beside) <= TOUCHING and (self._reverse or ahead >= -TOUCHING))
+
+    def _goes_the_wrong_way(self, a: FloatArray, b: FloatArray) -> bool:
+        """Return whether the reference point travels from a to b through a one-way zone as that does not allow."""
+        if not self._one_way:
+            return False
+        places = np.vstack([a, b if self._steering is None else self._between(a, b)])[:, :2]
+        moves = np.diff(places, axis=0)
+        apart = np.hypot(*moves.T)
+        # Where a car turns its direction between two places, the chord has that of the longer part, or none.
+        travels = apart > max(TOUCHING, 0.1 * float(apart.max()))
+        turned = 0.0 if self._steering is None else float(apart.max()) / self._steering.radius
+        lines, heading = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1)), np.arctan2(*moves.T[::-1])
+        return any(
+            bool(
+                (
+                    travels
+                    & (np.abs(_wrapped(heading - zone.heading)) > zone.tolerance + turned + TOUCHING)
+                    & shapely.intersects(region, lines)
+                ).any()
+            )
+            for zone, region in self._one_way
+        )
 
     def _blocks(self, states: FloatArray) -> Iterator[FloatArray]:
         """Yield the states along the path, no point of the robot moving more than a step from one to the next."""
