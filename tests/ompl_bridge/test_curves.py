@@ -91,6 +91,45 @@ for name in ("RRTConnect", "RRTstar"):
 
 
 @pytest.mark.slow
+def test_what_is_certified_the_other_way_only_is_no_path(run_ompl: Any) -> None:
+    # PRM's edges lead both ways, the curves of a car that only drives forwards do not.
+    found = run_ompl("""
+from trailmark import OneWayZone, Polygon, check_path
+world = shipped("office")
+free = []
+for robot in (Robot.rectangle(0.6, 0.4).steered(0.6, reverse=False), Robot.rectangle(0.6, 0.4)):
+    judged = []
+    for query in world.queries:
+        problem = SE2Problem(world, robot, (query.start, query.goal))
+        problem.set_planner("PRM")
+        problem.solve(1.0)
+        exact = problem.setup.haveExactSolutionPath()
+        given = problem.path
+        wrong = exact and not check_path(world, robot, problem.path_of(problem.setup.getSolutionPath())).free
+        judged.append([exact, given is not None, bool(wrong)])
+    free.append(judged)
+zone = OneWayZone(Polygon([(4.0, 0.0), (6.0, 0.0), (6.0, 10.0), (4.0, 10.0)]), 0.0, 0.5)
+hall = World("hall", (0.0, 0.0, 10.0, 10.0), robot=Robot.disc(0.3), zones=(zone,))
+ways = []
+for start, goal in (((1.0, 5.0, 0.0), (9.0, 5.0, 0.0)), ((9.0, 5.0, 0.0), (1.0, 5.0, 0.0))):
+    problem = SE2Problem(hall, None, (start, goal))
+    problem.set_planner("RRTConnect")
+    problem.solve(1.0)
+    path = problem.path_of(problem.setup.getSolutionPath())
+    ways.append([problem.path is not None, check_path(hall, None, path).free])
+tell(free=free, ways=ways)
+""")
+    for judged in found["free"]:
+        assert any(exact for exact, _, _ in judged)
+        for exact, given, wrong in judged:
+            assert given == (exact and not wrong)
+    assert any(wrong for _, _, wrong in found["free"][0])
+    assert not any(wrong for _, _, wrong in found["free"][1])
+    assert [given for given, _ in found["ways"]] == [free for _, free in found["ways"]]
+    assert found["ways"][1] == [False, False]
+
+
+@pytest.mark.slow
 def test_a_space_of_the_users_own(run_ompl: Any) -> None:
     found = run_ompl("""
 from trailmark import StateChecker

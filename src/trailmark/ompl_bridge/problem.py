@@ -16,6 +16,7 @@ from trailmark.arguments import brief, number, one_of, truth
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError, WorldError
+from trailmark.motion import motion_of
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker, updated_checker
 from trailmark.ompl_bridge.guard import solve
 from trailmark.ompl_bridge.ompl_curves import followed_states
@@ -127,10 +128,19 @@ class SE2Problem:
 
     @property
     def path(self) -> Path | None:
-        """The exact solution's path, or None; a car's is a :class:`trailmark.curves.CurvePath`."""
+        """The exact solution's path, or None; a car's is a :class:`trailmark.curves.CurvePath`.
+
+        None too where motions are to be certified and one of its is not: PRM takes edges both ways, and no planner of
+        OMPL's asks for the direction in which one-way zones are travelled.
+        """
         if not self.setup.haveExactSolutionPath():
             return None
-        return self.path_of(self.setup.getSolutionPath())
+        path = self.path_of(self.setup.getSolutionPath())
+        if self.motions is None:
+            return path
+        vertices = path.knots if isinstance(path, CurvePath) else path.states
+        certified = motion_of(self.checker).motions_valid(vertices[:-1], vertices[1:])
+        return path if np.all(certified) else None
 
     def path_of(self, path: Any) -> Path:
         """Return one of OMPL's paths in this problem's space; a car's as OMPL drives it."""
