@@ -140,6 +140,7 @@ def test_a_digest_of_other_files_counts_only_where_git_does_not_know_the_code(
     assert ("speed.md" in stale(checkout)) == (commit != "HEAD" or metre == "2")
 
 
+@pytest.mark.slow
 def test_programs_that_smooth_or_time_paths_depend_on_trajectories() -> None:
     def asks(file: Path) -> bool:
         return re.search(r"(?<!results)\.(smooth|timed)\(", file.read_text()) is not None
