@@ -12,7 +12,7 @@ from trailmark.se2 import FloatArray
 __all__ = ["Scale"]
 
 MIN_RADIUS = 5e-7
-"""Metres: smallest R, so that places along a turn on the spot are apart for a disc too, of which no point moves."""
+"""Metres: smallest R, so that places along a turn in place are apart for a disc too, of which no point moves."""
 
 
 class Scale:

@@ -205,16 +205,11 @@ class Referee:
         travels = apart > max(TOUCHING, 0.1 * float(apart.max()))
         turned = 0.0 if self._steering is None else float(apart.max()) / self._steering.radius
         lines, heading = shapely.linestrings(np.stack([places[:-1], places[1:]], axis=1)), np.arctan2(*moves.T[::-1])
-        return any(
-            bool(
-                (
-                    travels
-                    & (np.abs(_wrapped(heading - zone.heading)) > zone.tolerance + turned + TOUCHING)
-                    & shapely.intersects(region, lines)
-                ).any()
-            )
-            for zone, region in self._one_way
-        )
+        for zone, region in self._one_way:
+            off = np.abs(_wrapped(heading - zone.heading))
+            if (travels & (off > zone.tolerance + turned + TOUCHING) & shapely.intersects(region, lines)).any():
+                return True
+        return False
 
     def _blocks(self, states: FloatArray) -> Iterator[FloatArray]:
         """Yield the states along the path, no point of the robot moving more than a step from one to the next."""
