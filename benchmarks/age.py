@@ -1,9 +1,9 @@
 """Which code a result was measured with: the commit, and a digest of what the program depends on.
 
-The digest is of the syntax trees without comments and docstrings, so that only code that may behave differently
-counts. A program depends on the files of ``benchmarks`` and ``src/trailmark`` that it imports, and that those import.
-What a package imports counts where the package itself is asked for, not where one of its modules is. Worlds, data,
-installed packages and what is not Python do not count.
+The digest is of the syntax trees without comments, docstrings and the words of errors that are raised, so that only
+code that may behave differently counts. A program depends on the files of ``benchmarks`` and ``src/trailmark`` that it
+imports, and that those import. What a package imports counts where the package itself is asked for, not where one of
+its modules is. Worlds, data, installed packages and what is not Python do not count.
 """
 
 from __future__ import annotations
@@ -175,18 +175,28 @@ def _code_of(source: str) -> str:
     return str(_code(ast.parse(source)))
 
 
-def _code(node: object) -> object:
-    """Return a syntax tree as nested lists, the same for every version of Python: no places, no docstrings."""
+def _code(node: object, raised: bool = False) -> object:
+    """Return a syntax tree as nested lists, the same for every version of Python: no places, docstrings, messages.
+
+    Args:
+        node: of the tree, or what one of its fields holds.
+        raised: within a ``raise``, whose texts are for people.
+    """
+    raised = raised or isinstance(node, ast.Raise)
     if isinstance(node, ast.AST):
-        fields = [[name, _code(value)] for name, value in ast.iter_fields(node) if value not in (None, [])]
+        fields = [[name, _code(value, raised)] for name, value in ast.iter_fields(node) if value not in (None, [])]
         return [type(node).__name__, *fields]
     if isinstance(node, list):
-        return [_code(child) for child in node if not _is_docstring(child)]
+        return [_code(child, raised) for child in node if not (_is_docstring(child) or (raised and _is_text(child)))]
     return repr(node)
 
 
 def _is_docstring(node: object) -> bool:
-    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    return isinstance(node, ast.Expr) and _is_text(node.value)
+
+
+def _is_text(node: object) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
 def _running_program(root: Path) -> str | None:

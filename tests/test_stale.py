@@ -101,6 +101,20 @@ def test_the_digest_changes_with_the_code(checkout: Path, file: str, text: str, 
     assert (code_digest("benchmarks.speed", checkout) != before) == changes
 
 
+def test_the_words_of_errors_are_no_code(checkout: Path) -> None:
+    units = checkout / "src/trailmark/units.py"
+
+    def digest(statement: str) -> str:
+        units.write_text(f"METRE = 1\ndef metre(x):\n    {statement}")
+        code_digest.cache_clear()
+        return code_digest("benchmarks.speed", checkout)
+
+    assert digest("raise ValueError(f'not {x} m')") == digest("raise ValueError(f'expected metres, got {x}')")
+    assert digest("raise ValueError(f'not {x} m')") != digest("raise ValueError(f'not {-x} m')")
+    assert digest("raise ValueError('m')") != digest("raise KeyError('m')")
+    assert digest("return 'm'") != digest("return 'metre'")
+
+
 def test_results_are_listed_when_the_code_has_changed(checkout: Path) -> None:
     results = checkout / "benchmarks" / "results"
     age = describe_code("benchmarks.speed", checkout)
