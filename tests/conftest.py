@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import subprocess
@@ -25,6 +26,9 @@ common = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], p
 settings.register_profile("trailmark", common, max_examples=40)
 settings.register_profile("thorough", common, max_examples=1000)
 settings.load_profile("trailmark")
+
+# Kernels and tests are some hundred thousand objects, which Python's garbage collector would look through every second.
+gc.set_threshold(50_000, 20, 100)
 
 # In the background a shell starts programs deaf to Ctrl-C, and so would be those that the tests start and interrupt.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
