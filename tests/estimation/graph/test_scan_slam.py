@@ -165,6 +165,31 @@ def test_odometry_that_jumps_or_slips_is_not_believed() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("apart", "settings"),
+    [(3.0, GraphSettings()), (0.8, GraphSettings(key_distance=3.2, local_length=80.0, loop_distance=64.0))],
+    ids=["scans far apart", "nodes far apart"],
+)
+def test_a_robot_that_drives_back_was_not_carried_there(apart: float, settings: GraphSettings) -> None:
+    """Steps longer than any window lead along a corridor, which holds no scan, to nodes of the way there."""
+    hall = (room(0.0, 0.0, 60.0, 4.0), shapely.box(3.0, 0.0, 4.0, 1.0), shapely.box(56.0, 3.0, 57.0, 4.0))
+    there = np.arange(8.0, 52.0, apart)
+    x = np.concatenate([there, there[::-1]])
+    true = np.column_stack([x, np.full_like(x, 2.0), np.zeros_like(x)])
+    rng = np.random.default_rng(0)
+    seen = [
+        cast(hall, p, field=2.0 * math.pi, sigma_range=0.01, rng=rng, t=float(i)) for i, p in enumerate(true.tolist())
+    ]
+    guess = [true[0]]
+    for step in relative(true[:-1], true[1:]):
+        guess.append(compose(guess[-1], step + rng.normal(size=3) * [0.02, 0.01, 0.001]))
+    found = match_scans(seen, np.array(guess), settings)
+    steps = relative(found.poses[:-1], found.poses[1:]) - relative(true[:-1], true[1:])
+    assert np.hypot(*steps[:, :2].T).max() < 0.25
+    assert np.hypot(*(found.poses - true)[:, :2].T).max() < 1.5
+
+
+@pytest.mark.slow
 def test_the_other_face_of_a_thin_wall_is_not_taken_for_the_known_one() -> None:
     """Behind a door hardly anything but the wall's other face holds the scan along the way."""
     wall = shapely.difference(shapely.box(0.0, 5.0, 8.0, 5.18), shapely.box(3.6, 4.0, 4.4, 6.0))

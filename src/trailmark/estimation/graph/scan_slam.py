@@ -32,6 +32,10 @@ __all__ = ["ScanPoses", "ScanSlam", "match_scans"]
 MAX_WINDOW = Window(2.0, np.radians(60.0))
 """The largest window around what odometry says that is searched: beyond, it is no guess."""
 
+CARRIED = 5.0
+"""Times the distance between nodes that the robot was carried, at least, where a step does not fit what was seen before
+it; one that drives, and whose scans are so far apart, is where odometry and the match say together."""
+
 FACING_SHARE = 0.9
 """Share of a match's score, at least, that points on surfaces facing as theirs have in it: otherwise it is compared
 with the match near the guess. Behind a door in a thin wall, matches that take its one face for the other have up to
@@ -175,10 +179,6 @@ class ScanSlam:
                 self._hold(last, pose)
                 return
         guess, noise = compose(self._keys.poses[last], step), s.odometry_noise(step)
-        if np.hypot(*step[:2]) > MAX_WINDOW.xy and np.hypot(*(self._keys.poses - guess)[:, :2].T).min() < MAX_WINDOW.xy:
-            # Carried away, and back to where it has been.
-            self.place(scan, guess, odometry)
-            return
         information = _inverse(noise)
         own = len(self._keys)
         if len(cloud.points) < MIN_POINTS:
@@ -193,6 +193,11 @@ class ScanSlam:
         points = cloud.points[:: -(-len(cloud.points) // MATCHED)]
         found = search(self._area, points, guess, window, information=information)
         if found is None or found.score < s.loop_score:
+            far, near = np.hypot(*step[:2]), np.hypot(*(self._keys.poses - guess)[:, :2].T).min()
+            if far > max(MAX_WINDOW.xy, CARRIED * s.key_distance) and near < MAX_WINDOW.xy:
+                # Carried away, and back to where it has been.
+                self.place(scan, guess, odometry)
+                return
             # Wheels that slipped, or a jump in the log: perhaps the robot is still near where it was.
             here, floor = self._keys.poses[last], s.loop_score if found is None else max(s.loop_score, found.score)
             if other := search(self._area, points, here, MAX_WINDOW, coarseness=2, min_score=floor):
