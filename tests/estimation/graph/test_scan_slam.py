@@ -16,6 +16,8 @@ from trailmark.estimation.graph.scan_slam import ScanPoses, match_scans
 from trailmark.estimation.graph.submaps import KeyScans
 from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative
+from trailmark.estimation.simulation.virtual_sensors import Scanner
+from trailmark.exploration.scan_matching import graph_settings
 from trailmark.se2 import FloatArray, compose
 
 BLOCK = (
@@ -187,6 +189,45 @@ def test_a_robot_that_drives_back_was_not_carried_there(apart: float, settings: 
     steps = relative(found.poses[:-1], found.poses[1:]) - relative(true[:-1], true[1:])
     assert np.hypot(*steps[:, :2].T).max() < 0.25
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 1.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("apart", [2.0, 3.0])
+def test_a_scan_that_shows_new_things_does_not_say_that_the_robot_stands(apart: float) -> None:
+    """Seen from where the last scan was taken, all would be as it was; half of the field ahead is new."""
+    corners = np.array([[22.8, 6.0], [22.8, 12.8], [1.2, 12.8], [1.2, 1.2], [1.2, 12.8], [22.8, 12.8]])
+    poses = []
+    for a, b in itertools.pairwise(corners):
+        ways = np.arange(0.0, float(np.hypot(*(b - a))), apart)
+        poses += [[*(a + s * (b - a) / np.hypot(*(b - a))), math.atan2(*(b - a)[::-1])] for s in ways]
+    true, rng = np.array(poses), np.random.default_rng(0)
+    seen = [
+        cast(BLOCK, p, sigma_range=0.015, sigma_bearing=0.002, rng=rng, t=float(i)) for i, p in enumerate(true.tolist())
+    ]
+    guess = [true[0]]
+    for step in relative(true[:-1], true[1:]):
+        guess.append(compose(guess[-1], step * [1.02, 1.0, 1.0] + rng.normal(size=3) * [0.05, 0.03, 0.03]))
+    found = match_scans(seen, np.array(guess))
+    steps = relative(found.poses[:-1], found.poses[1:]) - relative(true[:-1], true[1:])
+    assert np.hypot(*steps[:, :2].T).max() < 1.0  # what the window is worth
+
+
+@pytest.mark.slow
+def test_backwards_out_of_a_corridor_a_robot_that_looks_ahead_is_where_odometry_says() -> None:
+    """Most of what it sees at its sides is new, and would fit the best if it had not moved; a laser of 80 m."""
+    hall = (room(0.0, 0.0, 70.0, 4.0), shapely.box(3.0, 0.0, 4.0, 1.0), shapely.box(66.0, 3.0, 67.0, 4.0))
+    x = np.arange(62.0, 8.0, -0.8)
+    true = np.column_stack([x, np.full_like(x, 2.0), np.zeros_like(x)])
+    rng = np.random.default_rng(0)
+    seen = [cast(hall, p, range_max=80.0, sigma_range=0.01, rng=rng, t=float(i)) for i, p in enumerate(true.tolist())]
+    guess = [true[0]]
+    for step in relative(true[:-1], true[1:]):
+        guess.append(compose(guess[-1], step + rng.normal(size=3) * [0.01, 0.003, 0.0003]))
+    settings = graph_settings(
+        Scanner(180, math.pi, 80.0, sigma=0.01), np.array([0.01**2, 0.0003**2]) * len(x), 0.8 * len(x), False
+    )
+    found = match_scans(seen, np.array(guess), settings)
+    assert np.abs(found.poses - true)[:, 0].max() < 0.5
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ of all the other stretches of the drive that saw the same place, and all relatio
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from copy import copy
 from typing import NamedTuple
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.loop_closure import LoopFinder
 from trailmark.estimation.graph.pose_graph import Relation, optimise, pose_covariances, relative_covariances
+from trailmark.estimation.graph.relocation import places_like
 from trailmark.estimation.graph.revisits import revisit_relations
 from trailmark.estimation.graph.submaps import MIN_POINTS, KeyScans
 from trailmark.estimation.logs.records import Scan
@@ -25,7 +25,7 @@ from trailmark.estimation.scans.clouds import PointCloud, relative, surface_clou
 from trailmark.estimation.scans.correlation import Window, match_covariance, search
 from trailmark.estimation.scans.local_map import SIGMA, LocalMap
 from trailmark.estimation.scans.matching import facing_score, refine
-from trailmark.se2 import FloatArray, compose
+from trailmark.se2 import FloatArray, compose, difference
 
 __all__ = ["ScanPoses", "ScanSlam", "match_scans"]
 
@@ -33,8 +33,11 @@ MAX_WINDOW = Window(2.0, np.radians(60.0))
 """The largest window around what odometry says that is searched: beyond, it is no guess."""
 
 CARRIED = 5.0
-"""Times the distance between nodes that the robot was carried, at least, where a step does not fit what was seen before
-it; one that drives, and whose scans are so far apart, is where odometry and the match say together."""
+"""Times the distance between nodes from which on a step that does not fit what was seen before it is none of driving:
+the robot was carried, or the log jumps."""
+
+UNFIT = 0.5
+"""Share of a loop closure's score below which a scan does not fit where odometry has it, however much of it is new."""
 
 FACING_SHARE = 0.9
 """Share of a match's score, at least, that points on surfaces facing as theirs have in it: otherwise it is compared
@@ -47,16 +50,6 @@ those at surfaces that face another way counted as negative."""
 
 MATCHED = 400
 """End points, at most, that are searched for in a local map: a scanner with more beams shows no more shapes."""
-
-SEARCHED = 200
-"""End points, at most, that are looked for in the whole map."""
-
-
-HEADINGS = 8
-"""Parts of a full turn in which it is looked for one by one."""
-
-FAR = 1e6
-"""Metres: all of a map."""
 
 
 class ScanPoses(NamedTuple):
@@ -192,15 +185,21 @@ class ScanSlam:
         )
         points = cloud.points[:: -(-len(cloud.points) // MATCHED)]
         found = search(self._area, points, guess, window, information=information)
-        if found is None or found.score < s.loop_score:
-            far, near = np.hypot(*step[:2]), np.hypot(*(self._keys.poses - guess)[:, :2].T).min()
-            if far > max(MAX_WINDOW.xy, CARRIED * s.key_distance) and near < MAX_WINDOW.xy:
-                # Carried away, and back to where it has been.
-                self.place(scan, guess, odometry)
+        score = 0.0 if found is None else found.score
+        if score < s.loop_score:
+            unfit, here, driven = score < UNFIT * s.loop_score, self._keys.poses[last], np.hypot(*step[:2])
+            carried = unfit and driven > max(MAX_WINDOW.xy, CARRIED * s.key_distance)
+            if carried and np.hypot(*(self._keys.poses - guess)[:, :2].T).min() < MAX_WINDOW.xy:
+                self.place(scan, guess, odometry)  # back to where it has been
                 return
-            # Wheels that slipped, or a jump in the log: perhaps the robot is still near where it was.
-            here, floor = self._keys.poses[last], s.loop_score if found is None else max(s.loop_score, found.score)
-            if other := search(self._area, points, here, MAX_WINDOW, coarseness=2, min_score=floor):
+            other = search(self._area, points, here, MAX_WINDOW, coarseness=2, min_score=max(s.loop_score, score))
+            # Wheels that slipped in a turn, a push, or a jump in the log: the robot is still near where it was. That it
+            # has hardly moved is not believed: from there all looks as it did, along a corridor most of all.
+            if other and (
+                carried
+                or abs(difference(guess, other.pose)[2]) > window.theta
+                or (unfit and np.hypot(*relative(here, other.pose)[:2]) > driven)
+            ):
                 found, guess, noise = other, other.pose, np.eye(3)
                 step, information = relative(here, guess), _inverse(noise)
         self._keys.relations.append(Relation(last, own, step, noise))
@@ -253,21 +252,7 @@ class ScanSlam:
 
     def candidates(self, scan: Scan) -> FloatArray:
         """Return where in the whole map a scan may have been taken, shape (k, 3): the best place for each heading."""
-        s, keys = self._s, self._keys
-        cloud = surface_cloud(scan, s.max_range)
-        if len(cloud.points) < MIN_POINTS or not len(keys):
-            return np.empty((0, 3))
-        area = keys.area(np.arange(len(keys)), keys.poses[0], FAR, FAR)
-        low, high = area.points.min(axis=0), area.points.max(axis=0)
-        points = cloud.points[:: -(-len(cloud.points) // SEARCHED)]
-        window = Window(0.5 * float((high - low).max()), math.pi / HEADINGS)
-        found = list[FloatArray]()
-        for heading in 2.0 * math.pi * np.arange(HEADINGS) / HEADINGS:
-            guess = np.append(0.5 * (low + high), heading)
-            match = search(area, points, guess, window, coarseness=2, min_score=0.5 * s.loop_score)
-            if match is not None:
-                found.append(refine(area, cloud, match.pose).pose)
-        return np.array(found).reshape(-1, 3)
+        return places_like(scan, self._keys, self._s)
 
     def finish(self, odometry: FloatArray) -> ScanPoses:
         """Return the poses of all scans; more of them may be taken in afterwards as if nothing had been asked."""
