@@ -65,6 +65,14 @@ def odometry() -> FloatArray:
     return np.array(poses)
 
 
+def drifting(true: FloatArray, sigmas: list[float], rng: np.random.Generator, scale: float = 1.0) -> FloatArray:
+    """Return odometry along true poses, shape (n, 3): each step errs by standard deviations of x, y, theta."""
+    poses = [true[0]]
+    for step in relative(true[:-1], true[1:]):
+        poses.append(compose(poses[-1], step * [scale, 1.0, 1.0] + rng.normal(size=3) * sigmas))
+    return np.array(poses)
+
+
 @cache
 def matched() -> ScanPoses:
     return match_scans(scans(), odometry())
@@ -182,10 +190,7 @@ def test_a_robot_that_drives_back_was_not_carried_there(apart: float, settings: 
     seen = [
         cast(hall, p, field=2.0 * math.pi, sigma_range=0.01, rng=rng, t=float(i)) for i, p in enumerate(true.tolist())
     ]
-    guess = [true[0]]
-    for step in relative(true[:-1], true[1:]):
-        guess.append(compose(guess[-1], step + rng.normal(size=3) * [0.02, 0.01, 0.001]))
-    found = match_scans(seen, np.array(guess), settings)
+    found = match_scans(seen, drifting(true, [0.02, 0.01, 0.001], rng), settings)
     steps = relative(found.poses[:-1], found.poses[1:]) - relative(true[:-1], true[1:])
     assert np.hypot(*steps[:, :2].T).max() < 0.25
     assert np.hypot(*(found.poses - true)[:, :2].T).max() < 1.5
@@ -204,10 +209,7 @@ def test_a_scan_that_shows_new_things_does_not_say_that_the_robot_stands(apart: 
     seen = [
         cast(BLOCK, p, sigma_range=0.015, sigma_bearing=0.002, rng=rng, t=float(i)) for i, p in enumerate(true.tolist())
     ]
-    guess = [true[0]]
-    for step in relative(true[:-1], true[1:]):
-        guess.append(compose(guess[-1], step * [1.02, 1.0, 1.0] + rng.normal(size=3) * [0.05, 0.03, 0.03]))
-    found = match_scans(seen, np.array(guess))
+    found = match_scans(seen, drifting(true, [0.05, 0.03, 0.03], rng, scale=1.02))
     steps = relative(found.poses[:-1], found.poses[1:]) - relative(true[:-1], true[1:])
     assert np.hypot(*steps[:, :2].T).max() < 1.0  # what the window is worth
 
@@ -220,13 +222,11 @@ def test_backwards_out_of_a_corridor_a_robot_that_looks_ahead_is_where_odometry_
     true = np.column_stack([x, np.full_like(x, 2.0), np.zeros_like(x)])
     rng = np.random.default_rng(0)
     seen = [cast(hall, p, range_max=80.0, sigma_range=0.01, rng=rng, t=float(i)) for i, p in enumerate(true.tolist())]
-    guess = [true[0]]
-    for step in relative(true[:-1], true[1:]):
-        guess.append(compose(guess[-1], step + rng.normal(size=3) * [0.01, 0.003, 0.0003]))
+    guess = drifting(true, [0.01, 0.003, 0.0003], rng)
     settings = graph_settings(
         Scanner(180, math.pi, 80.0, sigma=0.01), np.array([0.01**2, 0.0003**2]) * len(x), 0.8 * len(x), False
     )
-    found = match_scans(seen, np.array(guess), settings)
+    found = match_scans(seen, guess, settings)
     assert np.abs(found.poses - true)[:, 0].max() < 0.5
 
 

@@ -193,7 +193,7 @@ class ScanSlam:
                 self.place(scan, guess, odometry)  # back to where it has been
                 return
             other = search(self._area, points, here, MAX_WINDOW, coarseness=2, min_score=max(s.loop_score, score))
-            # Wheels that slipped in a turn, a push, or a jump in the log: the robot is still near where it was. That it
+            # A jump in the log, wheels that slipped in a turn, or a push: the robot is still near where it was. That it
             # has hardly moved is not believed: from there all looks as it did, along a corridor most of all.
             if other and (
                 carried
