@@ -162,6 +162,25 @@ def test_places_that_look_alike_close_no_loop() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 8, 10])
+def test_a_place_seen_from_the_other_side_closes_no_loop_along_the_corridor(seed: int) -> None:
+    """No map has what a laser that looked ahead had behind it, the end wall; shifted along, most of the rest fits."""
+    corners = np.array([[1.2, 1.2], [22.8, 1.2], [22.8, 12.8], [1.2, 12.8], [1.2, 1.2]])
+    poses = []
+    for a, b in itertools.pairwise([*corners, *corners[-2::-1]]):
+        steps = np.arange(0.0, float(np.hypot(*(b - a))), 1.0)
+        poses += [[*(a + s * (b - a) / np.hypot(*(b - a))), math.atan2(*(b - a)[::-1])] for s in steps]
+    true, rng = np.array(poses), np.random.default_rng(seed)
+    seen = [
+        cast(BLOCK, p, range_max=6.0, sigma_range=0.015, sigma_bearing=0.002, rng=rng, t=float(i))
+        for i, p in enumerate(true.tolist())
+    ]
+    found = match_scans(seen, drifting(true, [0.03, 0.02, 0.02], rng, scale=1.02))
+    assert found.closures >= 2
+    assert np.hypot(*(found.poses - true)[:, :2].T).max() < 0.5  # 2.2 m where such a loop is closed
+
+
+@pytest.mark.slow
 def test_odometry_that_jumps_or_slips_is_not_believed() -> None:
     true = truth()[:40]
     steps = relative(true[:-1], true[1:])

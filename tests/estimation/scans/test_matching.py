@@ -13,6 +13,7 @@ from tests.estimation.ray_casting import cast, room
 
 from trailmark.estimation.scans.clouds import PointCloud, joined, point_cloud
 from trailmark.estimation.scans.correlation import Window, match_covariance, search
+from trailmark.estimation.scans.line_of_sight import in_view
 from trailmark.estimation.scans.local_map import LocalMap, local_map
 from trailmark.estimation.scans.matching import facing_score, refine
 from trailmark.se2 import FloatArray, wrap
@@ -185,3 +186,35 @@ def test_points_of_a_walls_other_face_do_not_count() -> None:
     # Points without a direction count where the face is turned to the scanner; outside the map nothing does.
     assert facing_score(area, PointCloud(wall, np.zeros_like(towards), dense), here) == pytest.approx(1.0, abs=0.1)
     assert facing_score(area, PointCloud(wall + 50.0, towards, dense), here) == 0.0
+
+
+def test_what_lies_behind_walls_or_at_the_robots_back_is_not_in_view() -> None:
+    """A wall 4 m ahead with a door in it, seen by a laser of 180 degrees."""
+    wall = shapely.difference(shapely.box(4.0, -6.0, 4.2, 6.0), shapely.box(3.9, -0.5, 4.3, 0.5))
+    cloud = point_cloud(cast([wall], (0.0, 0.0, 0.0), range_max=20.0), 20.0)
+    before, at, behind, through, aside, back = (2.0, 2.0), (4.1, 2.0), (5.5, 2.0), (5.5, 0.0), (0.5, 5.0), (-2.0, 0.5)
+    seen = in_view(cloud, np.array([before, at, behind, through, aside, back]))
+    assert seen.tolist() == [True, True, False, False, False, False]
+    nothing = PointCloud(np.empty((0, 2)), np.empty((0, 2)), np.empty(0))
+    assert not in_view(nothing, np.array([before])).any()
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=30, deadline=None)
+def test_what_beams_reach_is_in_view_and_nothing_half_a_metre_behind_walls(seed: int) -> None:
+    """By shapely: where rays along the bearing, and a hundredth of a radian beside it, first meet a wall."""
+    walls = [room(-5.0, -4.0, 6.0, 5.0), shapely.box(2.0, 1.0, 3.0, 2.5), shapely.box(-3.0, -2.0, -2.5, 0.0)]
+    points = np.random.default_rng(seed).uniform([-4.5, -3.5], [5.5, 4.5], (200, 2))
+    bearing, distance = np.arctan2(points[:, 1], points[:, 0]), np.hypot(*points.T)
+    points, bearing, distance = (a[np.abs(bearing) < 3.1] for a in (points, bearing, distance))  # beams begin behind
+    cloud = point_cloud(cast(walls, (0.0, 0.0, 0.0), beams=720, field=2.0 * math.pi), 20.0)
+    rays = bearing[:, None] + [-0.01, 0.0, 0.01]
+    ends = 20.0 * np.stack([np.cos(rays), np.sin(rays)], axis=-1)
+    lines = shapely.linestrings(np.stack([np.zeros_like(ends), ends], axis=-2))
+    first = shapely.distance(shapely.intersection(lines, shapely.union_all(walls)), shapely.Point(0.0, 0.0))
+    seen = in_view(cloud, points)
+    reached, hidden = distance < first.min(axis=1) - 0.01, distance > first.max(axis=1) + 0.51
+    assert reached.sum() > 100
+    assert hidden.sum() > 2
+    assert seen[reached].all()
+    assert not seen[hidden].any()

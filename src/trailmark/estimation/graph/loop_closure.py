@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -14,8 +15,9 @@ from trailmark.estimation.filter.consistency import chi_square_quantile
 from trailmark.estimation.graph.graph_settings import GraphSettings
 from trailmark.estimation.graph.pose_graph import Relation
 from trailmark.estimation.graph.submaps import KeyScans, in_frame
-from trailmark.estimation.scans.clouds import relative
-from trailmark.estimation.scans.correlation import Window, match_covariance, search
+from trailmark.estimation.scans.clouds import PointCloud, relative, transformed
+from trailmark.estimation.scans.correlation import ELSEWHERE, Window, match_covariance, search
+from trailmark.estimation.scans.line_of_sight import in_view
 from trailmark.estimation.scans.matching import refine
 from trailmark.se2 import FloatArray, compose
 
@@ -27,6 +29,9 @@ MAX_WINDOW = Window(10.0, math.pi)
 OPEN = 0.01
 """Square metres: what is farther open than that along a corridor is held by odometry, or where that is better, by four
 times its variance."""
+
+UNSEEN = 0.5
+"""Likelihood of an end point where no scan of the map saw: it tells neither for a match nor against it."""
 
 MAX_CANDIDATES = 6
 """Earlier places, at most, that one scan is compared with."""
@@ -118,9 +123,22 @@ class LoopFinder:
         limit = s.loop_ambiguity * found.score
         if search(area, query.points, guess, window, coarseness=2, min_score=limit, apart_from=found.pose):
             return None
-        found = refine(area, query, found.pose)
+        found, near = refine(area, query, found.pose), refine(area, query, guess)
+        apart = np.abs(relative(near.pose, found.pose))
+        if np.hypot(*apart[:2]) > ELSEWHERE.xy or apart[2] > ELSEWHERE.theta:
+            # Where the graph has the scan, much of it may lie beyond what the map's scans saw.
+            known = near.score + UNSEEN * (1.0 - self._seen_share(query, near.pose, chain))
+            other = found.score + UNSEEN * (1.0 - self._seen_share(query, found.pose, chain))
+            if known > s.loop_ambiguity * other:
+                return None
         covariance, is_open = match_covariance(area, keys.clouds[k].points, found.pose, scatter=s.scatter)
         return None if is_open else keys.related(place, k, found.pose, covariance, certain=False)
+
+    def _seen_share(self, query: PointCloud, pose: FloatArray, chain: NDArray[np.intp]) -> float:
+        """Return the share of a cloud's points, at a pose, that lie where the scans of a chain saw."""
+        keys = self._keys
+        seen = [in_view(keys.clouds[i], transformed(query, relative(keys.poses[i], pose)).points) for i in chain]
+        return float(np.any(seen, axis=0).mean())
 
     def _with_errors_of_maps(self, closure: Relation) -> Relation:
         """Return a closure with the errors inside the two maps that it joins; whether two agree is asked without."""

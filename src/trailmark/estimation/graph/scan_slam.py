@@ -24,7 +24,7 @@ from trailmark.estimation.logs.records import Scan
 from trailmark.estimation.scans.clouds import PointCloud, relative, surface_cloud
 from trailmark.estimation.scans.correlation import Window, match_covariance, search
 from trailmark.estimation.scans.local_map import SIGMA, LocalMap
-from trailmark.estimation.scans.matching import facing_score, refine
+from trailmark.estimation.scans.matching import refine, refine_by_faces
 from trailmark.se2 import FloatArray, compose, difference
 
 __all__ = ["ScanPoses", "ScanSlam", "match_scans"]
@@ -38,15 +38,6 @@ the robot was carried, or the log jumps."""
 
 UNFIT = 0.5
 """Share of a loop closure's score below which a scan does not fit where odometry has it, however much of it is new."""
-
-FACING_SHARE = 0.9
-"""Share of a match's score, at least, that points on surfaces facing as theirs have in it: otherwise it is compared
-with the match near the guess. Behind a door in a thin wall, matches that take its one face for the other have up to
-0.7; right ones have nearly 1."""
-
-FACING_MARGIN = 0.1
-"""By how much the mean likelihood of the points has to be better under the match near the guess for it to be taken,
-those at surfaces that face another way counted as negative."""
 
 MATCHED = 400
 """End points, at most, that are searched for in a local map: a scanner with more beams shows no more shapes."""
@@ -153,82 +144,91 @@ class ScanSlam:
 
     def add(self, scan: Scan, odometry: FloatArray) -> None:
         """Take in the next scan, with its pose by odometry, shape (3,): the first one's is taken as it is."""
-        s, cloud = self._s, surface_cloud(scan, self._s.max_range)
-        step = relative(self._odometry, odometry)
-        if self._area is None:
+        s, keys, area, cloud = self._s, self._keys, self._area, surface_cloud(scan, self._s.max_range)
+        if area is None:
             self._add_key(odometry, cloud, odometry)
             return
-        last = self._last
-        if np.hypot(*step[:2]) < s.key_distance and abs(step[2]) < s.key_angle:
-            # Too little has changed for a node of its own, unless the odometry hides it.
-            guess = compose(self._keys.poses[last], step)
-            match = refine(self._area, cloud, guess, information=self._weight * _inverse(s.odometry_noise(step)))
-            pose = relative(self._keys.poses[last], match.pose)
-            if len(cloud.points) < MIN_POINTS or (
-                match.score >= 0.5 * s.loop_score and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
-            ):
-                matched = self._covariance_of(self._area, cloud, match.pose)
-                self._covariance = _combined(matched, s.odometry_noise(step))
-                self._hold(last, pose)
-                return
-        guess, noise = compose(self._keys.poses[last], step), s.odometry_noise(step)
-        information = _inverse(noise)
-        own = len(self._keys)
-        if len(cloud.points) < MIN_POINTS:
-            self._keys.relations.append(Relation(last, own, step, noise))
-            self._covariance = noise
-            self._add_key(guess, cloud, odometry)
+        last, own, step = self._last, len(keys), relative(self._odometry, odometry)
+        noise = s.odometry_noise(step)
+        if np.hypot(*step[:2]) < s.key_distance and abs(step[2]) < s.key_angle and self._hold_beside(area, cloud, step):
             return
+        if len(cloud.points) < MIN_POINTS:
+            keys.relations.append(Relation(last, own, step, noise))
+            self._covariance = noise
+            self._add_key(compose(keys.poses[last], step), cloud, odometry)
+            return
+        found = self._search(area, cloud, step, noise)
+        if found is None:
+            self.place(scan, compose(keys.poses[last], step), odometry)
+            return
+        start, step, noise = found
+        guess, information = compose(keys.poses[last], step), self._weight * _inverse(noise)
+        pose = refine_by_faces(area, cloud, start, guess, information).pose
+        if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
+            return
+        matched = self._covariance_of(area, cloud, pose)
+        keys.relations.append(Relation(last, own, step, noise))
+        keys.relations.append(keys.related(last, own, pose, matched, certain=True))
+        self._covariance = _combined(matched, noise)
+        self._add_key(pose, cloud, odometry)
+        self._close_loops(own)
+
+    def _hold_beside(self, area: LocalMap, cloud: PointCloud, step: FloatArray) -> bool:
+        """Hold a scan by the last node, as too little has changed for one of its own, unless odometry hides more."""
+        s, here, noise = self._s, self._keys.poses[self._last], self._s.odometry_noise(step)
+        match = refine(area, cloud, compose(here, step), information=self._weight * _inverse(noise))
+        pose = relative(here, match.pose)
+        fits = match.score >= 0.5 * s.loop_score and np.hypot(*(pose - step)[:2]) < 0.5 * s.key_distance
+        if len(cloud.points) >= MIN_POINTS and not fits:
+            return False
+        self._covariance = _combined(self._covariance_of(area, cloud, match.pose), noise)
+        self._hold(self._last, pose)
+        return True
+
+    def _search(
+        self, area: LocalMap, cloud: PointCloud, step: FloatArray, noise: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """Return a scan's pose, found around where odometry has it, and what is taken for the odometry.
+
+        Returns:
+            The pose, the step from the last node, and its covariance; None for a robot that was carried back to where
+            it has been.
+        """
+        s, here = self._s, self._keys.poses[self._last]
+        guess, driven = compose(here, step), np.hypot(*step[:2])
         window = Window(
             min(MAX_WINDOW.xy, max(s.window[0], 3.0 * float(np.sqrt(noise[0, 0])))),
             min(MAX_WINDOW.theta, max(s.window[1], 3.0 * float(np.sqrt(noise[2, 2])))),
         )
         points = cloud.points[:: -(-len(cloud.points) // MATCHED)]
-        found = search(self._area, points, guess, window, information=information)
-        score = 0.0 if found is None else found.score
-        if score < s.loop_score:
-            unfit, here, driven = score < UNFIT * s.loop_score, self._keys.poses[last], np.hypot(*step[:2])
-            carried = unfit and driven > max(MAX_WINDOW.xy, CARRIED * s.key_distance)
-            if carried and np.hypot(*(self._keys.poses - guess)[:, :2].T).min() < MAX_WINDOW.xy:
-                self.place(scan, guess, odometry)  # back to where it has been
-                return
-            other = search(self._area, points, here, MAX_WINDOW, coarseness=2, min_score=max(s.loop_score, score))
-            # A jump in the log, wheels that slipped in a turn, or a push: the robot is still near where it was. That it
-            # has hardly moved is not believed: from there all looks as it did, along a corridor most of all.
-            if other and (
-                carried
-                or abs(difference(guess, other.pose)[2]) > window.theta
-                or (unfit and np.hypot(*relative(here, other.pose)[:2]) > driven)
-            ):
-                found, guess, noise = other, other.pose, np.eye(3)
-                step, information = relative(here, guess), _inverse(noise)
-        self._keys.relations.append(Relation(last, own, step, noise))
-        start = guess if found is None else found.pose
-        match = refine(self._area, cloud, start, information=self._weight * information, guess=guess)
-        facing = facing_score(self._area, cloud, match.pose)
-        if facing < FACING_SHARE * match.score:
-            # The search asks how near points come to surfaces, not how these face.
-            near = refine(self._area, cloud, guess, information=self._weight * information)
-            near_facing = facing_score(self._area, cloud, near.pose)
-            if 2.0 * near_facing - near.score > 2.0 * facing - match.score + FACING_MARGIN:
-                match = near
-        pose = match.pose
-        if own >= s.max_nodes and self._return_to_node(pose, cloud, odometry):
-            self._keys.relations.pop()
-            return
-        matched = self._covariance_of(self._area, cloud, pose)
-        self._keys.relations.append(self._keys.related(last, own, pose, matched, certain=True))
-        self._covariance = _combined(matched, noise)
-        self._add_key(pose, cloud, odometry)
+        found = search(area, points, guess, window, information=_inverse(noise))
+        score, start = (0.0, guess) if found is None else (found.score, found.pose)
+        if score >= s.loop_score:
+            return start, step, noise
+        unfit = score < UNFIT * s.loop_score
+        carried = unfit and driven > max(MAX_WINDOW.xy, CARRIED * s.key_distance)
+        if carried and np.hypot(*(self._keys.poses - guess)[:, :2].T).min() < MAX_WINDOW.xy:
+            return None
+        other = search(area, points, here, MAX_WINDOW, coarseness=2, min_score=max(s.loop_score, score))
+        if other is None:
+            return start, step, noise
+        # A jump in the log, wheels that slipped in a turn, or a push: the robot is still near where it was. That it has
+        # hardly moved is not believed: from there all looks as it did, along a corridor most of all.
+        farther = unfit and np.hypot(*relative(here, other.pose)[:2]) > driven
+        if carried or farther or abs(difference(guess, other.pose)[2]) > window.theta:
+            return other.pose, relative(here, other.pose), np.eye(3)
+        return start, step, noise
+
+    def _close_loops(self, own: int) -> None:
+        """Take in the loop closures that a node confirms."""
         closures = self._loops.find(own)
-        if closures:
-            self._closures += len(closures)
-            self._keys.relations += closures
-            # What agrees with the poses as they are can wait.
-            if max(_surprise(closure, self._keys.poses) for closure in closures) > 1.0:
-                self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, s.outlier_gate)
-                self._renew_area()
-                self.corrections += 1
+        self._closures += len(closures)
+        self._keys.relations += closures
+        # What agrees with the poses as they are can wait.
+        if any(_surprise(closure, self._keys.poses) > 1.0 for closure in closures):
+            self._keys.poses, _ = optimise(self._keys.relations, self._keys.poses, self._s.outlier_gate)
+            self._renew_area()
+            self.corrections += 1
 
     def match(self, scan: Scan, odometry: FloatArray) -> FloatArray:
         """Return where a scan, with its pose by odometry, fits best what was seen just before, and leave it out."""

@@ -9,7 +9,7 @@ match, so that the direction of a corridor, along which nothing holds the scan, 
 
 from __future__ import annotations
 
-from math import atan2, ceil, cos, exp, floor, sin
+from math import atan2, ceil, cos, exp, floor, radians, sin
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from trailmark.estimation.scans.local_map import SIGMA, LocalMap
 from trailmark.estimation.scans.matching import NO_PRIOR, Match
 from trailmark.se2 import FloatArray
 
-__all__ = ["Window", "match_covariance", "search"]
+__all__ = ["ELSEWHERE", "Window", "match_covariance", "search"]
 
 FREE = 1.0
 """Metres: the standard deviation along a direction in which the map does not hold the scan."""
@@ -32,6 +32,10 @@ class Window(NamedTuple):
     """Metres along x and along y."""
     theta: float
     """Radians."""
+
+
+ELSEWHERE = Window(0.5, radians(15.0))
+"""How far a pose lies from another, at least, that is another place: metres, or radians."""
 
 
 def search(
@@ -56,7 +60,7 @@ def search(
             explains counts as much as a factor e of likelihood.
         coarseness: the angles tried move far points by so many cells.
         min_score: a match must have more.
-        apart_from: leave out the poses nearer to this one than half a metre and 15 degrees.
+        apart_from: leave out the poses that are nearer to this one than ELSEWHERE.
 
     Returns:
         The match, or None where none has more than ``min_score``.
@@ -180,7 +184,7 @@ def _search(levels, x0, y0, cell, points, guess, cells, turns, step, top, weight
             if level == 0:
                 x, y, theta = guess[0] + dx * cell, guess[1] + dy * cell, guess[2] + (k - turns) * step
                 turned = abs(atan2(sin(theta - other[2]), cos(theta - other[2])))
-                if turned < 0.26 and (x - other[0]) ** 2 + (y - other[1]) ** 2 < 0.25:
+                if turned < ELSEWHERE.theta and (x - other[0]) ** 2 + (y - other[1]) ** 2 < ELSEWHERE.xy**2:
                     continue
                 best = values[height]
                 lost = wt * (k - turns) ** 2 + wx * dx**2 + wy * dy**2
