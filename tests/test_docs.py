@@ -24,7 +24,7 @@ SETUP = "python3 -m venv"
 LIMIT = 400.0
 """Seconds for one snippet, on a machine that does other work as well."""
 
-PLANNING, EXPLORING, RUN = 1.5, 3.0, 0.2
+PLANNING, EXPLORING, RUN = 0.5, 2.0, 0.2
 """Seconds that a page's programs may plan and explore and a benchmark's run may last; on the page they are more."""
 
 
