@@ -56,7 +56,7 @@ def test_checking_and_planning_make_no_polygons() -> None:
     occupied[:2], occupied[-2:] = False, False
     world = World.from_grid(occupied, 1.0)
     planner = LandmarkPlanner(world, Robot.disc(0.4), seed=0)
-    result = planner.plan((0.5, 0.5, 0.0), (39.5, 39.5, 1.0), time_limit=1.5)
+    result = planner.plan((0.5, 0.5, 0.0), (39.5, 39.5, 1.0), time_limit=5.0)
     assert result.path is not None
     assert result.path.cost <= 1.01 * (result.lower_bound or 0.0)
     assert not made(world)
