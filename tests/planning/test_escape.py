@@ -8,6 +8,7 @@ from benchmarks.random_worlds import ROBOTS, random_world
 
 from trailmark import Disc, LandmarkPlanner, Path, Polygon, Rectangle, StateChecker, World, check_path
 from trailmark.audit.depth import Penetration
+from trailmark.motion import motion_of
 from trailmark.planning.escape import way_out
 from trailmark.world import Robot
 
@@ -78,6 +79,45 @@ def test_a_car_drives_out() -> None:
     assert np.hypot(*(out[-1] - out[0])[:2]) < 0.3
     # It does not reverse, and ahead is the wall.
     assert way_out(StateChecker(WALL, robot.steered(2.0, reverse=False)), np.array([8.2, 3.0, 0.0])) is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reverse", [True, False])
+def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reverse: bool) -> None:
+    robot, rng, met = Robot.rectangle(1.0, 0.4).differential(reverse=reverse), np.random.default_rng(2), 0
+    for seed in range(4):
+        world = random_world(seed, 30, size=40.0, discs=0.3)
+        checker = StateChecker(world, robot)
+        motion = motion_of(checker)
+        q = np.column_stack([rng.uniform(3, 37, (300, 2)), rng.uniform(-3, 3, 300)])
+        for start in q[~checker.valid(q)][:25]:
+            out = way_out(checker, start)
+            if out is None:
+                continue
+            assert checker.valid(out[-1])
+            driven = motion.path(out)
+            # One motion, straight or in place.
+            assert len(driven.states) == 2
+            depths = depth_of(world, robot, driven.resample(0.02).states)
+            assert depths.max() <= depths[0] + 1e-4
+            met += 1
+    assert met > 20
+
+
+def test_a_differential_drive_with_its_nose_in_a_wall_touches_nothing_else() -> None:
+    # Above it a post stands that turning to drive straight away from the wall would meet.
+    wall, post = Rectangle((10.0, 1.0), 20.0, 2.0), Rectangle((5.0, 2.69), 0.2, 0.2)
+    world = World("w", (0.0, 0.0, 20.0, 10.0), (wall, post))
+    robot = Robot.rectangle(1.0, 0.4).differential(reverse=True)
+    start, goal = np.array([5.0, 2.239, -0.1]), np.array([3.0, 6.0, 0.0])
+    planner = LandmarkPlanner(world, robot, seed=0)
+    assert not planner.checker.valid(start)
+    result = planner.replan(start, goal, Path(np.array([start, goal])), time_limit=5.0, escape=True)
+    assert result.path is not None
+    assert result.escape == 1
+    states = result.path.resample(0.01).states
+    assert Penetration(robot, post).at(states).max() == 0.0
+    assert Penetration(robot, wall).at(states).max() == Penetration(robot, wall).at(states[:1])[0]
 
 
 def test_there_may_be_no_way_out() -> None:

@@ -7,13 +7,14 @@ everywhere or nowhere, which its middle tells. Nothing is sampled.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import atan2, fabs, hypot, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from trailmark.collision import StateChecker
 from trailmark.compiled import njit
 from trailmark.curves.words import PIECES, drive
 from trailmark.heading import wrapped
@@ -21,7 +22,7 @@ from trailmark.se2 import FloatArray
 from trailmark.sorting import sort_in_place
 from trailmark.zones import OneWayZone, Zone
 
-__all__ = ["DEPTH", "OneWays", "curve_allowed", "one_ways", "straight_allowed"]
+__all__ = ["DEPTH", "OneWays", "curve_allowed", "one_ways", "straight_allowed", "straight_valid"]
 
 DEPTH = 1e-7
 """Metres by which a motion may reach into a zone in any direction: as far as the robot may overlap obstacles."""
@@ -75,6 +76,23 @@ def straight_allowed(zones: OneWays, a: FloatArray, b: FloatArray) -> bool:
         return True
     dx, dy = b[0] - a[0], b[1] - a[1]
     return _piece_allowed(zones, a[0], a[1], atan2(dy, dx), 0.0, hypot(dx, dy), 1.0)
+
+
+def straight_valid(checker: StateChecker) -> Callable[[FloatArray, FloatArray], NDArray[np.bool_]]:
+    """Return what tells which straight motions between states, each of shape (n, 3), are certified and allowed.
+
+    A car's path is joined by them once it is a file of states, whatever its curves are.
+    """
+    zones = one_ways(checker.world.zones)
+
+    def valid(a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
+        found = np.array(checker.motions_valid(a, b))
+        if len(zones.headings):
+            for i in np.flatnonzero(found):
+                found[i] = straight_allowed(zones, a[i], b[i])
+        return found
+
+    return valid
 
 
 @njit(cache=True)

@@ -17,6 +17,7 @@ from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import ConfigurationError, WorldError
 from trailmark.motion import motion_of
+from trailmark.motion.one_way import straight_valid
 from trailmark.ompl_bridge.checker import MotionValidator, StateValidityChecker, updated_checker
 from trailmark.ompl_bridge.guard import solve
 from trailmark.ompl_bridge.ompl_curves import followed_states
@@ -148,7 +149,7 @@ class SE2Problem:
         if steering is None:
             return Path(states_of(path))
         curves = CurvePath(followed_states(self.information, path, steering), steering)
-        return curves.refined(self.checker.motions_valid)
+        return curves.refined(straight_valid(self.checker))
 
     def graph(self) -> Any:
         """Return the planner's roadmap or tree as a ``networkx.Graph``."""

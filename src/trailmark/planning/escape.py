@@ -3,7 +3,8 @@
 The penetration depth is the length of the shortest translation to a place where the robot is free (Dobkin,
 Hershberger, Kirkpatrick & Suri, "Computing the intersection-depth of polyhedra", Algorithmica 9, 1993). Along that very
 translation it falls by a metre for each metre: no place along it has a nearer way out, by the triangle inequality.
-A car does not move sideways: it drives the shortest arc that leads out and along which the depth never rises.
+A car or a differential drive does not move sideways: of the arcs, or straight drives and turns in place, that lead out
+and along which the depth never rises, it takes the shortest.
 """
 
 # Tested by tests/planning/test_escape.py.
@@ -22,7 +23,7 @@ from trailmark.curves.words import drive
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.triangles import convex_pieces
-from trailmark.world import World
+from trailmark.world import Robot, World
 
 __all__ = ["way_out"]
 
@@ -32,11 +33,17 @@ BEYOND = (1e-6, 1e-5, 1e-4, 1e-3)
 ARC_STEP, LONGEST_ARC = 0.02, 1.0
 """Steps of a car's arcs, and how long they are at most, in turning radii."""
 
+DRIVE_STEP, LONGEST_DRIVE = 0.02, 2.0
+"""Likewise a differential drive's straight drives, in circumradii."""
+
+TURN_STEP, LONGEST_TURN = 0.02, 3.1
+"""Likewise its turns in place, in radians: less than half a turn, which would have no direction."""
+
 CHORDS = 128
 """Of a quarter of a circle, where a disc's region is made a polygon: it is too large by 2e-5 of the radius at most."""
 
 DEEPER = 1e-6
-"""Metres by which rounding may let the depth rise along a car's arc."""
+"""Metres by which rounding may let the depth rise along a drive."""
 
 
 def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
@@ -47,7 +54,11 @@ def way_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
         q: not valid, shape (3,).
     """
     if checker.robot.turning_radius is not None:
-        return _drive_out(checker, q)
+        return _drive_out(checker, q, _arcs(checker.robot, q))
+    if checker.robot.drive == "differential" and not checker.footprint.is_disc:
+        # All of a drive lies on the line from its end to its beginning, all of a turn in between.
+        rows = _drive_out(checker, q, _drives_and_turns(checker.robot, q))
+        return None if rows is None else rows[[0, -1]]
     reach = 2.0 * checker.robot.circumradius
     while True:
         free = _free_shifts(checker, q, reach)
@@ -126,21 +137,44 @@ def _obstacles(world: World) -> Iterator[Shape]:
             )
 
 
-def _drive_out(checker: StateChecker, q: FloatArray) -> FloatArray | None:
-    """Return the states of the shortest arc of a car that leads out and along which the depth never rises."""
-    radius = checker.robot.turning_radius or 0.0
-    ways = (1.0, -1.0) if checker.robot.reverse else (1.0,)
+def _arcs(robot: Robot, q: FloatArray) -> FloatArray:
+    """Return the states along each of a car's arcs from a configuration on, shape (k, n, 3)."""
+    radius = robot.turning_radius or 0.0
     lengths = np.arange(1, round(LONGEST_ARC / ARC_STEP) + 1) * ARC_STEP * radius
-    arcs = [(side, way) for way in ways for side in (0.0, 1.0, -1.0)]
-    states = np.array([[drive(q[0], q[1], q[2], side, way * s, radius) for s in lengths] for side, way in arcs])
+    arcs = [(side, way) for way in _ways(robot) for side in (0.0, 1.0, -1.0)]
+    return np.array([[drive(q[0], q[1], q[2], side, way * s, radius) for s in lengths] for side, way in arcs])
+
+
+def _drives_and_turns(robot: Robot, q: FloatArray) -> FloatArray:
+    """Return the states along a differential drive's straight drives and turns in place, shape (k, n, 3)."""
+    lengths = np.arange(1, round(LONGEST_DRIVE / DRIVE_STEP) + 1) * DRIVE_STEP * robot.circumradius
+    angles = np.minimum(np.arange(1, len(lengths) + 1) * TURN_STEP, LONGEST_TURN)
+    ahead = np.array([np.cos(q[2]), np.sin(q[2]), 0.0])
+    drives = [q + way * lengths[:, None] * ahead for way in _ways(robot)]
+    return np.array([*drives, *(q + way * angles[:, None] * (0.0, 0.0, 1.0) for way in (1.0, -1.0))])
+
+
+def _ways(robot: Robot) -> tuple[float, ...]:
+    return (1.0, -1.0) if robot.reverse else (1.0,)
+
+
+def _drive_out(checker: StateChecker, q: FloatArray, states: FloatArray) -> FloatArray | None:
+    """Return the shortest drive that leads out and along which the depth never rises, shape (n, 3).
+
+    Args:
+        checker: for the world and the robot.
+        q: where all begin, shape (3,).
+        states: along each of the drives, shape (k, n, 3).
+    """
     valid = np.array([checker.valid(rows) for rows in states])
-    first = np.where(valid.any(axis=1), valid.argmax(axis=1), len(lengths))
-    for arc in np.argsort(first, kind="stable"):
-        if first[arc] == len(lengths):
+    first = np.where(valid.any(axis=1), valid.argmax(axis=1), states.shape[1])
+    for k in np.argsort(first, kind="stable"):
+        if first[k] == states.shape[1]:
             return None
-        rows = np.vstack([q, states[arc, : first[arc] + 1]])
+        rows = np.vstack([q, states[k, : first[k] + 1]])
         depths = np.array([_depth(checker, state) for state in rows])
         if (np.diff(depths) <= DEEPER).all():
+            rows[1:, 2] = se2.wrap(rows[1:, 2])
             return rows
     return None
 

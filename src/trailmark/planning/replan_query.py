@@ -94,6 +94,7 @@ def _replanned(
     motion = model.motion
     states = np.vstack([out, vertices_of(motion, rest.path)[1:]])
     whole = motion.path(motion.whole_states(states, ends[0], ends[1]))
+    whole = model.verification.followed_by_lines(whole, leaves=True)
     return replace(
         rest,
         path=whole,

@@ -1,6 +1,6 @@
 """Verification: what leaves the planner, paths and bounds, is checked in the form in which it is returned."""
 
-# Tested by tests/planning/test_final_check.py, test_planner.py and tests/planning/proofs/test_claims.py.
+# Tested, too, by tests/planning/test_final_check.py, test_planner.py and tests/planning/proofs/test_claims.py.
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.motion import Motion
 from trailmark.motion.base import least_clearance_of
+from trailmark.motion.one_way import straight_valid
 from trailmark.path import Path
 from trailmark.planning.error_report import report_error
 from trailmark.planning.final_check import FinalCheck
@@ -75,7 +76,7 @@ class Verification:
                 else:
                     # At the end it is reported, unless a better path has taken its place.
                     progress = replace(progress, path=None, cost=None)
-            on_progress(replace(progress, path=self._followed_by_lines(progress.path)))
+            on_progress(replace(progress, path=self.followed_by_lines(progress.path)))
 
         return hand_on
 
@@ -101,7 +102,7 @@ class Verification:
         cost, error = self.cost(path, incumbent)
         if path is not None and min_clearance is None:
             min_clearance = self.least_clearance(vertices_of(self.motion, path))[0]
-        path = self._followed_by_lines(path)
+        path = self.followed_by_lines(path)
         return PlanResult(
             status=status,
             path=path,
@@ -129,6 +130,21 @@ class Verification:
             target=tuple(incumbent.goal.tolist()),
         )
 
+    def followed_by_lines(self, path: Path | None, leaves: bool = False) -> Path | None:
+        """Return a path, a car's with states between which straight motions are free too: programs join them so.
+
+        Args:
+            path: that passed the final check, where it has to.
+            leaves: its first states are not valid. Motions from and to such states stay as they are.
+        """
+        if not isinstance(path, CurvePath):
+            return path
+        lines = straight_valid(self.checker)
+        if not leaves:
+            return path.refined(lines)
+        valid = self.checker.states_free
+        return path.refined(lambda a, b: ~valid(a) | ~valid(b) | lines(a, b))
+
     def least_clearance(self, vertices: FloatArray, known: float = np.inf) -> tuple[float, int]:
         """Return the least clearance (metres) found along a path of vertices (n, 3), and along which of its motions.
 
@@ -146,11 +162,7 @@ class Verification:
             return None
         path = self.motion.path(incumbent.nearest)
         certified = self.certified(path, np.array([incumbent.start, path.states[-1]]))
-        return self._followed_by_lines(path) if certified else None
-
-    def _followed_by_lines(self, path: Path | None) -> Path | None:
-        """Return the path, a car's with states between which straight motions are free too: programs join them so."""
-        return path.refined(self.checker.motions_valid) if isinstance(path, CurvePath) else path
+        return self.followed_by_lines(path) if certified else None
 
     def cost(self, path: Path | None, incumbent: Incumbent) -> tuple[float | None, float]:
         """Return a path's cost under the objective, as it is reported, and a bound on its error."""
