@@ -364,8 +364,8 @@ def text(record: dict[str, Any]) -> str:
             f"The first {WARM_UP:.0%} are warm-up. `ms`: processor time of the asking thread for a query, median since",
             "the row before; random and repeated queries end with their first path, of `plan_many` each has its whole",
             "answer. `nodes`, `edges`: of all roadmaps together. Memory is read while all threads wait between two",
-            "queries, garbage is collected and free pages are given back; all threads allocate from one pool, since the",
-            "C library keeps what is free at the end of a thread's own: up to 300 MB more of 8 threads.",
+            "queries, garbage is collected and free pages are given back; all threads allocate from one pool, since",
+            "the C library keeps what is free at the end of a thread's own: up to 300 MB more of 8 threads.",
         ]
     )
 

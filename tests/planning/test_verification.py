@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from trailmark import CurvePath, Disc, OneWayZone, Path, Rectangle, Robot, StateChecker, Steering, World, check_path
+from trailmark import (
+    CurvePath,
+    Disc,
+    OneWayZone,
+    Path,
+    Polygon,
+    Rectangle,
+    Robot,
+    StateChecker,
+    Steering,
+    World,
+    check_path,
+)
 from trailmark.motion import motion_of
 from trailmark.planning.verification import Verification
 from trailmark.zones import Zone
@@ -31,7 +43,7 @@ def wrong_way() -> OneWayZone:
     """Return a zone whose corners lie on the arc but for 10 µm, and which may be travelled to the left alone."""
     angles = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
     corners = np.array([8.0, 5.0]) + (RADIUS - 1e-5) * np.column_stack([np.cos(angles), np.sin(angles)])
-    return OneWayZone(corners, heading=np.pi, tolerance=0.2)
+    return OneWayZone(Polygon(corners), heading=np.pi, tolerance=0.2)
 
 
 def test_lines_beside_a_one_way_zone() -> None:

@@ -91,8 +91,9 @@ def leave(
             path = None
     status: Status = "timeout" if path is None else "solved"
     answer = without.verification.result(incumbent, status, path, model.shared.roadmap, found.time["build"] or 0.0)
-    path = model.verification.followed_by_lines(answer.path, leaves=True)
-    return replace(answer, path=path, goal=None if path is None else last.goal, lower_bound=found.lower_bound)
+    if answer.path is not None:
+        answer = replace(answer, path=model.verification.followed_by_lines(answer.path, leaves=True), goal=last.goal)
+    return replace(answer, lower_bound=found.lower_bound)
 
 
 def zones_at(checker: StateChecker, q: ArrayLike) -> tuple[str, ...]:

@@ -76,7 +76,9 @@ class Verification:
                 else:
                     # At the end it is reported, unless a better path has taken its place.
                     progress = replace(progress, path=None, cost=None)
-            on_progress(replace(progress, path=self.followed_by_lines(progress.path)))
+            if progress.path is not None:
+                progress = replace(progress, path=self.followed_by_lines(progress.path))
+            on_progress(progress)
 
         return hand_on
 
@@ -102,7 +104,8 @@ class Verification:
         cost, error = self.cost(path, incumbent)
         if path is not None and min_clearance is None:
             min_clearance = self.least_clearance(vertices_of(self.motion, path))[0]
-        path = self.followed_by_lines(path)
+        if path is not None:
+            path = self.followed_by_lines(path)
         return PlanResult(
             status=status,
             path=path,
@@ -130,7 +133,7 @@ class Verification:
             target=tuple(incumbent.goal.tolist()),
         )
 
-    def followed_by_lines(self, path: Path | None, leaves: bool = False) -> Path | None:
+    def followed_by_lines(self, path: Path, leaves: bool = False) -> Path:
         """Return a path, a car's with states between which straight motions are free too: programs join them so.
 
         Args:
