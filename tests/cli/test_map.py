@@ -170,6 +170,11 @@ def test_mrclam_folders_in_all_their_names(shell: Shell, mrclam: Path, tmp_path:
     assert len(set(worlds)) == 1
 
 
+def test_what_was_written_into_the_logs_folder_is_written_again(shell: Shell, mrclam: Path) -> None:
+    for _ in range(2):
+        assert shell("map", f"{mrclam}:1", "--output", mrclam / "map.yaml").status == 0
+
+
 @pytest.mark.slow
 def test_real_robots(shell: Shell, shared_data: Path, tmp_path: Path) -> None:
     folder, file = tmp_path / "cut", tmp_path / "world.yaml"

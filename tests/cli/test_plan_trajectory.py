@@ -41,7 +41,26 @@ def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: P
     # None, unless the machine left no time to get the path away from corners.
     assert all(np.shape(stop) == (3,) for stop in record["smooth"]["stops"])
     assert json.loads((tmp_path / "path.json").read_text())["states"] == record["states"]
+    assert record["cost"] == pytest.approx(record["length"] + 0.5 * record["rotation"], rel=1e-9)
     assert "stops on the way" in shell("plan", yard, "--smooth").out
+
+
+@pytest.mark.slow
+def test_the_cost_of_a_smooth_path_is_its_own(shell: Shell, yard: Path) -> None:
+    words = (
+        "--smooth",
+        "--json",
+        "--time-limit",
+        "0.5",
+        "--objective",
+        "time",
+        "--max-speed",
+        "0.5",
+        "--max-turn-rate",
+        "0.8",
+    )
+    record = json.loads(shell("plan", yard, *words).out)
+    assert record["cost"] == pytest.approx(record["length"] / 0.5 + record["rotation"] / 0.8, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -175,6 +175,7 @@ def smoothed(result: PlanResult, world: World, robot: Robot) -> tuple[PlanResult
         return result, {}
     from trailmark.collision import StateChecker
     from trailmark.errors import ConfigurationError
+    from trailmark.motion import motion_of
 
     checker = StateChecker(world, robot)
     try:
@@ -185,7 +186,14 @@ def smoothed(result: PlanResult, world: World, robot: Robot) -> tuple[PlanResult
         return result, {}
     clearance = float(checker.clearance(path.resample(max(SPACING, path.cost / MAX_ROWS)).states).min())
     found = {"stops": path.stops.tolist(), "max_curvature": path.max_curvature}
-    return replace(result, path=path, min_clearance=clearance), {"smooth": found}
+    result = replace(result, path=path, min_clearance=clearance)
+    # An objective charges a car for its shortest curves alone: its cost stays that of the path before.
+    if result.objective is None:
+        result = replace(result, charged=path.cost, cost_error=0.0)
+    elif robot.turning_radius is None:
+        charged, within = motion_of(checker, objective=result.objective).cost_within(path.states)
+        result = replace(result, charged=charged, cost_error=within)
+    return result, {"smooth": found}
 
 
 def trajectory_rows(record: dict[str, Any]) -> list[tuple[str, str]]:

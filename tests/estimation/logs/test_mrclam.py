@@ -65,12 +65,14 @@ def test_truth_and_landmarks_are_optional(tmp_path: Path) -> None:
     assert log.landmarks.shape == (0, 3)
 
 
-def test_which_robot(tmp_path: Path) -> None:
+def test_which_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = folder(tmp_path)
     (path / "Robot12_Odometry.dat").write_text("1 2 3\n")
     (path / "Robot12_Measurement.dat").write_text("")
     (path / "RobotX_Odometry.dat").write_text("")
-    for given in (f"{path}:12", path / "Robot12_Measurement.dat", path / "Robot12_Odometry.dat"):
+    monkeypatch.chdir(path)
+    files = path / "Robot12_Measurement.dat", path / "Robot12_Odometry.dat"
+    for given in (f"{path}:12", f"{path}/:12", ".:12", "../set:12", *files):
         assert load_log(given).records == (Odometry(1.0, 2.0, 3.0),)
     assert load_log(path, robot=12).name == load_log(path, "mrclam", robot=12).name == "set-robot12"
     with pytest.raises(FormatError, match=r"set: a folder of robots 1, 12: say which, as set:1"):

@@ -30,6 +30,9 @@ _ALLOWED = (
 
 _BAG_STARTS = (b"#ROSBAG V", b"SQLite format 3\0", b"\x89MCAP0\r\n")
 
+_PARTS = {".dat", ".db3", ".mcap", ".zstd", ".bag"}
+"""Endings of the files in a folder that is a log, beside a bag's ``metadata.yaml``."""
+
 _HEAD = 2**16
 """Bytes from a file's beginning in which a line must identify its format."""
 
@@ -116,16 +119,18 @@ def save_log(log: Log, path: str | FilePath) -> None:
 def log_files(path: str | FilePath) -> tuple[FilePath, ...]:
     """Return the files that a log given as for :func:`load_log` is read from, as far as they are there."""
     file, _ = _robot(FilePath(path), None)
-    return tuple(file.iterdir()) if file.is_dir() else (file,)
+    if not file.is_dir():
+        return (file,)
+    return tuple(part for part in sorted(file.iterdir()) if part.suffix in _PARTS or part.name == "metadata.yaml")
 
 
 def _robot(path: FilePath, robot: int | None) -> tuple[FilePath, int | None]:
     """Return the folder and the number where the path means an MRCLAM robot, else what was given."""
     from trailmark.estimation.logs.mrclam import robot_of
 
-    named = re.fullmatch(r"(.+):(\d+)", path.name)
-    if named and not path.exists() and path.with_name(named[1]).is_dir():
-        return path.with_name(named[1]), int(named[2])
+    named = re.fullmatch(r"(.+):(\d+)", str(path))
+    if named and not path.exists() and FilePath(named[1]).is_dir():
+        return FilePath(named[1]), int(named[2])
     own = robot_of(path)
     if own is not None and path.is_file():
         return path.parent, own if robot is None else robot
