@@ -147,6 +147,7 @@ def test_an_interruption_keeps_all_and_is_gone_on_with(
     ("words", "problem"),
     [
         ([], "--output is missing; expected --output DIR, or --resume DIR"),
+        (["--output", ""], "--output '': expected a folder's name"),
         (["--output", "file"], "file: expected a folder, got a file"),
         (["--output", "no/run"], "no/run: cannot be written: the directory 'no' does not exist"),
         (["--output", "mine"], "mine/map.yaml: a file that trailmark did not write is there"),

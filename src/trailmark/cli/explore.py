@@ -150,6 +150,8 @@ def _folder(output: Text, resume: Text, begun: dict[str, Text]) -> Path:
     if resume is None:
         if output is None:
             raise UsageError("--output is missing; expected --output DIR, or --resume DIR")
+        if not output:
+            raise UsageError(f"--output {output!r}: expected a folder's name; '.' is the present one")
         return Path(output)
     for name, text in begun.items():
         if text is not None:

@@ -79,6 +79,9 @@ def test_which_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         load_log(path)
     with pytest.raises(FormatError, match=r"set: robot: expected 1, 12 \(with a file RobotN_Odometry.dat\), got 3"):
         load_log(f"{path}:3")
+    assert load_log(f"{path}:12", robot=12).name == "set-robot12"
+    with pytest.raises(FormatError, match=r"set:1: robot: expected 1, which the name says, or none, got 12"):
+        load_log(f"{path}:1", robot=12)
 
 
 def test_missing_files(tmp_path: Path) -> None:

@@ -125,11 +125,17 @@ def log_files(path: str | FilePath) -> tuple[FilePath, ...]:
 
 
 def _robot(path: FilePath, robot: int | None) -> tuple[FilePath, int | None]:
-    """Return the folder and the number where the path means an MRCLAM robot, else what was given."""
+    """Return the folder and the number where the path means an MRCLAM robot, else what was given.
+
+    Raises:
+        FormatError: the path names one robot and ``robot`` is another.
+    """
     from trailmark.estimation.logs.mrclam import robot_of
 
     named = re.fullmatch(r"(.+):(\d+)", str(path))
     if named and not path.exists() and FilePath(named[1]).is_dir():
+        if robot not in (None, int(named[2])):
+            raise FormatError(path, f"robot: expected {named[2]}, which the name says, or none, got {robot}")
         return FilePath(named[1]), int(named[2])
     own = robot_of(path)
     if own is not None and path.is_file():
