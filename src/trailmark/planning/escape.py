@@ -36,8 +36,8 @@ ARC_STEP, LONGEST_ARC = 0.02, 1.0
 DRIVE_STEP, LONGEST_DRIVE = 0.02, 2.0
 """Likewise a differential drive's straight drives, in circumradii."""
 
-TURN_STEP, LONGEST_TURN = 0.02, 3.1
-"""Likewise its turns in place, in radians: less than half a turn, which would have no direction."""
+LONGEST_TURN = 3.1
+"""Radians that it turns in place at most, in as many steps: less than half a turn, which would have no direction."""
 
 CHORDS = 128
 """Of a quarter of a circle, where a disc's region is made a polygon: it is too large by 2e-5 of the radius at most."""
@@ -148,7 +148,7 @@ def _arcs(robot: Robot, q: FloatArray) -> FloatArray:
 def _drives_and_turns(robot: Robot, q: FloatArray) -> FloatArray:
     """Return the states along a differential drive's straight drives and turns in place, shape (k, n, 3)."""
     lengths = np.arange(1, round(LONGEST_DRIVE / DRIVE_STEP) + 1) * DRIVE_STEP * robot.circumradius
-    angles = np.minimum(np.arange(1, len(lengths) + 1) * TURN_STEP, LONGEST_TURN)
+    angles = LONGEST_TURN * np.arange(1, len(lengths) + 1) / len(lengths)
     ahead = np.array([np.cos(q[2]), np.sin(q[2]), 0.0])
     drives = [q + way * lengths[:, None] * ahead for way in _ways(robot)]
     return np.array([*drives, *(q + way * angles[:, None] * (0.0, 0.0, 1.0) for way in (1.0, -1.0))])
