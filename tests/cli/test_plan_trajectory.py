@@ -47,18 +47,8 @@ def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: P
 
 @pytest.mark.slow
 def test_the_cost_of_a_smooth_path_is_its_own(shell: Shell, yard: Path) -> None:
-    words = (
-        "--smooth",
-        "--json",
-        "--time-limit",
-        "0.5",
-        "--objective",
-        "time",
-        "--max-speed",
-        "0.5",
-        "--max-turn-rate",
-        "0.8",
-    )
+    limits = ("--max-speed", "0.5", "--max-turn-rate", "0.8")
+    words = ("--smooth", "--json", "--time-limit", "0.5", "--objective", "time", *limits)
     record = json.loads(shell("plan", yard, *words).out)
     assert record["cost"] == pytest.approx(record["length"] / 0.5 + record["rotation"] / 0.8, rel=1e-3)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from trailmark import (
     CurvePath,
@@ -39,10 +40,11 @@ def world_with(*obstacles: Disc | Rectangle, zones: tuple[Zone, ...] = ()) -> Wo
     return World("w", (0.0, 0.0, 16.0, 12.0), obstacles, zones=zones)
 
 
-def wrong_way() -> OneWayZone:
-    """Return a zone whose corners lie on the arc but for 10 µm, and which may be travelled to the left alone."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
-    corners = np.array([8.0, 5.0]) + (RADIUS - 1e-5) * np.column_stack([np.cos(angles), np.sin(angles)])
+def wrong_way(gap: float = 1e-5) -> OneWayZone:
+    """Return a zone whose corners lie ``gap`` metres inside the arc, and which may be travelled to the left alone."""
+    # A number of which no number of states on the arc is a multiple: corners between two of them are what lines meet.
+    angles = np.linspace(0.0, 2.0 * np.pi, 61, endpoint=False)
+    corners = np.array([8.0, 5.0]) + (RADIUS - gap) * np.column_stack([np.cos(angles), np.sin(angles)])
     return OneWayZone(Polygon(corners), heading=np.pi, tolerance=0.2)
 
 
@@ -71,7 +73,8 @@ def test_lines_beside_a_disc_are_free_where_the_path_leads_out_of_another_one() 
     assert np.array_equal(path.states[: first + 1], AROUND.states[: first + 1])
 
 
-def test_a_smooth_path_beside_a_one_way_zone() -> None:
-    world = world_with(zones=(wrong_way(),))
+@pytest.mark.parametrize("gap", [1e-5, 2e-8])
+def test_a_smooth_path_beside_a_one_way_zone(gap: float) -> None:
+    world = world_with(zones=(wrong_way(gap),))
     smooth = AROUND.smooth(world, ROBOT)
     assert check_path(world, ROBOT, Path(smooth.states)).free
