@@ -208,3 +208,16 @@ def test_noise_that_grows_with_range() -> None:
 def test_bad_noise(make: Callable[[], object], message: str) -> None:
     with pytest.raises(EstimationError, match=message):
         make()
+
+
+def test_what_a_linearised_reading_misses() -> None:
+    rng, r, sensor = np.random.default_rng(0), 3.0, RangeBearing(0.1, 0.02)
+    C = np.array([[0.03, 0.004], [0.004, 0.01]])
+    off = rng.multivariate_normal(np.zeros(2), C, 200_000) * [1.0, r]  # along and across the line of sight
+    missed = sensor.h(np.zeros(3), np.add(off, [r, 0.0])) - [r, 0.0] - off / [1.0, r]
+    found = sensor.curvature(np.array([r, 0.4]), C)
+    assert np.diagonal(found) == pytest.approx((missed**2).mean(axis=0), rel=0.1)
+    assert found[0, 1] == 0.0
+    assert not Cartesian(0.1, 0.2).curvature(np.array([r, 0.4]), C).any()
+    # On the feature, or with no idea of the bearing, it stays finite.
+    assert np.isfinite(sensor.curvature(np.zeros(2), np.diag([1.0, 1e18]))).all()

@@ -5,7 +5,9 @@ The state is x = [pose, feature, feature, …]. A motion changes the pose alone,
 one feature: a prediction costs O(n) and an update O(n²), where filterpy's own dense update costs O(n³). The method
 is that of Thrun, Burgard & Fox 2005, Probabilistic Robotics, section 10.2, with the error of
 :mod:`trailmark.estimation.filter.invariance` and with updates that are iterated where h is not straight enough
-(Bell & Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method).
+(Bell & Cathey 1993, The iterated Kalman filter update as a Gauss-Newton method). What a linearised h still
+misses may count as noise of the reading: the second-order term of Bar-Shalom, Li & Kirubarajan 2001, Estimation with
+Applications to Tracking and Navigation, section 10.3.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trailmark.arguments import number_array
-from trailmark.checked import Count, checked, checked_arguments
+from trailmark.checked import Count, NonNegative, checked, checked_arguments
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter import invariance
 from trailmark.estimation.filter.covariance import checked_covariance, subtract_square
@@ -57,6 +59,7 @@ class SlamFilter(SlamState):
         error: in mode "slam", "invariant" keeps unknown what no reading reveals (points only: lines are corrected as
             with "additive"), "additive" is the filter of the books.
         iterations: in mode "slam", how often at most an update is linearised anew, at what it gave the last time.
+        curvature: by what the mean square of what a linearised reading misses is multiplied, to count as its noise.
 
     Raises:
         EstimationError: an unknown mode or error, no iteration, a covariance that is not symmetric positive
@@ -72,11 +75,13 @@ class SlamFilter(SlamState):
         *,
         error: ErrorForm = "invariant",
         iterations: Count = 1,
+        curvature: NonNegative = 0.0,
     ) -> None:
         super().__init__(pose, P)
         self.mode = mode
         self.error: ErrorForm = error
         self.iterations = iterations
+        self.curvature = curvature
 
     def predict(self, motion: MotionModel, u: ArrayLike, Q: ArrayLike | None = None) -> None:
         """Move the robot: pose = f(pose, u, 0), P = F P Fᵀ + W Q Wᵀ in the pose's rows and columns; O(n).
@@ -281,7 +286,7 @@ class SlamFilter(SlamState):
             if self.error == "invariant":
                 H = invariance.turned(H, invariance.carried(self.x, x, self.points))
             y = y + H.times_vector(step)
-        return gain_of(self.P, H, y, noise)
+        return gain_of(self.P, H, y, noise, lambda C: self.curvature * sensor.curvature(z_hat, C))
 
     def __repr__(self) -> str:
         return f"SlamFilter(mode={self.mode!r}, pose={self.pose.tolist()}, features={len(self._places)})"

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -105,7 +106,9 @@ class Gain(NamedTuple):
         return Innovation(self.y, self.S, self.nis)
 
 
-def gain_of(P: FloatArray, H: SparseJacobian, y: FloatArray, noise: FloatArray) -> Gain:
+def gain_of(
+    P: FloatArray, H: SparseJacobian, y: FloatArray, noise: FloatArray, missed: Callable[[FloatArray], FloatArray]
+) -> Gain:
     """Return the gain; O(k n) beside the (k·m)³ of S.
 
     Args:
@@ -113,6 +116,7 @@ def gain_of(P: FloatArray, H: SparseJacobian, y: FloatArray, noise: FloatArray) 
         H: Jacobian of k readings.
         y: z − ẑ, shape (k·m,).
         noise: covariance of each reading, shape (k, m, m).
+        missed: further noise of each for H P Hᵀ of each, both of shape (k, m, m): what a linearised h misses.
 
     Raises:
         EstimationError: S is singular.
@@ -121,7 +125,8 @@ def gain_of(P: FloatArray, H: SparseJacobian, y: FloatArray, noise: FloatArray) 
     HP = H.times(P)
     S = H.times(HP.T)
     each = np.arange(k)
-    S.reshape(k, m, k, m)[each, :, each, :] += noise
+    own = S.reshape(k, m, k, m)
+    own[each, :, each, :] += noise + missed(own[each, :, each, :])
     S = 0.5 * (S + S.T)
     try:
         # scipy's triangular solvers start threads even for two rows, which costs a hundred times the work.

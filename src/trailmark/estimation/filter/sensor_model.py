@@ -1,4 +1,4 @@
-# ruff: noqa: E741, N802, N806 # the names are the filter's own symbols: x, z, l, h, H, V, R
+# ruff: noqa: E741, N802, N803, N806 # the names are the filter's own symbols: x, z, l, h, H, V, R
 """What a sensor model is: z = h(x, l, v), v ~ N(0, R), with its Jacobians and its inverse.
 
 x is the robot's pose (x, y, theta), l a feature of the world, z the reading of it and v the sensor's noise. All
@@ -93,6 +93,15 @@ class SensorModel(Protocol):
         """Return the covariance of a reading about its true value, V R Vᵀ, shape (..., m, m)."""
         V = self.V(x, l)
         return np.asarray(V @ self.R @ np.swapaxes(V, -1, -2))
+
+    def curvature(self, z_hat: FloatArray, C: FloatArray) -> FloatArray:
+        """Return the mean square of what a linearised h misses, shape (..., m, m): none, unless overridden.
+
+        Args:
+            z_hat: readings, shape (..., m).
+            C: their covariance by that of pose and feature, H P Hᵀ, shape (..., m, m).
+        """
+        return np.zeros_like(C)
 
     def sample(self, x: ArrayLike, l: ArrayLike, rng: np.random.Generator) -> FloatArray:
         """Return simulated readings, shape (..., m): h with v drawn anew from N(0, R) for each."""

@@ -107,6 +107,14 @@ class RangeBearing(_TwoNumbers):
         G_z[..., 0, 1], G_z[..., 1, 1] = -r * sin, r * cos
         return _point_at(pose, r[..., None] * np.stack([cos, sin], axis=-1), G_z)
 
+    def curvature(self, z_hat: FloatArray, C: FloatArray) -> FloatArray:
+        """Return the mean squares of what r loses to errors (ρ, β) of covariance C, r β²/2, and β, ρ β / r."""
+        r, added = np.maximum(z_hat[..., 0], NEAREST), np.zeros_like(C)
+        # No more than all of the error across the line of sight, and a radian.
+        added[..., 0, 0] = r**2 * C[..., 1, 1] * np.minimum(0.75 * C[..., 1, 1], 1.0)
+        added[..., 1, 1] = np.minimum((C[..., 0, 0] * C[..., 1, 1] + 2.0 * C[..., 0, 1] ** 2) / r**2, 1.0)
+        return added
+
     def residual(self, z: ArrayLike, z_hat: ArrayLike) -> FloatArray:
         """Return z − ẑ, shape (..., 2), the bearing in (−π, π]."""
         y = np.asarray(z, dtype=np.float64) - np.asarray(z_hat, dtype=np.float64)

@@ -41,6 +41,7 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
     x: FloatArray
     P: FloatArray
     mode: Mode = "slam"
+    curvature: float = 0.0
 
     def __init__(self, pose: ArrayLike = (0.0, 0.0, 0.0), P: ArrayLike | None = None) -> None:
         super().__init__(dim_x=3, dim_z=2)
@@ -100,6 +101,7 @@ class SlamState(ExtendedKalmanFilter):  # type: ignore[misc]  # filterpy ships n
             raise EstimationError(f"reading: expected {sensor.reading_dim} finite numbers, got {reading.tolist()}")
         l, G_pose, G_z = sensor.inverse(self.pose, reading)  # noqa: E741 # a feature
         noise = sensor.noise(self.pose, l) if R is None else checked_covariance(R, sensor.reading_dim, "reading")
+        noise = noise + self.curvature * sensor.curvature(reading, noise)
         block = G_pose @ self.P[:3, :3] @ G_pose.T + G_z @ noise @ G_z.T
         return self._append(l, 0.5 * (block + block.T), G_pose @ self.P[:3], sensor.feature_kind)
 

@@ -114,7 +114,9 @@ class MapSettings:
     graph: GraphSettings = field(default_factory=GraphSettings)
     """How scans are matched."""
     slam: SlamSettings = field(
-        default_factory=lambda: SlamSettings("auto", new_gate=0.9999, outlier_gate="auto", confirm=5, timeout=60.0)
+        default_factory=lambda: SlamSettings(
+            "auto", new_gate=0.9999, outlier_gate="auto", confirm=5, timeout=60.0, curvature=6.0
+        )
     )
     """How EKF-SLAM goes about it. Real readings have more outliers than Gaussian ones, so that a feature needs more of
     them to be confirmed than SlamSettings itself asks for, over a longer time, and counts as new sooner."""

@@ -74,7 +74,8 @@ class EkfSlam:
         self.settings = SlamSettings() if settings is None else settings
         if "auto" in (self.settings.association, self.settings.outlier_gate):
             raise EstimationError("EkfSlam: expected settings without 'auto', which map_log alone can resolve")
-        self.filter = SlamFilter(start, P, mode, error=self.settings.error, iterations=self.settings.iterations)
+        s = self.settings
+        self.filter = SlamFilter(start, P, mode, error=s.error, iterations=s.iterations, curvature=s.curvature)
         self.counts = Counts()
         self.time = -np.inf
         self._sensors = dict(sensors)
