@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from trailmark.estimation import Detection, Log, MapSettings, Odometry, Pose, map_log
+from trailmark.estimation import Detection, EstimationError, Log, MapSettings, Odometry, Pose, map_log
 from trailmark.estimation.logs.records import Record
 from trailmark.estimation.maps.map_settings import MappingSettings
 
@@ -26,15 +26,23 @@ def log(rng: np.random.Generator, count: int, sigma: tuple[float, float], stated
     return Log("coarse", tuple(records), np.empty((0, 3)))
 
 
-def nees(count: int, sigma: tuple[float, float], settings: MapSettings, runs: int = 40) -> np.ndarray:
-    """Return eᵀ P⁻¹ e of each post in each of the runs."""
+def few(given: Log, posts: int) -> Log:
+    """Return the log without the readings of all but the first posts."""
+    records = (r for r in given.records if not isinstance(r, Detection) or (r.identity or 0) < posts)
+    return given._replace(records=tuple(records))
+
+
+def nees(count: int, sigma: tuple[float, float], settings: MapSettings, runs: int = 40, posts: int = 5) -> np.ndarray:
+    """Return eᵀ P⁻¹ e of each of the first posts in each of the runs, P as the world states it if they are few."""
     rng, found = np.random.default_rng(0), []
     for _ in range(runs):
-        mapped = map_log(log(rng, count, sigma, settings.poses == "log"), settings)
+        mapped = map_log(few(log(rng, count, sigma, settings.poses == "log"), posts), settings)
         assert mapped.slam is not None
-        for feature in mapped.slam.features:
+        for feature, estimate in zip(mapped.slam.features, mapped.world.estimates, strict=True):
+            assert estimate is not None
             error = feature.mean - POSTS[feature.identity or 0]
-            found.append(error @ np.linalg.solve(feature.covariance, error))
+            P = estimate.covariance if posts < 4 else feature.covariance  # noqa: N806 # the filter's own symbol
+            found.append(error @ np.linalg.solve(P, error))
     return np.array(found)
 
 
@@ -45,6 +53,44 @@ def test_by_the_poses_of_the_log(count: int, sigma: tuple[float, float]) -> None
     assert 0.5 < found.mean() < 2.6
     # 200 posts, 2 of them expected beyond.
     assert np.count_nonzero(found > chi2.ppf(0.99, 2)) <= 7
+
+
+@pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.2), (0.05, 0.3)])
+@pytest.mark.parametrize("count", [1, 3, 20])
+def test_smoothed(count: int, sigma: tuple[float, float]) -> None:
+    found = nees(count, sigma, MapSettings(), runs=20)
+    assert 0.5 < found.mean() < 2.6
+    assert np.count_nonzero(found > chi2.ppf(0.99, 2)) <= 4
+
+
+@pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.2)])
+@pytest.mark.parametrize("posts", [1, 2, 3])
+def test_few_features_are_placed_in_the_frame_of_the_first_pose(posts: int, sigma: tuple[float, float]) -> None:
+    found = nees(3, sigma, MapSettings(), runs=40, posts=posts)
+    assert 0.5 < found.mean() < 2.8
+    assert np.count_nonzero(found > chi2.ppf(0.99, 2)) <= 4
+
+
+def test_covariances_are_in_the_frame_that_was_given() -> None:
+    given = log(np.random.default_rng(0), 20, (0.05, 0.02), stated=False)
+    alone, framed = (map_log(given, MapSettings(start=start)) for start in (None, (0.0, 0.0, 0.0)))
+    assert alone.slam is not None
+    for f, own, other in zip(alone.slam.features, alone.world.estimates, framed.world.estimates, strict=True):
+        assert own is not None
+        assert other is not None
+        assert np.trace(own.covariance) < np.trace(f.covariance)
+        assert other.covariance == pytest.approx(f.covariance)
+    assert [any("to one another" in note for note in each.notes) for each in (alone, framed)] == [True, False]
+
+
+@pytest.mark.parametrize("variance", [0.0, 1e-30, np.nan])
+@pytest.mark.parametrize("smooth", [True, False])
+def test_a_reading_without_error_is_told_in_one_line(variance: float, smooth: bool) -> None:
+    given = log(np.random.default_rng(0), 3, (0.05, 0.02), stated=False)
+    sure = np.diag([variance, 0.01])
+    wrong = [r._replace(covariance=sure) if isinstance(r, Detection) and r.t == 2.0 else r for r in given.records]
+    with pytest.raises(EstimationError, match=r"^detection at 2 s: expected a (finite )?covariance of s"):
+        map_log(given._replace(records=tuple(wrong)), MapSettings(smooth=smooth))
 
 
 @pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.3)])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +17,16 @@ from trailmark.estimation.graph.linear_system import LinearSystem
 from trailmark.estimation.graph.odometry import OdometryCalibration
 from trailmark.estimation.graph.readings import SensorCalibration
 from trailmark.estimation.graph.smoother import Smoother, Solution
-from trailmark.se2 import FloatArray
+from trailmark.se2 import FloatArray, wrap
 
 __all__ = ["Estimate", "IntArray", "NoiseModel"]
 
 IntArray = NDArray[np.intp]
+
+NODES = np.array(list(product([-(3.0**0.5), 0.0, 3.0**0.5], repeat=2)))
+"""Where Gauss-Hermite quadrature takes two standard normal deviates, exact up to the fifth degree, shape (9, 2)."""
+
+WEIGHTS = np.prod(np.where(NODES == 0.0, 2.0 / 3.0, 1.0 / 6.0), axis=1)
 
 
 @dataclass(frozen=True)
@@ -76,3 +82,22 @@ class Estimate(NamedTuple):
         left = self.calibrated - self.system.A @ follow
         own = np.linalg.inv(self.calibrated.T @ left + np.diag(self.precision))
         return np.asarray(joint + follow[columns] @ own @ follow[columns].T)
+
+    def missed(self) -> FloatArray:
+        """Return the mean square of what features' errors miss of the readings' curvature, shape (m, 2, 2).
+
+        An error e of the features, given the poses, changes what is read by H e and by a rest q(e), which moves the
+        estimate by (AᵀA)⁻¹ Aᵀ q. Exact to the second order of e.
+        """
+        m, first = len(self.solution.features), 3 * len(self.solution.poses)
+        H, each = self.system.A[:, first:], np.arange(m)  # noqa: N806 # a Jacobian
+        information = (H.T @ H).toarray().reshape(m, 2, m, 2)[each, :, each, :]
+        e = np.linalg.cholesky(np.linalg.inv(information)) @ NODES.T
+        moved = [self.solution._replace(features=self.solution.features + step) for step in np.moveaxis(e, 2, 0)]
+        now, *after = (self.smoother.reading_residuals(s, self.feature) for s in (self.solution, *moved))
+        change = np.nan_to_num(now[:, :, None] - np.stack(after, axis=2))
+        change[:, 1] = wrap(change[:, 1])
+        still = np.zeros((len(self.solution.poses) - 1, 3, len(NODES)))
+        rest = self.smoother.whitened(self.solution, still, change) - H @ e.reshape(2 * m, -1)
+        off = self.system.estimate(rest)[first:].reshape(m, 2, -1)
+        return np.asarray((WEIGHTS * off) @ np.swapaxes(off, 1, 2))

@@ -30,6 +30,10 @@ __all__ = ["BatchResult", "smoothed"]
 
 IntArray = NDArray[np.intp]
 
+FEWEST = 4
+"""Features that a map has a frame by itself from: of the 2 m numbers of fewer a rigid motion explains half or more, of
+one feature all."""
+
 OnRound = Callable[[int, int], None]
 
 
@@ -39,7 +43,9 @@ class BatchResult(NamedTuple):
     result: SlamResult
     """Poses and features of the batch, the rest as EKF-SLAM had it."""
     relative: FloatArray
-    """Covariance of each feature relative to the map of all of them, shape (m, 2, 2)."""
+    """Covariance of each feature in the map's frame, shape (m, 2, 2)."""
+    own_frame: bool
+    """Whether all features are that frame; else the first pose is, which was given, or they are fewer than FEWEST."""
     figures: dict[str, Any]
     """What was found, as plain data."""
 
@@ -94,7 +100,7 @@ def smoothed(
     if batch.fitted:
         joint *= inflation(batch, estimate)
     found = _Found(batch, track, estimate, feature, joint, figures(batch, estimate, stated))
-    return _result(found, result, times)
+    return _result(found, result, settings, times)
 
 
 def _relabelled(result: SlamResult, labels: Labels) -> SlamResult:
@@ -148,7 +154,7 @@ class _Found(NamedTuple):
     figures: dict[str, Any]
 
 
-def _result(found: _Found, result: SlamResult, times: FloatArray) -> BatchResult:
+def _result(found: _Found, result: SlamResult, settings: MapSettings, times: FloatArray) -> BatchResult:
     batch, track, estimate, feature, joint, plain = found
     scale, solution = scale_of(batch, estimate), estimate.solution
     origin = solution.poses[0, :2]
@@ -156,10 +162,14 @@ def _result(found: _Found, result: SlamResult, times: FloatArray) -> BatchResult
     poses = solution.poses.copy()
     poses[:, :2] = origin + scale.factor * (poses[:, :2] - origin)
     away = (means - origin).reshape(-1)
-    joint = joint * scale.factor**2 + scale.sigma**2 * np.outer(away, away)
-    relative = relative_covariance(means, joint)
     own = np.arange(2 * len(means)).reshape(-1, 2)
-    blocks = joint[own[:, :, None], own[:, None, :]]
+    joint[own[:, :, None], own[:, None, :]] += settings.slam.curvature * estimate.missed()
+    joint = joint * scale.factor**2 + scale.sigma**2 * np.outer(away, away)
+    own_frame = settings.start is None and len(means) >= FEWEST
+    relative = relative_covariance(means, joint) if own_frame else joint
+    blocks, relative = (
+        0.5 * (P[own[:, :, None], own[:, None, :]] + P[own[:, None, :], own[:, :, None]]) for P in (joint, relative)
+    )
     features = tuple(
         f._replace(mean=mean, covariance=block, readings=int(np.count_nonzero(estimate.feature == i)))
         for i, (f, mean, block) in enumerate(zip(result.features, means, blocks, strict=True))
@@ -175,7 +185,7 @@ def _result(found: _Found, result: SlamResult, times: FloatArray) -> BatchResult
         features=features,
         counts=counts,
     )
-    return BatchResult(smooth, relative[own[:, :, None], own[:, None, :]], plain)
+    return BatchResult(smooth, relative, own_frame, plain)
 
 
 def poses_between(track: OdometryTrack, batch: Batch, poses: FloatArray, times: FloatArray) -> FloatArray:

@@ -117,7 +117,7 @@ def map_log(
         explained=None if math.isnan(explained) else explained,
         warnings=tuple(warnings),
         batch=None if run is None else run.batch,
-        notes=(*log.notes, *_notes(s, sources, world)),
+        notes=(*log.notes, *_notes(s, sources, world, run)),
     )
 
 
@@ -175,9 +175,11 @@ def _free(world: World, poses: FloatArray) -> FloatArray:
     return free
 
 
-def _notes(s: MapSettings, sources: Sources, world: World) -> list[str]:
+def _notes(s: MapSettings, sources: Sources, world: World, run: SlamRun | None) -> list[str]:
     """Return what a reader of the result should know."""
     notes = []
+    if sources.obstacles == "detections" and run is not None and run.batch is not None and run.batch.own_frame:
+        notes.append("covariances are those of features to one another: --start adds those of the first pose's frame")
     if sources.obstacles == "detections" and s.radius == MapSettings.radius:
         notes.append(f"discs are assumed to have a radius of {s.radius:g} m: the log does not state it")
     if sources.poses == "odometry":

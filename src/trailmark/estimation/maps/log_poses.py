@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from trailmark.estimation.errors import EstimationError
+from trailmark.estimation.filter.covariance import checked_covariance
 from trailmark.estimation.logs.records import Detection, Increment, Log, Odometry, Pose, Record, Scan, first_pose
 from trailmark.estimation.maps.batch_slam import BatchResult, smoothed
 from trailmark.estimation.maps.map_settings import MappingSettings, MapSettings, ObstacleSource, PoseSource
@@ -29,6 +30,9 @@ OUTLIER_GATE = 0.9999
 
 FARTHEST = 1e6
 """Metres (and radians): no sensor reads farther, and squares of larger numbers lose what is near."""
+
+SUREST = 1e-6
+"""Metres (and radians): no sensor errs less, and a reading without any error would settle all."""
 
 MANY = 0.01
 """A hundred times as many refused readings as the gate refuses of good ones: some are good, or many are misread."""
@@ -115,6 +119,11 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
         if not np.abs(detection.z).max() <= FARTHEST:
             z = np.asarray(detection.z).tolist()
             raise EstimationError(f"detection at {detection.t:g} s: expected z of at most {FARTHEST:g}, got {z}")
+        if settings.stated_sensor_noise and detection.covariance is not None:
+            P = checked_covariance(detection.covariance, 2, name := f"detection at {detection.t:g} s")  # noqa: N806
+            if not np.linalg.eigvalsh(P)[0] >= SUREST**2:
+                least = f"a covariance of standard deviations of at least {SUREST:g}"
+                raise EstimationError(f"{name}: expected {least}, got {P.tolist()}")
     s, association = settings.slam, settings.slam.association
     if association == "auto":
         association = "known" if any(detection.identity is not None for detection in detections) else "joint"
