@@ -13,6 +13,7 @@ import pytest
 
 from trailmark.formats.any_path import read_any_path
 from trailmark.robot import Robot
+from trailmark.world import World
 
 Shell = Callable[..., Any]
 
@@ -95,7 +96,7 @@ def test_bad_input_is_told_in_one_line(
     monkeypatch.chdir(tmp_path)
     for name in ("own.yaml", "own.nav2.json", "own.geojson", "own.svg"):
         Path(name).write_text('{"features": []}\n')
-    Path("world.yaml").write_text(yard.read_text())
+    World.load(yard).save("world.yaml")
     before = {file: file.read_bytes() for file in tmp_path.iterdir()}
     run = shell("plan", "office", *words)
     assert run.status == 2

@@ -58,6 +58,15 @@ FOREIGN = {
     "flow.yaml": "# in one line\n{services: {web: {image: x}}}\n",
     "recorded.yaml": "header:\n  frame_id: map\nposes:\n- pose: 1\n",
     "recorded.nav2.json": '{"header": {"stamp": {"sec": 7, "nanosec": 0}, "frame_id": "map"}, "poses": []}',
+    "world.yaml": "trailmark: 1\nname: by hand\nbounds: [0, 0, 1, 1]\n",
+    "compose.yaml": "services: {}\ntrailmark: {image: x}\n",
+    "waypoints.csv": "x,y,theta\n1,2,0\n",
+    "measured.csv": "x, y, theta\n1.0, 2.0, 0.0\n",
+    "loads.txt": "1.0 2.0 3.50\n",
+    "solution.path": "1 2 0.5 \n3 4 0.5 \n",
+    "commented.txt": "# mine\n1.0 2.0 3.0\n",
+    "unended.txt": "1.0 2.0 3.0",
+    "machine.json": '{"states": ["off", "on"]}',
     "graph.geojson": '{"type": "FeatureCollection", "features": []}',
     "graph.graphml": "<graphml/>",
     "arrays.npz": "PK",
@@ -120,6 +129,8 @@ def test_own_worlds_are_written_again_and_maps_are_not(tmp_path: Path) -> None:
     for name in ("map.yaml", "yard.pgm"):
         with pytest.raises(OutputError, match="same file as the input"):
             loaded.save(tmp_path / name)
+        with pytest.raises(OutputError, match="trailmark did not write"):
+            world.save(tmp_path / name)
     assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 

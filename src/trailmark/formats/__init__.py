@@ -50,13 +50,16 @@ def save_world(world: World, path: FilePath) -> None:
     Loading the file gives an equal world: every number is written with all its digits.
 
     Raises:
-        OutputError: the path cannot be written, or is a file in another format that the world was read from.
+        OutputError: the path cannot be written, a file in another format that the world was read from, or
+            one that trailmark did not write and that is no world.
     """
     from trailmark.formats.files import write_atomically
-    from trailmark.formats.outputs import is_world_file, require_not_an_input
+    from trailmark.formats.outputs import is_world_file, require_not_an_input, require_replaceable
     from trailmark.formats.world_yaml import world_text
 
     require_not_an_input(path, (source for source in world.sources if not is_world_file(source)))
+    if not is_world_file(path):
+        require_replaceable(path)
     write_atomically(path, world_text(world))
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from trailmark.errors import OutputError
-from trailmark.formats import geojson, nav2_messages
+from trailmark.formats import geojson, nav2_messages, path_files, trajectory_files, world_yaml
 
 __all__ = ["is_world_file", "require_not_an_input", "require_replaceable"]
 
@@ -33,11 +33,10 @@ _HEAD, _TAIL = 2**16, 2**12
 """Bytes at a file's beginning and end that are read."""
 
 _MAPPING = re.compile(r"^(?:[\"']?[A-Za-z_][\w. -]*[\"']?[ \t]*:(?:[ \t]|\r?$)|[{[])", re.MULTILINE)
-_RECORDS = ({"states"}, {"status", "strategy", "seen"})
-"""Members by which our JSON records are known: of a path, of an exploration."""
+_RECORDS = ({"states", "cost"}, {"states", "status"}, {"status", "strategy", "seen"})
+"""Members by which our JSON records are known: of a path, of a plan without one, of an exploration."""
 
-_OWN_WORLD = re.compile(r"^trailmark[ \t]*:", re.MULTILINE)
-_NUMBERS = re.compile(r"(?:\s*|\s*#.*|\s*\S*\d\S*(?:\s+\S*\d\S*){2}\s*)")
+_WORLD = re.compile(r"^trailmark[ \t]*:[ \t]*1\b", re.MULTILINE)
 
 
 def require_not_an_input(path: Path, inputs: Iterable[Path]) -> None:
@@ -81,10 +80,10 @@ def require_replaceable(path: Path) -> None:
 
 
 def is_world_file(path: Path) -> bool:
-    """Return whether a file is a trailmark world file, as far as its first key tells."""
+    """Return whether a file is a trailmark world file, whoever wrote it, as far as its keys tell."""
     try:
         with path.open("rb") as file:
-            return _OWN_WORLD.search(file.read(_HEAD).decode("utf-8", "replace")) is not None
+            return _WORLD.search(file.read(_HEAD).decode("utf-8", "replace")) is not None
     except (OSError, ValueError):
         return False
 
@@ -103,27 +102,41 @@ def _own(kind: str, head: bytes, tail: bytes) -> bool:
         return False
     text = head.decode("utf-8", "replace")
     if kind in (".yaml", ".yml"):
-        own = text.startswith(nav2_messages.YAML_MARK) or _OWN_WORLD.search(text) is not None
-        return own or not _MAPPING.search(text)
+        return text.startswith((nav2_messages.YAML_MARK, world_yaml.HEADER)) or not _MAPPING.search(text)
     if kind == ".json":
-        return _own_json(text, whole=not tail)
+        return _own_json(text, tail.decode("utf-8", "replace"))
     if kind == ".csv":
-        header = "".join(text.split("\n", 1)[0].split())
-        return header == "x,y,theta" or header.startswith("t[s],x[m],") or "," not in text
+        header, _, rows = text.partition("\n")
+        if header in (path_files.CSV_HEADER, trajectory_files.HEADER):
+            return _own_rows(rows, ",", header.count(",") + 1, whole=not tail)
+        return "," not in text
     if kind in (".path", ".txt"):
-        lines = text.split("\n")
-        return all(_NUMBERS.fullmatch(line) for line in (lines[:-1] if tail else lines))
+        return _own_rows(text, " ", 3, whole=not tail)
     return True
 
 
-def _own_json(text: str, whole: bool) -> bool:
+def _own_rows(text: str, separator: str, columns: int, whole: bool) -> bool:
+    """Return whether rows of numbers are written as trailmark does: 0.5 and 1e-07, neither .5 nor 0.50."""
+    *lines, cut = text.split("\n")
+    if whole and cut:
+        return False
+    try:
+        return all(
+            len(row) == columns and all(repr(float(number)) == number for number in row)
+            for row in (line.split(separator) for line in lines)
+        )
+    except ValueError:
+        return False
+
+
+def _own_json(text: str, tail: str) -> bool:
     """Return whether JSON has the members of one of our records, or is our message; True for what is not JSON."""
     if not text.lstrip().startswith(("{", "[")) or text.startswith(nav2_messages.JSON_MARK):
         return True
     try:
-        data = json.loads(text) if whole else None
+        data = None if tail else json.loads(text)
     except ValueError:
         data = None
     if data is None:
-        return '"states"' in text
+        return '"states":' in text and any(member in text + tail for member in ('"cost":', '"status":'))
     return isinstance(data, dict) and any(members <= data.keys() for members in _RECORDS)

@@ -14,12 +14,12 @@ from trailmark.errors import OutputError
 from trailmark.formats import files, geojson, nav2_messages
 from trailmark.path import Path
 
-__all__ = ["SUFFIXES", "write_path"]
+__all__ = ["CSV_HEADER", "SUFFIXES", "write_path"]
 
 SUFFIXES = (".json", ".csv", ".path", ".txt", ".yaml", ".yml", ".nav2.json", ".geojson")
 """What a path file's suffix may be: it tells the format."""
 
-_CSV_HEADER = "x,y,theta"
+CSV_HEADER = "x,y,theta"
 
 
 def write_path(
@@ -56,7 +56,7 @@ def write_path(
     elif suffix == ".json":
         text = _json_text(path, checked, rows, record)
     elif suffix == ".csv":
-        text = "\n".join([_CSV_HEADER, *map(",".join, rows)]) + "\n"
+        text = "\n".join([CSV_HEADER, *map(",".join, rows)]) + "\n"
     else:
         text = "\n".join(map(" ".join, rows)) + "\n"
     files.write_atomically(path, text)

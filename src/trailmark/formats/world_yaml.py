@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from trailmark.formats import schema
 
 __all__ = [
+    "HEADER",
     "obstacles_from_data",
     "query_from_data",
     "robot_data",
@@ -28,7 +29,7 @@ __all__ = [
     "world_text",
 ]
 
-_HEADER = "# A trailmark world. Metres and radians; y up, theta counter-clockwise; configurations are [x, y, theta].\n"
+HEADER = "# A trailmark world. Metres and radians; y up, theta counter-clockwise; configurations are [x, y, theta].\n"
 _PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?: [A-Za-z0-9_.-]+)*")
 _LISTS = frozenset(("obstacles", "zones", "queries"))  # one line for each entry
 # Words that YAML readers of any version take for something other than text.
@@ -123,7 +124,7 @@ def world_text(world: World, grid: bool = False) -> str:
             lines += [f"{key}:", *(f"  - {_flow(entry)}" for entry in value)]
         else:
             lines.append(f"{key}: {_flow(value)}")
-    return _HEADER + "\n".join(lines) + "\n"
+    return HEADER + "\n".join(lines) + "\n"
 
 
 def world_data(world: World) -> dict[str, Any]:
