@@ -14,6 +14,7 @@ from trailmark.benchmark.resolution import Resolution
 from trailmark.curves import CurvePath, Steering
 from trailmark.errors import FormatError, WorldError
 from trailmark.formats.cell_obstacles import cells_of
+from trailmark.goals import Goal
 from trailmark.path import Path
 from trailmark.world import Query, Robot, World
 
@@ -34,6 +35,9 @@ def test_what_is_missing_is_reported() -> None:
         next(problems_of(replace(world, queries=())))
     with pytest.raises(WorldError, match="did you mean 'ahead'"):
         next(problems_of(world, queries=["ahed"]))
+    region = Query("b", (1.0, 1.0, 0.0), Goal(region=[(2.0, 2.0), (3.0, 2.0), (3.0, 3.0)]))
+    with pytest.raises(WorldError, match="query 'b': expected a goal that is one configuration"):
+        next(problems_of(replace(world, queries=(region,))))
 
 
 def test_a_problem_travels_as_text(ahead: Problem) -> None:

@@ -123,12 +123,13 @@ def problems_of(world: World, robot: Robot | None = None, queries: Iterable[str]
         queries: their names; all of the world's if empty.
 
     Raises:
-        WorldError: no robot; no query, or none of a given name.
+        WorldError: no robot; no query, or none of a given name; a goal that is no single configuration.
     """
     chosen = robot or world.robot
     if chosen is None:
         raise WorldError(f"world {world.name!r} names no robot; expected --robot with disc:RADIUS or another shape")
     for query in [world.query(name) for name in queries] or world.queries or [world.query()]:
+        query.pose()  # raises: before a results database is made
         yield Problem(replace(world, robot=chosen, queries=(query,)))
 
 
