@@ -108,6 +108,22 @@ def test_no_image(tmp_path: Path) -> None:
             World.from_image(tmp_path / name, 0.1)
 
 
+@pytest.mark.parametrize(
+    ("keys", "free"),
+    [
+        ({"negate": "no"}, True),
+        ({"negate": "True"}, False),
+        ({"mode": "Trinary"}, True),
+        ({"image": "~/map.pgm"}, True),
+    ],
+)
+def test_values_as_nav2_reads_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keys: dict[str, Any], free: bool
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert (load_world(write_map(tmp_path, grey([254]), **keys)).obstacles == ()) is free
+
+
 def test_quarter_turn(tmp_path: Path) -> None:
     world = load_world(write_map(tmp_path, grey([254, 254, 0]), origin=[0, 0, math.pi / 2]))
     assert world.bounds == pytest.approx((-0.5, 0.0, 0.0, 1.5))

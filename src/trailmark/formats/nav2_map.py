@@ -41,7 +41,7 @@ def read_nav2_map(data: dict[str, Any], path: Path) -> World:
     the map is turned about its origin; then the rectangle is the boundary, and the bounds are its box.
 
     Args:
-        data: the YAML file's plain data: image (beside the file, or absolute), resolution (metres per pixel),
+        data: the YAML file's plain data: image (beside the file, absolute, or ~/…), resolution (metres per pixel),
             origin [x, y, yaw] of the lower left pixel's outer corner; optional negate (0), occupied_thresh (0.65),
             free_thresh (0.196), mode (trinary). Other keys are ignored, as by nav2.
         path: the YAML file; its stem names the world.

@@ -9,9 +9,10 @@ both quote it.
 from __future__ import annotations
 
 import math
+from os.path import expanduser
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from trailmark.arguments import angle
 
@@ -24,6 +25,16 @@ def _in_radians(value: Any) -> Any:
         return [*value[:2], _in_radians(value[2])]
     degrees = isinstance(value, str) and value.rstrip().endswith("deg")
     return angle(value) if degrees and math.isfinite(angle(value)) else value
+
+
+def _in_lower_case(value: Any) -> Any:
+    return value.lower() if isinstance(value, str) else value
+
+
+def _as_flag(value: Any) -> Any:
+    """Return 0 or 1 for the words that YAML 1.1, which nav2 reads, has for false and true; others as they are."""
+    word = str(value).lower() if isinstance(value, str | bool) else ""
+    return 0 if word in ("n", "no", "false", "off") else 1 if word in ("y", "yes", "true", "on") else value
 
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
@@ -289,10 +300,12 @@ class MapFile(BaseModel):
 
     model_config = ConfigDict(extra="ignore")
 
-    image: Text = Field(min_length=1, description="the path of an image file")
+    image: Annotated[Text, AfterValidator(expanduser)] = Field(min_length=1, description="the path of an image file")
     resolution: Positive = Field(description="a finite number above 0 (metres per pixel)")
     origin: _Three = Field(default=[0.0, 0.0, 0.0], description="[x, y, yaw] of finite numbers (metres, radians)")
-    negate: Literal[0, 1] = Field(default=0, description="0 or 1")
+    negate: Annotated[Literal[0, 1], BeforeValidator(_as_flag)] = Field(default=0, description="0 or 1")
     occupied_thresh: Fraction = Field(default=0.65, description="a number from 0 to 1")
     free_thresh: Fraction = Field(default=0.196, description="a number from 0 to 1")
-    mode: Literal["trinary", "scale", "raw"] = Field(default="trinary", description="trinary, scale, raw")
+    mode: Annotated[Literal["trinary", "scale", "raw"], BeforeValidator(_in_lower_case)] = Field(
+        default="trinary", description="trinary, scale, raw"
+    )
