@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,11 @@ import numpy as np
 import pytest
 
 from trailmark import se2
+from trailmark.cli.plan_trajectory import with_step
+from trailmark.collision import StateChecker
+from trailmark.curves import CurvePath, Steering
+from trailmark.shapes import Disc
+from trailmark.world import Robot, World
 
 Shell = Callable[..., Any]
 
@@ -69,6 +75,20 @@ def test_rows_are_no_farther_apart_than_the_step(shell: Shell, yard: Path, plann
     assert shell("plan", yard, "--output", file, "--step", "0.05").status == 0
     rows = np.loadtxt(file, delimiter=",", skiprows=1)
     assert se2.distance(rows[:-1], rows[1:]).max() <= 0.05 + 1e-9
+
+
+def test_lines_between_rows_are_free_where_the_arc_is() -> None:
+    robot = Robot.disc(0.2).steered(1.0)
+    arc = CurvePath(np.array([(2.0, 1.0, 0.0), (3.0, 2.0, math.pi / 2)]), Steering(1.0))
+    post = Disc((2.0, 2.0), 0.7995)  # 0.5 mm inside the arc; a chord of 0.087 m is up to 0.95 mm off it
+    world = World("yard", (0.0, 0.0, 5.0, 5.0), (post,), robot)
+    checker = StateChecker(world)
+    coarse = arc.resample(0.4).states
+    assert not checker.motions_valid(coarse[:-1], coarse[1:]).all()
+    rows = with_step(arc, 0.4, world, robot)
+    assert rows is not None
+    assert checker.motions_valid(rows.states[:-1], rows.states[1:]).all()
+    assert 4 < len(rows.states) <= 40
 
 
 @pytest.mark.slow

@@ -241,7 +241,7 @@ def plan(
         progress.stage("writing")
         written, found = timing.write(result, loaded, body, frame)
         record |= found
-        shaped = with_step(result.path, spacing)
+        shaped = with_step(result.path, spacing, loaded, body)
         if path_file is not None and _write_path(path_file, shaped, record, frame, loaded, body):
             written.append(path_file)
         if picture is not None:

@@ -35,6 +35,9 @@ __all__ = [
 
 ANIMATION_SUFFIXES = (".gif", ".html")
 
+MAX_HALVINGS = 8
+"""How often a step is halved: the line is off the curve by 65,536 times less then, nanometres."""
+
 DEFAULT_SPEED, DEFAULT_ACCELERATION, DEFAULT_TURN_RATE = 1.0, 0.5, 1.0
 """m/s, m/s² and rad/s: of a small mobile robot indoors."""
 
@@ -207,6 +210,22 @@ def trajectory_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def with_step(path: TrailPath | None, step: float | None) -> TrailPath | None:
-    """Return a path with rows at most a step (metres) apart, for writing."""
-    return path if path is None or step is None else path.resample(step)
+def with_step(path: TrailPath | None, step: float | None, world: World, robot: Robot) -> TrailPath | None:
+    """Return a path with rows at most a step (metres) apart, for writing; straight lines between them are free too.
+
+    Where such a line would meet what the curve passes, rows are closer; motions from where the robot has to leave
+    something first stay as they are.
+    """
+    if path is None or step is None:
+        return path
+    from trailmark.collision import StateChecker
+    from trailmark.motion.one_way import straight_valid
+
+    checker = StateChecker(world, robot)
+    valid = straight_valid(checker)
+    for halvings in range(MAX_HALVINGS + 1):
+        rows = path.resample(step / 2**halvings)
+        a, b = rows.states[:-1], rows.states[1:]
+        if (valid(a, b) | ~checker.states_free(a) | ~checker.states_free(b)).all():
+            break
+    return rows
