@@ -15,6 +15,7 @@ from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.se2 import compose, difference
 
 STATES = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 2.0], [1.0, 1.5, 3.0]])
+BODY = Robot.rectangle(0.6, 0.4)
 
 
 def follower_of(path: Path, robot: Robot) -> PathFollower:
@@ -40,9 +41,10 @@ def driven(follower: PathFollower, pose: np.ndarray, step: float, offset: float 
     return np.array(poses)
 
 
-def test_an_exact_robot_stays_on_its_path_to_the_end() -> None:
+@pytest.mark.parametrize("robot", [BODY, BODY.differential(), BODY.steered(0.5)], ids=lambda robot: robot.drive)
+def test_an_exact_robot_stays_on_its_path_to_the_end(robot: Robot) -> None:
     path = Path(STATES)
-    follower = follower_of(path, Robot.rectangle(0.6, 0.4))
+    follower = follower_of(path, robot)
     poses = driven(follower, STATES[0], 0.13)
     assert np.abs(difference(poses[-1], STATES[-1])).max() < 1e-9
     dense = path.at(np.linspace(0.0, 1.0, 20_001))

@@ -49,7 +49,7 @@ class PathFollower:
         self._reach = footprint.circumradius
         self._comes_back = robot.drive == "omnidirectional"
         self._rows = path.resample(STEP).states if len(path.states) > 1 else path.states
-        self._at = 0
+        self._at, self._along = 0, 0.0
         self._near: tuple[NDArray[np.intp], ...] | None = None
 
     @property
@@ -59,8 +59,9 @@ class PathFollower:
 
     @property
     def rest(self) -> FloatArray:
-        """The rows of the path that are left, shape (n, 3)."""
-        return np.asarray(self._rows[self._at :])
+        """The rows of the path that are left, shape (n, 3), the first where the robot is on it."""
+        rows = self._rows[self._at :]
+        return np.concatenate([interpolate(rows[:1], rows[1:2], self._along), rows[1:]]) if len(rows) > 1 else rows
 
     def advance(self, pose: FloatArray, distance: float) -> float:
         """Take note of where the robot has come to; return how far it is from its path, metres, any of its points.
@@ -85,7 +86,8 @@ class PathFollower:
         off = difference(interpolate(a, b, along), pose)
         away = np.hypot(off[:, 0], off[:, 1]) + self._reach * np.abs(off[:, 2])
         nearest = int(np.flatnonzero(away <= away.min() + 1e-9)[-1])
-        self._at += nearest + int(along[nearest] > 1.0 - 1e-9)
+        past = along[nearest] > 1.0 - 1e-9
+        self._at, self._along = self._at + nearest + int(past), 0.0 if past else float(along[nearest])
         return float(away.min())
 
     def command(self, pose: FloatArray) -> FloatArray:
@@ -97,10 +99,9 @@ class PathFollower:
         Args:
             pose: where the robot is, shape (3,).
         """
-        rows = self._rows[self._at :]
-        if self._comes_back:
-            return np.concatenate([np.zeros((1, 3)), relative(pose, rows[1:] if len(rows) > 1 else rows)])
-        return np.asarray(relative(rows[0], rows))
+        rows = self.rest
+        ahead = relative(pose if self._comes_back else rows[0], rows[1:] if len(rows) > 1 else rows)
+        return np.concatenate([np.zeros((1, 3)), ahead])
 
     def endangered(self, known: KnownMap) -> bool:
         """Return whether the rest of the path may meet something that was not there at the first call.
