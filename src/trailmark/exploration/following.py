@@ -20,6 +20,9 @@ BoolArray = NDArray[np.bool_]
 STEP = 0.05
 """Metres between the rows of a command: cars follow their curves to 0.3 mm at a radius of 1 m."""
 
+ALIKE = 1e-6
+"""Metres within which two rows are the same: planners repeat states, and only the next few rows are looked at."""
+
 HALF = 0.55
 """Of the way from one row to the next, from its middle to either: a curve is longer than the line between its ends."""
 
@@ -48,14 +51,15 @@ class PathFollower:
         self.path, self._footprint = path, footprint
         self._reach = footprint.circumradius
         self._comes_back = robot.drive == "omnidirectional"
-        self._rows = path.resample(STEP).states if len(path.states) > 1 else path.states
+        rows = path.resample(STEP).states if len(path.states) > 1 else path.states
+        self._rows = rows[np.append(True, motion_bound(rows[:-1], rows[1:], self._reach) > ALIKE)]
         self._at, self._along = 0, 0.0
         self._near: tuple[NDArray[np.intp], ...] | None = None
 
     @property
     def target(self) -> FloatArray:
         """The path's end, shape (3,)."""
-        return np.asarray(self._rows[-1])
+        return np.asarray(self.path.states[-1])
 
     @property
     def rest(self) -> FloatArray:
@@ -75,13 +79,10 @@ class PathFollower:
             ahead = relative(rows[0], pose)
             return float(np.hypot(*ahead[:2])) + self._reach * abs(float(ahead[2]))
         a, b = rows[:-1], rows[1:]
-        edge, ahead = b[:, :2] - a[:, :2], pose[:2] - a[:, :2]
-        length2, turn = np.einsum("ij,ij->i", edge, edge), difference(a, b)[:, 2]
-        # On a turn in place the heading says how far along it is.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = np.where(
-                length2 > 0.0, np.einsum("ij,ij->i", ahead, edge) / length2, difference(a, pose)[:, 2] / turn
-            )
+        # Headings count by what they move the farthest point: on a turn in place they say how far along it is.
+        edge, ahead = ((1.0, 1.0, self._reach) * difference(a, q) for q in (b, pose))
+        with np.errstate(invalid="ignore"):
+            along = np.einsum("ij,ij->i", ahead, edge) / np.einsum("ij,ij->i", edge, edge)
         along = np.clip(np.nan_to_num(along), 0.0, 1.0)
         off = difference(interpolate(a, b, along), pose)
         away = np.hypot(off[:, 0], off[:, 1]) + self._reach * np.abs(off[:, 2])
