@@ -54,6 +54,15 @@ def test_an_exact_robot_stays_on_its_path_to_the_end(robot: Robot) -> None:
     assert len(follower.rest) == 1
 
 
+def test_states_that_are_alike_but_for_rounding_do_not_hide_what_comes_after_them() -> None:
+    turns = np.column_stack([np.full((9, 2), 1.0), [0.0, *[0.5] * 6, 1.0, 1.5]])
+    turns[:, 0] += 2e-16 * np.arange(9)
+    follower = follower_of(Path(turns), BODY.differential())
+    for angle in np.linspace(0.0, 1.5, 16):
+        assert follower.advance(np.array([1.0, 1.0, angle]), 0.0) < 1e-9
+        assert follower.command(turns[0])[1, 2] > 0.0 or angle > 1.45
+
+
 def test_a_robot_that_moves_in_every_direction_comes_back_to_its_path() -> None:
     follower = follower_of(Path(STATES[:2]), Robot.disc(0.3))
     start = np.array([0.0, 0.05, 0.0])

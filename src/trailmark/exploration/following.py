@@ -80,7 +80,8 @@ class PathFollower:
             return float(np.hypot(*ahead[:2])) + self._reach * abs(float(ahead[2]))
         a, b = rows[:-1], rows[1:]
         # Headings count by what they move the farthest point: on a turn in place they say how far along it is.
-        edge, ahead = ((1.0, 1.0, self._reach) * difference(a, q) for q in (b, pose))
+        scale = np.array([1.0, 1.0, self._reach])
+        edge, ahead = scale * difference(a, b), scale * difference(a, pose)
         with np.errstate(invalid="ignore"):
             along = np.einsum("ij,ij->i", ahead, edge) / np.einsum("ij,ij->i", edge, edge)
         along = np.clip(np.nan_to_num(along), 0.0, 1.0)
