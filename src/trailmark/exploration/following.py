@@ -82,9 +82,7 @@ class PathFollower:
         # Headings count by what they move the farthest point: on a turn in place they say how far along it is.
         scale = np.array([1.0, 1.0, self._reach])
         edge, ahead = scale * difference(a, b), scale * difference(a, pose)
-        with np.errstate(invalid="ignore"):
-            along = np.einsum("ij,ij->i", ahead, edge) / np.einsum("ij,ij->i", edge, edge)
-        along = np.clip(np.nan_to_num(along), 0.0, 1.0)
+        along = np.clip((ahead * edge).sum(axis=1) / np.square(edge).sum(axis=1), 0.0, 1.0)
         off = difference(interpolate(a, b, along), pose)
         away = np.hypot(off[:, 0], off[:, 1]) + self._reach * np.abs(off[:, 2])
         nearest = int(np.flatnonzero(away <= away.min() + 1e-9)[-1])
