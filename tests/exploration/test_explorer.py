@@ -170,6 +170,17 @@ def test_a_large_world_gets_a_map_on_its_own_scale() -> None:
     assert made.cost == pytest.approx(true.cost, rel=0.05)
 
 
+@pytest.mark.parametrize("sensor", ["laser", Scanner(360, 2.0 * np.pi, 1e6)], ids=["by name", "described"])
+def test_no_sensor_reaches_farther_than_what_is_to_be_explored(sensor: str | Scanner) -> None:
+    exploring = explorer(two_rooms(1.0), sensor=sensor, sensor_range=1e6)
+    assert exploring.sensor_range == pytest.approx(np.hypot(6.0, 4.0))
+    result = exploring.run()
+    assert result.status == "complete"
+    assert (
+        result.history[-1].distance <= result.history[-1].time + 1e-9
+    )  # 1 m/s: it is not as fast as for a large world
+
+
 @pytest.mark.slow
 def test_what_lies_behind_the_robots_back_is_looked_at() -> None:
     world = two_rooms(1.0)

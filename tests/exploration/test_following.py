@@ -15,6 +15,7 @@ from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.se2 import compose, difference
 
 STATES = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 0.0, 2.0], [1.0, 1.5, 3.0]])
+BODY = Robot.rectangle(0.6, 0.4)
 
 
 def follower_of(path: Path, robot: Robot) -> PathFollower:
@@ -40,9 +41,10 @@ def driven(follower: PathFollower, pose: np.ndarray, step: float, offset: float 
     return np.array(poses)
 
 
-def test_an_exact_robot_stays_on_its_path_to_the_end() -> None:
+@pytest.mark.parametrize("robot", [BODY, BODY.differential(), BODY.steered(0.5)], ids=lambda robot: robot.drive)
+def test_an_exact_robot_stays_on_its_path_to_the_end(robot: Robot) -> None:
     path = Path(STATES)
-    follower = follower_of(path, Robot.rectangle(0.6, 0.4))
+    follower = follower_of(path, robot)
     poses = driven(follower, STATES[0], 0.13)
     assert np.abs(difference(poses[-1], STATES[-1])).max() < 1e-9
     dense = path.at(np.linspace(0.0, 1.0, 20_001))
@@ -50,6 +52,15 @@ def test_an_exact_robot_stays_on_its_path_to_the_end() -> None:
         assert np.abs(difference(dense, pose)).sum(axis=1).min() < 1e-3
     assert follower.advance(poses[-1], 0.13) < 1e-9
     assert len(follower.rest) == 1
+
+
+def test_states_that_are_alike_but_for_rounding_do_not_hide_what_comes_after_them() -> None:
+    turns = np.column_stack([np.full((9, 2), 1.0), [0.0, *[0.5] * 6, 1.0, 1.5]])
+    turns[:, 0] += 2e-16 * np.arange(9)
+    follower = follower_of(Path(turns), BODY.differential())
+    for angle in np.linspace(0.0, 1.5, 16):
+        assert follower.advance(np.array([1.0, 1.0, angle]), 0.0) < 1e-9
+        assert follower.command(turns[0])[1, 2] > 0.0 or angle > 1.45
 
 
 def test_a_robot_that_moves_in_every_direction_comes_back_to_its_path() -> None:

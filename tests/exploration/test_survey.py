@@ -175,6 +175,23 @@ def test_from_a_place_that_the_map_has_closed_nothing_is_proven_of_the_rest(robo
     assert memory.refused[15, 6] == EXCLUDED
 
 
+@pytest.mark.parametrize("reverse", [True, False])
+def test_a_robot_that_cannot_drive_backwards_goes_nowhere_where_it_cannot_turn_round(reverse: bool) -> None:
+    wall = "." * 20 + "#" * 13
+    known = known_of([*[wall] * 8, *["." * 32 + "#"] * 5, *[wall] * 7])
+    robot = Robot.rectangle(0.5, 0.3).differential(reverse=reverse)
+    planner = LandmarkPlanner(known.follow(World("hall", known.bounds, robot=robot)), robot, seed=0)
+    memory, here = Memory(known), np.array([1.05, 1.05, 0.0])
+    rng, settings = np.random.default_rng(0), ExplorationSettings(planning_time=0.5)
+    outlook = survey(known, planner, robot, here, None, 2.0, settings, rng, memory).outlook
+    for place, back in (((2.8, 0.95, 0.0), reverse), ((0.6, 1.55, 0.0), True)):
+        found = plan_to(
+            known, planner, chosen(outlook._replace(here=here), place, any_heading=True), 0, settings, memory
+        )
+        assert (found.path is not None) == back
+        assert back or "no way back" in memory.refusal
+
+
 def test_where_nothing_is_found_any_longer_the_robot_came_from_there(monkeypatch: pytest.MonkeyPatch) -> None:
     # As in the test before, but the proof takes too long.
     known = known_of([*["." * 20 + "#" + "." * 7] * 12, *["." * 20 + "#" + "#" * 7] * 8])

@@ -49,7 +49,7 @@ def explore(
     start: StartOption = None,
     sensor: Annotated[Text, option("--sensor", "NAME", "laser, or detections (of discs); default: laser.")] = None,
     sensor_range: Annotated[
-        Text, option("--sensor-range", "METRES", "Default: a fifth of the world's longer side.")
+        Text, option("--sensor-range", "METRES", "Default: a fifth of the world's longer side; at most its diagonal.")
     ] = None,
     strategy: Annotated[
         Text, option("--strategy", "NAME", "tour, gain-per-cost or nearest-frontier; default: tour.")

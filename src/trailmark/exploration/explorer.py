@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from trailmark.arguments import brief, callback, each_of, one_of, whole
+from trailmark.arguments import callback, each_of, one_of, whole
 from trailmark.errors import ConfigurationError, as_raised
 from trailmark.estimation.logs.records import Detection, Log, Pose, Record, Scan
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
@@ -19,11 +19,11 @@ from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.following import PathFollower
 from trailmark.exploration.interruption import postponed_interrupts
 from trailmark.exploration.mapper import Intake, Mapper
-from trailmark.exploration.mappers import check_visible, mapper_for
+from trailmark.exploration.mappers import check_visible, mapper_for, sensor_of
 from trailmark.exploration.outlook import Strategy
 from trailmark.exploration.result import ExplorationProgress, ExplorationResult, Status
 from trailmark.exploration.robots import DriveReport, ExploringRobot
-from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector, laser_scanner
+from trailmark.exploration.simulated_robot import SimulatedRobot
 from trailmark.exploration.strategies import strategy_of
 from trailmark.exploration.visible_area import evaluate
 from trailmark.planning import LandmarkPlanner
@@ -56,7 +56,8 @@ class Explorer:
         robot: footprint and drive; the world's own if None.
         sensor: ``laser``, ``detections``, or the sensor's description.
         strategy: a name that the shell takes, or a function that chooses from an :class:`Outlook`.
-        sensor_range: metres, of a sensor that is given by its name.
+        sensor_range: metres, of a sensor that is given by its name. No sensor reaches farther than from one corner of
+            ``bounds`` to the opposite one.
         start: where the robot stands, shape (3,), which it knows; by default that of the world's first query.
         bounds: xmin, ymin, xmax, ymax of what is to be explored; the world's own if None.
         settings: numbers that a person may change.
@@ -99,7 +100,7 @@ class Explorer:
         if start is None or bounds is None:
             raise ConfigurationError("explore: expected start= and bounds= with a robot of your own")
         self.start = configurations(start, name="start").reshape(3)
-        described = _sensor(sensor, sensor_range, self.settings.cell_side(self.robot, bounds))
+        described = sensor_of(sensor, sensor_range, self.settings.cell_side(self.robot, bounds), bounds)
         if world is None:
             self._driver: ExploringRobot = world_or_robot  # type: ignore[assignment]  # no world, so it is a robot
         else:
@@ -336,14 +337,3 @@ def _readings(records: Sequence[Record]) -> Iterator[list[Record]]:
         read = read or is_reading
     if some:
         yield some
-
-
-def _sensor(sensor: object, sensor_range: float, cell: float) -> Scanner | Detector:
-    """Return a sensor's description."""
-    if isinstance(sensor, Scanner | Detector):
-        return sensor
-    if sensor == "laser":
-        return laser_scanner(sensor_range, cell)
-    if sensor == "detections":
-        return disc_detector(sensor_range)
-    raise ConfigurationError(f"sensor: expected laser, detections, a Scanner or a Detector, got {brief(sensor)}")

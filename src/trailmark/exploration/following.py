@@ -20,6 +20,9 @@ BoolArray = NDArray[np.bool_]
 STEP = 0.05
 """Metres between the rows of a command: cars follow their curves to 0.3 mm at a radius of 1 m."""
 
+ALIKE = 1e-6
+"""Metres within which two rows are the same: planners repeat states, and only the next few rows are looked at."""
+
 HALF = 0.55
 """Of the way from one row to the next, from its middle to either: a curve is longer than the line between its ends."""
 
@@ -48,19 +51,21 @@ class PathFollower:
         self.path, self._footprint = path, footprint
         self._reach = footprint.circumradius
         self._comes_back = robot.drive == "omnidirectional"
-        self._rows = path.resample(STEP).states if len(path.states) > 1 else path.states
-        self._at = 0
+        rows = path.resample(STEP).states if len(path.states) > 1 else path.states
+        self._rows = rows[np.append(True, motion_bound(rows[:-1], rows[1:], self._reach) > ALIKE)]
+        self._at, self._along = 0, 0.0
         self._near: tuple[NDArray[np.intp], ...] | None = None
 
     @property
     def target(self) -> FloatArray:
         """The path's end, shape (3,)."""
-        return np.asarray(self._rows[-1])
+        return np.asarray(self.path.states[-1])
 
     @property
     def rest(self) -> FloatArray:
-        """The rows of the path that are left, shape (n, 3)."""
-        return np.asarray(self._rows[self._at :])
+        """The rows of the path that are left, shape (n, 3), the first where the robot is on it."""
+        rows = self._rows[self._at :]
+        return np.concatenate([interpolate(rows[:1], rows[1:2], self._along), rows[1:]]) if len(rows) > 1 else rows
 
     def advance(self, pose: FloatArray, distance: float) -> float:
         """Take note of where the robot has come to; return how far it is from its path, metres, any of its points.
@@ -74,18 +79,15 @@ class PathFollower:
             ahead = relative(rows[0], pose)
             return float(np.hypot(*ahead[:2])) + self._reach * abs(float(ahead[2]))
         a, b = rows[:-1], rows[1:]
-        edge, ahead = b[:, :2] - a[:, :2], pose[:2] - a[:, :2]
-        length2, turn = np.einsum("ij,ij->i", edge, edge), difference(a, b)[:, 2]
-        # On a turn in place the heading says how far along it is.
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = np.where(
-                length2 > 0.0, np.einsum("ij,ij->i", ahead, edge) / length2, difference(a, pose)[:, 2] / turn
-            )
-        along = np.clip(np.nan_to_num(along), 0.0, 1.0)
+        # Headings count by what they move the farthest point: on a turn in place they say how far along it is.
+        scale = np.array([1.0, 1.0, self._reach])
+        edge, ahead = scale * difference(a, b), scale * difference(a, pose)
+        along = np.clip((ahead * edge).sum(axis=1) / np.square(edge).sum(axis=1), 0.0, 1.0)
         off = difference(interpolate(a, b, along), pose)
         away = np.hypot(off[:, 0], off[:, 1]) + self._reach * np.abs(off[:, 2])
         nearest = int(np.flatnonzero(away <= away.min() + 1e-9)[-1])
-        self._at += nearest + int(along[nearest] > 1.0 - 1e-9)
+        past = along[nearest] > 1.0 - 1e-9
+        self._at, self._along = self._at + nearest + int(past), 0.0 if past else float(along[nearest])
         return float(away.min())
 
     def command(self, pose: FloatArray) -> FloatArray:
@@ -97,10 +99,9 @@ class PathFollower:
         Args:
             pose: where the robot is, shape (3,).
         """
-        rows = self._rows[self._at :]
-        if self._comes_back:
-            return np.concatenate([np.zeros((1, 3)), relative(pose, rows[1:] if len(rows) > 1 else rows)])
-        return np.asarray(relative(rows[0], rows))
+        rows = self.rest
+        ahead = relative(pose if self._comes_back else rows[0], rows[1:] if len(rows) > 1 else rows)
+        return np.concatenate([np.zeros((1, 3)), ahead])
 
     def endangered(self, known: KnownMap) -> bool:
         """Return whether the rest of the path may meet something that was not there at the first call.

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -74,8 +75,14 @@ def plan_to(
     seconds = settings.planning_time * max(share, 1.0 if surveyed.any_heading[index] else 0.0)
     goal = Goal(pose=tuple(landmark[: 2 if surveyed.any_heading[index] else 3].tolist()))
     result = _way(planner, here, goal, seconds, stopped, PATIENCE)
-    memory.aim = None if result.path is None else (landmark[:2], surveyed.expected[index])
+    memory.aim = None
     if result.path is not None:
+        end, time = result.path.states[-1], settings.planning_time
+        if not (planner.robot.reverse or _comes_back(known, planner, memory, end, time, stopped)):
+            _refuse(memory, row, column)
+            memory.refusal = "no way back from there was found, and the robot does not drive backwards"
+            return replace(result, status="timeout", path=None)
+        memory.aim = landmark[:2], surveyed.expected[index]
         memory.failed = 0
         memory.outdated |= memory.refused == EXCLUDED
         return result

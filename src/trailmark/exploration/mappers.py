@@ -1,11 +1,14 @@
-"""Which mapper a sensor needs, and which worlds it can see."""
+"""Which sensors there are, which mapper one needs, and which worlds it can see."""
 
 # Tested by tests/exploration/test_explorer.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 
+from trailmark.arguments import brief
 from trailmark.errors import ConfigurationError
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
 from trailmark.exploration.detection_mapper import DetectionMapper
@@ -13,11 +16,12 @@ from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import KnownMap
 from trailmark.exploration.mapper import Mapper
 from trailmark.exploration.scan_mapper import ScanMapper
+from trailmark.exploration.simulated_robot import disc_detector, laser_scanner
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
 
-__all__ = ["check_visible", "mapper_for"]
+__all__ = ["check_visible", "mapper_for", "sensor_of"]
 
 
 def mapper_for(
@@ -45,6 +49,29 @@ def mapper_for(
     if isinstance(sensor, Detector):
         return DetectionMapper(start, known, sensor, robot, settings, radii)
     return ScanMapper(start, known, sensor, robot, settings)
+
+
+def sensor_of(
+    sensor: object, sensor_range: float, cell: float, bounds: tuple[float, float, float, float]
+) -> Scanner | Detector:
+    """Return a sensor's description; its range ends where all that is to be explored does.
+
+    Args:
+        sensor: ``laser``, ``detections``, or a description.
+        sensor_range: metres, of a sensor that is given by its name.
+        cell: side of the map's cells, metres.
+        bounds: of what is to be explored.
+
+    Raises:
+        ConfigurationError: no such sensor, or no such range.
+    """
+    if sensor == "laser":
+        sensor = laser_scanner(sensor_range, cell)
+    elif sensor == "detections":
+        sensor = disc_detector(sensor_range)
+    if not isinstance(sensor, Scanner | Detector):
+        raise ConfigurationError(f"sensor: expected laser, detections, a Scanner or a Detector, got {brief(sensor)}")
+    return replace(sensor, max_range=min(sensor.max_range, math.dist(bounds[:2], bounds[2:])))
 
 
 def check_visible(world: World, sensor: Scanner | Detector) -> None:
