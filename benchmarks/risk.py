@@ -118,8 +118,7 @@ def yard(rng: np.random.Generator, sensor: str) -> World:
 def mapped(rng: np.random.Generator, sensor: str, factor: float) -> Case:
     """Return what ``trailmark map`` makes of a drive whose sensors and odometry err ``factor`` times as much as stated.
 
-    Detected features lie in the frame of the start. The frame of a map from scans is its own: the truth is laid over
-    it, the scans' poses nearest to their partners.
+    The map's frame is its own: the truth is laid over it, detected features or scans' poses nearest to their partners.
     """
     true = yard(rng, sensor)
     motion = Unicycle(factor * MOTION.sigma_v, factor * MOTION.sigma_omega, period=MOTION.period)
@@ -135,12 +134,13 @@ def mapped(rng: np.random.Generator, sensor: str, factor: float) -> Case:
         assert found.slam is not None
         discs = [true.obstacles[feature.identity or 0] for feature in found.slam.features]
         radii = np.array([disc.radius for disc in discs if isinstance(disc, Disc)])
+        centres = np.array([disc.center for disc in discs if isinstance(disc, Disc)])
         radii = np.maximum(0.02, radii + RADIUS_SIGMA * rng.standard_normal(len(radii)))
         means = np.array([feature.mean for feature in found.slam.features])
         covariances = np.array([e.covariance for e in world.estimates if e is not None])
         estimates = tuple(disc_estimates(means, covariances, radii, RADIUS_SIGMA))
         world = replace(world, obstacles=tuple(e.mean for e in estimates), estimates=estimates)
-        onto = Alignment(np.eye(2), np.zeros(2))
+        onto = aligned(centres, means)
     else:
         rows = np.searchsorted(truth[:, 0], found.trajectory[:, 0] - 1e-9)
         onto = aligned(truth[rows, 1:3], found.trajectory[:, 1:3])

@@ -121,7 +121,9 @@ def test_at_every_step_outputs_are_whole_or_absent(
     out = tmp_path / "out"
     assert shell(*commands[name]).status == 0
     whole = contents(out)
-    older = {file: content + b"\n" for file, content in whole.items()} if before == "older files there" else {}
+    # Other files that trailmark could have written: a table with one row more, the rest with an empty line more.
+    more = {file: content.splitlines()[-1] if file.endswith(".csv") else b"" for file, content in whole.items()}
+    older = {f: content + more[f] + b"\n" for f, content in whole.items()} if before == "older files there" else {}
     for at in range(1, 50):
         shutil.rmtree(out)
         out.mkdir()

@@ -80,7 +80,7 @@ def test_the_figures(shell: Shell, log: Path, tmp_path: Path) -> None:
     assert facts["written"].endswith("world.yaml")
     plain = shell("map", log, "--output", tmp_path / "plain.yaml", "--radius", "0.2,0.05").out
     assert "none stated" in plain
-    assert "radius of 0.1 m" not in plain
+    assert "note" not in plain
 
 
 @pytest.mark.slow

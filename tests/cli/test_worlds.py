@@ -82,6 +82,7 @@ def test_convert_reads_other_formats(shell: Shell, tmp_path: Path, shared_data: 
 
 
 def test_convert_refuses_to_overwrite_its_input(shell: Shell, yard: Path) -> None:
+    World.load(yard).save(yard)
     before = yard.read_bytes()
     assert "same file" in shell("worlds", "convert", yard, yard.parent / "." / "yard.yaml").problem
     assert yard.read_bytes() == before

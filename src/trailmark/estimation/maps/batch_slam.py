@@ -45,7 +45,7 @@ class BatchResult(NamedTuple):
     relative: FloatArray
     """Covariance of each feature in the map's frame, shape (m, 2, 2)."""
     own_frame: bool
-    """Whether all features are that frame; else the first pose is, which was given, or they are fewer than FEWEST."""
+    """Whether all features are that frame; else, if they are fewer than FEWEST, the first pose is."""
     figures: dict[str, Any]
     """What was found, as plain data."""
 
@@ -165,7 +165,7 @@ def _result(found: _Found, result: SlamResult, settings: MapSettings, times: Flo
     own = np.arange(2 * len(means)).reshape(-1, 2)
     joint[own[:, :, None], own[:, None, :]] += settings.slam.curvature * estimate.missed()
     joint = joint * scale.factor**2 + scale.sigma**2 * np.outer(away, away)
-    own_frame = settings.start is None and len(means) >= FEWEST
+    own_frame = len(means) >= FEWEST
     relative = relative_covariance(means, joint) if own_frame else joint
     blocks, relative = (
         0.5 * (P[own[:, :, None], own[:, None, :]] + P[own[:, None, :], own[:, :, None]]) for P in (joint, relative)

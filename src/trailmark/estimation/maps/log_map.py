@@ -178,8 +178,8 @@ def _free(world: World, poses: FloatArray) -> FloatArray:
 def _notes(s: MapSettings, sources: Sources, world: World, run: SlamRun | None) -> list[str]:
     """Return what a reader of the result should know."""
     notes = []
-    if sources.obstacles == "detections" and run is not None and run.batch is not None and run.batch.own_frame:
-        notes.append("covariances are those of features to one another: --start adds those of the first pose's frame")
+    if sources.obstacles == "detections" and run is not None and run.batch is not None and not run.batch.own_frame:
+        notes.append("covariances are those in the frame of the first pose: so few features have none of their own")
     if sources.obstacles == "detections" and s.radius == MapSettings.radius:
         notes.append(f"discs are assumed to have a radius of {s.radius:g} m: the log does not state it")
     if sources.poses == "odometry":
