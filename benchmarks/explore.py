@@ -9,8 +9,9 @@ map is found by shapely (benchmarks.explore_oracle).
 Each run has a process of its own, and a limit on the processor's time that it uses: what takes longer hangs. What is
 measured is appended to a file of JSON Lines at once, and runs that stand there already are not run again.
 
-    python -m benchmarks.explore [--worlds 40] [--shipped] [--maps NAME.{yaml,png} ...] [--seeds 1] [--noise 0 1]
-        [--strategies NAME ...] [--workers 1] [--limit 1800] [--runs FILE.jsonl] [--report [NAME]]
+    python -m benchmarks.explore [--worlds 40] [--shipped] [--maps NAME.{yaml,png} ...] [--drives NAME ...]
+        [--seeds 1] [--noise 0 1] [--strategies NAME ...] [--workers 1] [--limit 1800] [--runs FILE.jsonl]
+        [--report [NAME]]
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from typing import Any, NamedTuple
 
 from benchmarks.age import describe_code
 from benchmarks.explore_report import report, summarise
-from benchmarks.explore_run import Job, jobs_for, run_job
+from benchmarks.explore_run import DRIVES, Job, jobs_for, run_job
 from benchmarks.explore_worlds import KINDS
 from benchmarks.machine import describe_machine
 from trailmark.formats.files import write_atomically
@@ -133,6 +134,7 @@ def main() -> None:
     parser.add_argument(
         "--maps", nargs="+", default=[], help="NAME.yaml or NAME.png of the real data's folder explore, too"
     )
+    parser.add_argument("--drives", nargs="+", choices=list(DRIVES), help="instead of robots that move every way")
     parser.add_argument("--seeds", type=int, default=1, help="runs of each kind in each world")
     parser.add_argument("--noise", type=float, nargs="+", default=[0.0, 1.0], help="times the noise by default")
     parser.add_argument("--strategies", nargs="+", default=list(STRATEGIES))
@@ -147,6 +149,7 @@ def main() -> None:
     worlds = [f"{kinds[i % 4]} {i // 4}" for i in range(arguments.worlds)]
     worlds += [name for name in shipped_worlds() if name not in CLOSED] if arguments.shipped else []
     worlds += arguments.maps
+    worlds = [f"{world} as {drive}" for world in worlds for drive in arguments.drives] if arguments.drives else worlds
     jobs = jobs_for(worlds, arguments.seeds, arguments.noise, arguments.strategies)
     rows = measure(jobs, arguments.runs, arguments.workers, arguments.limit)
     summary = summarise(rows)

@@ -27,7 +27,7 @@ from trailmark.exploration.warmup import warm_up_exploration
 from trailmark.library import shipped_worlds
 from trailmark.world import Query
 
-__all__ = ["CONFIDENCE", "WITHOUT_LOOPS", "Job", "hidden_world", "run_job", "sensor_range_of"]
+__all__ = ["CONFIDENCE", "DRIVES", "WITHOUT_LOOPS", "Job", "hidden_world", "run_job", "sensor_range_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -46,6 +46,13 @@ ANCHOR = "tour with the map known"
 
 IMAGE_RANGE = 80.0
 """Metres, one for each pixel: what the sensor sees in images, by the source of them (ARiADNE, env.py)."""
+
+DRIVES = {
+    "differential": lambda robot: robot.differential(),
+    "forward": lambda robot: robot.differential(reverse=False),
+    "car": lambda robot: robot.steered(0.5),
+}
+"""How the world's robot drives where a world's name ends in one of these: ``office 3 as car``."""
 
 WITHOUT_LOOPS = "tour-without-loops"
 """The strategy of that name, for the ablation."""
@@ -69,8 +76,13 @@ def hidden_world(name: str) -> World:
     """Return a generated world (``office 3``), a shipped one (``office``), or a map of the real data.
 
     Maps (``room.yaml``) get a round robot that starts where it fits nearest to the middle; images (``maze.png``), in
-    which the start is marked, one of two pixels.
+    which the start is marked, one of two pixels. The robot moves in every direction unless the name ends in a drive.
     """
+    name, _, drive = name.partition(" as ")
+    if drive:
+        world = hidden_world(name)
+        assert world.robot is not None
+        return replace(world, robot=DRIVES[drive](world.robot))
     if name.endswith(".png"):
         return replace(World.load(data_folder() / "explore" / name), robot=Robot.disc(2.0))
     if name.endswith(".yaml"):
