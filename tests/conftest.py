@@ -23,7 +23,7 @@ COMPILED = "trailmark/compiled"
 # examples: few in each are many in a week. Who changes what a property is about asks for many at once:
 # --hypothesis-profile thorough.
 common = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
-settings.register_profile("trailmark", common, max_examples=40)
+settings.register_profile("trailmark", common, max_examples=25)
 settings.register_profile("thorough", common, max_examples=1000)
 settings.load_profile("trailmark")
 

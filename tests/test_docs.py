@@ -74,8 +74,11 @@ def shortly(words: list[str]) -> list[str]:
 @pytest.mark.parametrize("page", [page for page in PAGES if runnable(page)], ids=name_of)
 def test_what_a_page_shows_runs(page: Path, tmp_path: Path, forks: Forks) -> None:
     (tmp_path / "worlds").symlink_to(ROOT / "worlds")
-    for words in map(shortly, runnable(page)):
+    for whole in runnable(page):
+        words = shortly(whole)
         done = forks.run(words, cwd=tmp_path, timeout=LIMIT)
+        if done.returncode and words != whole:  # on a busy machine the short time may not do
+            done = forks.run(words := whole, cwd=tmp_path, timeout=LIMIT)
         assert done.returncode == 0, f"{words}: {done.stderr}"
         if words[0] != "-c":
             assert done.stdout.strip(), words

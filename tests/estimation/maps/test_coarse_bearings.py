@@ -47,7 +47,7 @@ def nees(count: int, sigma: tuple[float, float], settings: MapSettings, runs: in
 
 
 @pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.2), (0.01, 0.1)])
-@pytest.mark.parametrize("count", [1, 3, 20])
+@pytest.mark.parametrize("count", [1, 20])
 def test_by_the_poses_of_the_log(count: int, sigma: tuple[float, float]) -> None:
     found = nees(count, sigma, MapSettings(poses="log", mapping=CERTAIN))
     assert 0.5 < found.mean() < 2.6
@@ -56,7 +56,7 @@ def test_by_the_poses_of_the_log(count: int, sigma: tuple[float, float]) -> None
 
 
 @pytest.mark.parametrize("sigma", [(0.05, 0.02), (0.05, 0.2), (0.05, 0.3)])
-@pytest.mark.parametrize("count", [1, 3, 20])
+@pytest.mark.parametrize("count", [1, 20])
 def test_smoothed(count: int, sigma: tuple[float, float]) -> None:
     found = nees(count, sigma, MapSettings(), runs=20)
     assert 0.5 < found.mean() < 2.6
