@@ -17,6 +17,7 @@ from PIL import Image
 from tests.cli.logs import recorded, write_mrclam
 
 from trailmark.estimation import save_log
+from trailmark.world import World
 
 Shell = Callable[..., Any]
 
@@ -122,13 +123,15 @@ def test_convert_keeps_scenarios_and_meshes(shell: Shell, tmp_path: Path) -> Non
     scenario = tmp_path / "grid.map.scen"
     scenario.write_text("version 1\n0\tgrid.map\t3\t2\t0\t0\t2\t1\t2.4\n")
     (tmp_path / "link.yaml").symlink_to(scenario)
-    assert "grid.map.scen" in kept(shell, tmp_path, "worlds", "convert", grid, tmp_path / "link.yaml")
+    assert "did not write" in kept(shell, tmp_path, "worlds", "convert", grid, tmp_path / "link.yaml")
+    assert scenario in World.load(grid).sources
     (tmp_path / "world.yaml").write_text(MESH.format("0 0 0 5 0 0 0 0 5"))
     (tmp_path / "robot.yml").write_text(MESH.format("0 0 0 1 0 0 0 0 1"))
     problem = tmp_path / "problem.cfg"
     problem.write_text(CFG.format(robot="robot.yml", world="world.yaml"))
     for name in ("world.yaml", "robot.yml"):
-        assert "same file" in kept(shell, tmp_path, "worlds", "convert", problem, tmp_path / name)
+        assert "did not write" in kept(shell, tmp_path, "worlds", "convert", problem, tmp_path / name)
+        assert tmp_path / name in World.load(problem).sources
 
 
 @pytest.mark.slow

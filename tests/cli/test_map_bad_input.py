@@ -255,7 +255,8 @@ def test_interruption_while_writing_leaves_the_old_world(
     shell: Shell, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "world.yaml"
-    file.write_text("old")
+    World("old", (0.0, 0.0, 1.0, 1.0)).save(file)
+    old = file.read_bytes()
 
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
@@ -263,5 +264,5 @@ def test_interruption_while_writing_leaves_the_old_world(
     monkeypatch.setattr("os.fsync", interrupt)
     run = shell("map", log, "--output", file)
     assert (run.status, run.problem) == (130, "interrupted")
-    assert file.read_text() == "old"
+    assert file.read_bytes() == old
     assert sorted(tmp_path.iterdir()) == sorted([log, file])

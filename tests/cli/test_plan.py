@@ -303,11 +303,12 @@ def test_an_interrupt_is_one_line_and_leaves_the_old_file(
         raise KeyboardInterrupt
 
     planner.action = staticmethod(interrupt)
-    (tmp_path / "path.json").write_text("old")
+    old = '{"states": [], "cost": null}'
+    (tmp_path / "path.json").write_text(old)
     run = shell("plan", yard, "--output", tmp_path / "path.json", "--plot", tmp_path / "path.png")
     assert run.status == 130
     assert run.problem == "interrupted"
-    assert (tmp_path / "path.json").read_text() == "old"
+    assert (tmp_path / "path.json").read_text() == old
     assert sorted(file.name for file in tmp_path.iterdir()) == ["path.json", "yard.yaml"]
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from trailmark.errors import OutputError
 from trailmark.formats import geojson, nav2_messages, path_files, trajectory_files, world_yaml
+from trailmark.formats.files import MAX_FILE_BYTES
 
 __all__ = ["is_world_file", "require_not_an_input", "require_replaceable"]
 
@@ -30,13 +31,9 @@ MARKS = {
 """What stands near the beginning or the end of the files that trailmark writes and never reads."""
 
 _HEAD, _TAIL = 2**16, 2**12
-"""Bytes at a file's beginning and end that are read."""
+"""Bytes at a file's beginning and end that are read; JSON is read whole."""
 
-_MAPPING = re.compile(r"^(?:[\"']?[A-Za-z_][\w. -]*[\"']?[ \t]*:(?:[ \t]|\r?$)|[{[])", re.MULTILINE)
-_RECORDS = ({"states", "cost"}, {"states", "status"}, {"status", "strategy", "seen"})
-"""Members by which our JSON records are known: of a path, of a plan without one, of an exploration."""
-
-_WORLD = re.compile(r"^trailmark[ \t]*:[ \t]*1\b", re.MULTILINE)
+_WORLD = re.compile(r"^trailmark[ \t]*:[ \t]*1[ \t]*(?:#.*)?\r?$", re.MULTILINE)
 
 
 def require_not_an_input(path: Path, inputs: Iterable[Path]) -> None:
@@ -58,7 +55,7 @@ def require_not_an_input(path: Path, inputs: Iterable[Path]) -> None:
 def require_replaceable(path: Path) -> None:
     """Raise if there is a file that trailmark could not have written under that name; its suffix tells the format.
 
-    A file that is empty, or that holds nothing of its format at all, may be replaced.
+    An empty file may be replaced.
 
     Raises:
         OutputError: there is a picture, a table, a map or whatever else of somebody's own.
@@ -67,7 +64,7 @@ def require_replaceable(path: Path) -> None:
         if not path.is_file():
             return
         with path.open("rb") as file:
-            head = file.read(_HEAD)
+            head = file.read(MAX_FILE_BYTES if path.suffix.lower() == ".json" else _HEAD)
             file.seek(max(len(head), path.stat().st_size - _TAIL))
             tail = file.read(_TAIL)
     except (OSError, ValueError):
@@ -102,14 +99,14 @@ def _own(kind: str, head: bytes, tail: bytes) -> bool:
         return False
     text = head.decode("utf-8", "replace")
     if kind in (".yaml", ".yml"):
-        return text.startswith((nav2_messages.YAML_MARK, world_yaml.HEADER)) or not _MAPPING.search(text)
+        return text.startswith((nav2_messages.YAML_MARK, world_yaml.HEADER))
     if kind == ".json":
-        return _own_json(text, tail.decode("utf-8", "replace"))
+        return text.startswith(nav2_messages.JSON_MARK) or _own_json(text)
     if kind == ".csv":
         header, _, rows = text.partition("\n")
         if header in (path_files.CSV_HEADER, trajectory_files.HEADER):
             return _own_rows(rows, ",", header.count(",") + 1, whole=not tail)
-        return "," not in text
+        return False
     if kind in (".path", ".txt"):
         return _own_rows(text, " ", 3, whole=not tail)
     return True
@@ -129,14 +126,17 @@ def _own_rows(text: str, separator: str, columns: int, whole: bool) -> bool:
         return False
 
 
-def _own_json(text: str, tail: str) -> bool:
-    """Return whether JSON has the members of one of our records, or is our message; True for what is not JSON."""
-    if not text.lstrip().startswith(("{", "[")) or text.startswith(nav2_messages.JSON_MARK):
-        return True
+def _own_json(text: str) -> bool:
+    """Return whether JSON is one of our records: of a path with its cost, of a plan, of an exploration."""
     try:
-        data = None if tail else json.loads(text)
-    except ValueError:
-        data = None
-    if data is None:
-        return '"states":' in text and any(member in text + tail for member in ('"cost":', '"status":'))
-    return isinstance(data, dict) and any(members <= data.keys() for members in _RECORDS)
+        data = json.loads(text)
+    except (ValueError, RecursionError):
+        return False
+    if not isinstance(data, dict):
+        return False
+    if "states" not in data:
+        return {"status", "strategy", "seen"} <= data.keys()
+    rows = data["states"]
+    return bool({"cost", "status"} & data.keys() and isinstance(rows, list)) and all(
+        isinstance(row, list) and len(row) == 3 and all(isinstance(number, float) for number in row) for row in rows
+    )

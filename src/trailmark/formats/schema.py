@@ -34,7 +34,7 @@ def _in_lower_case(value: Any) -> Any:
 def _as_flag(value: Any) -> Any:
     """Return 0 or 1 for the words that YAML 1.1, which nav2 reads, has for false and true; others as they are."""
     word = str(value).lower() if isinstance(value, str | bool) else ""
-    return 0 if word in ("n", "no", "false", "off") else 1 if word in ("y", "yes", "true", "on") else value
+    return 0 if word in ("0", "n", "no", "false", "off") else 1 if word in ("1", "y", "yes", "true", "on") else value
 
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
