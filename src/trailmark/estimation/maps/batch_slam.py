@@ -31,8 +31,8 @@ __all__ = ["BatchResult", "smoothed"]
 IntArray = NDArray[np.intp]
 
 FEWEST = 4
-"""Features that a map has a frame by itself from: of the 2 m numbers of fewer a rigid motion explains half or more, of
-one feature all."""
+"""Least number of features that make a frame of their own: of the 2 m coordinates of fewer, the 3 degrees of freedom of
+a rigid motion are half or more, and of one feature all."""
 
 OnRound = Callable[[int, int], None]
 
@@ -45,7 +45,7 @@ class BatchResult(NamedTuple):
     relative: FloatArray
     """Covariance of each feature in the map's frame, shape (m, 2, 2)."""
     own_frame: bool
-    """Whether all features are that frame; else, if they are fewer than FEWEST, the first pose is."""
+    """Whether that frame is the features' own; of fewer than FEWEST it is that of the first pose."""
     figures: dict[str, Any]
     """What was found, as plain data."""
 
