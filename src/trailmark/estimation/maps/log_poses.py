@@ -120,10 +120,11 @@ def run_slam(log: Log, settings: MapSettings, poses: str, on_progress: OnProgres
             z = np.asarray(detection.z).tolist()
             raise EstimationError(f"detection at {detection.t:g} s: expected z of at most {FARTHEST:g}, got {z}")
         if settings.stated_sensor_noise and detection.covariance is not None:
-            P = checked_covariance(detection.covariance, 2, name := f"detection at {detection.t:g} s")  # noqa: N806
-            if not np.linalg.eigvalsh(P)[0] >= SUREST**2:
+            name = f"detection at {detection.t:g} s"
+            stated = checked_covariance(detection.covariance, 2, name)
+            if not np.linalg.eigvalsh(stated)[0] >= SUREST**2:
                 least = f"a covariance of standard deviations of at least {SUREST:g}"
-                raise EstimationError(f"{name}: expected {least}, got {P.tolist()}")
+                raise EstimationError(f"{name}: expected {least}, got {stated.tolist()}")
     s, association = settings.slam, settings.slam.association
     if association == "auto":
         association = "known" if any(detection.identity is not None for detection in detections) else "joint"
