@@ -20,10 +20,10 @@ from trailmark.estimation.scans.clouds import relative
 from trailmark.estimation.simulation.virtual_sensors import Detector
 from trailmark.exploration.detection_mapper import DetectionMapper
 from trailmark.exploration.exploration_settings import ExplorationSettings
-from trailmark.exploration.known_map import FREE, KnownMap
+from trailmark.exploration.known_map import FREE, OCCUPIED, KnownMap
 from trailmark.exploration.simulated_robot import SimulatedRobot, disc_detector
 from trailmark.se2 import compose
-from trailmark.shapes import Disc
+from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
 BOUNDS = (0.0, 0.0, 16.0, 12.0)
@@ -91,6 +91,28 @@ def test_with_noise_discs_are_grown_so_that_they_cover_the_true_ones() -> None:
             assert Disc((x, y), radius).polygon(1e-4).shapely().difference(solid).area < 1e-4
         off = mapper.pose - robot.pose
         assert float(off @ np.linalg.solve(mapper.covariance, off)) < 20.0
+
+
+@pytest.mark.slow
+def test_with_noise_what_may_be_outside_the_bounds_is_closed() -> None:
+    for seed in range(3):
+        robot, mapper = begun(1.0, 0.99, seed)
+        world, widths = None, []
+        for _ in range(16):
+            assert not any(drive(robot, mapper, 10, turn=0.02))
+            world, _ = drawn(mapper, world)
+            shapes = dict(zip(world.ids, world.obstacles, strict=True))
+            left, below = shapes["bounds-left"], shapes["bounds-bottom"]
+            assert isinstance(left, Rectangle)
+            assert isinstance(below, Rectangle)
+            # The robot is a disc, which stands where it is held to stand but for its place.
+            assert (np.abs(mapper.pose - robot.pose)[:2] <= (left.length, below.width)).all()
+            widths += [left.length, below.width]
+            assert (mapper.known.state[:, 0] == OCCUPIED).all()
+        assert 0.0 < min(widths) < max(widths) < 1.0
+    _, mapper = begun(1.0)
+    drive(robot, mapper, 10)
+    assert not {"bounds-left", "bounds-bottom"} & set(drawn(mapper)[0].ids)
 
 
 @pytest.mark.slow

@@ -28,6 +28,7 @@ from trailmark.exploration.exploration_settings import ExplorationSettings
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
 from trailmark.exploration.mapper import Intake
 from trailmark.exploration.record_checks import CARRIED, RecordChecks
+from trailmark.exploration.strips import bounds_margins, cells_that_meet, strips_along
 from trailmark.se2 import FloatArray, difference, transform, wrap
 from trailmark.shapes import Disc
 from trailmark.world import Robot, World
@@ -138,7 +139,7 @@ class DetectionMapper:
 
     @property
     def margin(self) -> float:
-        """0: the discs themselves are grown for the confidence asked for."""
+        """0: the discs themselves are grown for the confidence asked for, and the bounds are drawn in."""
         return 0.0
 
     def take(self, records: Sequence[Record]) -> Intake:
@@ -305,7 +306,11 @@ class DetectionMapper:
             rows, columns = np.mgrid[part]
             off = np.hypot(*(known.centres(rows.ravel(), columns.ravel()) - np.asarray(disc.center)).T)
             state[part][off.reshape(rows.shape) <= disc.radius] = OCCUPIED
-        known.set_state(state, discs)
+        # To the axes that the robot began in, those of the bounds, the discs say nothing.
+        strips = strips_along(known, bounds_margins(self.covariance, self._robot, self._spread))
+        for strip in strips.values():
+            state[cells_that_meet(known, strip)] = OCCUPIED
+        known.set_state(state, {**discs, **strips})
 
     def _in_sight(self, points: FloatArray, discs: Iterable[Disc]) -> NDArray[np.bool_]:
         """Return which points, shape (n, 2), are in range and in view, and not behind a disc."""

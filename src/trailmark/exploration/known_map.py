@@ -28,7 +28,7 @@ from trailmark.exploration.cells import (
     rectangles,
 )
 from trailmark.se2 import FloatArray, compose
-from trailmark.shapes import Disc, Rectangle, Shape
+from trailmark.shapes import Rectangle, Shape
 from trailmark.world import World
 
 __all__ = ["FREE", "OCCUPIED", "UNKNOWN", "UNKNOWN_ID", "Agreement", "KnownMap"]
@@ -97,7 +97,7 @@ class KnownMap:
         self._obstacles = dict[tuple[int, int], dict[tuple[str, int, int, int, int], str]]()
         self._drawn = dict[tuple[int, int], bytes]()
         self._count = 0
-        self._discs, self._drawn_discs = dict[str, Disc](), dict[str, Disc]()
+        self._shapes, self._drawn_shapes = dict[str, Shape](), dict[str, Shape]()
         self._contacts = np.zeros(shape, dtype=np.bool_)
         self._lines_of_sight: tuple[int, NDArray[np.uint8]] | None = None
 
@@ -111,25 +111,25 @@ class KnownMap:
         """Centres of the cells in which the robot ran into something, shape (n, 2), metres."""
         return self.centres(*np.nonzero(self._contacts))
 
-    def set_state(self, state: NDArray[np.uint8], discs: Mapping[str, Disc] | None = None) -> None:
-        """Take over the state of all cells; those that are occupied are so as a whole, or by discs.
+    def set_state(self, state: NDArray[np.uint8], shapes: Mapping[str, Shape] | None = None) -> None:
+        """Take over the state of all cells; those that are occupied are so as a whole, or by shapes.
 
         Args:
             state: UNKNOWN, FREE or OCCUPIED, shape as before.
-            discs: obstacles by name, that stand for the occupied cells.
+            shapes: obstacles by name, that stand for the occupied cells.
         """
-        cells, discs = self._cells, dict(discs) if discs else {}
+        cells, shapes = self._cells, dict(shapes) if shapes else {}
         state = np.where(self._contacts, OCCUPIED, state).astype(np.uint8)
-        if np.array_equal(state, cells.state) and discs == self._discs:
+        if np.array_equal(state, cells.state) and shapes == self._shapes:
             return
         new = state != cells.state
         cells.changed[:] |= np.logical_or.reduceat(
             np.logical_or.reduceat(new, np.arange(0, new.shape[0], TILE), 0), np.arange(0, new.shape[1], TILE), 1
         )
         cells.state[:], cells.level[:], cells.facing[:] = state, WHOLE, 0
-        cells.box[:] = (255, 255, 0, 0) if discs else (0, 0, 255, 255)
+        cells.box[:] = (255, 255, 0, 0) if shapes else (0, 0, 255, 255)
         cells.seen[:] = np.where(state == UNKNOWN, 0, SEEN)
-        self._discs = discs
+        self._shapes = shapes
         self._enter_contacts()
 
     def snapshot(self) -> KnownMap:
@@ -269,26 +269,26 @@ class KnownMap:
             if self._drawn.get((i, j)) == content:
                 continue
             self._drawn[i, j] = content
-            shapes = {(UNKNOWN_ID[:-1], *box) for box in (parts * rectangles(_unseen(seen)) // 2).tolist()}
-            shapes |= {("occupied", *box) for box in joined(boxes)}
+            boxed = {(UNKNOWN_ID[:-1], *box) for box in (parts * rectangles(_unseen(seen)) // 2).tolist()}
+            boxed |= {("occupied", *box) for box in joined(boxes)}
             old = self._obstacles.get((i, j), {})
-            self._obstacles[i, j] = new = {shape: old[shape] for shape in old if shape in shapes}
-            remove += [identity for shape, identity in old.items() if shape not in shapes]
-            for shape in shapes - set(old):
+            self._obstacles[i, j] = new = {box: old[box] for box in old if box in boxed}
+            remove += [identity for box, identity in old.items() if box not in boxed]
+            for box in boxed - set(old):
                 self._count += 1
-                new[shape] = f"{shape[0]}-{self._count}"
-                x0, y0, x1, y1 = (side / parts for side in shape[1:])
+                new[box] = f"{box[0]}-{self._count}"
+                x0, y0, x1, y1 = (side / parts for side in box[1:])
                 centre = j * TILE + 0.5 * (x0 + x1), i * TILE + 0.5 * (y0 + y1)
                 x, y = (low + self.cell * at for low, at in zip(self.origin, centre, strict=True))
-                add[new[shape]] = Rectangle((x, y), self.cell * (x1 - x0), self.cell * (y1 - y0))
+                add[new[box]] = Rectangle((x, y), self.cell * (x1 - x0), self.cell * (y1 - y0))
         self._cells.changed[:] = False
-        for name, disc in self._drawn_discs.items():
-            if self._discs.get(name) != disc:
+        for name, shape in self._drawn_shapes.items():
+            if self._shapes.get(name) != shape:
                 remove.append(name)
-        for name, disc in self._discs.items():
-            if self._drawn_discs.get(name) != disc:
-                add[name] = disc
-        self._drawn_discs = dict(self._discs)
+        for name, shape in self._shapes.items():
+            if self._drawn_shapes.get(name) != shape:
+                add[name] = shape
+        self._drawn_shapes = dict(self._shapes)
         return world.edited(add=add, remove=remove) if add or remove else world
 
     def _boxes(self, row: int, column: int) -> NDArray[np.int64]:
