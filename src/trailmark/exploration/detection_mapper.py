@@ -296,8 +296,7 @@ class DetectionMapper:
         if clear.all():
             self._free[near] = True
         else:
-            # To the middle of the nearest cell that may hold a disc's centre.
-            away = np.full(self._free.shape, 0.0)
+            away = np.full(self._free.shape, 0.0)  # to the middle of the nearest cell that may hold a disc's centre
             away[wide] = known.cell * distance_transform_edt(clear)
             self._free[near] |= away[near] > self._largest + known.cell
         state = np.where(self._free, FREE, UNKNOWN).astype(np.uint8)
@@ -306,7 +305,6 @@ class DetectionMapper:
             rows, columns = np.mgrid[part]
             off = np.hypot(*(known.centres(rows.ravel(), columns.ravel()) - np.asarray(disc.center)).T)
             state[part][off.reshape(rows.shape) <= disc.radius] = OCCUPIED
-        # To the axes that the robot began in, those of the bounds, the discs say nothing.
         strips = strips_along(known, bounds_margins(self.covariance, self._robot, self._spread))
         for strip in strips.values():
             state[cells_that_meet(known, strip)] = OCCUPIED
@@ -319,8 +317,7 @@ class DetectionMapper:
         angles = 2.0 * math.pi * np.arange(count) / count
         rays = RayCaster(World("known", self.known.bounds, tuple(discs)), bounds=False)
         lengths = np.minimum(rays.distances(pose[:2], angles, reach), reach)
-        # Between two rays, what the shorter one reaches.
-        lengths = np.minimum(lengths, np.roll(lengths, -1))
+        lengths = np.minimum(lengths, np.roll(lengths, -1))  # between two rays, what the shorter one reaches
         dx, dy = (points - pose[:2]).T
         direction = np.arctan2(dy, dx)
         ray = (direction % (2.0 * math.pi) * (count / (2.0 * math.pi))).astype(np.intp) % count
