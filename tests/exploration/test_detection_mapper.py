@@ -105,7 +105,7 @@ def test_with_noise_what_may_be_outside_the_bounds_is_closed() -> None:
             left, below = shapes["bounds-left"], shapes["bounds-bottom"]
             assert isinstance(left, Rectangle)
             assert isinstance(below, Rectangle)
-            # The robot is a disc, which stands where it is held to stand but for its place.
+            # The robot is a disc, which an error of its heading does not move: only that of its place counts.
             assert (np.abs(mapper.pose - robot.pose)[:2] <= (left.length, below.width)).all()
             widths += [left.length, below.width]
             assert (mapper.known.state[:, 0] == OCCUPIED).all()

@@ -258,7 +258,8 @@ class KnownMap:
         """Return the world with the obstacles of the tiles that changed since the last call replaced.
 
         Its obstacles have ids: ``occupied-…``, the boxes of the surfaces in occupied cells, and ``unknown-…``, the
-        quarters of cells that no beam passed, so that no valid path leads through what is not known.
+        quarters of cells that no beam passed, so that no valid path leads through what is not known; the shapes that
+        :meth:`set_state` took over have their own names.
         """
         remove, add = list[str](), dict[str, Shape]()
         parts = self.parts
