@@ -20,8 +20,8 @@ PARTS: Final = 4
 def bounds_margins(covariance: FloatArray, robot: Robot, deviations: float) -> FloatArray:
     """Return how far the robot must stay away from the bounds along x and along y, metres, shape (2,).
 
-    The bounds are known in the frame that the robot began in: no detection tells where they are. The robot's pose in that
-    frame is less certain the farther it has driven, so that strips become wider on the way.
+    The bounds are known in the frame that the robot began in: no detection tells where they are. The farther it has
+    driven, the less certain its pose is in that frame, so that strips become wider on the way.
 
     Args:
         covariance: of the robot's pose in the axes of the bounds, shape (3, 3).
