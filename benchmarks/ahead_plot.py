@@ -29,7 +29,7 @@ STYLES = {
     "BITstar+certified": ("#009e73", "--", 1.4),
 }
 OTHERS = "#aaaaaa"
-WIDTH = 44
+WIDTH = 27
 """Characters in a line of the legend."""
 
 
@@ -64,6 +64,7 @@ def draw(results: Results) -> bytes:
         right.set_visible(False)
     else:
         _draw_costs(right, results, compared)
+        figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=3, fontsize=8, frameon=False)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120, metadata={"Description": describe_machine()})
     return buffer.getvalue()
@@ -88,4 +89,3 @@ def _draw_costs(axes: Any, results: Results, compared: Sequence[Case]) -> None:
     axes.minorticks_off()
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
     axes.set_title("Cost, one problem of every kind", loc="left")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), ncols=3, fontsize=8, frameon=False)
