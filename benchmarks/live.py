@@ -145,7 +145,7 @@ def frames(tab: Browser, address: str) -> dict[str, Any]:
     tab.open("about:blank", 1400)
     tab.open(address, 1400)
     tab.wait("trailmark.scene.path")
-    # The browser tells of the paint some time after it; the path may be there before.
+    # The browser reports its paint some time later; the path may be there first.
     found = {"first paint, ms": tab.wait("performance.getEntriesByName('first-contentful-paint')[0]?.startTime")}
     time.sleep(3.0)
     tab.run(WATCH)

@@ -139,7 +139,7 @@ class DetectionMapper:
 
     @property
     def margin(self) -> float:
-        """0: for the confidence asked for discs are grown, and strips along the bounds are closed."""
+        """0: at the confidence asked for, discs are grown and strips along the bounds are closed."""
         return 0.0
 
     def take(self, records: Sequence[Record]) -> Intake:
