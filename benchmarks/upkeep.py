@@ -75,8 +75,7 @@ def time_tests() -> list[list[str]]:
     with tempfile.TemporaryDirectory(prefix="upkeep-") as name:
         clone, caches = Path(name) / "clone", Path(name) / "caches"
         subprocess.run(["git", "clone", "-q", ROOT, clone], check=True)
-        # Python is to keep bytecode, as it does unless told otherwise.
-        own = {key: value for key, value in os.environ.items() if key not in ("PYTHONDONTWRITEBYTECODE", "PYTHONPATH")}
+        own = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
         own |= {"XDG_CACHE_HOME": str(caches), "TRAILMARK_DATA": own.get("TRAILMARK_DATA", str(ROOT / DATA))}
         made, tests = command_of_tests((clone / "README.md").read_text(encoding="utf-8"))
         environment, cold = timed(made, clone, own), timed(tests, clone, own)
