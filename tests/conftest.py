@@ -27,8 +27,8 @@ settings.register_profile("trailmark", common, max_examples=25)
 settings.register_profile("thorough", common, max_examples=1000)
 settings.load_profile("trailmark")
 
-# Some machines tell Python to keep no bytecode: each of the hundreds of processes that tests start would compile all that
-# it imports, and each of pytest's workers all tests.
+# Some machines tell Python to keep no bytecode: each of the hundreds of processes that tests start would compile all
+# that it imports, and each of pytest's workers all tests.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
