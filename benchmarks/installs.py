@@ -2,8 +2,8 @@
 
 For each Python found and for the oldest and newest versions that pyproject.toml allows (of which there are wheels), a
 new environment gets the wheel; then, outside the checkout, without HOME and in the locale C, a path is planned for a
-robot that moves in every direction and for a car, from Python, and one by the shell command. The code is compiled
-without optimisation: what is asked is whether it compiles.
+robot that moves in every direction, and drawn, and for a car, from Python, and one by the shell command. The code is
+compiled without optimisation: what is asked is whether it compiles.
 
     python -m benchmarks.installs --python 3.11 --python 3.12 --python 3.13 --python 3.14   (needs uv and the Pythons)
 """
@@ -37,7 +37,9 @@ from trailmark import LandmarkPlanner, World, library
 world = World.load(library.shipped_worlds()["office"])
 query = world.query("door")
 planner = LandmarkPlanner(world, seed=0)
-path = planner.plan(query.start, query.goal, time_limit=2.0).path
+result = planner.plan(query.start, query.goal, time_limit=2.0)
+path = result.path
+result.plot().get_figure().savefig("plan.png")
 free = bool(planner.checker.motions_valid(path.states[:-1], path.states[1:]).all())
 car = LandmarkPlanner(world, world.robot.steered(0.4), seed=0).plan(query.start, query.goal, time_limit=20.0)
 print(json.dumps({"file": trailmark.__file__, "imported": imported, "free": free, "cost": path.cost, "car": car.status,
