@@ -415,7 +415,12 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     if os.environ.get("NUMBA_DISABLE_JIT") != "1":
         parser.error("NUMBA_DISABLE_JIT is not 1: mutants run as plain Python")
-    made = [case for case in cases(options.seed, options.size) if options.case is None or case.name in options.case]
+    made = cases(options.seed, options.size)
+    if options.case:
+        names = {case.name for case in made}
+        if unknown := set(options.case) - names:
+            parser.error(f"expected --case to be one of {sorted(names)}, got {sorted(unknown)}")
+        made = [case for case in made if case.name in options.case]
     found, where, before = verdict(made)
     if found != "same":
         parser.error(f"the code as it is {found}: {where}")
