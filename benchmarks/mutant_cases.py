@@ -127,6 +127,9 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
     # A robot that fits where a cell's corner looks out from under the disc that is said to cover the cell.
     bubbles = np.random.default_rng(1).uniform((0.8, 0.8, 0.3), (5.2, 4.2, 0.6), (600, 3))
     foam = World("w", room, tuple(Disc((x, y), r) for x, y, r in bubbles))
+    # The same with coordinates of both signs and radii above a metre.
+    suds = tuple(Disc((4.0 * x - 12.0, 4.0 * y - 10.0), 4.0 * r) for x, y, r in bubbles)
+    around = World("w", (-12.0, -10.0, 12.0, 10.0), suds)
     occupied = rng.random((10, 12)) < 0.12
     occupied[2:8, 4], occupied[7, 4:9] = True, True
     cells = World("w", room, CellObstacles(occupied, 0.5).as_tuple())
@@ -150,6 +153,7 @@ def _scenes() -> list[tuple[str, World, Robot, float]]:
         ("crowded, rectangle", crowd, rectangle, 0.2),
         ("crowded, disc", crowd, Robot.disc(0.21), 0.26),
         ("crowded, tiny disc", foam, Robot.disc(0.01), 0.25),
+        ("crowded, around the origin", around, Robot.disc(0.04), 1.0),
         ("cells, hook", cells, Robot.polygon(0.5 * np.array([[-0.1, -0.3], [0.8, -0.3], [0.1, 0], [0, 0.5]])), 0.12),
         ("kept clearance, hook", World("w", room, mixed), hook.keeping(0.13), 0.11),
         ("kept clearance, aside", World("w", room, specks), aside.keeping(0.2), 0.16),
