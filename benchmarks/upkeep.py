@@ -60,14 +60,15 @@ def command_of_tests(readme: str) -> tuple[str, str]:
 
 
 def timed(command: str, folder: Path, environment: dict[str, str]) -> tuple[float, float, str]:
-    """Return the seconds of a command, by the clock and of the processor, and the last line that it printed."""
+    """Return the seconds of a command, by the clock and of the processor, and the last line of its output."""
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), perf_counter()
     done = subprocess.run(["bash", "-c", command], cwd=folder, env=environment, capture_output=True, text=True)
     wall, after = perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
-    said = [line for line in (done.stdout + done.stderr).splitlines() if line.strip()] or [""]
     if done.returncode:
-        sys.exit(f"{command}: exit status {done.returncode}\n" + "\n".join(said[-20:]))
-    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, said[-1]
+        said = [*done.stdout.splitlines(), *done.stderr.splitlines()]
+        sys.exit(f"{command}: exit status {done.returncode}\n" + "\n".join(said[-40:]))
+    last = (done.stdout.strip().splitlines() or [""])[-1]
+    return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, last
 
 
 def time_tests() -> list[list[str]]:
