@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+from benchmarks.mutants import main
 
 PROGRAM = """
 import json
@@ -58,3 +59,13 @@ def test_changes_that_let_collisions_through_are_noticed(verdicts: list[tuple[st
     noticed = {name for name, what, _ in changes if what in ("accepts", "error")}
     assert noticed == {name for name, *_ in changes}
     assert verdicts[-1] == ("unnoticed", "0", "")
+
+
+def test_a_case_that_does_not_exist_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By no case at all every mutant would be called the same."""
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    with pytest.raises(SystemExit):
+        main(["--size", "1", "--case", "crowded"])
+    assert "expected --case to be one of ['boundary, rectangle'" in capsys.readouterr().err

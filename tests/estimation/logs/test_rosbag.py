@@ -340,6 +340,6 @@ def test_without_rosbags(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     path = bag.write(tmp_path, drive(bag))
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
     with pytest.raises(
-        FormatError, match=r"drive.bag: a ROS bag needs the package rosbags: pip install 'rosbags>=0.10.9'"
+        FormatError, match=r"drive.bag: a ROS bag needs the package rosbags: pip install 'rosbags>=0.11'"
     ):
         load_log(path)

@@ -64,7 +64,7 @@ def read_rosbag(path: Path, bad: BadRecords, scan_topic: str | None = None, odom
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise FormatError(path, "a ROS bag needs the package rosbags: pip install 'rosbags>=0.10.9'") from None
+        raise FormatError(path, "a ROS bag needs the package rosbags: pip install 'rosbags>=0.11'") from None
     try:
         # Bags of ROS 2 before Iron do not hold their messages' definitions.
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
