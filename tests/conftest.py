@@ -14,6 +14,7 @@ import numba
 import pytest
 from hypothesis import HealthCheck, settings
 from tests.support.forks import Forks
+from tests.support.trials import THOROUGH
 
 ROOT = Path(__file__).resolve().parents[1]
 COMPILED = "trailmark/compiled"
@@ -23,8 +24,8 @@ COMPILED = "trailmark/compiled"
 # examples: few in each are many in a week. Who changes what a property is about asks for many at once:
 # --hypothesis-profile thorough.
 common = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True)
-settings.register_profile("trailmark", common, max_examples=25)
-settings.register_profile("thorough", common, max_examples=1000)
+settings.register_profile("trailmark", common, max_examples=12)
+settings.register_profile("thorough", common, max_examples=THOROUGH)
 settings.load_profile("trailmark")
 
 # Some machines tell Python to keep no bytecode: each of the hundreds of processes that tests start would compile all

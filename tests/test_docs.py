@@ -24,8 +24,10 @@ SETUP = "python3 -m venv"
 LIMIT = 400.0
 """Seconds for one snippet, on a machine that does other work as well."""
 
-PLANNING, EXPLORING, RUN = 0.5, 2.0, 0.2
+PLANNING, EXPLORING, RUN = 0.3, 1.0, 0.2
 """Seconds that a page's programs may plan and explore and a benchmark's run may last; on the page they are more."""
+ONCE = ["--runs", "1"]
+"""How often a benchmark's runs and executions of landmarks are repeated."""
 
 
 def name_of(page: Path) -> str:
@@ -66,7 +68,9 @@ def shortly(words: list[str]) -> list[str]:
         place = short.index("--time-limit") + 1
         short[place] = str(min(float(short[place]), limits[words[2]]))
     if "--runs" in words:
-        short[short.index("--runs") + 1] = "1"
+        short[(place := short.index("--runs")) : place + 2] = ONCE
+    elif words[2] == "landmarks":
+        short += ONCE
     return short
 
 

@@ -8,9 +8,10 @@ import pytest
 from benchmarks.fuzzing.attack import attack, available
 from benchmarks.fuzzing.targets import TARGETS
 from benchmarks.soundness.workers import Worker
+from tests.support.trials import few
 
-COUNT = 12
-"""Damaged files for each reader: half a minute in all; ``python -m benchmarks.fuzz`` takes as long as it is given."""
+COUNT = few(12)
+"""Damaged files for each reader: seconds in all; ``python -m benchmarks.fuzz`` takes as long as it is given."""
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from tests.support.trials import trials
 
 from trailmark import se2
 from trailmark.audit import PathAudit, PathAuditor, check_path
@@ -238,7 +239,7 @@ def test_a_car_s_curve_is_audited_not_the_chords_of_its_states() -> None:
 def test_random_paths_agree_with_dense_sampling() -> None:
     rng = np.random.default_rng(5)
     compared = collided = 0
-    for _ in range(60):
+    for _ in trials(60):
         obstacles: list[Shape] = []
         for _ in range(6):
             x, y = rng.uniform(3, 17, 2)
@@ -274,7 +275,7 @@ def test_random_paths_agree_with_dense_sampling() -> None:
             assert least - 0.005 <= found.min_clearance <= least + 1e-6
         else:  # shallow, between two samples
             assert sum(c.end - c.begin for c in found.collisions) < 0.05
-    assert 16 < collided < compared - 8
+    assert compared / 4 < collided < 0.87 * compared
 
 
 def test_at_a_single_state_the_robot_stands() -> None:

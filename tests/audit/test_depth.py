@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
+from tests.support.trials import trials
 
 from trailmark import se2
 from trailmark.audit.depth import Penetration, bounds_depth, deepest
@@ -52,7 +53,7 @@ def test_the_depth_is_the_shortest_way_out(robot: Robot, shape: Shape) -> None:
         shapely.Point(shape.center).buffer(shape.radius, 128) if isinstance(shape, Disc) else shape.polygon().shapely()
     )
     angles = np.linspace(0, 2 * math.pi, 180, endpoint=False)
-    for _ in range(10):
+    for _ in trials(10):
         state = np.array([*rng.uniform(-3.5, 4.5, 2), rng.uniform(-3, 3)])
         depth = float(Penetration(robot, shape).at(state[None])[0])
         if isinstance(robot.footprint, Disc):
@@ -77,7 +78,7 @@ def test_the_depth_is_the_shortest_way_out(robot: Robot, shape: Shape) -> None:
 @pytest.mark.slow
 def test_depths_of_polygons_are_those_of_their_minkowski_difference() -> None:
     rng = np.random.default_rng(1)
-    for k in range(24):
+    for k in trials(24):
         cells = [shapely.box(i, j, i + 1, j + 1) for i in range(-3, 3) for j in range(-3, 3) if rng.random() < 0.6]
         largest = max(shapely.get_parts(shapely.union_all(cells)), key=lambda part: part.area)
         try:

@@ -10,7 +10,7 @@ from trailmark.audit.repair import repaired
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
 from trailmark.path import Path
-from trailmark.planning import LandmarkPlanner
+from trailmark.planning import LandmarkPlanner, PlannerSettings
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
@@ -28,7 +28,7 @@ def planned(start: FloatArray, goal: FloatArray) -> Path | None:
 @pytest.mark.parametrize("robot", [ROBOT, Robot.disc(0.4), ROBOT.steered(0.8)], ids=["rectangle", "disc", "car"])
 def test_broken_parts_are_planned_anew(robot: Robot) -> None:
     auditor = PathAuditor(StateChecker(WORLD, robot))
-    planner = LandmarkPlanner(WORLD, robot, seed=0)
+    planner = LandmarkPlanner(WORLD, robot, seed=0, settings=PlannerSettings(patience=1))
     asked = []
 
     def plan(start: FloatArray, goal: FloatArray) -> Path | None:

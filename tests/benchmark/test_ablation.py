@@ -78,9 +78,10 @@ def test_variants_are_those_that_concern_the_robot(given: list[Case]) -> None:
 
 @pytest.mark.slow
 def test_a_slice_is_measured_resumed_and_not_mixed(
-    tmp_path: Path, around: Problem, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, ahead: Problem, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    cases = [Case("worlds", "around", around, feasible=True)]
+    monkeypatch.setattr(ablation, "code_digest", lambda name: f"of {name}")  # which reads all code that there is
+    cases = [Case("worlds", "ahead", ahead, feasible=True)]  # straight on, where the first path is the best
     record = tmp_path / "record.jsonl"
     words = ["--record", str(record), "--seeds", "1", "--time-limit", "0.05", "--repeats", "1", "--no-write"]
     assert ablation.main(words, cases) == 0
@@ -92,3 +93,6 @@ def test_a_slice_is_measured_resumed_and_not_mixed(
     assert len(record.read_text().splitlines()) == len(rows)
     with pytest.raises(SystemExit, match="expected runs of this code and limit"):
         ablation.main([*words, "--time-limit", "0.1"], cases)
+    monkeypatch.setattr(ablation, "code_digest", lambda _: "of other code")
+    with pytest.raises(SystemExit, match="expected runs of this code and limit"):
+        ablation.main(words, cases)

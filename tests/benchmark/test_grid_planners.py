@@ -14,6 +14,7 @@ from benchmarks import any_angle_exact, smac_like, theta_star_like
 from benchmarks.any_angle_exact import corners_of, shortest_way
 from benchmarks.costmap import RESOLUTION, costmap_of
 from numpy.typing import NDArray
+from tests.support.trials import trials
 
 from trailmark.benchmark.referee import Referee
 from trailmark.clock import Deadline
@@ -129,7 +130,7 @@ def seen_pairs(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", trials(9))  # three densities by turns
 def test_the_exact_way_is_the_shortest_of_a_visibility_graph_by_shapely(seed: int) -> None:
     rng = np.random.default_rng(seed)
     blocked = rng.random((9, 11)) < (0.1, 0.2, 0.3)[seed % 3]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from benchmarks.oracle import Oracle
 from numpy.typing import NDArray
+from tests.support.trials import few
 
 from trailmark.benchmark import native
 from trailmark.benchmark.export import problem_text
@@ -38,7 +39,7 @@ built = pytest.mark.skipif(
     native_program() is None, reason="native program not built (see benchmarks/native/README.md)"
 )
 
-STATES = 20_000
+STATES = few(20_000)
 
 RESOLUTION = 0.02
 
@@ -95,7 +96,7 @@ def ends_of_motions(world: World, robot: Robot) -> NDArray[np.float64]:
     """Return the ends of motions between free configurations by turns, shape (2 n, 3); all lengths, many turns."""
     rng = np.random.default_rng(3)
     q = random_states(world, seed=11)
-    q = q[StateChecker(world, robot).valid(q)][:250]
+    q = q[StateChecker(world, robot).valid(q)][: few(250)]
     other = q + rng.normal(size=q.shape) * 10.0 ** rng.uniform(-1.5, 1.0, (len(q), 1))
     other[:, 2] = np.remainder(other[:, 2] + np.pi, 2.0 * np.pi) - np.pi
     return np.stack([q, other], axis=1).reshape(-1, 3)
@@ -171,7 +172,7 @@ def test_touching_is_allowed_and_the_inside_of_obstacles_is_not_free(tmp_path: P
 @built
 @pytest.mark.parametrize("name", native_planners() or ["none"])
 def test_paths_and_figures_of_every_planner(name: str) -> None:
-    record = RunRecord.from_json(run_native(Problem(ROOM), JOB | {"planner": name}))
+    record = RunRecord.from_json(run_native(Problem(ROOM), JOB | {"planner": name, "time_limit": 0.2}))
     assert record.status in (Status.EXACT_SOLUTION, Status.APPROXIMATE_SOLUTION, Status.TIMEOUT)
     assert record.seed == 3
     assert record.time is not None
@@ -200,13 +201,14 @@ def test_paths_and_figures_of_every_planner(name: str) -> None:
 
 
 @built
-@pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
-@pytest.mark.parametrize("name", ["RRTConnect", "RRTstar"])
+@pytest.mark.parametrize(("name", "reverse"), [("RRTConnect", True), ("RRTstar", False)], ids=["reeds-shepp", "dubins"])
 def test_cars_drive_the_curves_that_were_checked(name: str, reverse: bool) -> None:
+    resolution = 2.0 * RESOLUTION  # the referee takes long over paths of many states
     problem = Problem(ROOM.with_robot(Robot.rectangle(0.6, 0.4).steered(0.5, reverse)))
-    record = RunRecord.from_json(run_native(problem, JOB | {"planner": f"native:{name}", "time_limit": 1.0}))
+    job = JOB | {"planner": f"native:{name}", "time_limit": 0.5, "resolution": resolution}
+    record = RunRecord.from_json(run_native(problem, job))
     assert record.solved, "an open room takes every planner a few milliseconds"
-    small = Robot.rectangle(0.6 - 2.5 * RESOLUTION, 0.4 - 2.5 * RESOLUTION).steered(0.5, reverse)
+    small = Robot.rectangle(0.6 - 2.5 * resolution, 0.4 - 2.5 * resolution).steered(0.5, reverse)
     referee, (query,) = Referee(ROOM, small), ROOM.queries
     for states, cost in (
         (record.path, record.solution_length),
@@ -223,7 +225,7 @@ def test_clearances_are_never_more_than_they_are(name: str, worlds: Path, tmp_pa
     world = World.load(worlds / f"{name}.yaml")
     assert world.robot is not None
     for robot in (world.robot, Robot.disc(world.robot.inscribed_disc.radius), hook_of(world.robot.circumradius)):
-        q = random_states(world, seed=7)[:600]
+        q = random_states(world, seed=7)[: few(600)]
         clearances = np.array(native_motions(world, robot, q, tmp_path)["clearances"])
         true = Oracle(world, robot).clearance(q)
         assert (clearances <= true + 1e-6).all()

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.benchmark.conftest import GOAL, START, small_world
+from tests.support.trials import few
 
 from trailmark import se2
 from trailmark.benchmark.referee import Referee
@@ -85,7 +86,7 @@ def test_the_boundary_is_not_left() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=few(40))
 @given(st.floats(0.0, 4.0), st.floats(0.05, 1.5), st.floats(0.05, 1.0))
 def test_a_disc_passing_a_disc_is_plain_geometry(height: float, radius: float, robot: float) -> None:
     world = World("discs", (-100.0, -100.0, 100.0, 100.0), (Disc((0.0, height), radius),))
@@ -171,7 +172,8 @@ def test_of_a_car_it_agrees_with_the_certified_checker(reverse: bool) -> None:
     motion, judge = CurveMotion(StateChecker(ROOM, car)), Referee(ROOM, car)
     q = rng.uniform((0.0, 0.0, -np.pi), (10.0, 6.0, np.pi), (600, 3))
     q = q[motion.checker.valid(q)]
-    a, b = q[:150], q[150:300]
+    count = few(150, 2)
+    a, b = q[:count], q[count : 2 * count]
     certified = motion.motions_valid(a, b)
     judged = np.array([judge.fault([x, y], x, y) is None for x, y in zip(a, b, strict=True)])
     assert 10 < certified.sum() < len(a) - 10

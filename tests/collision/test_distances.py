@@ -8,6 +8,7 @@ import shapely
 from benchmarks.random_worlds import random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.trials import few
 
 from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.obstacles import build_grid
@@ -37,7 +38,7 @@ def signed_distances(world: World, points: np.ndarray) -> tuple[np.ndarray, np.n
 
 @pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.3, 2.0]), st.booleans())
-@settings(max_examples=20)
+@settings(max_examples=few(20))
 def test_clearance_and_depth_agree_with_shapely(seed: int, cell: float, boundary: bool) -> None:
     rng = np.random.default_rng(seed)
     world = random_world(

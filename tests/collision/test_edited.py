@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_states, random_world, short_motions, star_polygon
+from tests.support.trials import few, trials
 
 from trailmark import Disc, Polygon, Rectangle, Robot, World, WorldError
 from trailmark.collision import StateChecker
@@ -17,8 +18,8 @@ from trailmark.world import RiskBound
 KINDS = ["disc", "rectangle", "L", "thin"]
 
 
-def random_edit(world: World, rng: np.random.Generator) -> World:
-    """Return the world with an obstacle added, removed, moved or replaced."""
+def random_edit(world: World, rng: np.random.Generator, kind: int | None = None) -> World:
+    """Return the world with an obstacle added (kind 0), removed, moved or replaced (3); by default any of these."""
     i = int(rng.integers(len(world.obstacles)))
     center = tuple(rng.uniform(0.0, 20.0, 2).tolist())
     shape = (
@@ -26,7 +27,7 @@ def random_edit(world: World, rng: np.random.Generator) -> World:
         Rectangle(center, float(rng.uniform(0.1, 3.0)), float(rng.uniform(0.1, 3.0)), float(rng.uniform(-3, 3))),
         star_polygon(rng, center, float(rng.uniform(0.2, 2.0))),
     )[int(rng.integers(3))]
-    match int(rng.integers(4)):
+    match int(rng.integers(4)) if kind is None else kind:
         case 0:
             return world.edited(add=[shape])
         case 1:
@@ -41,13 +42,14 @@ def random_edit(world: World, rng: np.random.Generator) -> World:
 @pytest.mark.parametrize("exact", ["kernel", "fcl"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_edited_checker_answers_as_one_built_anew(kind: str, exact: str) -> None:
-    rng = np.random.default_rng(5)
+    # Other edits for each: there are few.
+    rng = np.random.default_rng([5, KINDS.index(kind), exact == "fcl"])
     world = random_world(3, 25, size=20.0, radii=(0.3, 2.0), discs=0.3, holes=0.4, boundary=True)
     checker = StateChecker(world, ROBOTS[kind], exact=exact)  # type: ignore[arg-type]  # one of the two
     n = 300 if exact == "kernel" else 40
     checker.scene.collides(np.array([5.0, 5.0, 0.0]))
-    for _ in range(12):
-        world = random_edit(world, rng)
+    for k in trials(12):
+        world = random_edit(world, rng, k % 4)
         checker = checker.edited(world)
         anew = StateChecker(world, ROBOTS[kind], exact=exact)  # type: ignore[arg-type]  # one of the two
         assert checker.world is world
@@ -106,7 +108,7 @@ def test_threads_see_one_world_or_another_and_no_mixture() -> None:
     with ThreadPoolExecutor(3) as threads:
         asked = [threads.submit(ask) for _ in range(3)]
         try:
-            for _ in range(10):
+            for _ in range(few(10, of=5)):
                 for world in (*worlds[1:], *worlds[-2::-1]):
                     newest[0] = newest[0].edited(world)
         finally:

@@ -91,14 +91,13 @@ def test_in_contact_nothing_is_called_deep() -> None:
     assert invalid_reason(world(), SQUARE, np.array([5.0, 5.0, 0.0])).startswith("touches")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_invalid_configuration_has_a_reason_with_a_size(name: str) -> None:
     clutter = random_world(6, 60, size=30.0, radii=(0.2, 3.0), discs=0.3, holes=0.4, boundary=True)
     robot = ROBOTS[name]
-    q = random_states(clutter, 300, np.random.default_rng(4), 1.0)
+    q = random_states(clutter, 100, np.random.default_rng(4), 1.0)
     colliding = q[Oracle(clutter, robot).collides(q)]
-    assert len(colliding) > 50
+    assert len(colliding) > 20
     for row in colliding:
         said = invalid_reason(clutter, robot, row)
         found = re.fullmatch(r"(reaches|overlaps obstacle \d+ \(\w+\) by) (\S+) m( over .*)?", said)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from tests.support.forks import Forks
+from tests.support.trials import few
 
 SCRIPT = """
 import os, signal, sys, threading, time
@@ -63,7 +64,7 @@ def call(seconds):
 
 for kernel in (array, named, nested, error):
     expected = call(0.0)
-    for _ in range(3):
+    for _ in range(ROUNDS):
         values[1] = 0.0
         thread = threading.Thread(target=interrupt)
         try:
@@ -80,6 +81,6 @@ for kernel in (array, named, nested, error):
 
 @pytest.mark.slow
 def test_ctrl_c_while_a_kernel_runs_is_raised_when_it_returns(forks: Forks) -> None:
-    run = forks.run(["-c", SCRIPT], timeout=120.0)
+    run = forks.run(["-c", SCRIPT.replace("ROUNDS", str(few(3)))], timeout=120.0)
     said = [f"{kernel} sound" for kernel in ("array", "named", "nested", "error")]
     assert (run.returncode, run.stdout.splitlines()) == (0, said), run.stderr[-500:]

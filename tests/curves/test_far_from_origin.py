@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from tests.support.trials import few, trials
 
 from trailmark import se2
 from trailmark.curves import CurvePath, Steering
@@ -78,13 +79,12 @@ def curves(
     return made
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
 @pytest.mark.parametrize("radius", [0.3, 1.0, 4.5])
 @pytest.mark.parametrize("origin", ORIGINS)
 def test_rounding_makes_no_curve_longer(origin: tuple[float, float], radius: float, reverse: bool) -> None:
     steering = Steering(radius, reverse)
-    made = curves(origin, radius, reverse, 1200)
+    made = curves(origin, radius, reverse, few(1200))
     a, b = np.array([row[0] for row in made]), np.array([row[1] for row in made])
     longer = steering.lengths(a, b) - [row[2] for row in made]
     # Moving aside costs a car the square root of how far: where it has to, it does so by manoeuvres.
@@ -94,7 +94,7 @@ def test_rounding_makes_no_curve_longer(origin: tuple[float, float], radius: flo
     assert np.abs((ends - b)[:, :2]).max() < 1e-9 * radius + 2.0 * rounding(origin)
     assert np.abs(se2.difference(ends, b)[:, 2]).max() < 1e-9
     assert reverse or (curve.signed_lengths >= 0.0).all()
-    for p, q, length, sides in made[:60]:
+    for p, q, length, sides in made[: few(60, of=2)]:
         path = CurvePath(np.array([p, q]), steering)
         assert path.length < length + 1e-6 * radius + 10.0 * rounding(origin)
         # Beside two arcs that touch, words with cusps are as short; at 1e7 m they may be beside single arcs.
@@ -107,8 +107,8 @@ def test_rounding_makes_no_curve_longer(origin: tuple[float, float], radius: flo
 def test_lengths_are_right_for_a_goal_within_rounding(origin: tuple[float, float], radius: float) -> None:
     steering = Steering(radius, reverse=False)
     rng = np.random.default_rng(8)
-    ends = [row[:2] for row in curves(origin, radius, False, 120)]
-    for _ in range(60):
+    ends = [row[:2] for row in curves(origin, radius, False, few(120))]
+    for _ in trials(60):
         a, b = rng.uniform((-8, -8, -math.pi), (8, 8, math.pi), (2, 3)) + np.array([*origin, 0.0])
         ends.append((a, b))
     around = np.arange(0.0, 2.0 * math.pi, 0.005)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import shapely
+from tests.support.trials import trials
 
 from trailmark import se2
 from trailmark.curves import CurvePath, Steering
@@ -122,7 +123,7 @@ def test_pieces_of_hardly_any_length(reverse: bool) -> None:
     # The next knot lies on an arc or ahead to rounding, so that the other pieces of its curve are all but empty.
     rng = np.random.default_rng(4)
     steering = Steering(0.9413138183310996, reverse)
-    for _ in range(300):
+    for _ in trials(300):
         q = rng.uniform((-10.0, -10.0, -math.pi), (10.0, 10.0, math.pi))
         knots = [q]
         for turn in rng.uniform(0.0, 2.0, 4) * rng.choice([-1.0, 0.0, 1.0], 4):

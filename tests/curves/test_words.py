@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from tests.support.trials import trials
 
 from trailmark import se2
 from trailmark.curves.dubins import dubins_words
@@ -58,7 +59,7 @@ def test_every_word_leads_to_the_goal(kind: str, radius: float) -> None:
 @pytest.mark.parametrize("kind", WORDS)
 def test_words_drive_as_a_car_does(kind: str) -> None:
     rng = np.random.default_rng(4)
-    for _ in range(25):
+    for _ in trials(25):
         radius = float(rng.uniform(0.5, 5.0))
         a, b = rng.uniform((-8, -8, -math.pi), (8, 8, math.pi), (2, 3))
         words = words_to(kind, a, b, radius)

@@ -41,7 +41,7 @@ def test_strategies_are_told_with_noise_and_without_there_is_nothing_to_tell() -
             told.append(outlook)
             return int(np.argmin(outlook.costs))
 
-        settings = ExplorationSettings(time_limit=8.0)
+        settings = ExplorationSettings(time_limit=6.0, cell=0.1, sense_period=0.2)
         explorer = Explorer(
             world, strategy=first, sensor_range=2.0, start=(0.6, 1.5, 0.0), noise=noise, settings=settings
         )
@@ -96,10 +96,12 @@ def test_from_a_dead_end_nothing_is_gained_by_driving_back() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("waited")
 def test_a_ring_of_corridors_is_closed_before_the_exploration_ends() -> None:
     """Where the two ends of the drive meet, the map is off by what drifted around the ring, and seems not all seen."""
     world = World("ring", (0.0, 0.0, 16.0, 16.0), (Rectangle((8.0, 8.0), 12.0, 12.0),), Robot.disc(0.3))
-    explorer = Explorer(world, start=(8.0, 1.0, 0.0), sensor_range=5.0, noise=1.0)
+    settings = ExplorationSettings(sense_period=0.6)  # fewer readings suffice
+    explorer = Explorer(world, start=(8.0, 1.0, 0.0), sensor_range=5.0, noise=1.0, settings=settings)
     events = list[str]()
     result = explorer.run(on_progress=lambda progress: events.append(progress.event))
     assert result.status == "complete"

@@ -53,7 +53,7 @@ def test_what_the_laser_does_not_see_is_run_into_once_and_explored_around(noise:
         robot.sensor,
         start=robot.pose,
         bounds=BOUNDS,
-        settings=ExplorationSettings(cell=0.1, confidence=0.99 if noise else None),
+        settings=ExplorationSettings(cell=0.1, sense_period=0.2, confidence=0.99 if noise else None),
         strategy="nearest-frontier",
     )
     while exploring.ended is None:

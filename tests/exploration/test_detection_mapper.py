@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import shapely
 from tests.support.exploration_faults import Fault, Faulty, Impossible, miscounted, repeated, silence
+from tests.support.trials import trials
 
 from trailmark.errors import ConfigurationError
 from trailmark.estimation import load_log, map_log
@@ -80,7 +81,7 @@ def test_without_noise_no_disc_is_missed_and_none_is_wider_than_it_is() -> None:
 
 @pytest.mark.slow
 def test_with_noise_discs_are_grown_so_that_they_cover_the_true_ones() -> None:
-    for seed in range(3):
+    for seed in trials(3):
         robot, mapper = begun(1.0, 0.99, seed)
         assert not any(drive(robot, mapper, 80))
         _, solid = drawn(mapper)
@@ -95,10 +96,10 @@ def test_with_noise_discs_are_grown_so_that_they_cover_the_true_ones() -> None:
 
 @pytest.mark.slow
 def test_with_noise_what_may_be_outside_the_bounds_is_closed() -> None:
-    for seed in range(3):
+    for seed in trials(3):
         robot, mapper = begun(1.0, 0.99, seed)
         world, widths = None, []
-        for _ in range(16):
+        for _ in range(10):
             assert not any(drive(robot, mapper, 10, turn=0.02))
             world, _ = drawn(mapper, world)
             shapes = dict(zip(world.ids, world.obstacles, strict=True))
@@ -151,7 +152,7 @@ def unnamed(noise: float = 1.0) -> tuple[SimulatedRobot, DetectionMapper]:
 @pytest.mark.slow
 def test_discs_need_no_names() -> None:
     robot, mapper = unnamed()
-    assert not any(drive(robot, mapper, 80))
+    assert not any(drive(robot, mapper, 50))
     assert 5 <= len(mapper.features) <= 8
     assert mapper.pose == pytest.approx(robot.pose, abs=0.15)
     robot.carry((7.0, 7.5, 1.0))
@@ -168,7 +169,7 @@ def test_discs_need_no_names() -> None:
 )
 def test_impossible_readings_change_nothing(fault: Fault) -> None:
     robot, mapper = begun(1.0)
-    drive(robot, mapper, 20)
+    drive(robot, mapper, 10)
     before, spoilt = mapper.known.state.copy(), Faulty(robot, fault)
     for _ in range(5):
         robot.drive(np.array([[0.0, 0.0, 0.0], [0.02, 0.0, 0.01]]), 1.0)
@@ -194,7 +195,7 @@ def test_repeated_readings_count_once() -> None:
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path) -> None:
     robot, mapper = begun(noise)
-    drive(robot, mapper, 60)
+    drive(robot, mapper, 30)
     log = Log("trees", tuple(mapper.records), np.empty((0, 3)))
     write_jsonl(tmp_path / "log.jsonl", log)
     made, again = mapper.finished_map(log), map_log(load_log(tmp_path / "log.jsonl")).world

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.support.trials import few
 
 from trailmark import Disc, Path, Rectangle, Robot, World
 from trailmark.collision import StateChecker
@@ -113,7 +114,7 @@ def test_a_surface_that_is_larger_than_it_was_endangers_it() -> None:
 @pytest.mark.parametrize("robot", [Robot.disc(0.3), Robot.rectangle(0.9, 0.3).keeping(0.04)], ids=["disc", "kept"])
 def test_what_does_not_endanger_it_is_not_met(robot: Robot) -> None:
     rng, outcomes = np.random.default_rng(3), list[tuple[bool, bool]]()
-    for _ in range(150):
+    for _ in range(few(150)):
         path = Path(rng.uniform((-0.5, -1.5, -np.pi), (3.5, 1.5, np.pi), (3, 3)))
         known = KnownMap((-2.0, -3.0, 5.0, 3.0), 0.1)
         state = np.full(known.state.shape, FREE, dtype=np.uint8)
@@ -130,7 +131,7 @@ def test_what_does_not_endanger_it_is_not_met(robot: Robot) -> None:
         inside = bool(StateChecker(World("none", known.bounds), robot).valid(path.states).all())
         outcomes.append((follower.endangered(known), free or not inside))
     assert (False, False) not in outcomes
-    assert outcomes.count((True, False)) > 20
+    assert outcomes.count((True, False)) >= few(20)
     # Nor is it said to be without need, much.
     assert outcomes.count((True, True)) < 0.15 * len(outcomes)
-    assert outcomes.count((False, True)) > 40
+    assert outcomes.count((False, True)) >= few(40)

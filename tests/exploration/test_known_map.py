@@ -144,8 +144,7 @@ def test_surfaces_lie_where_they_were_met() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sigma", [0.0, 0.01])
-@pytest.mark.parametrize("offset", [0.0, 0.013, 0.03])
+@pytest.mark.parametrize(("offset", "sigma"), [(0.0, 0.01), (0.013, 0.0), (0.03, 0.01)])
 def test_a_door_is_as_wide_as_it_is(offset: float, sigma: float) -> None:
     width, wall = 0.9, 4.0 + offset
     low, high = 2.5 + offset, 2.5 + offset + width
@@ -161,6 +160,8 @@ def test_a_door_is_as_wide_as_it_is(offset: float, sigma: float) -> None:
 
 
 NOISY = Scanner(360, 2.0 * math.pi, 6.0, sigma=0.01)
+AHEAD = Scanner(180, math.pi, 6.0, sigma=0.01)
+"""The half of it that looks ahead."""
 
 
 def heights(world: World, axis: int, low: float, places: FloatArray) -> FloatArray:
@@ -173,18 +174,18 @@ def heights(world: World, axis: int, low: float, places: FloatArray) -> FloatArr
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("cell", [0.04, 0.065, 0.1])
-@pytest.mark.parametrize("offset", [0.0, 0.4])
+@pytest.mark.parametrize(("cell", "offset"), [(0.04, 0.4), (0.065, 0.0), (0.1, 0.4)])
 def test_a_thin_wall_seen_from_both_sides_grows_no_thicker_and_no_side_of_it_is_lost(
     cell: float, offset: float
 ) -> None:
     x, thick, along = 3.0 + offset * cell, 0.015, np.arange(2.4, 3.6, 0.013)
     world, known = room(Rectangle((x + 0.5 * thick, 3.0), thick, 2.0)), KnownMap(ROOM, cell)
     made = World("known", ROOM)
-    for side in range(6):
+    for side in range(4):
         sign = -1.0 if side % 2 else 1.0
-        poses = [(x + sign * (1.0 + 0.3 * math.sin(0.1 * k)), 3.0 + 0.6 * math.cos(0.07 * k), 0.0) for k in range(70)]
-        entered(world, poses, NOISY, known, seed=side)
+        heading = 0.0 if side % 2 else math.pi
+        away = [(1.0 + 0.3 * math.sin(0.1 * k), 0.6 * math.cos(0.07 * k)) for k in range(60)]
+        entered(world, [(x + sign * ahead, 3.0 + aside, heading) for ahead, aside in away], AHEAD, known, seed=side)
         made = followed(known, made)
         ahead = heights(made, 0, x - 0.1, along) - (x + thick)
         assert ahead.min() >= 0.0, "the surface lies no farther than it is, wherever it was seen last"
@@ -192,17 +193,22 @@ def test_a_thin_wall_seen_from_both_sides_grows_no_thicker_and_no_side_of_it_is_
         assert np.median(ahead) <= 3.5 * NOISY.sigma - thick + cell / known.parts
 
 
-@pytest.mark.parametrize(("cell", "high"), [(0.04, 0.02), (0.065, 0.03), (0.1, 0.05), (0.1, 0.02)])
-def test_what_stands_out_of_a_wall_by_little_more_than_the_noise_is_not_averaged_away(cell: float, high: float) -> None:
-    for y in 2.0 + cell * np.array([0.0, 0.33, 0.67]):
-        world = room(Rectangle((3.0, y - 0.25), 4.0, 0.5), Rectangle((3.0, y + 0.5 * high), 0.12, high))
-        poses = [(3.0 + 1.2 * math.sin(0.05 * k), y + 1.0 + 0.4 * math.cos(0.031 * k), 0.0) for k in range(300)]
-        known = entered(world, poses, NOISY, KnownMap(ROOM, cell))
-        made = followed(known)
-        assert (heights(made, 1, y - 0.05, np.arange(2.945, 3.055, 0.007)) >= y + high).all()
-        flat = heights(made, 1, y - 0.05, np.concatenate([np.arange(2.4, 2.8, 0.007), np.arange(3.2, 3.6, 0.007)]))
-        assert (flat >= y).all()
-        assert np.median(flat) <= y + 1.5 * NOISY.sigma + cell / known.parts
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("cell", "high", "offset"), [(0.04, 0.02, 0.67), (0.065, 0.03, 0.33), (0.1, 0.05, 0.0), (0.1, 0.02, 0.33)]
+)
+def test_what_stands_out_of_a_wall_by_little_more_than_the_noise_is_not_averaged_away(
+    cell: float, high: float, offset: float
+) -> None:
+    y = 2.0 + cell * offset
+    world = room(Rectangle((3.0, y - 0.25), 4.0, 0.5), Rectangle((3.0, y + 0.5 * high), 0.12, high))
+    places = [(3.0 + 1.2 * math.sin(0.05 * k), y + 1.0 + 0.4 * math.cos(0.031 * k)) for k in range(200)]
+    known = entered(world, [(*place, -0.5 * math.pi) for place in places], AHEAD, KnownMap(ROOM, cell))
+    made = followed(known)
+    assert (heights(made, 1, y - 0.05, np.arange(2.945, 3.055, 0.007)) >= y + high).all()
+    flat = heights(made, 1, y - 0.05, np.concatenate([np.arange(2.4, 2.8, 0.007), np.arange(3.2, 3.6, 0.007)]))
+    assert (flat >= y).all()
+    assert np.median(flat) <= y + 1.5 * NOISY.sigma + cell / known.parts
 
 
 @pytest.mark.slow
@@ -250,8 +256,7 @@ def test_a_door_that_closes_and_opens_again_is_known_within_a_few_scans() -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("sigma", [0.0, 0.01])
-@pytest.mark.parametrize("angle", [0.0, 0.35, 0.8])
+@pytest.mark.parametrize(("angle", "sigma"), [(0.0, 0.01), (0.35, 0.0), (0.35, 0.01), (0.8, 0.0)])
 def test_beams_that_graze_a_wall_do_not_take_it_away(angle: float, sigma: float) -> None:
     along = np.array([math.cos(angle), math.sin(angle)])
     across = np.array([-along[1], along[0]])
@@ -259,8 +264,8 @@ def test_beams_that_graze_a_wall_do_not_take_it_away(angle: float, sigma: float)
     wall = Rectangle((float(middle[0]), float(middle[1])), 4.0, 0.2, angle)
     begin, end = (middle + s * along + 0.5 * across for s in (-1.8, 3.0 if angle < 0.5 else 2.2))
     scanner = Scanner(360, 2.0 * math.pi, 6.0, sigma=sigma)
-    poses = list(line((float(begin[0]), float(begin[1])), (float(end[0]), float(end[1])), 80))
-    known = entered(room(wall), [*poses, *([poses[-1]] * 40)], scanner)
+    poses = list(line((float(begin[0]), float(begin[1])), (float(end[0]), float(end[1])), 50))
+    known = entered(room(wall), [*poses, *([poses[-1]] * 30)], scanner)
     face = [middle + s * along + 0.1 * across for s in np.linspace(-1.7, 1.9, 200)]
     away = shapely.distance(solid(followed(known)), shapely.points(face))
     assert away.max() < CELL / 8.0 + 3.0 * sigma + 0.01

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 from numpy.typing import NDArray
+from tests.support.trials import trials
 
 from trailmark import Rectangle, Robot, StateChecker, World
 from trailmark.exploration.known_map import FREE, OCCUPIED, UNKNOWN, KnownMap
@@ -74,7 +75,7 @@ def lattice_places(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", trials(4, of=2))
 def test_nowhere_is_never_where_a_lattice_of_configurations_leads(seed: int) -> None:
     free, robot = world_of(seed), Robot.rectangle(0.6, 0.24)
     been = np.zeros(free.shape, np.bool_)
@@ -128,7 +129,7 @@ def test_what_is_kept_from_call_to_call_is_what_is_found_anew() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", trials(3))
 def test_changes_anywhere_in_a_larger_map_are_found(seed: int) -> None:
     """Distances are found anew around the changes alone; windows end in free space, at surfaces and at the border."""
     rng = np.random.default_rng(seed)

@@ -10,6 +10,7 @@ import pytest
 import shapely
 import shapely.affinity
 from tests.support.exploration_faults import Fault, Faulty, Impossible, frozen_odometry, miscounted, silence
+from tests.support.trials import trials
 
 from trailmark.estimation import load_log, map_log
 from trailmark.estimation.logs.jsonl import write_jsonl
@@ -49,7 +50,7 @@ def drive(robot: SimulatedRobot, mapper: ScanMapper, times: int, step: tuple[flo
 @pytest.mark.slow
 def test_exact_odometry_is_taken_as_exact() -> None:
     robot, mapper = begun(0.0)
-    intakes = drive(robot, mapper, 60, (0.05, 0.0, 0.02))
+    intakes = drive(robot, mapper, 30, (0.1, 0.0, 0.04))
     assert all((intake.readings, intake.refused, intake.lost) == (1, (), False) for intake in intakes)
     assert mapper.pose == pytest.approx(robot.pose, abs=1e-9)
     assert not mapper.covariance.any()
@@ -59,10 +60,10 @@ def test_exact_odometry_is_taken_as_exact() -> None:
 @pytest.mark.slow
 def test_noisy_odometry_is_set_right_by_scans() -> None:
     robot, mapper = begun()
-    intakes = drive(robot, mapper, 60, (0.05, 0.0, 0.02))
+    intakes = drive(robot, mapper, 30, (0.1, 0.0, 0.04))
     assert all((intake.readings, intake.refused, intake.lost) == (1, (), False) for intake in intakes)
     assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.02
-    assert len(mapper.trajectory) == len(mapper.covariances) == 61
+    assert len(mapper.trajectory) == len(mapper.covariances) == 31
     inside = mapper.known.state[mapper.known.cells_of(np.array([[6.0, 2.0], [3.0, 6.0]]))]
     assert (inside != FREE).all()
 
@@ -74,7 +75,7 @@ def test_what_is_read_while_divided_cells_are_drawn_is_entered(noise: float) -> 
     drive(robot, mapper, 10, (0.05, 0.0, 0.0))
     draw = mapper.divided()
     assert draw is not None
-    drive(robot, mapper, 40, (0.05, 0.05, 0.02))
+    drive(robot, mapper, 20, (0.1, 0.1, 0.04))
     seen_since = mapper.known.state.copy()
     divided = draw(lambda: False)
     before = (divided.state != UNKNOWN).sum() * divided.cell**2
@@ -101,15 +102,15 @@ def test_streets_that_look_alike_are_not_joined_and_covariances_are_those_of_the
     blocks = tuple(Rectangle((3.0 + 4.4 * i, 3.0 + 4.4 * j), 3.0, 3.0) for i in range(3) for j in range(3))
     streets = World("streets", (0.0, 0.0, 14.8, 14.8), blocks)
     errors, stated = list[FloatArray](), list[FloatArray]()
-    for seed in (0, 1):
+    for seed in trials(2):
         start, reach = np.array([0.75, 0.75, 0.0]), laser_scanner(5.0, 0.05)
         robot = SimulatedRobot(streets, ROBOT, start, reach, seed=seed)
         mapper = ScanMapper(start, KnownMap(streets.bounds, 0.05), reach, ROBOT, ExplorationSettings())
         mapper.take(robot.sense())
         corners = [(5.2, 0.75), (5.2, 14.0), (9.6, 14.0), (9.6, 5.2), (0.75, 5.2), (0.75, 0.75), (5.2, 0.75)]
         for corner in corners:
-            while (away := math.hypot(*(np.array(corner) - robot.pose[:2]))) > 0.2:
-                ahead = relative(robot.pose, np.array([*corner, robot.pose[2]])) * min(1.0, 0.2 / away)
+            while (away := math.hypot(*(np.array(corner) - robot.pose[:2]))) > 0.3:
+                ahead = relative(robot.pose, np.array([*corner, robot.pose[2]])) * min(1.0, 0.3 / away)
                 robot.drive(np.array([np.zeros(3), ahead]), 1.0)
                 mapper.take(robot.sense())
         at = np.searchsorted(robot.truth[:, 0], mapper.trajectory[:, 0] - 1e-9)
@@ -118,14 +119,14 @@ def test_streets_that_look_alike_are_not_joined_and_covariances_are_those_of_the
     error, covariance = np.concatenate(errors), np.concatenate(stated)
     assert np.hypot(*error[:, :2].T).max() < 0.05
     nees = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error).mean()
-    assert 0.1 < nees < 6.0  # errors along a drive are alike: two drives are but a few samples
+    assert 0.1 < nees < 6.0  # errors along a drive are alike: a drive is but a few samples
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_a_robot_that_is_carried_away_is_lost_and_found_again(noise: float) -> None:
     robot, mapper = begun(noise)
-    drive(robot, mapper, 60, (0.05, 0.0, 0.02))
+    drive(robot, mapper, 20, (0.15, 0.0, 0.06))
     robot.drive(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.01]]), 1.0)
     mapper.take(robot.sense())
     before = mapper.known.state.copy()
@@ -136,7 +137,7 @@ def test_a_robot_that_is_carried_away_is_lost_and_found_again(noise: float) -> N
     assert (mapper.known.state == before).all()
     assert mapper.relocate()
     assert np.abs(mapper.pose - robot.pose).max() < 0.03
-    intakes = drive(robot, mapper, 20, (0.05, 0.0, 0.02))
+    intakes = drive(robot, mapper, 8, (0.1, 0.0, 0.04))
     assert all(intake.readings and not intake.lost for intake in intakes)
     assert np.hypot(*(mapper.pose - robot.pose)[:2]) < 0.03
     # Whoever goes on from the log is there, too.
@@ -150,7 +151,7 @@ def test_a_robot_that_is_carried_away_is_lost_and_found_again(noise: float) -> N
 @pytest.mark.slow
 def test_a_robot_whose_readings_fit_the_map_nowhere_is_not_found() -> None:
     robot, mapper = begun()
-    drive(robot, mapper, 40, (0.05, 0.0, 0.0))
+    drive(robot, mapper, 20, (0.1, 0.0, 0.0))
     scan = next(record for record in reversed(mapper.records) if isinstance(record, Scan))
     angles = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
     for i in range(1, 5):
@@ -168,9 +169,9 @@ def test_a_robot_whose_readings_fit_the_map_nowhere_is_not_found() -> None:
 )
 def test_impossible_readings_change_nothing(fault: Fault) -> None:
     robot, mapper = begun()
-    drive(robot, mapper, 40, (0.05, 0.0, 0.02))
+    drive(robot, mapper, 10, (0.1, 0.0, 0.04))
     before, spoilt = mapper.known.state.copy(), Faulty(robot, fault)
-    for _ in range(10):
+    for _ in range(4):
         robot.drive(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.01]]), 1.0)
         records = spoilt.sense()
         intake = mapper.take(records)
@@ -212,7 +213,7 @@ def test_odometry_that_stands_still_is_not_trusted_for_long() -> None:
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path) -> None:
     robot, mapper = begun(noise)
-    drive(robot, mapper, 30, (0.1, 0.0, 0.04))
+    drive(robot, mapper, 15, (0.2, 0.0, 0.08))
     log = mapper.finished_log(Log("room", tuple(mapper.records), np.empty((0, 3))))
     made = mapper.finished_map(log)
     write_jsonl(tmp_path / "log.jsonl", log)
@@ -228,7 +229,7 @@ def test_the_log_that_is_kept_leads_to_the_same_map(noise: float, tmp_path: Path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", trials(2))
 def test_with_the_margin_nothing_true_lies_where_the_map_is_free(seed: int) -> None:
     sure = ExplorationSettings(confidence=0.99)
     robot = SimulatedRobot(WORLD, ROBOT, START, LASER, seed=seed)
@@ -238,7 +239,7 @@ def test_with_the_margin_nothing_true_lies_where_the_map_is_free(seed: int) -> N
     true = true.union(shapely.box(-1.0, -1.0, 11.0, 9.0).difference(shapely.box(*WORLD.bounds)))
     world = World("known", WORLD.bounds)
     mapper.take(robot.sense())
-    for _ in range(8):
+    for _ in range(5):
         drive(robot, mapper, 10, (0.05, 0.0, 0.02))
         world = mapper.known.follow(world)
         drawn = shapely.union_all([shape.polygon(1e-3).shapely() for shape in world.obstacles])

@@ -9,6 +9,7 @@ from functools import partial
 import networkx as nx
 import numpy as np
 import pytest
+from tests.support.trials import trials
 
 from trailmark.exploration.reachability import CERTAIN, NOWHERE
 from trailmark.exploration.travel import TIGHT, Travel, costs_between
@@ -29,7 +30,7 @@ def graph_of(fits: np.ndarray, cells: np.ndarray) -> nx.DiGraph:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", trials(5))
 def test_costs_are_those_of_shortest_ways(seed: int) -> None:
     rng = np.random.default_rng(seed)
     fits = rng.choice(np.array([NOWHERE, 3, CERTAIN], np.uint8), (17, 23), p=[0.35, 0.25, 0.4])

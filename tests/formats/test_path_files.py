@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.trials import THOROUGH, few
 
 from trailmark import se2
 from trailmark.errors import ConfigurationError, OutputError
@@ -24,8 +25,8 @@ MESSAGES = (".yaml", ".yml", ".nav2.json")
 ROWS = [[0.1, -2.0, 0.0], [1e-7, 3.5, math.pi]]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
+@settings(max_examples=few(THOROUGH, of=120))
 @given(rows=states)
 def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, suffix: str, rows: list[Any]) -> None:
     file = tmp_path_factory.mktemp("paths") / f"a{suffix}"

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.trials import THOROUGH, few
 
 from trailmark.errors import FormatError, OutputError, TrailmarkError
 from trailmark.formats import load_world, save_world, world_json_schema
@@ -156,6 +157,7 @@ def any_world(draw: st.DrawFn) -> World:
 
 
 @pytest.mark.slow
+@settings(max_examples=few(THOROUGH, of=80))
 @given(any_world())
 def test_round_trip_is_exact(world: World) -> None:
     data = parse_yaml(world_text(world), Path("w.yaml"))
@@ -166,6 +168,7 @@ def test_round_trip_is_exact(world: World) -> None:
 
 
 @pytest.mark.slow
+@settings(max_examples=few(THOROUGH, of=120))
 @given(any_world())
 def test_other_yaml_readers_see_the_same(world: World) -> None:
     data = yaml.safe_load(world_text(world))

@@ -12,8 +12,9 @@ from benchmarks.random_worlds import ROBOTS, random_states, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.spatial import Voronoi
+from scipy.spatial import KDTree, Voronoi
 from scipy.spatial.distance import cdist
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
@@ -51,8 +52,7 @@ def exact_dispersion(nodes: FloatArray) -> float:
 # --- dispersion
 
 
-@pytest.mark.slow
-@settings(max_examples=20)
+@settings(max_examples=few(20))
 @given(st.integers(1, 60), st.integers(0, 2**32 - 1))
 def test_bounds_hold_the_voronoi_diagrams_answer(n: int, seed: int) -> None:
     nodes = np.random.default_rng(seed).uniform(0.0, SIDE, (n, 2))
@@ -99,7 +99,6 @@ def test_the_centre_lies_in_free_space_but_the_disc_may_hold_obstacles() -> None
     assert across.lower <= math.hypot(8.0, 5.0) <= across.upper
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_certain_positions_are_free_and_no_free_one_is_impossible(name: str) -> None:
     world = random_world(7, 40, size=40.0, discs=0.3, holes=0.3)
@@ -111,8 +110,8 @@ def test_certain_positions_are_free_and_no_free_one_is_impossible(name: str) -> 
     assert (~oracle.collides(turned)).reshape(60, 16).any(axis=1).all()
     q = random_states(world, 1_500, rng, 4.0)
     q = q[~oracle.collides(q)]
-    inside = np.abs(q[:, None, :2] - free.possible[None]).max(axis=2).min(axis=1) <= free.reach * math.sqrt(0.5) + 1e-9
-    assert inside.all()
+    away = np.asarray(KDTree(free.possible).query(q[:, :2], p=math.inf)[0])
+    assert away.max() <= free.reach * math.sqrt(0.5) + 1e-9
     if name in ("disc", "rectangle"):
         assert len(free.possible) < 6_000
 
@@ -139,7 +138,7 @@ def test_coverage_against_every_motion(name: str) -> None:
     checker, oracle = StateChecker(world, ROBOTS[name]), Oracle(world, ROBOTS[name])
     q = random_states(world, 500, np.random.default_rng(10))
     q = q[checker.valid(q)]
-    nodes, q = q[:12], q[12:132]
+    nodes, q = q[:12], q[12:72]
     seen = coverage(checker, nodes, q)
     starts, ends = np.repeat(q, len(nodes), axis=0), np.tile(nodes, (len(q), 1))
     if name == "disc":

@@ -10,7 +10,7 @@ from scipy.spatial.distance import cdist
 from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError
-from trailmark.landmarks.executions import execute_paper, execute_se2
+from trailmark.landmarks.executions import Execution, execute_paper, execute_se2
 from trailmark.library import shipped_worlds
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
@@ -22,6 +22,18 @@ FULL = World("full", (0.0, 0.0, 5.0, 5.0), (Rectangle((2.5, 2.5), 6.0, 6.0),), R
 @pytest.fixture(scope="module")
 def checker() -> StateChecker:
     return StateChecker(World.load(shipped_worlds()["environment2"]))
+
+
+@pytest.fixture(scope="module")
+def room() -> StateChecker:
+    """A small world, where sensing takes no time."""
+    walls = (Rectangle((3.0, 2.0), 1.0, 2.0), Rectangle((6.0, 4.0), 2.0, 1.0))
+    return StateChecker(World("room", (0.0, 0.0, 8.0, 6.0), walls, Robot.disc(0.3)))
+
+
+@pytest.fixture(scope="module")
+def plain(checker: StateChecker) -> Execution:
+    return execute_paper(checker, 1000, 14, random_state=0, start=start(checker))
 
 
 def start(checker: StateChecker) -> se2.FloatArray:
@@ -36,8 +48,7 @@ def test_environment_2_is_half_c_obstacle(checker: StateChecker) -> None:
 
 
 @pytest.mark.slow
-def test_grown_boxes_leave_out_the_points_of_the_c_obstacle(checker: StateChecker) -> None:
-    plain = execute_paper(checker, 1000, 14, random_state=0, start=start(checker))
+def test_grown_boxes_leave_out_the_points_of_the_c_obstacle(checker: StateChecker, plain: Execution) -> None:
     grown = execute_paper(checker, 1000, 14, random_state=0, start=start(checker), grown=True)
     radius = checker.robot.inscribed_disc.radius
     assert np.allclose(grown.boxes - plain.boxes, [-radius, -radius, radius, radius])
@@ -53,8 +64,8 @@ def test_grown_boxes_leave_out_the_points_of_the_c_obstacle(checker: StateChecke
 
 
 @pytest.mark.slow
-def test_the_source_method_in_environment_2(checker: StateChecker) -> None:
-    found = execute_paper(checker, 1000, 14, random_state=0, start=start(checker))
+def test_the_source_method_in_environment_2(checker: StateChecker, plain: Execution) -> None:
+    found = plain
     points = shapely.points(found.samples)
     solid = shapely.union_all([shape.polygon(1e-3).shapely() for shape in checker.world.obstacles])
     # The boxes hold the obstacles, but for the noise of the readings and what no pose saw of their outlines.
@@ -104,11 +115,11 @@ def test_headings_count_for_a_robot_that_has_one() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", [execute_paper, execute_se2])
-def test_the_seed_decides(checker: StateChecker, method: object) -> None:
+def test_the_seed_decides(room: StateChecker, method: object) -> None:
     assert callable(method)
-    first = method(checker, 200, 5, random_state=3)
-    again = method(checker, 200, 5, random_state=np.random.default_rng(3))
-    other = method(checker, 200, 5, random_state=4)
+    first = method(room, 200, 5, random_state=3)
+    again = method(room, 200, 5, random_state=np.random.default_rng(3))
+    other = method(room, 200, 5, random_state=4)
     assert np.array_equal(first.centres, again.centres)
     assert not np.array_equal(first.centres, other.centres)
 
@@ -131,9 +142,9 @@ def test_no_room() -> None:
 
 
 @pytest.mark.slow
-def test_counts_out_of_range(checker: StateChecker) -> None:
+def test_counts_out_of_range(room: StateChecker) -> None:
     for method in (execute_paper, execute_se2):
         with pytest.raises(ConfigurationError, match="n: expected 1 or more, got 0"):
-            method(checker, 0, 3, random_state=0)
+            method(room, 0, 3, random_state=0)
         with pytest.raises(ConfigurationError, match=r"k: expected 1 to \d+, got 101: \d+ of 100"):
-            method(checker, 100, 101, random_state=0)
+            method(room, 100, 101, random_state=0)

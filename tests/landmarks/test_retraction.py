@@ -12,6 +12,7 @@ from benchmarks.random_worlds import ROBOTS, random_states, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks.retraction import retract, retract_all
@@ -63,7 +64,7 @@ def test_without_reach_nothing_moves() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=few(60))
 @given(
     name=st.sampled_from(sorted(ROBOTS)),
     world=st.integers(0, 3),

@@ -1,4 +1,4 @@
-"""A server of the live page, in a process of its own."""
+"""Servers of the live page, each in a process of its own, and a browser, for all tests of this process."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
+from benchmarks.chromium import Browser, browser
+from tests.benchmark.report.browser import require_chromium
+from tests.exploration.made_exploration import made_exploration
+
+from trailmark.exploration.exploration_folder import save_exploration
 
 
 @contextmanager
@@ -30,8 +35,25 @@ def serving(*words: str) -> Iterator[str]:
     assert process.returncode == 0
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def address() -> Iterator[str]:
     """Return where the office is shown."""
     with serving("office") as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Return where an exploration that was kept is shown to those who know the token."""
+    folder = tmp_path_factory.mktemp("kept") / "run"
+    save_exploration(made_exploration(), folder)
+    with serving(str(folder), "--token", "a secret word", "--host", "127.0.0.1") as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def tab() -> Iterator[Browser]:
+    """Return a browser."""
+    require_chromium()
+    with browser() as found:
         yield found

@@ -3,33 +3,21 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from benchmarks.chromium import Browser, browser
+from benchmarks.chromium import Browser
 from PIL import Image
-from tests.benchmark.report.browser import require_chromium
 from tests.exploration.made_exploration import made_exploration
-from tests.live.conftest import serving
 
 from trailmark import World, check_path
-from trailmark.exploration.exploration_folder import save_exploration
 
 pytestmark = pytest.mark.slow
 
 READY = "window.trailmark.scene.path && document.getElementById('verdict').textContent.startsWith('path found')"
-
-
-@pytest.fixture(scope="module")
-def tab() -> Iterator[Browser]:
-    """Return a browser."""
-    require_chromium()
-    with browser() as found:
-        yield found
 
 
 def show(tab: Browser, address: str, width: int = 1400) -> None:
@@ -240,8 +228,9 @@ def test_what_is_exported_is_what_is_shown(tab: Browser, address: str, tmp_path:
     program = kept["plan.py"].decode()
     assert 'clearance=0.05, objective="clearance"' in program
     names: dict[str, Any] = {}
+    assert "time_limit=1.0" in program
     with contextlib.chdir(tmp_path), contextlib.redirect_stdout(io.StringIO()) as said:
-        exec(program, names)  # noqa: S102  # what is exported is to be run
+        exec(program.replace("time_limit=1.0", "time_limit=0.3"), names)  # noqa: S102  # what is exported is to be run
     assert said.getvalue().startswith("solved")
     assert names["result"].path.states[[0, -1]] == pytest.approx(np.array(states)[[0, -1]], abs=1e-5)
     assert tab.complaints == []
@@ -262,11 +251,12 @@ def test_a_world_without_a_way_shows_why(tab: Browser, address: str) -> None:
 
 
 def test_layers_comparison_driving_and_exploring(tab: Browser, address: str) -> None:
-    show(tab, address)
+    show(tab, address, 800)  # layers are drawn for each pixel
     tab.run("document.querySelectorAll('[data-layer]').forEach(box => box.click())")
     tab.wait("['field', 'lattice', 'c-obstacle'].every(name => trailmark.layers.get(name)?.picture)")
     tab.wait("trailmark.layers.get('reachable')?.rings.length > 0")
     tab.wait("trailmark.layers.get('roadmap')?.nodes.length > 10")
+    tab.run("document.querySelectorAll('[data-layer]').forEach(box => box.click())")
     tab.run("document.getElementById('compare').click()")
     tab.wait("document.getElementById('others').textContent.includes('free by the referee')", 90.0)
     tab.run("document.getElementById('speed').value = 20, document.getElementById('play').click()")
@@ -285,29 +275,27 @@ def test_layers_comparison_driving_and_exploring(tab: Browser, address: str) -> 
     assert tab.complaints == []
 
 
-def test_an_exploration_that_was_kept_is_stepped_through(tab: Browser, tmp_path: Path) -> None:
-    save_exploration(made_exploration(), tmp_path / "run")
-    with serving(str(tmp_path / "run")) as address:
-        tab.complaints.clear()
-        tab.open(address, 1400, 850)
-        tab.wait("document.getElementById('verdict').textContent.startsWith('exploration complete')")
-        last = len(made_exploration().history) - 1
-        assert tab.run("Number(document.getElementById('scrub').max)") == last
-        tab.run("(() => { scrub.value = 3; scrub.dispatchEvent(new Event('input')); })()")
-        assert "m² known" in tab.run("document.getElementById('verdict').textContent")
-        probe = "new OffscreenCanvas(80, 50).getContext('2d', {willReadFrequently: true})"
-        data = "brush.drawImage(exploring.picture, 0, 0); return brush.getImageData(0, 0, 80, 50).data.join()"
-        shown = f"(() => {{ const brush = {probe}; {data}; }})()"
-        early = tab.run(shown)
-        tab.run("document.getElementById('play').click()")
-        tab.wait("Number(document.getElementById('scrub').value) > 10")
-        tab.run("document.getElementById('play').click()")
-        assert tab.run(shown) != early
-        tab.run("(() => { scrub.value = 3; scrub.dispatchEvent(new Event('input')); })()")
-        assert tab.run(shown) == early
-        # Closed, its map is a world to plan in; and it can be opened again.
-        tab.run("document.getElementById('explore').click()")
-        tab.wait(READY)
-        tab.run("document.getElementById('recorded').click()")
-        tab.wait("exploring.steps.length > 3")
-        assert tab.complaints == []
+def test_an_exploration_that_was_kept_is_stepped_through(tab: Browser, guarded: str) -> None:
+    tab.complaints.clear()
+    tab.open(guarded, 1400, 850)  # the address has the token
+    tab.wait("document.getElementById('verdict').textContent.startsWith('exploration complete')")
+    last = len(made_exploration().history) - 1
+    assert tab.run("Number(document.getElementById('scrub').max)") == last
+    tab.run("(() => { scrub.value = 3; scrub.dispatchEvent(new Event('input')); })()")
+    assert "m² known" in tab.run("document.getElementById('verdict').textContent")
+    probe = "new OffscreenCanvas(80, 50).getContext('2d', {willReadFrequently: true})"
+    data = "brush.drawImage(exploring.picture, 0, 0); return brush.getImageData(0, 0, 80, 50).data.join()"
+    shown = f"(() => {{ const brush = {probe}; {data}; }})()"
+    early = tab.run(shown)
+    tab.run("document.getElementById('play').click()")
+    tab.wait("Number(document.getElementById('scrub').value) > 10")
+    tab.run("document.getElementById('play').click()")
+    assert tab.run(shown) != early
+    tab.run("(() => { scrub.value = 3; scrub.dispatchEvent(new Event('input')); })()")
+    assert tab.run(shown) == early
+    # Closed, its map is a world to plan in; and it can be opened again.
+    tab.run("document.getElementById('explore').click()")
+    tab.wait(READY)
+    tab.run("document.getElementById('recorded').click()")
+    tab.wait("exploring.steps.length > 3")
+    assert tab.complaints == []

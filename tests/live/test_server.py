@@ -9,13 +9,13 @@ from contextlib import ExitStack
 from typing import Any
 
 import pytest
-from tests.live.conftest import serving
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from trailmark.cli import main
 from trailmark.live.messages import MAX_BYTES
 from trailmark.live.page import page_of
+from trailmark.live.server import MAX_CLIENTS
 
 START, GOAL = [1.0, 1.0, 0.0], [17.0, 10.0, 1.57]
 
@@ -151,16 +151,15 @@ def test_another_planner_runs_beside_it_and_an_exploration(address: str) -> None
 
 
 @pytest.mark.slow
-def test_a_token_is_asked_for() -> None:
-    with serving("corridor", "--token", "a secret word", "--host", "127.0.0.1") as address:
-        assert address.endswith("?token=a%20secret%20word")
-        with socket_of(address) as client:
-            assert ask(client, type="hello", id=1)
-        for other in (address.partition("?")[0], address + "s"):
-            with pytest.raises(urllib.error.HTTPError, match="403"):
-                urllib.request.urlopen(other, timeout=10.0)  # noqa: S310
-            with pytest.raises(InvalidStatus):
-                socket_of(other)
+def test_a_token_is_asked_for(guarded: str) -> None:
+    assert guarded.endswith("?token=a%20secret%20word")
+    with socket_of(guarded) as client:
+        assert ask(client, type="hello", id=1)
+    for other in (guarded.partition("?")[0], guarded + "s"):
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(other, timeout=10.0)  # noqa: S310
+        with pytest.raises(InvalidStatus):
+            socket_of(other)
 
 
 @pytest.mark.slow
@@ -182,7 +181,7 @@ def test_bad_options_are_told_in_a_line(capsys: pytest.CaptureFixture[str]) -> N
 
 @pytest.mark.slow
 def test_one_who_leaves_ends_what_was_under_way(address: str) -> None:
-    for identity in range(20):
+    for identity in range(MAX_CLIENTS + 1):  # the last would be too many, if one of the others were still there
         with socket_of(address) as client:
             client.send(json.dumps({"type": "plan", "id": identity, "start": START, "goal": GOAL, "time_limit": 60.0}))
             client.recv(timeout=10.0)

@@ -26,7 +26,14 @@ class Client:
 
     def __init__(self, world: World = WORLD, robot: Robot = ROBOT) -> None:
         self.told: list[dict[str, Any]] = []
-        self.session = Session(world, robot, self.told.append)
+        self.stop_at_first: Event | None = None
+        self.session = Session(world, robot, self.take)
+
+    def take(self, answer: dict[str, Any]) -> None:
+        """Keep an answer; the plan that it is of may have to end at it."""
+        self.told.append(answer)
+        if self.stop_at_first is not None:
+            self.stop_at_first.set()
 
     def ask(self, kind: str, stop: Event | None = None, **fields: Any) -> list[dict[str, Any]]:
         """Return the answers to a message."""
@@ -44,6 +51,22 @@ class Client:
         assert [answer["final"] for answer in answers] == [False] * (len(answers) - 1) + [True]
         assert answers[-1]["status"] == "solved"
         return np.array(answers[-1]["states"])
+
+    def first_states(self) -> np.ndarray[Any, Any]:
+        """Return the states of the first path from START to GOAL, with which the plan ends."""
+        self.stop_at_first = Event()
+        answers = self.ask("plan", self.stop_at_first, start=START, goal=GOAL, time_limit=10.0)
+        self.stop_at_first = None
+        assert answers[-1]["status"] == "solved"
+        return np.array(answers[-1]["states"])
+
+
+@pytest.fixture(scope="module")
+def unchanged() -> Client:
+    """Return a client for what changes nothing."""
+    client = Client()
+    assert client.first_states()[:, 1].max() > 6.0, "above the wall"
+    return client
 
 
 def swept(states: np.ndarray[Any, Any]) -> Any:
@@ -142,17 +165,14 @@ BAD_EDITS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", BAD_EDITS)
-def test_a_bad_edit_changes_nothing(name: str) -> None:
-    client = Client()
-    before = client.states()
-    world = client.session.world
+def test_a_bad_edit_changes_nothing(name: str, unchanged: Client) -> None:
+    client, world = unchanged, unchanged.session.world
     with pytest.raises(TrailmarkError):
         client.ask("edit", **BAD_EDITS[name])
     assert client.session.world is world
     assert client.session.planner.world is world
-    assert client.states()[:, 1].max() == pytest.approx(before[:, 1].max(), abs=0.3)
+    assert client.first_states()[:, 1].max() > 6.0
 
 
 @pytest.mark.slow

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.chromium import Browser, browser
+from benchmarks.chromium import Browser
 from jupyter_client.manager import KernelManager
-from tests.benchmark.report.browser import require_chromium
 
 from trailmark import Disc, Rectangle, Robot, World
 from trailmark.errors import ConfigurationError
@@ -131,33 +130,32 @@ def pump(tab: Browser, notebook: Notebook, until: str, seconds: float = 60.0) ->
         time.sleep(0.01)
 
 
-def test_the_page_runs_in_a_cell(notebook: Notebook) -> None:
-    require_chromium()
+def test_the_page_runs_in_a_cell(tab: Browser, notebook: Notebook) -> None:
     traits = {name: getattr(notebook.widget, name) for name in ("page", "picture", "height", "_esm")}
-    with browser() as tab:
-        tab.open("data:text/html,<title>notebook</title>", 1400)
-        tab.run(HOST.replace("DATA", json.dumps(traits).replace("</", "<\\/")))
-        # Nobody has answered yet: the picture is shown.
-        assert tab.run("document.querySelector('img').complete") is not None
-        assert tab.run(f"{FRAME}.style.visibility") == "hidden"
-        page = f"{FRAME}.contentWindow.trailmark"
-        pump(tab, notebook, f"{page}.scene.path?.states.length > 2")
-        assert tab.run(f"{FRAME}.style.visibility") == "visible"
-        assert tab.run("document.querySelector('img')") is None
-        assert tab.run("document.getElementById('cell').clientHeight") == 640
-        x, y = tab.run(
-            f"(() => {{ const f = {FRAME}, b = f.getBoundingClientRect(), c = f.contentDocument.getElementById('map')"
-            f".getBoundingClientRect(), p = {page}.view.toScreen(...{page}.scene.goal);"
-            " return [b.left + c.left + p[0], b.top + c.top + p[1]]; })()"
-        )
-        tab.drag((x, y), (x - 80, y), steps=5)
-        pump(tab, notebook, f"{page}.inFlight.size === 0 && {page}.scene.path.final")
-        goal = tab.run(f"{page}.scene.goal")
-        assert notebook.widget.world.queries[0].goal == pytest.approx(goal)
-        assert notebook.states()[-1].tolist() == pytest.approx(goal)
-        tab.run("leave()")
-        assert tab.run("out.at(-1).frame") is None
-        assert tab.complaints == []
+    tab.complaints.clear()
+    tab.open("data:text/html,<title>notebook</title>", 1400)
+    tab.run(HOST.replace("DATA", json.dumps(traits).replace("</", "<\\/")))
+    # Nobody has answered yet: the picture is shown.
+    assert tab.run("document.querySelector('img').complete") is not None
+    assert tab.run(f"{FRAME}.style.visibility") == "hidden"
+    page = f"{FRAME}.contentWindow.trailmark"
+    pump(tab, notebook, f"{page}.scene.path?.states.length > 2")
+    assert tab.run(f"{FRAME}.style.visibility") == "visible"
+    assert tab.run("document.querySelector('img')") is None
+    assert tab.run("document.getElementById('cell').clientHeight") == 640
+    x, y = tab.run(
+        f"(() => {{ const f = {FRAME}, b = f.getBoundingClientRect(), c = f.contentDocument.getElementById('map')"
+        f".getBoundingClientRect(), p = {page}.view.toScreen(...{page}.scene.goal);"
+        " return [b.left + c.left + p[0], b.top + c.top + p[1]]; })()"
+    )
+    tab.drag((x, y), (x - 80, y), steps=5)
+    pump(tab, notebook, f"{page}.inFlight.size === 0 && {page}.scene.path.final")
+    goal = tab.run(f"{page}.scene.goal")
+    assert notebook.widget.world.queries[0].goal == pytest.approx(goal)
+    assert notebook.states()[-1].tolist() == pytest.approx(goal)
+    tab.run("leave()")
+    assert tab.run("out.at(-1).frame") is None
+    assert tab.complaints == []
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from benchmarks.density_oracle import sampled_cost
+from tests.support.trials import trials
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World
 from trailmark.motion import StraightMotion, WeightedMotion, motion_of
@@ -43,7 +44,7 @@ def weighted(world: World, objective: Objective) -> WeightedMotion:
 def test_lines_cost_what_sampling_says(objective: Objective) -> None:
     world, rng = world_with(), np.random.default_rng(1)
     motion = weighted(world, objective)
-    for _ in range(25):
+    for _ in trials(25):
         ends = np.column_stack([rng.uniform(0.05, 9.95, (2, 2)), np.zeros(2)])
         cost, error = motion.cost_within(ends)
         sampled = sampled_cost(world, objective, ends)

@@ -9,6 +9,7 @@ import pytest
 import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from tests.support.trials import few
 
 from trailmark import OneWayZone, Polygon, se2
 from trailmark.curves import Steering
@@ -120,7 +121,7 @@ def judged(zone: OneWayZone, xy: FloatArray, ahead: FloatArray) -> tuple[bool, b
 
 
 @pytest.mark.slow
-@settings(max_examples=120)
+@settings(max_examples=few(120))
 @given(zones(), poses, poses)
 def test_straight_motions_against_the_oracle(zone: OneWayZone, a: FloatArray, b: FloatArray) -> None:
     if np.hypot(*(b - a)[:2]) < 1e-6:
@@ -139,7 +140,7 @@ TRIANGLE = OneWayZone(Polygon(np.array([[0.5, 0.0], [-0.25, 0.4330127], [-0.25, 
 
 @pytest.mark.slow
 @example(TRIANGLE, np.zeros(3), np.array([-1.0, 0.0, 0.0]), 0.3, True)
-@settings(max_examples=120)
+@settings(max_examples=few(120))
 @given(zones(), poses, poses, st.sampled_from([0.3, 1.0, 5.0]), st.booleans())
 def test_curves_against_the_oracle(
     zone: OneWayZone, a: FloatArray, b: FloatArray, radius: float, reverse: bool

@@ -65,7 +65,8 @@ def test_a_curve_is_charged_along_its_arcs(objective: Objective) -> None:
     weighted = motion_of(checker, objective=objective)
     a, b = pairs(2, 6, checker)
     for start, end in zip(a, b, strict=True):
-        states = np.array(weighted.path(np.array([start, end])).resample(0.005).states)
+        # Chords of 3 cm are shorter than their arcs by 6e-5 of the length.
+        states = np.array(weighted.path(np.array([start, end])).resample(0.03).states)
         states[:, 2] = 0.0
         expected = sampled_cost(WORLD, objective, states)
         cost, error = weighted.cost_within(np.array([start, end]))

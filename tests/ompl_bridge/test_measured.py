@@ -21,11 +21,17 @@ def problem(certified: bool) -> SE2Problem:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("certified", [True, False])
-@pytest.mark.parametrize("name", ["RRTstar", "PRM", "PRMstar", "BITstar", "RRTConnect"])
+@pytest.mark.parametrize(
+    ("name", "certified"),
+    [
+        *((name, True) for name in ("RRTstar", "PRM", "PRMstar", "BITstar", "RRTConnect")),
+        ("RRTstar", False),
+        ("PRM", False),
+    ],
+)
 def test_a_run_is_measured(name: str, certified: bool) -> None:
     posed = problem(certified)
-    run = measure(posed, name, 0.25)
+    run = measure(posed, name, 0.2)
     assert run.exact
     assert run.status == 6
     assert run.path is not None
@@ -42,7 +48,7 @@ def test_a_run_is_measured(name: str, certified: bool) -> None:
         assert len(run.curve) == 1
         assert run.curve[0][0] == run.time
     else:
-        assert run.time == pytest.approx(0.25, abs=0.2)
+        assert run.time == pytest.approx(0.2, abs=0.2)
         assert len(run.curve) > 1 or name.startswith("PRM")  # whose first path here may be its best
 
 

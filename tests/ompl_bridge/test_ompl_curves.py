@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from tests.support.trials import few
 
 PYTHON17 = os.environ.get("TRAILMARK_OMPL17_PYTHON")
 
@@ -34,9 +35,15 @@ def driven(space, si, a, b, n):
 def check(motions, si, a, b):
     made = [state(si, q) for q in (a, b)]
     return motions.checkMotion(*(opened(s) for s in made))
-def length(space, si, a, b):
-    made = [state(si, q) for q in (a, b)]
-    return space.distance(*(opened(s) for s in made))
+def lengths(space, si, a, b):
+    made = [state(si, q[0]) for q in (a, b)]
+    p, q = (opened(s) for s in made)
+    found = []
+    for ends in zip(a.tolist(), b.tolist()):
+        for place, (x, y, theta) in zip((p, q), ends):
+            place.setX(x), place.setY(y), place.setYaw(theta)
+        found.append(space.distance(p, q))
+    return np.array(found)
 def along(q, side, way, radius):
     turned = q[:, 2] + side * way / radius
     c, s = np.cos(q[:, 2]), np.sin(q[:, 2])
@@ -59,14 +66,14 @@ def run(request: pytest.FixtureRequest, run_ompl: Any) -> Run:
 def test_a_longer_word_of_ompls_does_not_get_past_a_post(run: Run) -> None:
     found = run("""
 rng = np.random.default_rng(2)
-radius, n = 4.5, 40_000
+radius, n = 4.5, 20_000
 robot = Robot.rectangle(4.0, 1.8)
 room = World("room", (-30.0, -30.0, 30.0, 30.0))
 space, si = space_for(room, radius, True)
 a = rng.uniform((-10, -10, -np.pi), (10, 10, np.pi), (n, 3))
 b = along(a, np.zeros(n), rng.uniform(0.05, 8.0, n) * rng.choice((-1.0, 1.0), n), radius)
 steering = Steering(radius)
-longer = np.array([length(space, si, p, q) for p, q in zip(a, b)]) - steering.lengths(a, b)
+longer = lengths(space, si, a, b) - steering.lengths(a, b)
 open_motions = MotionValidator(si, StateChecker(room, robot))
 accepted = open_room = posts = 0
 for i in np.flatnonzero(longer > 1e-3)[:25]:
@@ -106,7 +113,7 @@ world, robot = random_world(21, 150, size=60.0, origin=(origin, origin)), ROBOTS
 space, si = space_for(world, radius, reverse)
 checker, steering, oracle = StateChecker(world, robot), Steering(radius, reverse), Oracle(world, robot)
 motions = MotionValidator(si, checker)
-n = 600
+n = {few(600)}
 q = rng.uniform((origin, origin, -np.pi), (origin + 60.0, origin + 60.0, np.pi), (30_000, 3))
 q = q[checker.valid(q)]
 zero, side = np.zeros(n), rng.choice((-1.0, 1.0), n)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from tests.support.trials import few
 
 SET_UP = """
 from benchmarks.oracle import Oracle
@@ -25,7 +26,7 @@ def test_what_ompl_interpolates_is_free_and_costs_what_was_found(run_ompl: Any, 
 car = world.robot.steered(0.6, {reverse})
 oracle = Oracle(world, car)
 answers = []
-for seed in range(2):
+for seed in range({few(2)}):
     problem = SE2Problem(world, car, "door")
     planner = problem.set_planner(LandmarkPlanner(problem.information, seed=seed, settings=QUICK))
     word = problem.solve(10.0).asString()
@@ -97,7 +98,7 @@ def test_curves_that_ompl_would_replace_are_divided(run_ompl: Any, reverse: bool
     found = run_ompl(
         SET_UP
         + f"""
-from trailmark import StateChecker
+from trailmark import StateChecker, se2
 from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 room = World("room", (-60.0, -60.0, 60.0, 60.0))
@@ -106,16 +107,25 @@ problem = SE2Problem(room, car, ((0.0, 0.0, 0.0), (20.0, 0.0, 0.0)))
 steering = Steering.of(car)
 curves = OmplCurves(problem.information, PointwiseChecker(problem.checker, steering))
 rng = np.random.default_rng(3)
+n = 20_000
+a = rng.uniform((-20.0, -20.0, -np.pi), (20.0, 20.0, np.pi), (n, 3))
+way = rng.uniform(0.1, 20.0, n)
+# Straight ahead, after no arc or a short one: OMPL's formulas lose the shortest curve to rounding.
+turn = rng.choice((0.0, 1e-4, 1e-3, 1e-2), n)
+ahead = 4.5 * np.sin(turn) + way * np.cos(turn), 4.5 * (1.0 - np.cos(turn)) + way * np.sin(turn)
+cos, sin = np.cos(a[:, 2]), np.sin(a[:, 2])
+b = a + np.column_stack([cos * ahead[0] - sin * ahead[1], sin * ahead[0] + cos * ahead[1], turn])
+b[:, 2] = se2.wrap(b[:, 2])
+p, q = (state(problem.information, a[0]) for _ in range(2))
+theirs = []
+for ends in zip(a.tolist(), b.tolist()):
+    for place, (x, y, theta) in zip((p, q), ends):
+        place.setX(x), place.setY(y), place.setYaw(theta)
+    theirs.append(problem.space.distance(p, q))
+# Those are one in some thousand: all of them, and some of the others.
+lost = np.array(theirs) > steering.lengths(a, b) + 1e-5
 divided = refused = worse = longer = 0
-for _ in range(3000):
-    a = rng.uniform((-20.0, -20.0, -np.pi), (20.0, 20.0, np.pi))
-    way = rng.uniform(0.1, 20.0)
-    # Straight ahead, after no arc or a short one: OMPL's formulas lose the shortest curve to rounding.
-    turn = rng.choice((0.0, 1e-4, 1e-3, 1e-2))
-    left = (4.5 * np.sin(turn), 4.5 * (1.0 - np.cos(turn)))
-    ahead = left[0] + way * np.cos(turn), left[1] + way * np.sin(turn)
-    cos, sin = np.cos(a[2]), np.sin(a[2])
-    b = a + (cos * ahead[0] - sin * ahead[1], sin * ahead[0] + cos * ahead[1], turn)
+for a, b in zip(*(np.concatenate([rows[lost], rows[~lost][:{few(600)}]]) for rows in (a, b))):
     path = CurvePath(np.array([a, b]), steering)
     states = curves.certified_states(problem.information, path)
     if states is None:
@@ -129,7 +139,7 @@ tell(divided=divided, refused=refused, worse=worse, longer=int(longer))
 """
     )
     # Of Dubins' curves OMPL seldom takes another.
-    assert found["divided"] > 0 or not reverse
+    assert found["divided"] >= 3 or not reverse
     assert found["refused"] == 0
     assert found["longer"] == 0
     assert found["worse"] == 0
@@ -147,7 +157,7 @@ bench = ot.Benchmark(problem.setup, "office")
 bench.addPlanner(og.RRTConnect(problem.information))
 bench.addPlanner(LandmarkPlanner(problem.information, seed=0, keep_roadmap=False))
 request = ot.Request()
-request.maxTime, request.maxMem, request.runCount, request.displayProgress = 0.4, 2000.0, 2, False
+request.maxTime, request.maxMem, request.runCount, request.displayProgress = 0.2, 2000.0, 2, False
 request.saveConsoleOutput = False
 with planning():
     bench.benchmark(request)

@@ -53,7 +53,7 @@ def test_planners_find_their_way_in_the_changed_world(run_ompl: Any) -> None:
         + """
 world = World("hall", world.bounds, (Rectangle((10.0, 3.0), 0.5, 6.0),), world.robot)
 problem = SE2Problem(world, query=ends)
-for name, limit in (("RRTConnect", 5.0), ("landmark", 1.0)):  # one ends at its first path, the other at the limit
+for name, limit in (("RRTConnect", 5.0), ("landmark", 0.5)):  # one ends at its first path, the other at the limit
     problem.update(world)
     problem.set_planner(LandmarkPlanner(problem.information, seed=1) if name == "landmark" else name)
     problem.solve(limit)

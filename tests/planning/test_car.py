@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import ROBOTS, random_world
+from tests.support.trials import trials
 
 from trailmark.audit import check_path
 from trailmark.curves import CurvePath, Steering
@@ -73,7 +74,7 @@ def test_parking(worlds: Path, name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 4))
+@pytest.mark.parametrize("seed", trials(3))
 def test_better_paths_are_driven_as_well(worlds: Path, seed: int) -> None:
     # All that rounds of improvement make of the first path, not only the last.
     world = shipped(worlds, "parking", 4.5)
@@ -259,10 +260,10 @@ def test_landmarks_beforehand(worlds: Path) -> None:
 def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
     world = random_world(11, 25, size=30.0, radii=(0.5, 2.5))
     planner = LandmarkPlanner(world, ROBOTS["rectangle"].steered(1.5, reverse), seed=0, landmarks=400)
-    ends = free_samples(planner.checker, 28, random_state=2).reshape(-1, 2, 3)
+    ends = free_samples(planner.checker, 16, random_state=2).reshape(-1, 2, 3)
     answered = planner.plan_many(ends[:, 0], ends[:, 1], 2.0, max_iterations=1)
     solved = [i for i, result in enumerate(answered) if result.path is not None]
-    assert len(solved) >= 10
+    assert len(solved) >= 6
     judge = Oracle(world, planner.robot, 1e-6)
     for i in solved:
         path = answered[i].path
@@ -275,7 +276,7 @@ def test_many_queries_are_answered_on_one_roadmap(reverse: bool) -> None:
     nodes = len(planner.roadmap)
     snapshot = planner._model.shared.snapshot(lambda: planner.relaxation)
     known = ends[[i for i in solved if snapshot.find_path(ends[i, 0].copy(), ends[i, 1].copy()) is not None]]
-    assert len(known) >= 8
+    assert len(known) >= 4
     alone, beside = (planner.plan_many(known[:, 0], known[:, 1], 2.0, max_iterations=1, workers=n) for n in (1, 2))
     assert len(planner.roadmap) == nodes
     assert [result.cost for result in alone] == [result.cost for result in beside]

@@ -27,7 +27,7 @@ SLOT, ROAD = np.array([10.8, 1.9, 0.0]), np.array([4.0, 5.0, 0.0])
 
 def planned(objective: Objective | str | None = None, start: Any = ROAD, goal: Any = SLOT) -> PlanResult:
     planner = LandmarkPlanner(WORLD, seed=0, objective=objective)
-    result = planner.plan(start, goal, time_limit=60.0, max_iterations=4)
+    result = planner.plan(start, goal, time_limit=60.0, max_iterations=2)
     assert isinstance(result.path, CurvePath)
     assert np.array_equal(result.path.knots[[0, -1]], [start, goal])
     assert not Oracle(WORLD, planner.robot).collides(result.path.resample(0.01).states).any()

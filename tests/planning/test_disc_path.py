@@ -14,6 +14,7 @@ from benchmarks.random_worlds import random_world
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker
 from trailmark.planning.disc_path import disc_path
@@ -71,7 +72,7 @@ def shortest(world: World, radius: float, start: FloatArray, goal: FloatArray) -
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=few(40))
 @given(seed=st.integers(0, 10_000), radius=st.sampled_from([0.05, 0.3, 0.8]), boundary=st.booleans())
 # A corner of 16 degrees, for which GEOS takes one chord.
 @example(seed=1238, radius=0.05, boundary=False)
@@ -98,7 +99,7 @@ def test_ways_are_free_and_as_short_as_bounds_tell(seed: int, radius: float, bou
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", trials(6))
 def test_a_visibility_graph_has_no_shorter_way(seed: int) -> None:
     world = random_world(seed, 5, size=12.0, radii=(0.8, 2.0), discs=0.5)
     q = np.random.default_rng(seed).uniform(1.0, 11.0, (100, 2))

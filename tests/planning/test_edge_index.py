@@ -11,7 +11,6 @@ from benchmarks.random_worlds import random_world, star_polygon
 
 from trailmark.planning.edge_index import MAX_ADDED, EdgeIndex
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
-from trailmark.world import World
 
 
 def near(index: EdgeIndex, low: np.ndarray, high: np.ndarray) -> set[tuple[float, ...]]:
@@ -26,8 +25,7 @@ def near(index: EdgeIndex, low: np.ndarray, high: np.ndarray) -> set[tuple[float
     return set(found)
 
 
-def assert_same(index: EdgeIndex, world: World, rng: np.random.Generator) -> None:
-    anew = EdgeIndex(world)
+def assert_same(index: EdgeIndex, anew: EdgeIndex, rng: np.random.Generator) -> None:
     low = rng.uniform(-3.0, 21.0, (20, 2))
     high = low + rng.uniform(0.0, 4.0, (20, 2))
     assert near(index, low, high) == near(anew, low, high)
@@ -58,7 +56,7 @@ def test_random_changes(seed: int) -> None:
     boundary = seed % 2 == 0
     world = random_world(seed, 10 * seed, size=20.0, radii=(0.3, 3.0), discs=0.3, holes=0.4, boundary=boundary)
     index, shapes = EdgeIndex(world), list(world.obstacles)
-    old: list[tuple[EdgeIndex, World]] = []
+    old: list[tuple[EdgeIndex, EdgeIndex]] = []
     for _ in range(3 * MAX_ADDED):
         changes: list[tuple[Shape | None, Shape | None]] = []
         for i in sorted(rng.choice(len(shapes), min(len(shapes), int(rng.integers(3))), replace=False), reverse=True):
@@ -70,8 +68,12 @@ def test_random_changes(seed: int) -> None:
             changes.append((None, shapes[-1]))
         index = index.edited(changes)
         world = replace(world, obstacles=tuple(shapes))
-        assert_same(index, world, rng)
-        old = [(index, world), *old[:3]]
+        # Between what is looked at, changes follow one another.
+        if rng.random() > 1.0 / 3.0:
+            continue
+        anew = EdgeIndex(world)
+        assert_same(index, anew, rng)
+        old = [(index, anew), *old[:3]]
         assert_same(*old[-1], rng)
 
 
@@ -79,5 +81,5 @@ def test_all_obstacles_may_go_and_come_back() -> None:
     rng = np.random.default_rng(0)
     world = random_world(1, 30, size=20.0, discs=0.5)
     empty = EdgeIndex(world).edited((shape, None) for shape in world.obstacles)
-    assert_same(empty, replace(world, obstacles=()), rng)
-    assert_same(empty.edited((None, shape) for shape in world.obstacles), world, rng)
+    assert_same(empty, EdgeIndex(replace(world, obstacles=())), rng)
+    assert_same(empty.edited((None, shape) for shape in world.obstacles), EdgeIndex(world), rng)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
+from tests.support.trials import few, trials
 
-from trailmark import Disc, LandmarkPlanner, Path, Polygon, Rectangle, StateChecker, World, check_path
+from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, Polygon, Rectangle, StateChecker, World, check_path
 from trailmark.audit.depth import Penetration
 from trailmark.motion import motion_of
 from trailmark.planning.escape import way_out
@@ -17,14 +18,19 @@ WALL = World("wall", (0.0, 0.0, 20.0, 10.0), (Rectangle((10.0, 3.0), 2.0, 6.0),)
 
 def depth_of(world: World, robot: Robot, states: np.ndarray) -> np.ndarray:
     """Return how deep a robot is in the obstacle that it is deepest in, metres."""
-    return np.asarray(np.max([Penetration(robot, shape).at(states) for shape in world.obstacles], axis=0))
+    # Most obstacles are too far off for any of the robot to be in them.
+    reach = float(np.hypot(*robot.outline.vertices.T).max())
+    low, high = states[:, :2].min(axis=0) - reach, states[:, :2].max(axis=0) + reach
+    boxes = np.array([shape.bounding_box() for shape in world.obstacles])
+    near = np.flatnonzero((boxes[:, :2] <= high).all(axis=1) & (boxes[:, 2:] >= low).all(axis=1))
+    return np.asarray(np.max([Penetration(robot, world.obstacles[i]).at(states) for i in near], axis=0))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L", "offset", "star"])
 def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
     robot, rng, met = ROBOTS[name], np.random.default_rng(1), 0
-    for seed in range(4):
+    for seed in trials(4, of=2):
         world = random_world(seed, 30, size=40.0, discs=0.3)
         checker = StateChecker(world, robot)
         q = np.column_stack([rng.uniform(3, 37, (200, 2)), rng.uniform(-3, 3, 200)])
@@ -41,7 +47,7 @@ def test_it_is_never_deeper_than_before_and_ends_free(name: str) -> None:
             together = length * (1.0 - np.linspace(0.0, 1.0, 40))
             assert (depths <= together + 1e-4).all()
             met += 1
-    assert met > 20
+    assert met > few(20, of=2)
 
 
 def test_it_is_the_shortest_to_a_single_obstacle() -> None:
@@ -85,12 +91,12 @@ def test_a_car_drives_out() -> None:
 @pytest.mark.parametrize("reverse", [True, False])
 def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reverse: bool) -> None:
     robot, rng, met = Robot.rectangle(1.0, 0.4).differential(reverse=reverse), np.random.default_rng(2), 0
-    for seed in range(4):
+    for seed in trials(4, of=2):
         world = random_world(seed, 30, size=40.0, discs=0.3)
         checker = StateChecker(world, robot)
         motion = motion_of(checker)
         q = np.column_stack([rng.uniform(3, 37, (300, 2)), rng.uniform(-3, 3, 300)])
-        for start in q[~checker.valid(q)][:25]:
+        for start in q[~checker.valid(q)][: few(25, of=2)]:
             out = way_out(checker, start)
             if out is None:
                 continue
@@ -101,7 +107,7 @@ def test_a_differential_drive_neither_turns_nor_drives_deeper_into_anything(reve
             depths = depth_of(world, robot, driven.resample(0.02).states)
             assert depths.max() <= depths[0] + 1e-4
             met += 1
-    assert met > 20
+    assert met > few(20)
 
 
 def test_a_differential_drive_with_its_nose_in_a_wall_touches_nothing_else() -> None:
@@ -130,7 +136,7 @@ def test_there_may_be_no_way_out() -> None:
 def test_replanning_leads_out_first(name: str) -> None:
     robot = ROBOTS["rectangle"].steered(2.0) if name == "car" else ROBOTS[name]
     world = World("field", (0.0, 0.0, 40.0, 20.0))
-    planner = LandmarkPlanner(world, robot, seed=0)
+    planner = LandmarkPlanner(world, robot, seed=0, settings=PlannerSettings(patience=1))
     start, goal = np.array([5.0, 10.0, 0.0]), np.array([35.0, 10.0, 0.0])
     path = planner.plan(start, goal).path
     assert path is not None

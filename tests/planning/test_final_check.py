@@ -12,6 +12,7 @@ import pytest
 import shapely
 from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
+from tests.support.trials import few, trials
 
 from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2
 from trailmark.errors import InternalErrorWarning
@@ -70,7 +71,7 @@ def test_random_motions_agree_with_dense_sampling(kind: str, offset: float) -> N
     rng = np.random.default_rng(2)
     faulty = free = 0
     final = FinalCheck(world, robot)
-    for _ in range(40):
+    for _ in trials(40, of=2):
         states = np.empty((2, 3))
         states[0] = *rng.uniform(3, 27, 2), rng.uniform(-np.pi, np.pi)
         states[1] = states[0] + rng.normal(0, (2, 2, 1.5))
@@ -87,8 +88,8 @@ def test_random_motions_agree_with_dense_sampling(kind: str, offset: float) -> N
         else:
             # Sampling may have missed a corner, by less than a corner of 45 degrees moves between two samples.
             assert is_deep(world, robot, path.resample(2e-4).states, 0.0)
-    assert faulty > 10
-    assert free > 5
+    assert faulty > few(10, of=2)
+    assert free > few(5, of=2)
 
 
 @pytest.mark.slow
@@ -98,7 +99,7 @@ def test_an_obstacle_pushed_into_a_path_is_found(kind: str, depth: float) -> Non
     """Grazing from all sides: a disc is put beside a swept path and pushed in by a little more than the rim."""
     robot = ROBOTS[kind]
     rng = np.random.default_rng(3)
-    for _ in range(6):
+    for _ in trials(6):
         states = np.array([[10, 10, rng.uniform(-3, 3)], [*rng.uniform(11, 15, 2), rng.uniform(-3, 3)]])
         path = Path(states)
         fine = path.resample(1e-3).states
@@ -134,7 +135,7 @@ def test_after_changes_it_finds_what_one_made_anew_finds(kind: str) -> None:
     world, robot = random_world(5, 25, size=30.0, radii=(0.3, 2.0), discs=0.3, holes=0.4, boundary=True), ROBOTS[kind]
     final = FinalCheck(world, robot)
     faults = 0
-    for k in range(60):
+    for k in trials(60):
         i = int(rng.integers(len(world.obstacles)))
         x, y = rng.uniform(3, 27, 2).tolist()
         if k % 3 == 0:
@@ -153,7 +154,7 @@ def test_after_changes_it_finds_what_one_made_anew_finds(kind: str) -> None:
             # Of several obstacles that are met, either may name another.
             assert str(found).partition(" overlaps")[0] == str(expected).partition(" overlaps")[0]
             faults += found is not None
-    assert 15 < faults < 285
+    assert few(15) < faults < few(285)
     walled = replace(world, boundary=Polygon(np.array([[1, 1], [4, 1], [4, 4], [1, 4]])))
     start, goal = np.array([20.0, 20, 0]), np.array([20.1, 20, 0])
     assert final.edited(walled).fault(Path(np.array([start, goal])), start, goal) is not None
@@ -176,7 +177,7 @@ def test_curves_agree_with_dense_sampling(reverse: bool) -> None:
     final, steering = FinalCheck(world, robot), Steering(2.0, reverse)
     rng = np.random.default_rng(4)
     faulty = free = 0
-    for _ in range(50):
+    for _ in trials(50):
         knots = np.column_stack([rng.uniform(3, 27, (3, 2)), rng.uniform(-3, 3, 3)])
         knots[1:, :2] = knots[0, :2] + rng.normal(0, 2, (2, 2))
         path = CurvePath(knots, steering)
@@ -189,8 +190,8 @@ def test_curves_agree_with_dense_sampling(reverse: bool) -> None:
             free += 1
         else:
             assert is_deep(world, robot, path.resample(2e-4).states, 0.0)
-    assert faulty > 10
-    assert free > 5
+    assert faulty > few(10)
+    assert free > few(5)
 
 
 WALL = World("wall", (0, 0, 10, 4), (Rectangle((5.0, 1.0), 0.5, 2.0),))

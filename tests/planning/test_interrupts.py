@@ -13,6 +13,7 @@ import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
 from tests.support.interrupts import interrupted, lines_run
+from tests.support.trials import few, trials
 
 from trailmark import LandmarkPlanner
 from trailmark.landmarks import free_samples
@@ -66,7 +67,7 @@ def test_plans_after_an_interrupt_at_any_line_are_free(name: str, judge: Judge) 
     plain = planner.plan(pairs[0, 0], pairs[0, 1], 20.0, max_iterations=1)
     assert plain.status == "solved"
     hits = k = 0
-    for step in range(120):
+    for step in trials(120, of=2):
         start, goal = pairs[step % len(pairs)]
         files = ROADMAP if step % 2 else PLANNING
 
@@ -81,7 +82,7 @@ def test_plans_after_an_interrupt_at_any_line_are_free(name: str, judge: Judge) 
             hits += 1
         if step % 60 == 59:
             assert_sound(planner, judge, pairs[step // 60 :: 5])
-    assert hits > 80
+    assert hits > few(80, of=2)
 
 
 @pytest.mark.slow
@@ -97,7 +98,7 @@ def test_many_queries_after_an_interrupt_at_any_line_are_free(judge: Judge) -> N
     planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=300, checker=planner.checker)
     # The first one also learns how fast the machine is.
     fresh = min(fresh, lines_run(PLANNING + ROADMAP, many))
-    hits, places = 0, [*range(0, 60, 5), *range(60, fresh, 211)]
+    hits, places = 0, [*range(0, 60, 60 // few(12)), *range(60, fresh, fresh // few(fresh // 211))]
     for k in places:
         planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=300, checker=planner.checker)
         # How many lines run depends a little on the clock: the last ones may not be reached.
@@ -117,7 +118,7 @@ def test_an_exception_of_a_callback_leaves_all_sound(judge: Judge) -> None:
         pass
 
     raised = 0
-    for step in range(40):
+    for step in trials(40):
         left = [step % 13]
 
         def asked(left: list[int] = left) -> bool:
@@ -137,7 +138,7 @@ def test_an_exception_of_a_callback_leaves_all_sound(judge: Judge) -> None:
                 planner.plan(*ends, 20.0, max_iterations=3, stop=asked)
         except StopHere:
             raised += 1
-    assert raised > 13
+    assert raised > few(13)
     assert_sound(planner, judge, pairs, rounds=3)
 
 
@@ -164,7 +165,7 @@ def test_ctrl_c_arrives_as_such(car: bool) -> None:
 
     before = signal.signal(signal.SIGALRM, ctrl_c)
     try:
-        for step in range(30):
+        for step in trials(30, of=2):
             ends = pairs[step % 10, 0], pairs[step % 10, 1]
             try:
                 signal.setitimer(signal.ITIMER_REAL, rng.uniform(1e-4, 0.06))
@@ -178,4 +179,4 @@ def test_ctrl_c_arrives_as_such(car: bool) -> None:
     finally:
         signal.signal(signal.SIGALRM, before)
     assert set(arrived) == {"KeyboardInterrupt"}
-    assert arrived["KeyboardInterrupt"] > 10
+    assert arrived["KeyboardInterrupt"] > few(10, of=2)

@@ -44,7 +44,7 @@ def assert_none_needless(motions: Any, result: PlanResult) -> int:
 @pytest.mark.parametrize("name", ["rectangle", "L"])
 def test_planned_paths(name: str, judge: Judge) -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4)
-    pairs = random_pairs(planner, 6, 3)
+    pairs = random_pairs(planner, 3, 3)
     vertices = 0
     for _ in range(2):
         for start, goal in pairs:
@@ -53,14 +53,14 @@ def test_planned_paths(name: str, judge: Judge) -> None:
             assert result.path is not None
             judge(WORLD, planner.robot, start, goal, result.path.states)
             assert result.history[-1][1] == pytest.approx(result.path.cost, abs=1e-9)
-    assert vertices > 20
+    assert vertices > 10
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
 def test_paths_of_many_queries(name: str) -> None:
     planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4, landmarks=600)
-    pairs = random_pairs(planner, 16, 3)
+    pairs = random_pairs(planner, 8, 3)
     vertices = 0
     for result in planner.plan_many(pairs[:, 0], pairs[:, 1], 30.0, max_iterations=1):
         assert result.path is not None
@@ -73,7 +73,7 @@ def test_paths_of_many_queries(name: str) -> None:
             assert not planner.checker.motions_valid(q[:-2], q[2:]).any()
             vertices += len(q) - 2
         assert result.history[-1][1] == pytest.approx(result.path.cost, abs=1e-9)
-    assert vertices > 16
+    assert vertices > 8
 
 
 @pytest.mark.slow

@@ -5,8 +5,10 @@ from __future__ import annotations
 import copy
 import pickle
 import threading
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -29,7 +31,9 @@ def pickled(value: Any) -> Any:
 
 def used(robot: Robot) -> LandmarkPlanner:
     """Return a planner with a life behind it: queries one by one and many at once, changes, moving obstacles."""
-    planner = LandmarkPlanner(WORLD, robot, seed=0, warm=False, settings=PlannerSettings(patience=1))
+    # A roadmap for many queries that is made soon.
+    settings = PlannerSettings(patience=1, probes=40, max_spread_landmarks=200)
+    planner = LandmarkPlanner(WORLD, robot, seed=0, warm=False, settings=settings)
     ends = free_samples(planner.checker, 4, random_state=1)
     path = planner.plan(ends[0], ends[1], LIMIT, max_iterations=1).path
     assert path is not None
@@ -60,20 +64,37 @@ def same(a: PlanResult, b: PlanResult) -> bool:
     )
 
 
+class Lived(NamedTuple):
+    """A planner with a life behind it as it was copied, and what it answered itself afterwards."""
+
+    pickle: bytes
+    deepcopy: LandmarkPlanner
+    expected: list[PlanResult]
+
+
+@pytest.fixture(scope="module")
+def lived() -> Callable[[str], Lived]:
+    @cache
+    def of(name: str) -> Lived:
+        planner = used(ROBOTS[name])
+        return Lived(pickle.dumps(planner), copy.deepcopy(planner), answers(planner))
+
+    return of
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
-@pytest.mark.parametrize("way", ["pickle", "deepcopy"])
-def test_a_copy_answers_as_the_planner_does(name: str, way: str) -> None:
-    planner = used(ROBOTS[name])
-    other = copy.deepcopy(planner) if way == "deepcopy" else pickled(planner)
-    expected = answers(planner)
+def test_a_copy_answers_as_the_planner_does(name: str, lived: Callable[[str], Lived]) -> None:
+    expected = lived(name).expected
     assert any(result.path for result in expected)
-    assert all(same(a, b) for a, b in zip(answers(other), expected, strict=True))
+    unpickled = pickle.loads(lived(name).pickle)  # noqa: S301  # made by the test
+    for other in (unpickled, lived(name).deepcopy):
+        assert all(same(a, b) for a, b in zip(answers(other), expected, strict=True))
 
 
 @pytest.mark.slow
-def test_a_copy_and_the_planner_are_apart() -> None:
-    planner = used(ROBOTS["disc"])
+def test_a_copy_and_the_planner_are_apart(lived: Callable[[str], Lived]) -> None:
+    planner = pickle.loads(lived("disc").pickle)  # noqa: S301  # made by the test
     other, nodes, world = copy.copy(planner), len(planner.roadmap), planner.world
     answers(other)
     assert len(other.roadmap) != nodes
@@ -92,13 +113,12 @@ with open(sys.argv[1], "wb") as file:
 
 
 @pytest.mark.slow
-def test_another_process_gets_the_same_answers(tmp_path: FilePath, forks: Forks) -> None:
-    planner = used(ROBOTS["rectangle"])
+def test_another_process_gets_the_same_answers(tmp_path: FilePath, forks: Forks, lived: Callable[[str], Lived]) -> None:
     file = tmp_path / "planner"
-    file.write_bytes(pickle.dumps(planner))
+    file.write_bytes(lived("rectangle").pickle)
     forks.run(["-c", PROGRAM, str(file)], timeout=300.0, cwd=FilePath(__file__).parents[2]).check_returncode()
     theirs = pickle.loads(file.read_bytes())  # noqa: S301  # made by the test
-    assert all(same(a, b) for a, b in zip(theirs, answers(planner), strict=True))
+    assert all(same(a, b) for a, b in zip(theirs, lived("rectangle").expected, strict=True))
 
 
 @pytest.mark.slow

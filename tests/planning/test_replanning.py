@@ -7,8 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world, star_polygon
+from tests.support.trials import trials
 
-from trailmark import Disc, LandmarkPlanner, Path, PlanResult, Rectangle, World
+from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, PlanResult, Rectangle, World
 from trailmark.errors import ConfigurationError
 from trailmark.planning.rest import rest_of
 
@@ -62,7 +63,7 @@ def test_a_path_that_is_blocked_is_led_around(name: str, judge: Judge) -> None:
 @pytest.mark.slow
 def test_a_car_is_led_around(judge: Judge) -> None:
     robot = ROBOTS["rectangle"].steered(2.0)
-    planner = LandmarkPlanner(OPEN, robot, seed=0)
+    planner = LandmarkPlanner(OPEN, robot, seed=0, settings=PlannerSettings(patience=1))
     path = planner.plan(START, GOAL, time_limit=20.0, max_iterations=2).path
     assert path is not None
     here = path.at(0.25)
@@ -157,7 +158,7 @@ def test_bad_options_are_refused(argument: str, value: float) -> None:
 @pytest.mark.slow
 def test_many_changes_never_give_a_path_that_collides(judge: Judge) -> None:
     rng = np.random.default_rng(3)
-    for seed in range(2):
+    for seed in trials(2, of=2):
         world, robot = random_world(seed, 60, size=50.0), ROBOTS["rectangle"]
         planner = LandmarkPlanner(world, robot, seed=0)
         free = planner.checker.valid(q := np.column_stack([rng.uniform(2, 48, (500, 2)), rng.uniform(-3, 3, 500)]))

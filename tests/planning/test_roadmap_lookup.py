@@ -38,7 +38,7 @@ def test_the_same_query_again_and_again_costs_no_more(judge: Judge) -> None:
     start, goal = random_pairs(kept, 1, 3)[0]
     fresh = ask(planner_for(checker=kept.checker), start, goal, LONG, max_iterations=1)
     sizes, efforts, costs = [], [], []
-    for _ in range(20):
+    for _ in range(14):
         result, effort = ask(kept, start, goal, LONG, max_iterations=1)
         assert result.path is not None
         sizes.append((len(kept.roadmap), len(kept.roadmap.edges)))
@@ -46,7 +46,7 @@ def test_the_same_query_again_and_again_costs_no_more(judge: Judge) -> None:
         costs.append(result.path.cost)
     # It hardly grows once it knows the query, and answers it at less cost than the first time.
     assert sizes[-1][0] <= sizes[0][0] + 50
-    assert sizes[-1] == sizes[12]
+    assert sizes[-1] == sizes[9]
     assert max(efforts[1:]) <= max(fresh.effort, FIRST_BUDGET + 24)
     assert np.mean(efforts[1:]) <= fresh.effort
     assert costs[-1] <= 1.03 * costs[0]
@@ -58,7 +58,7 @@ def test_the_same_query_again_and_again_costs_no_more(judge: Judge) -> None:
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
 def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> None:
     kept = planner_for(name)
-    pairs = random_pairs(kept, 12, 5)
+    pairs = random_pairs(kept, 8, 5)
     efforts: dict[str, list[int]] = {"kept": [], "fresh": []}
     sizes = []
     for i, (start, goal) in enumerate(pairs):
@@ -71,10 +71,10 @@ def test_random_queries_cost_hardly_more_than_on_a_fresh_planner(name: str) -> N
     for of_kept, of_fresh in zip(efforts["kept"], efforts["fresh"], strict=True):
         # At worst what the first look took, and a share of what all else took besides.
         assert of_kept <= 1.5 * of_fresh + FIRST_BUDGET + 24
-    assert np.mean(efforts["kept"][6:]) <= np.mean(efforts["fresh"][6:]) + 0.5 * FIRST_BUDGET
+    assert np.mean(efforts["kept"][4:]) <= np.mean(efforts["fresh"][4:]) + 0.5 * FIRST_BUDGET
     assert sizes[-1] <= MAX_KEPT
     # What it grows by becomes less.
-    assert sizes[-1] - sizes[6] < sizes[6]
+    assert sizes[-1] - sizes[4] < sizes[4]
 
 
 @pytest.mark.slow
@@ -83,7 +83,7 @@ def test_a_large_roadmap_grows_by_what_it_does_not_know_alone(judge: Judge) -> N
     planner.build(MAX_KEPT + 100)
     nodes, edges = len(planner.roadmap), len(planner.roadmap.edges)
     assert nodes > MAX_KEPT
-    pairs = random_pairs(planner, 8, 6)
+    pairs = random_pairs(planner, 4, 6)
     for start, goal in pairs:
         result = planner.plan(start, goal, LONG, max_iterations=1)
         assert result.path is not None
@@ -101,11 +101,11 @@ def test_a_query_that_nobody_can_answer_does_not_fill_it() -> None:
     settings = PlannerSettings(max_kept_nodes=150, without=("background-proof",))
     planner = LandmarkPlanner(world, seed=0, settings=settings)
     sizes = []
-    for _ in range(6):
+    for _ in range(3):
         result = planner.plan((2.0, 4.0, 1.5), (8.0, 4.0, 1.5), LONG, max_iterations=2)
         assert result.path is None
         sizes.append(len(planner.roadmap))
-    assert sizes[-1] == sizes[-4]
+    assert sizes[-1] == sizes[-2] == sizes[-3]
     # One query may need more than there is room for; no other one goes on from there.
     assert sizes[-1] < 5_000
 

@@ -13,6 +13,7 @@ from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import free_samples
@@ -53,7 +54,7 @@ def longest_way(roadmap: Roadmap) -> FloatArray:
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=few(40))
 @given(name=st.sampled_from(sorted(ROBOTS)), world=st.integers(0, 5), seed=st.integers(0, 10_000))
 def test_paths_get_no_longer_and_stay_free(judge: Judge, name: str, world: int, seed: int) -> None:
     chart = roadmap(name, world)

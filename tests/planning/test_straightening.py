@@ -12,6 +12,7 @@ from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
@@ -52,7 +53,7 @@ def cost(states: FloatArray) -> float:
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=few(60))
 @given(
     name=st.sampled_from(sorted(ROBOTS)),
     world=st.integers(0, 5),

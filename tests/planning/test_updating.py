@@ -7,6 +7,7 @@ import threading
 import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world, star_polygon
+from tests.support.trials import trials
 
 from trailmark import Disc, LandmarkPlanner, Rectangle, World
 from trailmark.errors import WorldError
@@ -33,7 +34,7 @@ def test_it_knows_what_one_built_anew_knows(name: str) -> None:
     planner = LandmarkPlanner(world, robot, seed=0)
     planner.build(200)
     changed = 0
-    for _ in range(12):
+    for _ in trials(12, of=2):
         world = edit(world, rng)
         update = planner.update(world)
         assert update.changes == 1
@@ -59,7 +60,7 @@ def test_lower_bounds_stay_below_what_is_true_after_changes() -> None:
     planner.bound.of(*ends)
     assert planner.bound.ready
     above_the_straight = 0
-    for _ in range(10):
+    for _ in trials(10, of=2):
         world = edit(world, rng)
         planner.update(world)
         starts, goals = np.split(free_samples(planner.checker, 20, random_state=rng), 2)

@@ -34,9 +34,9 @@ def test_the_picture_shows_the_cells_and_each_landmark() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".png", ".svg"])
-def test_the_same_exploration_gives_the_same_picture(tmp_path: Path, suffix: str) -> None:
-    files = [tmp_path / f"{name}{suffix}" for name in "ab"]
+def test_the_same_exploration_gives_the_same_picture(tmp_path: Path) -> None:
+    # Of the formats the one that names what it holds; that others hold no date test_plotting.py asks.
+    files = [tmp_path / f"{name}.svg" for name in "ab"]
     for file in files:
         save_exploration_figure(file, made_exploration())
     assert files[0].read_bytes() == files[1].read_bytes()
@@ -49,6 +49,7 @@ def test_an_exploration_of_one_reading_and_without_robot_is_drawn(tmp_path: Path
     world = replace(result.world, robot=None)
     short = replace(result, history=result.history[:1], world=world, evaluation=None)
     save_exploration_figure(tmp_path / "a.png", short)
+    require_replaceable(tmp_path / "a.png")
     save_exploration_animation(tmp_path / "a.gif", short)
     assert (tmp_path / "a.png").stat().st_size > 5000
 
@@ -56,7 +57,8 @@ def test_an_exploration_of_one_reading_and_without_robot_is_drawn(tmp_path: Path
 @pytest.mark.slow
 def test_the_animation_reveals_the_map(tmp_path: Path) -> None:
     file = tmp_path / "a.gif"
-    save_exploration_animation(file, made_exploration())
+    result = made_exploration()
+    save_exploration_animation(file, replace(result, history=(*result.history[:-1:2], result.history[-1])))
     require_replaceable(file)
     assert file.stat().st_size < 1_000_000
     grey, aimed, seconds = [], 0, 0.0
@@ -67,9 +69,9 @@ def test_the_animation_reveals_the_map(tmp_path: Path) -> None:
             pixels = np.asarray(film.convert("RGB"))[::3, ::3].astype(int)
             aimed += bool((abs(pixels - (213, 94, 0)).max(axis=2) < 6).any())
             grey.append(int((abs(pixels - GREY).max(axis=2) < 6).sum()))
-    assert len(grey) >= 80
-    assert 8.0 < seconds < 15.0
-    assert aimed > 60, "the landmark that is driven to has its own colour"
+    assert len(grey) >= 40
+    assert 4.0 < seconds < 7.5
+    assert aimed > 25, "the landmark that is driven to has its own colour"
     # Numbers beside landmarks and the robot hide some cells.
     assert grey[0] > 4 * grey[-1] > 0
     assert np.diff(grey).max() < 60

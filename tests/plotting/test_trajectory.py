@@ -26,7 +26,7 @@ TRAJECTORY = Path(np.array([[1.0, 3.0, 3.0], [6.0, 3.0, -3.0], [7.0, 3.5, -3.0]]
 @pytest.mark.slow
 def test_a_gif_shows_the_robot_at_the_times_that_it_takes(tmp_path: FilePath) -> None:
     file = tmp_path / "drive.gif"
-    short = Path(np.array([[1.0, 3.0, 3.0], [2.0, 3.0, -3.0]])).timed(1.0, 1.0, 1.0)
+    short = Path(np.array([[1.0, 3.0, 3.0], [1.3, 3.0, -3.0]])).timed(1.0, 1.0, 1.0)
     save_trajectory_animation(file, short, WORLD, ROBOT)
     with Image.open(file) as picture:
         assert getattr(picture, "n_frames", 1) == int(np.ceil(short.duration / 0.1)) + 1 > 10

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world, star_polygon
+from tests.support.trials import few
 
 from trailmark import StateChecker
 from trailmark.landmarks import free_samples
@@ -36,7 +37,7 @@ def test_every_edge_has_the_status_that_the_changed_world_gives_it(name: str) ->
     roadmap = roadmap_in(world, robot)
     rng = np.random.default_rng(2)
     gained = lost = dropped = 0
-    for _ in range(8):
+    for _ in range(few(8, of=2)):
         gone = int(rng.integers(len(world.obstacles)))
         come = star_polygon(rng, (float(rng.uniform(0, 40)), float(rng.uniform(0, 40))), 4.0)
         changed = world.edited(add=[come], remove=[gone])

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
@@ -145,7 +146,7 @@ def test_a_path_is_joined_edge_by_edge(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
 def test_certified_edges_do_not_collide(name: str) -> None:
-    roadmap = roadmap_for(name, n=100)
+    roadmap = roadmap_for(name, n=60)
     undecided = np.count_nonzero(roadmap.status == UNDECIDED)
     before = roadmap.status.copy()
     roadmap.certify_all()
@@ -182,7 +183,7 @@ def test_an_edge_of_half_a_turn_is_not_taken_backwards() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25)
+@settings(max_examples=few(25))
 @given(seed=st.integers(0, 10_000), name=st.sampled_from(sorted(ROBOTS)), obstacles=st.sampled_from([20, 60, 120]))
 def test_shortest_paths_are_networkxs(seed: int, name: str, obstacles: int) -> None:
     roadmap = roadmap_for(name, seed, 120, obstacles)

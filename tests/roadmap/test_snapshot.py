@@ -13,6 +13,7 @@ from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.curves import Steering
@@ -121,7 +122,7 @@ def test_paths_of_cars_are_networkxs(reverse: bool) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=6)
+@settings(max_examples=few(6))
 @given(
     seed=st.integers(0, 10_000),
     name=st.sampled_from(["disc", "rectangle", "L"]),

@@ -38,7 +38,7 @@ def check_curve(answer: dict[str, Any]) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("planner", ["landmark", "lattice", "PRM", "RRTConnect+certified", "BITstar+certified"])
 def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: Problem) -> None:
-    answer = worker.run(job(around, planner, seed=5, limit=0.4))
+    answer = worker.run(job(around, planner, seed=5, limit=0.2))
     assert (answer["status"], answer["solved"], answer["seed"]) == (Status.EXACT_SOLUTION, True, 5), answer
     assert answer["correct_solution"], answer["failure"]
     check_curve(answer)
@@ -59,9 +59,9 @@ def test_planners_solve_and_are_measured(planner: str, worker: Worker, around: P
 def test_a_run_may_end_at_its_first_path(planner: str, worker: Worker, around: Problem) -> None:
     if planner.startswith("native:") and native_program() is None:
         pytest.skip("native program not built (see benchmarks/native/README.md)")
-    answer = worker.run(job(around, planner, limit=5.0) | {"first": True})
+    answer = worker.run(job(around, planner, limit=20.0) | {"first": True})
     assert answer["correct_solution"], answer["failure"]
-    assert answer["time"] < 5.0  # the limit
+    assert answer["time"] < 20.0  # the limit
     if planner != "native:RRTstar":  # which shortens in the same process
         assert answer["simplified_path"] is None
 
@@ -102,12 +102,18 @@ def test_parameters_reach_the_planner(worker: Worker, ahead: Problem) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reverse", [True, False], ids=["reeds-shepp", "dubins"])
-@pytest.mark.parametrize("planner", ["landmark", "roadmap", "RRTConnect", "BITstar+certified"])
+@pytest.mark.parametrize(
+    ("planner", "reverse"),
+    [
+        *(("landmark", True), ("landmark", False), ("roadmap", True), ("RRTConnect", True), ("RRTConnect", False)),
+        *(("RRTConnect+certified", True), ("BITstar+certified", False)),
+    ],
+    ids=lambda value: {True: "reeds-shepp", False: "dubins"}.get(value, value),
+)
 def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, around: Problem) -> None:
     car = Problem(around.world.with_robot(Robot.rectangle(0.8, 0.4).steered(0.6, reverse)))
     # The first job of a worker compiles what cars need, if no cache holds it.
-    answer = worker.run(job(car, planner, seed=2, limit=2.0 if planner.startswith("BITstar") else 0.6))
+    answer = worker.run(job(car, planner, seed=2, limit=2.0 if planner.startswith("BITstar") else 0.3))
     assert answer["solved"], answer
     assert answer["correct_solution"], answer["failure"]
     check_curve(answer)
@@ -125,9 +131,9 @@ def test_planners_solve_for_cars(planner: str, reverse: bool, worker: Worker, ar
 @pytest.mark.slow
 def test_what_is_proven_infeasible_is_no_approximate_solution(worker: Worker) -> None:
     # Landmarks are placed before headings prove that the rod cannot get round the bend: some path leads nearer.
-    inner = np.array([[0, 1], [9, 1], [9, 10], [0, 10]], dtype=float)
-    ends = Query("round", (3.0, 0.5, 0.0), (9.5, 7.0, math.pi / 2))
-    bend = World("bend", (0, 0, 10, 10), (Polygon(inner),), Robot.rectangle(4.0, 0.4), queries=(ends,))
+    inner = np.array([[0, 1], [7, 1], [7, 8], [0, 8]], dtype=float)
+    ends = Query("round", (2.5, 0.5, 0.0), (7.5, 5.5, math.pi / 2))
+    bend = World("bend", (0, 0, 8, 8), (Polygon(inner),), Robot.rectangle(4.0, 0.6), queries=(ends,))
     answer = worker.run(job(Problem(bend), "landmark", limit=20.0))
     assert (answer["status"], answer["solved"]) == (Status.INFEASIBLE, False), answer
     assert not answer["approximate_solution"]
@@ -234,10 +240,24 @@ def test_a_worker_process_that_dies_is_replaced_and_its_run_repeated(worker: Wor
 
 
 @pytest.mark.slow
-def test_a_stopped_worker_ends_its_process_and_run(ahead: Problem) -> None:
+def test_a_users_file_takes_no_librarys_place_and_a_stopped_worker_ends_its_process_and_run(
+    ahead: Problem, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "random.py").write_text("raise SystemExit('mine')\n")
+    (tmp_path / "my_planner.py").write_text("def plan(checker, start, goal, limit, seed): return [start, goal]\n")
+    monkeypatch.chdir(tmp_path)
+    made = Worker()  # one for both: it takes seconds to start
+    try:
+        assert made.run(job(ahead, "my_planner:plan"))["correct_solution"]
+        check_that_it_ends(made, ahead)
+    finally:
+        made.stop()
+
+
+def check_that_it_ends(made: Worker, ahead: Problem) -> None:
+    """Stop a worker during a run."""
     from trailmark.benchmark.problems import Job
 
-    made = Worker()
     caught: list[Exception] = []
 
     def run() -> None:
@@ -258,20 +278,6 @@ def test_a_stopped_worker_ends_its_process_and_run(ahead: Problem) -> None:
     assert not thread.is_alive()
     assert not FilePath(f"/proc/{pid}").exists()
     assert len(caught) == 1
-
-
-@pytest.mark.slow
-def test_a_users_file_takes_no_librarys_place(
-    ahead: Problem, tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "random.py").write_text("raise SystemExit('mine')\n")
-    (tmp_path / "my_planner.py").write_text("def plan(checker, start, goal, limit, seed): return [start, goal]\n")
-    monkeypatch.chdir(tmp_path)
-    made = Worker()
-    try:
-        assert made.run(job(ahead, "my_planner:plan"))["correct_solution"]
-    finally:
-        made.stop()
 
 
 def test_a_worker_that_does_not_start_says_why(ahead: Problem, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.support.trials import few
 
 from trailmark.benchmark.errors import SuiteError
 from trailmark.benchmark.public.base import evenly, in_order
@@ -55,10 +56,10 @@ def posed(name: str, folder: Path | None, count: int) -> list[World]:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLIC)
 def test_every_problem_has_valid_ends(name: str, shared_data: Path) -> None:
-    suite = PUBLIC[name]
+    suite, count = PUBLIC[name], few(12)
     if suite.published and name not in FOLDERS:
         pytest.skip("its data is not at hand; test_published.py makes some")
-    made = posed(name, shared_data / FOLDERS[name] if suite.published else None, 12)
+    made = posed(name, shared_data / FOLDERS[name] if suite.published else None, count)
     queries = 0
     for world in made:
         checker = StateChecker(world)
@@ -66,5 +67,5 @@ def test_every_problem_has_valid_ends(name: str, shared_data: Path) -> None:
         assert checker.valid(ends).all(), world.name
         queries += len(world.queries)
     # OMPL.app and BARN are there in part.
-    assert queries == {"omplapp": 2, "barn": 3}.get(name, 12)
+    assert queries == {"omplapp": 2, "barn": 3}.get(name, count)
     assert len({(world.name, query.name) for world in made for query in world.queries}) == queries

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import least_squares
+from tests.support.trials import few
 
 from trailmark.estimation import LinePolar, RangeBearing, SlamFilter, Unicycle
 from trailmark.estimation.errors import EstimationError
@@ -96,7 +97,7 @@ class OnTheGroup:
 
 
 @pytest.mark.slow
-@settings(max_examples=15)
+@settings(max_examples=few(15))
 @given(seed=st.integers(0, 99999), steps=st.integers(1, 40))
 def test_equal_to_the_filter_on_the_group(seed: int, steps: int) -> None:
     rng = np.random.default_rng(seed)
@@ -145,7 +146,7 @@ def test_readings_tell_nothing_of_how_the_map_is_turned(iterations: int) -> None
         ids = [ekf.add_feature(SENSOR.sample(pose, l, rng), SENSOR) for l in truth]
         v = everything_turned(ekf)
         before = float(v @ np.linalg.solve(ekf.P, v))
-        for k in range(200):
+        for k in range(80):
             ekf.update(SENSOR.sample(pose, truth[k % 8], rng), SENSOR, ids[k % 8])
         v = everything_turned(ekf)
         learned[error] = float(v @ np.linalg.solve(ekf.P, v)) / before

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from tests.support.trials import few
 
 from trailmark.estimation.graph.pose_graph import Relation, optimise, pose_covariances, relative_covariances
 from trailmark.estimation.scans.clouds import relative
@@ -56,7 +57,7 @@ def test_wrong_closures_are_dropped_and_right_ones_count() -> None:
 def test_covariances_are_those_of_the_errors_after_the_best_alignment() -> None:
     true, rng = ring(), np.random.default_rng(1)
     errors = []
-    for _ in range(300):
+    for _ in range(few(300, of=2)):
         relations = measured(true, pairs(), rng)
         poses, _ = optimise([r._replace(certain=True) for r in relations], true)
         away, off = true[:, :2] - true[:, :2].mean(axis=0), poses - true

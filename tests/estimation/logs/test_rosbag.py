@@ -294,16 +294,17 @@ def test_bad_messages(tmp_path: Path, kind: Kind) -> None:
         (bag.scan(13.0, [1.0], angle_increment=math.inf), "angles: expected finite numbers, got -1.0, inf"),
         (bag.scan(13.0, [1.0], range_max=0.0), "message 2 of /scan: range_max: expected above 0, got 0.0"),
     ]
-    for i, (message, problem) in enumerate(cases):
+    # What a message says is looked at after it was read: one of each type is enough for the other kinds.
+    for i, (message, problem) in enumerate(cases if kind == "ros1" else cases[1:3]):
         (tmp_path / str(i)).mkdir()
         path = bag.write(tmp_path / str(i), [*good, message])
         with pytest.raises(FormatError) as caught:
             load_log(path)
         assert problem in str(caught.value)
         assert "\n" not in str(caught.value)
-        log = load_log(path, skip_bad=True)
-        assert log.dropped == 1
-        assert [type(r) for r in log.records] == [Pose, Increment, Scan]
+    log = load_log(bag.write(tmp_path, [*good, *(message for message, _ in cases)]), skip_bad=True)
+    assert log.dropped == len(cases)
+    assert [type(r) for r in log.records] == [Pose, Increment, Scan]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gzip
+import itertools
 import math
 from functools import cache
 from pathlib import Path
@@ -246,30 +248,33 @@ def test_scans_that_show_nothing_make_a_world_nevertheless() -> None:
 
 
 @pytest.mark.slow
-def test_a_part_of_the_intel_lab(shared_data: Path) -> None:
+def test_a_part_of_the_intel_lab(shared_data: Path, tmp_path: Path) -> None:
     from trailmark.estimation.logs import load_log
 
     file = shared_data / "carmen" / "intel-corrected.log.gz"
     if not file.is_file():
         pytest.skip("the Intel lab log is not among the data")
-    seen = [record for record in load_log(file).records if isinstance(record, Scan)][:150]
+    with gzip.open(file, "rt") as whole:
+        (tmp_path / "intel.log").write_text("".join(itertools.islice(whole, 1700)))
+    seen = [record for record in load_log(tmp_path / "intel.log").records if isinstance(record, Scan)]
     found = map_scans(seen, robot=Robot.disc(0.2))
     solid = regions(found.world)
     tree, outlines = shapely.STRtree(solid), shapely.STRtree(shapely.boundary(solid))
-    ends = np.concatenate([end_points(scan) for scan in seen])
+    ends = np.concatenate([end_points(scan) for scan in seen])[::5]
     _, off = outlines.query_nearest(shapely.points(ends), return_distance=True, all_matches=False)
     assert (off <= 0.15).mean() >= 0.95
     _, room_left = tree.query_nearest(shapely.points(found.poses[:, :2]), return_distance=True, all_matches=False)
     assert (room_left >= 0.2).mean() >= 0.99
-    assert found.walls > 50
+    assert len(seen) > 70
+    assert found.walls > 40
 
 
 @pytest.mark.slow
 def test_a_robot_that_stands_is_no_surer_by_seeing_the_same_again() -> None:
     """And it holds no more end points, however long it stands."""
     once = scans()[:12]
-    long = tuple(scan._replace(t=scan.t + 0.01 * k) for scan in once for k in range(12))
+    long = tuple(scan._replace(t=scan.t + 0.01 * k) for scan in once for k in range(6))
     short, standing = (map_scans(log, settings=SETTINGS) for log in (once, long))
     assert sum(map(len, standing.readings)) <= SETTINGS.confirm * sum(map(len, short.readings)) * 1.2
-    assert standing.grid.hits.sum() == 12 * short.grid.hits.sum()
+    assert standing.grid.hits.sum() == 6 * short.grid.hits.sum()
     assert standing.walls >= short.walls

@@ -11,6 +11,7 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.trials import few
 
 from trailmark.errors import FormatError, WorldError
 from trailmark.estimation.errors import EstimationError
@@ -57,7 +58,7 @@ def shares(n: int, weights: list[float] | None) -> list[float]:
 
 
 @pytest.mark.slow
-@settings(max_examples=30)
+@settings(max_examples=few(30))
 @given(st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=20))
 def test_risks_add_up_to_what_there_is(weights: list[float]) -> None:
     for given_weights in (None, weights):
@@ -109,7 +110,7 @@ def test_saving_and_loading_is_exact(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @given(st.floats(0.01, 0.99999), st.integers(0, 2**32 - 1))
-@settings(max_examples=10)
+@settings(max_examples=few(10))
 def test_growing_again_needs_the_file_only(tmp_path_factory: pytest.TempPathFactory, p: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
     estimates = []
@@ -236,21 +237,24 @@ def test_messages_about_world_files(tmp_path: Path, text: str, problem: str) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("confidence", [0.5, 0.9, 0.99])
-def test_all_obstacles_together_are_covered_as_often_as_stated(confidence: float) -> None:
+def test_all_obstacles_together_are_covered_as_often_as_stated() -> None:
     rng = np.random.default_rng(3)
     centres = rng.uniform(0, 50, (30, 2))
     covariances = np.array([a @ a.T for a in rng.normal(size=(30, 2, 2)) * 0.2])
     estimates = [ObstacleEstimate(Disc(tuple(c), 0.5), s) for c, s in zip(centres, covariances, strict=True)]
-    world = grown_world(estimates, (0, 0, 50, 50), confidence)
-    grown = np.array([shape.polygon(1e-6).shapely() for shape in world.obstacles])
     draws = 500
-    escaped = np.zeros(draws, dtype=bool)
-    for region, centre, covariance in zip(grown, centres, covariances, strict=True):
-        true = shapely.buffer(shapely.points(rng.multivariate_normal(centre, covariance, draws)), 0.5, quad_segs=16)
-        shapely.prepare(region)
-        escaped |= ~shapely.covers(region, true)
-    assert escaped.mean() <= 1.0 - confidence + 3.0 * math.sqrt(confidence * (1.0 - confidence) / draws)
+    true = [
+        shapely.buffer(shapely.points(rng.multivariate_normal(centre, covariance, draws)), 0.5, quad_segs=16)
+        for centre, covariance in zip(centres, covariances, strict=True)
+    ]
+    for confidence in (0.5, 0.9, 0.99):
+        world = grown_world(estimates, (0, 0, 50, 50), confidence)
+        escaped = np.zeros(draws, dtype=bool)
+        for shape, discs in zip(world.obstacles, true, strict=True):
+            region = shape.polygon(1e-6).shapely()
+            shapely.prepare(region)
+            escaped |= ~shapely.covers(region, discs)
+        assert escaped.mean() <= 1.0 - confidence + 3.0 * math.sqrt(confidence * (1.0 - confidence) / draws)
 
 
 # --- Refined

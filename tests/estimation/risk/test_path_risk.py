@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 from scipy.stats import norm, poisson
+from tests.support.trials import few
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.risk.path_risk import PathRisk, path_risk
@@ -76,8 +77,8 @@ def test_shapes_that_turn_and_stretch_against_draws_judged_by_themselves(estimat
         q = along + off
         c, s = np.cos(q[:, 2:]), np.sin(q[:, 2:])
         body = np.stack([c * outline[:, 0] - s * outline[:, 1], s * outline[:, 0] + c * outline[:, 1]], axis=-1)
-        bodies = shapely.union_all(shapely.polygons(body + q[:, None, :2]))
-        hits += bool(shapely.intersects(bodies, moved(estimate.mean, error)))
+        bodies = shapely.polygons(body + q[:, None, :2])
+        hits += bool(shapely.intersects(bodies, moved(estimate.mean, error)).any())
     share = hits / draws
     spread = 4.0 * math.sqrt(share * (1.0 - share) / draws)
     # The turn of the robot counts as if it moved its farthest point towards the obstacle: never less than there is.
@@ -115,7 +116,7 @@ def moved(shape: Shape, error: FloatArray) -> shapely.Geometry:
 )
 def test_no_draw_that_meets_the_path_is_left_out(mean: Shape, sigmas: tuple[float, ...]) -> None:
     """The draws that cannot meet it are told from their errors alone: each one is judged here."""
-    robot, pose, draws = Robot.rectangle(1.2, 0.8), np.diag([0.02, 0.02, 0.01]), 2000
+    robot, pose, draws = Robot.rectangle(1.2, 0.8), np.diag([0.02, 0.02, 0.01]), few(2000)
     estimate = ObstacleEstimate(mean, np.diag(np.square(sigmas)))
     states = np.array([[-4.0, -0.2, 0.0], [0.0, 0.0, 0.3], [2.0, -0.3, -0.2], [6.0, 0.0, 0.0]])
     risk = path_risk(world_of(estimate, robot=robot, pose=pose), states, draws=draws, margin=0.05, seed=4)
@@ -129,11 +130,10 @@ def test_no_draw_that_meets_the_path_is_left_out(mean: Shape, sigmas: tuple[floa
     near = np.abs(gaps - 0.05 - robot.sweep_radius * np.abs(off[:, 2])) < 1e-3
     hits = int((gaps <= 0.05 + robot.sweep_radius * np.abs(off[:, 2])).sum())
     assert abs(risk.hits - hits) <= near.sum()
-    assert 20 < hits < 0.6 * draws
+    assert 0.01 * draws < hits < 0.6 * draws
     assert near.sum() < 0.1 * hits + 5
 
 
-@pytest.mark.slow
 def test_inside_a_hole_the_path_is_free_and_far_obstacles_are_not_drawn() -> None:
     hole = np.array([[-44, -8], [-44, 8], [44, 8], [44, -8]])
     ring = Polygon(np.array([[-45, -9], [45, -9], [45, 9], [-45, 9]]), (hole,))

@@ -10,6 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.estimation.ray_casting import cast, room
+from tests.support.trials import few
 
 from trailmark.estimation.scans.clouds import PointCloud, joined, point_cloud
 from trailmark.estimation.scans.correlation import Window, match_covariance, search
@@ -46,8 +47,7 @@ def match(area: LocalMap, cloud: PointCloud, guess: FloatArray) -> FloatArray:
     return refine(area, cloud, found.pose).pose
 
 
-@pytest.mark.slow
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=few(25), deadline=None)
 @given(
     x=st.floats(-0.5, 0.5),
     y=st.floats(-0.5, 0.5),
@@ -200,7 +200,7 @@ def test_what_lies_behind_walls_or_at_the_robots_back_is_not_in_view() -> None:
 
 
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=few(30), deadline=None)
 def test_what_beams_reach_is_in_view_and_nothing_half_a_metre_behind_walls(seed: int) -> None:
     """By shapely: where rays along the bearing, and a hundredth of a radian beside it, first meet a wall."""
     walls = [room(-5.0, -4.0, 6.0, 5.0), shapely.box(2.0, 1.0, 3.0, 2.5), shapely.box(-3.0, -2.0, -2.5, 0.0)]

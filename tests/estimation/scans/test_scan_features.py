@@ -11,6 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.estimation.ray_casting import cast, end_points, room
+from tests.support.trials import few
 
 from trailmark.estimation.errors import EstimationError
 from trailmark.estimation.filter.sensors import LinePolar
@@ -84,7 +85,7 @@ def test_both_ways_of_grouping_find_things_that_stand_apart() -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=few(40))
 @given(seeds, st.integers(1, 60), st.booleans())
 def test_every_end_point_is_in_one_group(seed: int, n: int, whole_turn: bool) -> None:
     rng = np.random.default_rng(seed)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 from tests.estimation.ray_casting import cast
+from tests.support.trials import trials
 
 from trailmark.estimation.filter.consistency import average, nees
 from trailmark.estimation.logs.records import Scan
@@ -18,7 +19,7 @@ from trailmark.estimation.scans.tracks import DiscTracks, LineTracks, Observatio
 SETTINGS = ScanSettings(sigma_range=0.02, sigma_bearing=0.003)
 POSE_SIGMA = np.diag([0.01, 0.01, 0.002]) ** 2
 WALL = shapely.box(3.0, -2.0, 3.3, 2.0)
-POST = shapely.buffer(shapely.Point(3.0, 0.4), 0.3, quad_segs=256)
+POST = shapely.buffer(shapely.Point(3.0, 0.4), 0.3, quad_segs=64)
 
 
 def scans(region: shapely.Geometry, n: int, rng: np.random.Generator, x: float = 0.0) -> list[Scan]:
@@ -34,7 +35,6 @@ def follow_lines(tracks: LineTracks, seen_by: list[Scan], offset: np.ndarray | N
     return tracks
 
 
-@pytest.mark.slow
 def test_a_walls_front_is_one_line_refined_with_every_scan() -> None:
     rng = np.random.default_rng(0)
     tracks = LineTracks(0.999, np.zeros((3, 3)), 0.3)
@@ -53,7 +53,7 @@ def test_a_walls_front_is_one_line_refined_with_every_scan() -> None:
 @pytest.mark.slow
 def test_with_exact_poses_the_covariance_is_that_of_the_errors() -> None:
     errors, stated = [], []
-    for seed in range(30):
+    for seed in trials(30, of=2):
         tracks = LineTracks(0.999999, np.zeros((3, 3)), 0.3)
         follow_lines(tracks, scans(WALL, 4, np.random.default_rng(seed)))
         errors.append(tracks.difference(tracks.states[0], np.array([3.0, 0.0])))
@@ -67,7 +67,7 @@ def test_with_exact_poses_the_covariance_is_that_of_the_errors() -> None:
 def test_errors_that_poses_have_in_common_do_not_average_out() -> None:
     """All scans of a run share the error of their poses; the stated covariance must hold nevertheless."""
     errors, stated = [], []
-    for seed in range(30):
+    for seed in trials(30, of=2):
         rng = np.random.default_rng(seed)
         offset = rng.multivariate_normal(np.zeros(3), POSE_SIGMA)
         tracks = follow_lines(LineTracks(0.999999, POSE_SIGMA, 0.3), scans(WALL, 8, rng), offset)
@@ -83,7 +83,7 @@ def test_errors_of_different_episodes_average_out_and_no_more() -> None:
     """Each episode shares one error of its poses; episodes are of unequal length."""
     errors, stated = [], []
     lengths = (1, 2, 6)
-    for seed in range(30):
+    for seed in trials(30, of=2):
         rng = np.random.default_rng(seed)
         tracks = LineTracks(0.999999, POSE_SIGMA, 0.3)
         for episode, length in enumerate(lengths):
@@ -177,7 +177,7 @@ def test_what_was_seen_once_is_dropped() -> None:
 @pytest.mark.slow
 def test_discs_are_found_again_and_refined() -> None:
     errors, stated = [], []
-    for seed in range(40):
+    for seed in trials(40, of=2):
         rng = np.random.default_rng(seed)
         tracks = DiscTracks(0.999999, np.zeros((3, 3)))
         for scan in scans(POST, 5, rng):
@@ -201,7 +201,7 @@ def test_the_pose_turns_what_a_disc_is_known_by() -> None:
     (fit,) = features.discs
     tracks = DiscTracks(0.99, POSE_SIGMA)
     one = tracks.observation(fit, seen.points, pose)
-    draws = rng.multivariate_normal(pose, POSE_SIGMA, 4000)
+    draws = rng.multivariate_normal(pose, POSE_SIGMA, 2000)
     spread = np.cov(np.array([tracks.observation(fit, seen.points, draw).state for draw in draws]).T)
     assert one.R_pose == pytest.approx(spread, abs=0.08 * spread.max())
     lines = LineTracks(0.99, POSE_SIGMA, 0.3)

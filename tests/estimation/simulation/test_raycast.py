@@ -10,6 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.trials import few
 
 from trailmark import Disc, Polygon, Rectangle, World
 from trailmark.estimation.simulation.raycast import RayCaster
@@ -63,7 +64,7 @@ def first_met(region: shapely.Geometry, origin: FloatArray, angle: float, reach:
 
 
 @pytest.mark.slow
-@settings(max_examples=20)
+@settings(max_examples=few(20))
 @given(
     seed=st.integers(0, 10**6), boundary=st.booleans(), bounds=st.booleans(), reach=st.sampled_from([3.0, 12.0, 80.0])
 )

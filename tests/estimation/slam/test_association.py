@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.stats import chi2
+from tests.support.trials import few
 
 from trailmark.estimation import RangeBearing, SlamFilter, Unicycle
 from trailmark.estimation.slam.association import (
@@ -64,7 +65,7 @@ def joint_distance(fit: Compatibility, joint: FloatArray, assignment: tuple[int 
 
 
 @pytest.mark.slow
-@settings(max_examples=60)
+@settings(max_examples=few(60))
 @given(seed=st.integers(0, 99999), features=st.integers(0, 4), readings=st.integers(0, 4))
 def test_joint_compatibility_is_what_brute_force_finds(seed: int, features: int, readings: int) -> None:
     ekf, z = filter_and_readings(seed, features, readings)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from tests.support.trials import trials
 
 from trailmark.estimation import (
     Cartesian,
@@ -92,9 +93,9 @@ def test_known_identities_give_map_and_trajectory() -> None:
 
 @pytest.mark.slow
 def test_consistent_over_many_runs() -> None:
-    # NEES of the last pose over 25 runs, of the features too, and all NIS: in the bands that miss once in a thousand.
+    # NEES of the last pose over many runs, of the features too, and all NIS: in the bands that miss once in a thousand.
     ends, features, nis, dof = [], [], [], []
-    for seed in range(25):
+    for seed in trials(25, of=2):
         records, truth = drive(100 + seed, seconds=10.0)
         result = slam().run(records)
         error, P = pose_errors(result, truth)

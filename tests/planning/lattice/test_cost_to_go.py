@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
+from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker
 from trailmark.planning.lattice.cost_to_go import CostToGo
@@ -107,7 +108,7 @@ def test_in_the_open_costs_are_octile_distances(bounds: tuple[float, float, floa
 
 
 @pytest.mark.slow
-@settings(max_examples=15)
+@settings(max_examples=few(15))
 @given(
     name=st.sampled_from(sorted(ROBOTS)),
     seed=st.integers(0, 30),
@@ -208,7 +209,7 @@ def test_straight_costs_hold_nothing() -> None:
 @pytest.mark.parametrize("name", ["disc", "rectangle", "L"])
 def test_what_went_lowers_costs_to_those_of_the_world_without_it(name: str) -> None:
     rng, cheaper = np.random.default_rng(4), 0
-    for seed in range(6):
+    for seed in trials(6):
         world = random_world(seed, 40, size=40.0, radii=(0.5, 5.0), discs=0.3)
         before = StateChecker(world, ROBOTS[name])
         q = np.column_stack([rng.uniform(2.0, 38.0, (100, 2)), np.zeros(100)])
@@ -228,4 +229,4 @@ def test_what_went_lowers_costs_to_those_of_the_world_without_it(name: str) -> N
         near = costs.lowered(after, boxes, middle).cost
         below = found & (lowered.cost < 0.95 * middle)
         assert np.allclose(near[below], lowered.cost[below], rtol=0.01)
-    assert cheaper > 100
+    assert cheaper > few(100)

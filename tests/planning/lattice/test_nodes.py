@@ -13,6 +13,7 @@ from benchmarks.random_worlds import ROBOTS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.planning.lattice.nodes import (
@@ -116,7 +117,7 @@ def test_a_configuration_has_the_disc_at_its_position(
 
 
 @pytest.mark.slow
-@settings(max_examples=200)
+@settings(max_examples=few(200))
 @given(lattice=lattices, data=st.data())
 def test_moves_lead_where_they_say_and_back(
     lattice: tuple[StateChecker, FloatArray, Nodes], data: st.DataObject
@@ -156,7 +157,7 @@ def test_turns_wrap(headings: int) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
+@settings(max_examples=few(100))
 @given(start=starts, size=st.floats(0.3, 4.0), headings=st.sampled_from([2, 3, 8, 16, 64]), data=st.data())
 def test_moves_cost_what_their_motions_do(start: FloatArray, size: float, headings: int, data: st.DataObject) -> None:
     # The disc at the reference point, so that turns lead nowhere else.

@@ -13,6 +13,7 @@ from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.trials import few
 
 from trailmark.clock import CLOCK_EVERY
 from trailmark.collision import StateChecker
@@ -79,7 +80,7 @@ def recorder(monkeypatch: pytest.MonkeyPatch) -> type[Recorder]:
 
 
 @pytest.mark.slow
-@settings(max_examples=20)
+@settings(max_examples=few(20))
 @given(
     name=st.sampled_from(sorted(ROBOTS)),
     world=st.integers(0, 5),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.trials import few
 
 from trailmark.planning.lattice.table import (
     CHECKED,
@@ -70,7 +71,7 @@ def agree(tree: SearchTable, known: Known) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
+@settings(max_examples=few(100))
 @given(written=st.lists(st.tuples(nodes, entries), max_size=60), others=st.lists(nodes, max_size=20))
 def test_the_table_is_a_dict(written: list[tuple[int, tuple[int, float, int]]], others: list[int]) -> None:
     tree, known = new_table(4), Known()
@@ -94,7 +95,6 @@ def test_the_table_is_a_dict(written: list[tuple[int, tuple[int, float, int]]], 
         assert contents(table) == known
 
 
-@pytest.mark.slow
 def test_a_new_table_is_empty() -> None:
     for tree, length in ((new_table(), 1 << MIN_BITS), (new_table(16), 16)):
         assert {len(column) for column in tree[:-1]} == {length}
@@ -139,8 +139,9 @@ def test_seats_move_with_their_nodes_when_the_table_grows() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("headings", [1, 8, 16, 64])
-@pytest.mark.parametrize("entries", [1 << MIN_BITS, 1 << 12, 1 << 16])
+@pytest.mark.parametrize(
+    ("headings", "entries"), [(1, 1 << 12), (8, 1 << MIN_BITS), (8, 1 << 12), (16, 1 << 16), (64, 1 << 12)]
+)
 def test_nodes_of_a_lattice_are_found_where_they_belong_or_nearly(headings: int, entries: int) -> None:
     # A square of positions in all headings, as many as a table is to hold.
     side = math.isqrt(entries // 2 // headings)

@@ -9,6 +9,7 @@ from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.trials import few, trials
 
 from trailmark import se2
 from trailmark.collision import StateChecker
@@ -23,7 +24,7 @@ from trailmark.world import Robot, World
 
 @pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.3, 0.8]), st.booleans())
-@settings(max_examples=25)
+@settings(max_examples=few(25))
 def test_the_region_holds_every_free_place_of_the_disc(seed: int, radius: float, boundary: bool) -> None:
     world = random_world(seed, 12, size=10.0, radii=(0.2, 1.5), discs=0.4, holes=0.3, boundary=boundary)
     region = free_region(world, radius)
@@ -40,7 +41,8 @@ def test_the_region_holds_every_free_place_of_the_disc(seed: int, radius: float,
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["disc", "L", "offset"])
 def test_no_path_costs_less(name: str) -> None:
-    for seed in range(2):
+    # From the last down: its bounds are the nearest to the costs of paths.
+    for seed in (3 - trial for trial in trials(4, of=2)):
         world = random_world(seed, 40, size=30.0, radii=(0.5, 2.0), discs=0.3, holes=0.1)
         planner = LandmarkPlanner(world, ROBOTS[name], seed=seed)
         bound = LowerBound(world, ROBOTS[name])

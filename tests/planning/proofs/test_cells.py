@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.support.trials import few
 
 from trailmark.planning.proofs.cells import (
     CHILD,
@@ -41,7 +42,7 @@ def boxes(cells: NDArray[np.int32], space: Division) -> NDArray[np.int64]:
 
 @pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
-@settings(max_examples=40)
+@settings(max_examples=few(40))
 def test_neighbours_are_all_that_share_a_part_of_a_face(seed: int) -> None:
     rng = np.random.default_rng(seed)
     turns = np.concatenate([[0], np.cumsum(rng.integers(0, 2, LEVELS - 1))]).tolist()

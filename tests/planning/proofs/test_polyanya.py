@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import shapely
 from benchmarks.random_worlds import random_world
+from tests.support.trials import few, trials
 
 from trailmark.planning.proofs import mesh as meshes
 from trailmark.planning.proofs.mesh import Mesh, locate
@@ -23,20 +24,22 @@ def triangulated(polygon: Any) -> Mesh:
     return mesh
 
 
-def by_visibility(polygon: Any, start: np.ndarray, goal: np.ndarray) -> float:
-    """Return the shortest path's length over all straight lines between vertices that stay inside."""
-    points = np.array([start, goal, *np.unique(shapely.get_coordinates(polygon), axis=0)])
+def by_visibility(polygon: Any, places: np.ndarray) -> list[float]:
+    """Return the lengths of the shortest paths from each place to the next, over all straight lines that stay inside.
+
+    They join vertices and places; no shortest path bends at a place.
+    """
+    points = np.array([*places, *np.unique(shapely.get_coordinates(polygon), axis=0)])
     i, j = np.triu_indices(len(points), 1)
     lines = shapely.linestrings(np.stack([points[i], points[j]], axis=1))
     inside = shapely.covers(polygon.buffer(1e-9 * max(1.0, 1e-3 * float(np.abs(points).max()))), lines)
     graph = nx.Graph()
     lengths = np.hypot(*(points[i] - points[j]).T)
     graph.add_weighted_edges_from(zip(i[inside].tolist(), j[inside].tolist(), lengths[inside].tolist(), strict=True))
-    return float(nx.dijkstra_path_length(graph, 0, 1))
+    return [float(nx.dijkstra_path_length(graph, k, k + 1)) for k in range(len(places) - 1)]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", trials(12, of=2))
 def test_lengths_are_those_of_the_visibility_graph(seed: int) -> None:
     world = random_world(seed, 6 + seed % 10, size=10.0, radii=(0.3, 1.5), discs=0.0, holes=0.3, boundary=seed % 3 == 0)
     polygon = max(shapely.get_parts(free_region(world, 0.0)), key=shapely.area)
@@ -46,9 +49,9 @@ def test_lengths_are_those_of_the_visibility_graph(seed: int) -> None:
     q = rng.uniform(0.0, 10.0, (400, 2))
     q = q[shapely.contains_xy(polygon, q)][:7]
     roomy = shapely.buffer(polygon, 1e-9)
-    for start, goal in pairwise(q):
+    for (start, goal), known in zip(pairwise(q), by_visibility(polygon, q), strict=True):
         length, way = shortest_point_path(mesh, start, goal)
-        assert length == pytest.approx(by_visibility(polygon, start, goal), abs=1e-9)
+        assert length == pytest.approx(known, abs=1e-9)
         assert np.hypot(*np.diff(way, axis=0).T).sum() == pytest.approx(length, abs=1e-9)
         assert (way[0] == start).all()
         assert (way[-1] == goal).all()
@@ -90,12 +93,11 @@ def test_neighbours_know_each_other_and_corners_are_reflex() -> None:
     assert corners == {(4.0, 4.0), (4.0, 6.0), (6.0, 4.0), (6.0, 6.0)}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("offset", [0.0, 1e3, 1e5])
 def test_many_vertices_in_a_row_turned_and_moved(offset: float) -> None:
     # Unit cells and lattice triangles: on paper most vertices lie in rows, as doubles beside them.
     pairs = 0
-    for seed in range(25):
+    for seed in trials(25):
         rng = np.random.default_rng(seed)
         cells = [shapely.box(x, y, x + 1, y + 1) for x in range(8) for y in range(8) if rng.random() < 0.25]
         corners = rng.integers(0, 9, (2, 3, 2))
@@ -112,8 +114,8 @@ def test_many_vertices_in_a_row_turned_and_moved(offset: float) -> None:
         q = rng.uniform(0.0, 8.0, (60, 2))
         q = q[shapely.contains_xy(shapely.buffer(part, -1e-3), q)][:4] @ turn + offset
         mesh = triangulated(polygon)
-        for start, goal in pairwise(q):
+        for (start, goal), known in zip(pairwise(q), by_visibility(polygon, q), strict=True):
             length, _ = shortest_point_path(mesh, start, goal)
-            assert length == pytest.approx(by_visibility(polygon, start, goal), rel=1e-8, abs=1e-9 * offset + 1e-9)
+            assert length == pytest.approx(known, rel=1e-8, abs=1e-9 * offset + 1e-9)
             pairs += 1
-    assert pairs > 20
+    assert pairs > few(20)

@@ -8,6 +8,7 @@ import shapely
 from benchmarks.random_worlds import random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.trials import few
 
 from trailmark.planning.proofs.separation import CERTAIN, Separation
 from trailmark.shapes import Disc, Rectangle
@@ -34,7 +35,7 @@ def clearance(world: World, points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.4, 1.5]), st.sampled_from([0.0, 1e6]))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=few(15), deadline=None)
 def test_nowhere_on_what_blocks_is_the_disc_free(seed: int, radius: float, offset: float) -> None:
     world = random_world(
         seed, 15, size=12.0, radii=(0.3, 2.0), discs=0.4, holes=0.3, boundary=seed % 2 == 0, origin=(offset, offset)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
 from tests.planning.proofs.test_enclosure import SECONDS, wall_with_gap
+from tests.support.trials import few, trials
 
 from trailmark import LandmarkPlanner, Rectangle, Robot, World
 from trailmark.collision import StateChecker
@@ -17,8 +18,7 @@ PLACES = np.stack(np.meshgrid(np.arange(0.25, 11.0, 0.5), np.arange(0.25, 5.0, 0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["rectangle", "offset"])
-@pytest.mark.parametrize("start", [(2.0, 2.0, 0.3), (9.0, 2.0, 0.3)])
+@pytest.mark.parametrize(("name", "start"), [("rectangle", (2.0, 2.0, 0.3)), ("offset", (9.0, 2.0, 0.3))])
 def test_all_of_a_room_is_shut_off_at_once(name: str, start: tuple[float, float, float]) -> None:
     checker = StateChecker(wall_with_gap(0.5), ROBOTS[name])
     around = np.array([11.0 - start[0], 2.0])
@@ -64,15 +64,16 @@ def test_headings_that_nearly_fit_are_told_from_those_that_do() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", trials(2, of=2))
 def test_no_place_is_shut_off_that_the_planner_gets_to(seed: int) -> None:
     world = random_world(seed, 20, size=8.0, radii=(0.3, 0.9), discs=0.3)
     planner, rng = LandmarkPlanner(world, ROBOTS["rectangle"], seed=seed), np.random.default_rng(seed)
     q = rng.uniform((0, 0, -np.pi), (8, 8, np.pi), (300, 3))
     q = q[planner.checker.valid(q)]
-    reached = [goal for goal in q[1:17] if planner.plan(q[0], goal, 1.0, max_iterations=1).status == "solved"]
-    assert len(reached) > 8
-    for goal in q[1:7]:
+    goals = q[1 : 1 + few(16, of=2)]
+    reached = [goal for goal in goals if planner.plan(q[0], goal, 1.0, max_iterations=1).status == "solved"]
+    assert len(reached) > few(8, of=2)
+    for goal in goals[: few(6, of=2)]:
         shut = shut_off(planner.checker, q[0], goal[:2], q[:, :2], seconds=0.5)
         assert not shut[0]
         assert not any(shut[(q == end).all(axis=1)].any() for end in reached)
