@@ -5,16 +5,17 @@ from __future__ import annotations
 import os
 import pty
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+import typer
 
 import trailmark
-from trailmark.cli import main
+from trailmark.cli import app, main
 from trailmark.errors import ConfigurationError
 
 WORLD = """\
@@ -38,6 +39,15 @@ def _compiled() -> None:
 
     warm_up()
     warm_up("translation")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _commands_are_made_once() -> Iterator[None]:
+    """Keep typer's commands, which take longer to make than most tests do; each process makes its own."""
+    made, make = typer.main.get_command(app), typer.main.get_command
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(typer.main, "get_command", lambda of: made if of is app else make(of))
+        yield
 
 
 class Run(NamedTuple):

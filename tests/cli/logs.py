@@ -25,9 +25,10 @@ BARCODES = ["6 25", "7 63", "1 5"]
 def recorded(scanner: bool = False) -> Log:
     """Return a drive's log, with detections or scans."""
     world = World("yard", (0.0, 0.0, 12.0, 8.0), tuple(Disc(centre, 0.15) for centre in POSTS))
-    detector = None if scanner else Detector(RangeBearing(0.03, 0.01), 7.0)
+    detector = None if scanner else Detector(RangeBearing(0.03, 0.01), 7.0, period=1.5)
     eyes = Scanner(beams=121, max_range=9.0, period=2.0) if scanner else None
-    return simulate(world, WAY, Unicycle(0.01, 0.002, period=1.0), detector=detector, scanner=eyes, random_state=3).log
+    motion = Unicycle(0.01, 0.002, period=1.0)
+    return simulate(world, WAY, motion, detector=detector, scanner=eyes, period=0.3, random_state=3).log
 
 
 def write_mrclam(folder: Path) -> None:

@@ -95,7 +95,7 @@ def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
         "-p",
         "RRTConnect+certified",
     ]
-    run = shell(*words, "--query", "across", "--runs", 1, "--time-limit", 2, "--output", results)
+    run = shell(*words, "--query", "across", "--runs", 1, "--time-limit", 1, "--output", results)
     assert (run.status, run.err) == (0, "")
     assert run.out.startswith("2 runs made, 0 of them without a correct solution\n")
     setup = json.loads(rows(results, "SELECT setup FROM experiments")[0][0])
@@ -193,7 +193,6 @@ def test_without_an_output(shell: Shell, yard: Path) -> None:
     assert run.problem.startswith("--output is missing")
 
 
-@pytest.mark.slow
 def test_a_database_that_is_not_ours_or_in_use(shell: Shell, yard: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.db"
     with closing(sqlite3.connect(other)) as db:
@@ -243,28 +242,32 @@ def left_behind(mark: str) -> list[int]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_stopped_at_once_and_continued(number: signal.Signals, shell: Shell, yard: Path, tmp_path: Path) -> None:
-    results, runs, mark = tmp_path / "results.db", 12, secrets.token_hex(16)
+def test_stopped_at_once_killed_and_continued_on_a_terminal(
+    terminal: Terminal, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    results, runs, mark = tmp_path / "results.db", 24, secrets.token_hex(16)
     words = words_for(yard, results, runs)
-    marked = os.environ | {"TRAILMARK_TEST_MARK": mark}
-    with subprocess.Popen(
-        [*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=marked
-    ) as process:
-        wait_for(results, 3, process)
-        kept = count(results)
-        process.send_signal(number)
-        out, err = process.communicate(timeout=120)
-    there = count(results)
-    assert kept <= there < runs
-    if number == signal.SIGINT:
-        assert process.returncode == 130
-        said = f"{there} of {runs} runs are in {results}; the same command makes the others\n"
-        assert err == said + "trailmark: error: interrupted\n"
-        assert out == ""
-    run = shell("benchmark", *words)
-    assert (run.status, run.err) == (0, "")
+    monkeypatch.setenv("TRAILMARK_TEST_MARK", mark)
+    there = 0
+    for number in (signal.SIGINT, signal.SIGKILL):
+        with subprocess.Popen([*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            wait_for(results, there + 2, process)
+            kept = count(results)
+            process.send_signal(number)
+            out, err = process.communicate(timeout=120)
+        there = count(results)
+        assert kept <= there < runs
+        if number == signal.SIGINT:
+            assert process.returncode == 130
+            said = f"{there} of {runs} runs are in {results}; the same command makes the others\n"
+            assert err == said + "trailmark: error: interrupted\n"
+            assert out == ""
+    run = terminal(*COMMAND, *words)
+    assert run.status == 0
     assert f"{runs - there} runs made" in run.out
+    assert "starting workers" in run.err
+    assert " left" in run.err
+    assert f"/{runs}" in run.err
     assert sorted(rows(results, "SELECT seed FROM runs")) == [(seed,) for seed in range(runs)]
     assert rows(results, "PRAGMA integrity_check") == [("ok",)]
     assert sorted(file.name for file in tmp_path.iterdir()) == [results.name, yard.name]
@@ -276,19 +279,3 @@ def assert_nothing_is_left(mark: str) -> None:
     while left_behind(mark) and time.perf_counter() < deadline:
         time.sleep(0.05)
     assert left_behind(mark) == []
-
-
-@pytest.mark.slow
-def test_progress_on_a_terminal(
-    terminal: Terminal, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    mark = secrets.token_hex(16)
-    monkeypatch.setenv("TRAILMARK_TEST_MARK", mark)
-    words = [*COMMAND, yard, "--query", "across", "-p", HONEST, "--runs", 8, "--output", tmp_path / "results.db"]
-    run = terminal(*words)
-    assert run.status == 0
-    assert "8 runs made" in run.out
-    assert "starting workers" in run.err
-    assert " left" in run.err
-    assert "/8" in run.err
-    assert_nothing_is_left(mark)

@@ -43,7 +43,6 @@ def test_a_part_of_a_public_suite_is_run(
     assert names(results) == ["barn-world_0-ahead", "barn-world_299-ahead"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

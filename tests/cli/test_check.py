@@ -50,7 +50,6 @@ def test_a_free_path(shell: Shell, yard: Path, paths: Any) -> None:
     assert "above the lower bound" in text
 
 
-@pytest.mark.slow
 def test_a_path_that_collides(shell: Shell, yard: Path, paths: Any) -> None:
     run = shell("check", yard, paths("a.json", THROUGH), "--json")
     record = json.loads(run.out)
@@ -133,7 +132,6 @@ def test_bad_paths_are_told_in_one_line(shell: Shell, yard: Path, tmp_path: Path
     assert problem in run.problem
 
 
-@pytest.mark.slow
 def test_bad_words_are_told_in_one_line(shell: Shell, yard: Path, paths: Any, tmp_path: Path) -> None:
     file = paths("a.csv", FREE)
     for words in (
@@ -157,7 +155,7 @@ def test_bad_words_are_told_in_one_line(shell: Shell, yard: Path, paths: Any, tm
 def test_a_car_s_plan_is_checked_by_its_curves(shell: Shell, yard: Path, tmp_path: Path, reverse: list[str]) -> None:
     out = tmp_path / "car.json"
     words = ["--turning-radius", "0.6", *reverse]
-    assert shell("plan", yard, *words, "--output", out).status == 0
+    assert shell("plan", yard, *words, "--output", out, "--time-limit", "0.3").status == 0
     run = shell("check", yard, out, *words, "--json")
     assert run.status == 0
     planned, record = json.loads(out.read_text()), json.loads(run.out)

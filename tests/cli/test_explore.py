@@ -33,7 +33,7 @@ class FakeExplorer:
 
     def run(self, on_progress: Any) -> Any:
         result = made_exploration()
-        history = (*result.history[::45], result.history[-1])  # few frames are drawn sooner
+        history = (*result.history[::90], result.history[-1])  # few frames are drawn sooner
         for row in history:
             on_progress(row)
         return replace(result, status=self.status, history=history)
@@ -44,6 +44,12 @@ def explorer(monkeypatch: pytest.MonkeyPatch) -> type[FakeExplorer]:
     fake = type("Fake", (FakeExplorer,), {"calls": []})
     monkeypatch.setattr("trailmark.exploration.explorer.Explorer", fake)
     return fake
+
+
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the three pictures out, which take longer than all else, where they are not what is tested."""
+    monkeypatch.setattr("trailmark.cli.explore._draw", lambda result, folder: None)
 
 
 @pytest.fixture
@@ -66,7 +72,7 @@ def test_everything_is_written(shell: Shell, rooms: Path, tmp_path: Path, explor
     assert str(tmp_path / "run") in run.out
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_the_world_that_is_explored_is_not_replaced(
     shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]
 ) -> None:
@@ -78,7 +84,7 @@ def test_the_world_that_is_explored_is_not_replaced(
     assert (tmp_path / "run" / "world.yaml").read_bytes() == before
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_json_is_the_summary(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
     run = shell("explore", rooms, *START, "--output", tmp_path / "run", "--json")
     assert (run.status, run.err) == (0, "")
@@ -86,7 +92,7 @@ def test_json_is_the_summary(shell: Shell, rooms: Path, tmp_path: Path, explorer
     assert json.loads(run.out) == summary_of(made_exploration())
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_options_reach_the_explorer(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
     words = ["--robot", "disc:0.2", "--sensor-range", "2.5", "--strategy", "gain-per-cost", "--confidence", "0.99"]
     words += ["--noise", "0.5", "--seed", "7", "--time-limit", "60", "--max-distance", "9", "--return-home"]
@@ -106,7 +112,7 @@ def test_options_reach_the_explorer(shell: Shell, rooms: Path, tmp_path: Path, e
     assert not second["settings"].return_home
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(("status", "exit_status"), [("time", 0), ("distance", 0), ("stuck", 3), ("silent", 3)])
 def test_how_it_ended_is_the_exit_status(
     shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer], status: Status, exit_status: int
@@ -119,7 +125,12 @@ def test_how_it_ended_is_the_exit_status(
 
 @pytest.mark.slow
 def test_an_interruption_keeps_all_and_is_gone_on_with(
-    shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer], monkeypatch: pytest.MonkeyPatch
+    shell: Shell,
+    rooms: Path,
+    tmp_path: Path,
+    explorer: type[FakeExplorer],
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     explorer.status = "interrupted"
@@ -132,6 +143,7 @@ def test_an_interruption_keeps_all_and_is_gone_on_with(
     explorer.status = "complete"
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")  # the world is found all the same
+    request.getfixturevalue("undrawn")
     run = shell("explore", "--resume", "../run", "--strategy", "nearest-frontier")
     assert (run.status, run.err) == (0, "")
     before, after = explorer.calls
@@ -142,7 +154,6 @@ def test_an_interruption_keeps_all_and_is_gone_on_with(
     assert load_exploration("../run").options["strategy"] == "nearest-frontier"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
@@ -198,7 +209,6 @@ def test_bad_input_is_told_in_one_line(
     assert not Path("run").exists()
 
 
-@pytest.mark.slow
 def test_a_world_is_asked_for(shell: Shell, tmp_path: Path) -> None:
     run = shell("explore", "--output", tmp_path / "run")
     assert (run.status, run.problem[:48]) == (2, "WORLD is missing; expected a file, a shipped wor")
@@ -211,6 +221,7 @@ PROGRAM = """
 import sys, time
 from dataclasses import replace
 sys.path.insert(0, {root!r})
+import trailmark.cli.explore as command
 import trailmark.exploration.explorer as module
 from tests.exploration.made_exploration import made_exploration
 from trailmark.cli import main
@@ -221,13 +232,14 @@ class Slow:
         pass
     def run(self, on_progress):
         result = made_exploration()
-        history = (*result.history[::30], result.history[-1])
+        history = (result.history[0], *result.history[30::60], result.history[-1])
         for row in history:
             on_progress(row)
-            time.sleep(0.5)
+            time.sleep(0.3)
         return replace(result, history=history)
 
 module.Explorer = Slow
+command._draw = lambda result, folder: None
 sys.exit(main(["explore", {world!r}, "--start", "1,1,0", "--output", {output!r}, "--json"]))
 """
 
@@ -258,7 +270,12 @@ queries:
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "impatient"), [(signal.SIGINT, False), (signal.SIGTERM, True)])
 def test_ctrl_c_in_the_middle_and_on_to_the_end(
-    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, impatient: bool
+    shell: Shell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
+    number: int,
+    impatient: bool,
 ) -> None:
     file, folder, step, steps = tmp_path / "small.yaml", tmp_path / "run", Explorer.step, list[float]()
     file.write_text(SMALL)
@@ -289,6 +306,7 @@ def test_ctrl_c_in_the_middle_and_on_to_the_end(
     first = load_exploration(folder)
     assert len(first.history) == 8
 
+    request.getfixturevalue("undrawn")
     run = shell("explore", "--resume", folder, "--json")
     assert run.status == 0
     summary, second = json.loads(run.out), load_exploration(folder)
@@ -303,6 +321,7 @@ def test_ctrl_c_in_the_middle_and_on_to_the_end(
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_whatever_goes_wrong_what_was_mapped_is_kept(
     shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -77,7 +77,6 @@ def own(file: Path) -> Path:
     return file
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["testmap.png", "soft.png", "hard.png"])
 @pytest.mark.parametrize("command", ["plan", "landmarks", "show"])
 def test_a_picture_never_destroys_the_map(
@@ -105,7 +104,6 @@ def test_a_picture_of_others_is_kept_too(shell: Shell, nav2: Path, tmp_path: Pat
         assert shell("worlds", "show", yard, "--plot", tmp_path / "new.png").status == 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["testmap.yaml", "image.yaml"])
 def test_convert_keeps_map_and_image(shell: Shell, nav2: Path, tmp_path: Path, name: str) -> None:
     shutil.move(tmp_path / "testmap.png", tmp_path / "image.yaml")  # a map's image may be called anything
@@ -116,7 +114,6 @@ def test_convert_keeps_map_and_image(shell: Shell, nav2: Path, tmp_path: Path, n
     assert "same file" in kept(shell, tmp_path, "worlds", "convert", tmp_path / "new.yaml", tmp_path / "new.yaml")
 
 
-@pytest.mark.slow
 def test_convert_keeps_scenarios_and_meshes(shell: Shell, tmp_path: Path) -> None:
     grid = tmp_path / "grid.map"
     grid.write_text("type octile\nheight 2\nwidth 3\nmap\n...\n...\n")
@@ -134,7 +131,6 @@ def test_convert_keeps_scenarios_and_meshes(shell: Shell, tmp_path: Path) -> Non
         assert tmp_path / name in World.load(problem).sources
 
 
-@pytest.mark.slow
 def test_map_keeps_the_log(shell: Shell, tmp_path: Path) -> None:
     log = tmp_path / "drive.yaml"
     save_log(recorded(), log)
@@ -152,7 +148,6 @@ def test_map_keeps_the_log(shell: Shell, tmp_path: Path) -> None:
     kept(shell, tmp_path, "map", bag, "--output", bag / "metadata.yaml")
 
 
-@pytest.mark.slow
 def test_report_keeps_the_results(shell: Shell, tmp_path: Path) -> None:
     results = random_results(tmp_path / "results.html", ["landmark", "PRM"], problems=1, runs=3)
     kept(shell, tmp_path, "report", results, "--html", results)

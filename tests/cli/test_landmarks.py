@@ -103,13 +103,13 @@ def test_boxes_are_grown_where_the_published_runs_have_them_so_and_where_asked(s
 
 
 @pytest.mark.slow
-def test_paths_lead_over_the_landmarks_or_it_says_that_they_do_not(shell: Shell, tmp_path: Path) -> None:
+def test_paths_lead_over_the_landmarks_or_it_says_that_they_do_not(shell: Shell) -> None:
     found = record(shell, "environment1", "-k", 12, "--runs", 1)
     world = World.load(shipped_worlds()["environment1"])
     assert [path["query"] for path in found["paths"]] == [query.name for query in world.queries[:4]]
-    few = record(shell, "environment2", "-k", 2, "--runs", 1)
-    assert any(path["cost"] is None for path in few["paths"])
-    text = shell("landmarks", "environment2", "-k", 2, "--runs", 1, "--plot", tmp_path / "two.png")
+    few = ("environment2", "-k", 2, "-n", 300, "--runs", 1)
+    assert any(path["cost"] is None for path in record(shell, *few)["paths"])
+    text = shell("landmarks", *few)
     assert "the landmarks do not connect it" in text.out
 
 
@@ -134,7 +134,6 @@ def test_another_robot(shell: Shell, yard: Path) -> None:
     assert record(shell, yard, "-k", 3, "--runs", 1, "--robot", "disc:0.3")["robot"] == "disc 0.3 m"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
@@ -176,10 +175,13 @@ def test_a_degenerate_rectangle(shell: Shell, tmp_path: Path, bounds: str, probl
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF")])
+@pytest.mark.parametrize(("suffix", "magic"), [(".svg", b"<?xml"), (".pdf", b"%PDF")])
 def test_pictures(shell: Shell, yard: Path, tmp_path: Path, suffix: str, magic: bytes) -> None:
     picture = tmp_path / f"landmarks{suffix}"
-    run = shell("landmarks", yard, "-k", 4, "-n", 200, "--plot", picture, "--seed", 5)
+    if suffix == ".pdf":  # of runs alone: each path has a panel, too
+        yard.write_text(yard.read_text().partition("queries:")[0])
+    words = ("-k", 4, "-n", 200, "--runs", 2 if suffix == ".pdf" else 1, "--seed", 5)
+    run = shell("landmarks", yard, *words, "--plot", picture)
     assert run.status == 0
     assert str(picture) in run.out
     assert picture.read_bytes().startswith(magic)
@@ -193,11 +195,12 @@ def test_a_robot_that_does_not_fit_a_query_gets_its_picture_without_that_path(
     run = shell("landmarks", yard, "-k", 2, "--runs", 1, "--robot", "disc:1.1", "--plot", picture)
     assert (run.status, run.err) == (0, "")
     assert picture.stat().st_size > 10_000
+    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
 def test_many_points_show_their_progress(terminal: Callable[..., Any], yard: Path) -> None:
-    run = terminal(sys.executable, "-m", "trailmark.cli", "landmarks", yard, "-n", 250_000, "-k", 100, "--runs", 1)
+    run = terminal(sys.executable, "-m", "trailmark.cli", "landmarks", yard, "-n", 110_000, "-k", 200, "--runs", 1)
     assert run.status == 0
     assert "batches" in run.out
     assert " points" in run.err

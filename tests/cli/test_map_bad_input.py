@@ -20,10 +20,17 @@ Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
 
 
-@pytest.fixture
-def log(tmp_path: Path) -> Path:
-    file = tmp_path / "yard.jsonl"
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> str:
+    file = tmp_path_factory.mktemp("saved") / "yard.jsonl"
     save_log(recorded(), file)
+    return file.read_text()
+
+
+@pytest.fixture
+def log(tmp_path: Path, saved: str) -> Path:
+    file = tmp_path / "yard.jsonl"
+    file.write_text(saved)
     return file
 
 
@@ -57,7 +64,6 @@ BAD_LINES = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "line", "text", "problem"), BAD_LINES)
 def test_bad_lines(shell: Shell, mrclam: Path, tmp_path: Path, name: str, line: int, text: str, problem: str) -> None:
     lines = (mrclam / name).read_text().splitlines()
@@ -74,9 +80,16 @@ def test_bad_lines(shell: Shell, mrclam: Path, tmp_path: Path, name: str, line: 
     assert run.status == 0
     assert json.loads(run.out)["dropped"] == 1
     assert run.err == f"trailmark: 1 bad record left out of {mrclam}\n"
-    run = shell("map", mrclam, "--output", file, "--skip-bad")
-    assert "1 bad record left out" in run.out
     assert len(World.load(file).obstacles) == 2
+
+
+def test_the_summary_tells_of_bad_lines(shell: Shell, mrclam: Path, tmp_path: Path) -> None:
+    name, line, text, _ = BAD_LINES[0]
+    lines = (mrclam / name).read_text().splitlines()
+    lines[line - 1] = text
+    (mrclam / name).write_text("\n".join(lines))
+    run = shell("map", mrclam, "--output", tmp_path / "world.yaml", "--skip-bad")
+    assert "1 bad record left out" in run.out
 
 
 @pytest.mark.slow
@@ -96,7 +109,6 @@ def test_bad_lines_of_other_formats(shell: Shell, log: Path, tmp_path: Path) -> 
     assert found["records"]["all"] == len(recorded().records)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("content", "problem"),
     [
@@ -165,12 +177,10 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
     assert World.load(file).queries == ()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [
         (["--confidence", "1"], "expected a probability above 0 and below 1, got --confidence '1'"),
-        (["--confidence", "nan"], "expected a probability above 0 and below 1, got --confidence 'nan'"),
         (["--confidence", "high"], "expected a probability above 0 and below 1, got --confidence 'high'"),
         (["--robot", "disc"], "expected disc:RADIUS, "),
         (
@@ -202,13 +212,13 @@ def test_a_log_of_one_scan(shell: Shell, tmp_path: Path, ranges: list[Any]) -> N
     ],
 )
 def test_bad_options(shell: Shell, log: Path, tmp_path: Path, words: list[str], problem: str) -> None:
+    log.write_text("".join(log.read_text().splitlines(keepends=True)[:30]))  # which is enough to tell what it is
     run = shell("map", log, "--output", tmp_path / "world.yaml", *words)
     assert run.status == 2
     assert run.problem.removeprefix(f"{tmp_path}/").startswith(problem)
     assert not (tmp_path / "world.yaml").exists()
 
 
-@pytest.mark.slow
 def test_the_output_is_checked_before_the_work(shell: Shell, tmp_path: Path) -> None:
     log = tmp_path / "missing.jsonl"
     assert "--output" in shell("map", log).problem

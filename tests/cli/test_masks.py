@@ -29,7 +29,6 @@ def mask(tmp_path: Path) -> Path:
     return file
 
 
-@pytest.mark.slow
 def test_zones_are_shown_converted_and_kept_out_of(shell: Shell, yard: Path, mask: Path, tmp_path: Path) -> None:
     run = shell("worlds", "show", yard, "--keepout", mask, "--speed-mask", mask)
     assert "  zones      2 (1 keep-out, 1 speed)" in run.out.splitlines()

@@ -30,7 +30,6 @@ def test_defaults_are_the_files(shell: Shell, yard: Path, planner: Any) -> None:
     assert (call["seed"], call["landmarks"], call["time_limit"]) == (0, None, 1.0)
 
 
-@pytest.mark.slow
 def test_settings_come_from_a_file_and_go_into_the_record(
     shell: Shell, yard: Path, planner: Any, tmp_path: Path
 ) -> None:
@@ -89,7 +88,6 @@ def test_goals_without_a_heading_near_a_pose_or_several(
     assert planner.calls[0]["goal"] == goals
 
 
-@pytest.mark.slow
 def test_a_querys_goals_are_the_worlds_and_may_get_a_tolerance(shell: Shell, yard: Path, planner: Any) -> None:
     goals = "[{pose: [9.0, 5.0]}, {region: [[8, 1], [9, 1], [9, 2]], cost: 1}]"
     with yard.open("a") as file:
@@ -185,18 +183,12 @@ def test_the_picture_shows_the_layers_that_are_named(shell: Shell, yard: Path, p
     assert len(drawn["few"]) < len(drawn["all"])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "named", "allowed"),
     [
         (["--time-limit", "0"], "--time-limit '0'", "above 0"),
-        (["--time-limit", "-1"], "--time-limit '-1'", "above 0"),
-        (["--time-limit", "nan"], "--time-limit 'nan'", "finite"),
-        (["--time-limit", "inf"], "--time-limit 'inf'", "finite"),
         (["--time-limit", "soon"], "--time-limit 'soon'", "finite"),
-        (["--seed", "-1"], "--seed '-1'", "from 0"),
-        (["--seed", "1.5"], "--seed '1.5'", "integer"),
-        (["--seed", "4294967296"], "--seed '4294967296'", "to 4294967295"),
+        (["--seed", "1.5"], "--seed '1.5'", "integer from 0 to 4294967295"),
         (["--landmarks", "0"], "--landmarks '0'", "from 1"),
         (["--landmarks", "200001"], "--landmarks '200001'", "to 200000"),
         (["--start", "1,2"], "--start '1,2'", "both or neither"),

@@ -24,7 +24,6 @@ def cars(yard: Path) -> Path:
     return yard
 
 
-@pytest.mark.slow
 def test_options_make_the_robot_a_car(shell: Shell, yard: Path, planner: Any) -> None:
     box = Robot.rectangle(0.8, 0.4)
     for words, robot in (
@@ -37,7 +36,6 @@ def test_options_make_the_robot_a_car(shell: Shell, yard: Path, planner: Any) ->
         assert planner.calls[-1]["robot"] == robot
 
 
-@pytest.mark.slow
 def test_options_override_the_files_car(shell: Shell, cars: Path, planner: Any) -> None:
     box = Robot.rectangle(0.8, 0.4)
     for words, robot in (
@@ -51,7 +49,6 @@ def test_options_override_the_files_car(shell: Shell, cars: Path, planner: Any) 
         assert planner.calls[-1]["robot"] == robot
 
 
-@pytest.mark.slow
 def test_a_differential_drive_reverses_as_its_file_and_the_options_say(shell: Shell, yard: Path, planner: Any) -> None:
     text = yard.read_text()
     yard.write_text(text.replace("width: 0.4}", "width: 0.4, drive: differential, reverse: true}"))
@@ -82,18 +79,16 @@ def test_forward_only_needs_a_turning_radius(shell: Shell, yard: Path, planner: 
 
 @pytest.mark.slow
 def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
-    files = {suffix: tmp_path / f"path{suffix}" for suffix in (".json", ".csv", ".path")}
-    picture = tmp_path / "plan.svg"
-    for file in files.values():
-        run = shell("plan", cars, "--json", "--output", file, "--plot", picture, "--time-limit", "20")
+    files, picture = [tmp_path / f"path{suffix}" for suffix in (".json", ".csv", ".path")], tmp_path / "plan.svg"
+    for file, drawn in zip(files, [("--plot", picture), (), ()], strict=True):
+        run = shell("plan", cars, "--json", "--output", file, *drawn, "--time-limit", "20")
         assert run.status == 0
-    record = json.loads(run.out)
-    curve = record["curve"]
-    path = CurvePath(np.array(curve["knots"]), Steering(curve["turning_radius"], curve["kind"] == "reeds-shepp"))
-    assert curve["turning_radius"] == 0.9
-    assert record["cost"] == record["length"] == path.length
-    assert record["lower_bound"] <= record["cost"] + 1e-9
-    for file in files.values():
+        record = json.loads(run.out)
+        curve = record["curve"]
+        path = CurvePath(np.array(curve["knots"]), Steering(curve["turning_radius"], curve["kind"] == "reeds-shepp"))
+        assert curve["turning_radius"] == 0.9
+        assert record["cost"] == record["length"] == path.length
+        assert record["lower_bound"] <= record["cost"] + 1e-9
         assert np.array_equal(read_any_path(file).path.states, path.states)
     assert picture.stat().st_size > 10_000
 
@@ -107,7 +102,7 @@ def test_the_summary_tells_of_the_curves(shell: Shell, cars: Path) -> None:
 
 @pytest.mark.slow
 def test_costs_of_maneuvers(shell: Shell, worlds: Path) -> None:
-    given = ("plan", worlds / "parking.yaml", "--query", "bay", "--turning-radius", "4.5", "--time-limit", "1")
+    given = ("plan", worlds / "parking.yaml", "--query", "bay", "--turning-radius", "4.5", "--time-limit", "0.5")
     run = shell(*given, "--direction-change-cost", "2", "--reverse-cost", "1.2", "--json")
     assert run.status == 0
     record = json.loads(run.out)

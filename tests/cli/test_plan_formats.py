@@ -21,7 +21,6 @@ STATES = [[1.0, 1.0, 0.0], [5.0, 1.0, 0.5], [9.0, 5.0, 1.5]]
 PARAMETERS = "global_costmap:\n  global_costmap:\n    ros__parameters: {robot_radius: 0.22}\n"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".yaml", ".yml", ".nav2.json", ".geojson"])
 def test_a_path_for_others_comes_back(shell: Shell, yard: Path, tmp_path: Path, planner: Any, suffix: str) -> None:
     file = tmp_path / f"path{suffix}"
@@ -35,7 +34,6 @@ def test_a_path_for_others_comes_back(shell: Shell, yard: Path, tmp_path: Path, 
     assert file.read_text() == before, "what is no path replaces none"
 
 
-@pytest.mark.slow
 def test_a_drawing_to_scale(shell: Shell, yard: Path, tmp_path: Path, planner: Any) -> None:
     for _ in range(2):
         assert shell("plan", yard, "--output", tmp_path / "path.svg").status == 0
@@ -66,7 +64,6 @@ def test_headings_in_degrees(shell: Shell, yard: Path, planner: Any) -> None:
     assert json.loads(run.out)["states"][0][2] == -math.pi / 2
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

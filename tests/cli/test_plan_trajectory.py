@@ -21,7 +21,6 @@ from trailmark.world import Robot, World
 Shell = Callable[..., Any]
 
 
-@pytest.mark.slow
 def test_a_trajectory_is_written_and_told(shell: Shell, yard: Path, planner: Any, tmp_path: Path) -> None:
     file = tmp_path / "drive.csv"
     limits = ["--max-speed", "0.5", "--max-acceleration", "0.3", "--max-turn-rate", "0.4"]
@@ -40,7 +39,7 @@ def test_a_trajectory_is_written_and_told(shell: Shell, yard: Path, planner: Any
 
 @pytest.mark.slow
 def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: Path) -> None:
-    run = shell("plan", yard, "--smooth", "--json", "--output", tmp_path / "path.json")
+    run = shell("plan", yard, "--smooth", "--json", "--output", tmp_path / "path.json", "--time-limit", "0.5")
     assert run.status == 0
     record = json.loads(run.out)
     assert record["smooth"]["max_curvature"] >= 0.0
@@ -48,7 +47,7 @@ def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: P
     assert all(np.shape(stop) == (3,) for stop in record["smooth"]["stops"])
     assert json.loads((tmp_path / "path.json").read_text())["states"] == record["states"]
     assert record["cost"] == pytest.approx(record["length"] + 0.5 * record["rotation"], rel=1e-9)
-    assert "stops on the way" in shell("plan", yard, "--smooth").out
+    assert "stops on the way" in shell("plan", yard, "--smooth", "--time-limit", "0.3").out
 
 
 @pytest.mark.slow
@@ -64,7 +63,7 @@ def test_out_of_a_keep_out_zone_the_path_stays_as_it_is(shell: Shell, yard: Path
     zone = "zones:\n  - {kind: keep-out, vertices: [[0.2, 0.2], [1.6, 0.2], [1.6, 1.8], [0.2, 1.8]]}\n"
     world = tmp_path / "zone.yaml"
     world.write_text(yard.read_text() + zone)
-    run = shell("plan", world, "--smooth", "--json")
+    run = shell("plan", world, "--smooth", "--json", "--time-limit", "0.3")
     assert run.status == 0
     assert "smooth" not in json.loads(run.out)
     assert "--smooth: the path stays as it was planned" in run.err
@@ -107,7 +106,6 @@ def test_without_a_path_nothing_is_written(shell: Shell, yard: Path, planner: An
     assert list(tmp_path.glob("drive.*")) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

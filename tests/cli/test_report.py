@@ -19,7 +19,6 @@ def results(tmp_path: Path) -> Path:
     return random_results(tmp_path / "results.db", ["landmark", "PRM"], problems=1, runs=3)
 
 
-@pytest.mark.slow
 def test_both_files_are_written(shell: Shell, results: Path, tmp_path: Path) -> None:
     page, tables = tmp_path / "report.html", tmp_path / "report.md"
     before = results.read_bytes()
@@ -32,13 +31,11 @@ def test_both_files_are_written(shell: Shell, results: Path, tmp_path: Path) -> 
     assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "report.md", "results.db"]
 
 
-@pytest.mark.slow
 def test_one_of_them_is_enough(shell: Shell, results: Path, tmp_path: Path) -> None:
     assert shell("report", results, "--markdown", tmp_path / "r.md").status == 0
     assert shell("report", results, "--html", tmp_path / "r.htm").status == 0
 
 
-@pytest.mark.slow
 def test_an_older_database_is_compared_with(shell: Shell, results: Path, tmp_path: Path) -> None:
     old = random_results(tmp_path / "old.db", ["landmark", "PRM"], problems=1, runs=3, seed=1)
     run = shell("report", results, "--against", old, "--markdown", tmp_path / "r.md")
@@ -48,7 +45,6 @@ def test_an_older_database_is_compared_with(shell: Shell, results: Path, tmp_pat
     assert (run.status, "none.db: does not exist" in run.problem) == (2, True)
 
 
-@pytest.mark.slow
 def test_bad_usage_is_one_line(shell: Shell, results: Path, tmp_path: Path) -> None:
     cases: list[tuple[list[object], str]] = [
         ([results], "expected --html, --markdown or both, got neither"),

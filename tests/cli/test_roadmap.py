@@ -44,7 +44,6 @@ def test_each_format_holds_the_same_roadmap(shell: Shell, yard: Path, tmp_path: 
         assert np.array_equal(loaded.configurations[node, :2], position)
 
 
-@pytest.mark.slow
 def test_a_car_s_roadmap(shell: Shell, yard: Path, tmp_path: Path) -> None:
     words = ["roadmap", yard, "-k", 10, "--turning-radius", 0.5, "--output"]
     run = shell(*words, tmp_path / "graph.graphml")
@@ -61,7 +60,6 @@ def test_the_frame_is_named(shell: Shell, yard: Path, tmp_path: Path) -> None:
     assert '"frame": "odom"' in (tmp_path / "a.geojson").read_text()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "problem"),
     [

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.support.forks import Forks, complaints
 
 import trailmark
 
@@ -26,7 +25,6 @@ def python(program: str, **how: Any) -> subprocess.CompletedProcess[str]:
     return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, **how)
 
 
-@pytest.mark.slow
 def test_help_names_every_command(shell: Shell) -> None:
     run = shell("--help")
     assert run.status == 0
@@ -134,32 +132,45 @@ def test_a_full_disk_is_one_line() -> None:
     assert done.stderr == "trailmark: error: output: No space left on device\n"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 @pytest.mark.parametrize("disguised", [False, True])
 def test_signals_end_in_one_line(
-    number: signal.Signals, status: int, disguised: bool, yard: Path, forks: Forks
+    number: signal.Signals, status: int, disguised: bool, shell: Shell, yard: Path, planner: Any
 ) -> None:
+    def action() -> None:
+        assert signal.getsignal(number) is not before, "the signal would end the tests"
+        try:
+            signal.raise_signal(number)
+        except KeyboardInterrupt:
+            if disguised:
+                raise SystemError("returned a result with an exception set") from None  # as compiled code does
+            raise
+
+    before, planner.action = signal.getsignal(number), staticmethod(action)
+    run = shell("plan", yard, "--output", yard.parent / "path.json")
+    assert run.status == status
+    assert run.problem == ("interrupted" if number == signal.SIGINT else "terminated")
+    assert len(planner.calls) == 1
+    assert list(yard.parent.iterdir()) == [yard]
+    assert signal.getsignal(number) is before
+
+
+@pytest.mark.slow
+def test_a_process_ends_as_its_signal_says(yard: Path) -> None:
+    # What Ctrl-C does to a process is tested with ``trailmark map`` and ``trailmark benchmark``.
     program = f"""
 import os, signal, sys, threading, time, trailmark
 from trailmark.cli import main
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job would ignore it
 class Slow:
     def __init__(self, *args, **named): pass
     def plan(self, *args, **named):
-        threading.Timer(0.1, os.kill, (os.getpid(), {int(number)})).start()
-        try:
-            time.sleep(30)
-        except KeyboardInterrupt:
-            if {disguised}:
-                raise SystemError("returned a result with an exception set")  # as compiled code does
-            raise
+        threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGTERM)).start()
+        time.sleep(30)
 trailmark.LandmarkPlanner = Slow
 sys.exit(main(["plan", {str(yard)!r}, "--output", {str(yard.parent / "path.json")!r}]))
 """
-    done = forks.run(["-c", program], timeout=120.0)
-    assert (done.returncode, done.stdout) == (status, "")
-    assert complaints(done) == f"trailmark: error: {'interrupted' if number == signal.SIGINT else 'terminated'}\n"
+    done = python(program, timeout=120.0)
+    assert (done.returncode, done.stdout, done.stderr) == (143, "", "trailmark: error: terminated\n")
     assert list(yard.parent.iterdir()) == [yard]
 
 
@@ -258,7 +269,7 @@ def test_start_up_is_quick() -> None:
         after = os.times()
         return after.children_user + after.children_system - before.children_user - before.children_system
 
-    assert min(seconds() for _ in range(3)) < 0.4
+    assert any(seconds() < 0.4 for _ in range(3))
 
 
 @pytest.mark.slow
@@ -278,7 +289,7 @@ def test_what_is_wrong_with_trailmark_itself_is_reported_in_one_line(
         return right(self, *arguments, **options)
 
     monkeypatch.setattr(LandmarkPlanner, "plan", plan)
-    run = shell("plan", str(yard), "--query", "across")
+    run = shell("plan", str(yard), "--query", "across", "--time-limit", "0.3")
     assert run.status == 0
     # Once while kernels are warmed up, once in earnest.
     assert set(run.err.splitlines()) == {"trailmark: warning: a path that was found is not free"}

@@ -6,10 +6,11 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
-from tests.support.forks import Forks
 
 EVERYTHING = """
 from dataclasses import replace
@@ -70,11 +71,11 @@ print(sorted(set(late)))
 
 
 @pytest.mark.slow
-def test_afterwards_nothing_compiles(tmp_path: Path, worlds: Path, forks: Forks) -> None:
+def test_afterwards_nothing_compiles(tmp_path: Path, worlds: Path, shell: Callable[..., Any]) -> None:
     (tmp_path / "office.yaml").write_bytes((worlds / "office.yaml").read_bytes())
-    warm = forks.run(["-m", "trailmark", "warmup", "--json"], timeout=900.0)
-    assert warm.returncode == 0, warm.stderr
-    record = json.loads(warm.stdout)
+    warm = shell("warmup", "--json")
+    assert warm.status == 0, warm.err
+    record = json.loads(warm.out)
     assert record["cache"]["files"] > 0
     assert Path(record["cache"]["folder"]).is_dir()
     assert {"planning (any shape)", "many queries (discs)", "objectives and zones (cars)"} <= set(record["kernels"])

@@ -94,7 +94,6 @@ def test_schema_is_a_json_schema_of_worlds(shell: Shell) -> None:
     assert {"trailmark", "name", "bounds", "robot", "boundary", "obstacles", "queries"} <= set(schema["properties"])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "named"),
     [
