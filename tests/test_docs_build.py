@@ -38,9 +38,15 @@ class Page(HTMLParser):
 
 
 BARE = """
+from sphinx.builders.html import StandaloneHTMLBuilder
+
 html_theme, html_theme_options = "basic", {}
+StandaloneHTMLBuilder.search = False
 """
-"""A theme without a tree of all pages on each, which takes longer than all else; the own one is looked at apart."""
+"""A theme without a tree of all pages on each, which takes longer than all else; the own one is looked at apart.
+
+Nor is there an index of all words for the search.
+"""
 PLOT = "import matplotlib.pyplot as plt\n\nplt.plot([0, 1])\n"
 
 

@@ -16,6 +16,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 Run = Callable[..., str]
 LESS = {
     "many_queries.py": ('"warehouse"', '"office"'),
+    "park_car.py": ("time_limit=3.0", "time_limit=0.6"),
     "changing_warehouse.py": ("moments, planner", "moments[::8], planner"),  # each frame is drawn for itself
 }
 """What those that take long say, and what they are run with instead."""
@@ -32,13 +33,16 @@ def run(forks: Forks, checkout: Path) -> Run:
     """Return a function that runs an example with some arguments and returns what it prints."""
 
     def started(name: str, *words: str) -> str:
-        file = ROOT / "examples" / name
+        files = [ROOT / "examples" / name]
         if name in LESS:
-            whole, (said, instead) = file.read_text(), LESS[name]
+            whole, (said, instead) = files[0].read_text(), LESS[name]
             assert whole.count(said) == 1
-            file = checkout / name
-            file.write_text(whole.replace(said, instead))
-        done = forks.run([str(file), *words], cwd=checkout, timeout=180.0)
+            (checkout / name).write_text(whole.replace(said, instead))
+            files.insert(0, checkout / name)
+        for file in files:  # on a busy machine a shorter time may not do
+            done = forks.run([str(file), *words], cwd=checkout, timeout=180.0)
+            if done.returncode == 0:
+                break
         assert done.returncode == 0, done.stderr
         return done.stdout
 

@@ -26,8 +26,9 @@ def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
 def test_damaged_files_are_refused_in_one_line(name: str, worker: Worker) -> None:
     if not available(name):
         pytest.skip("real data not found, or an extra is not installed")
-    outcome = worker.do({"target": name, "seed": 0, "count": COUNT})
+    count = 1 if name == "bag as MCAP" else COUNT  # whose metadata rosbags reads for a second
+    outcome = worker.do({"target": name, "seed": 0, "count": count})
     assert outcome.problem is None, outcome.asking
     read, refused, found = outcome.value
     assert [finding.problem for finding in found] == []
-    assert read + refused == COUNT
+    assert read + refused == count

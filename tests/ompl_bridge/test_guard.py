@@ -45,9 +45,7 @@ for name in planner_names():
     problem.motions._single = problem.validity._single = single
     problem.setup.clear()
     tell(**{name: [raised, problem.solve(0.01).asString()]})
-    # Its planner and states are freed; the end of the interpreter is not asked about, thirty times.
-    del problem
-    os._exit(0)
+    sys.exit()
 tell(ended=ended)
 """
 

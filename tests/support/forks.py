@@ -9,9 +9,7 @@ has ended with its status. It ends with its parent.
 
 from __future__ import annotations
 
-import contextlib
 import gc
-import io
 import json
 import os
 import runpy
@@ -122,13 +120,16 @@ def _serve() -> dict[str, Any] | None:
     """Return None once stdin has ended, and in each child its job."""
     from ompl import base, geometric, util  # noqa: F401  # for the children
 
-    from trailmark import World, plotting  # noqa: F401  # plotting for the children, too
-    from trailmark.cli import main as shell
+    from trailmark import World, estimation, exploration, plotting  # noqa: F401  # all but World for the children, too
+    from trailmark.cli import main  # noqa: F401
     from trailmark.library import find_world
+    from trailmark.planning.warmup import ROBOTS, warm_up
 
     World.load(find_world("office"))
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        assert shell(["warmup"]) == 0
+    for kind in ROBOTS:
+        for use in ("plan", "many", "changes", "moving"):
+            warm_up(kind, use)
+        warm_up(kind, weighted=True)
     assert threading.active_count() == 1, "a thread is lost in a fork"
     gc.collect()
     gc.freeze()  # else the first collection of a child copies all that it inherits
