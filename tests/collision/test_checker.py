@@ -12,7 +12,7 @@ from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import ROBOTS, random_states, random_world, star_polygon
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.support.trials import few, thorough
+from tests.support.trials import few, pairs
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError, WorldError
@@ -29,10 +29,7 @@ WORLDS = {
     "2,000 obstacles": random_world(5, 2000, radii=(0.1, 1.0), discs=0.2),
     "no obstacles": random_world(6, 0, size=8.0),
 }
-PAIRS = [
-    (world, name) for i, world in enumerate(WORLDS) for j, name in enumerate(ROBOTS) if i % 3 == j % 3 or thorough()
-]
-"""Each world with two robots, and each robot in one world or more; every one in every world where all is asked for."""
+PAIRS = pairs(WORLDS, ROBOTS)
 
 
 def states_near_contact(checker: StateChecker, n: int, rng: np.random.Generator) -> FloatArray:

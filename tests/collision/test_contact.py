@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import pytest
 from benchmarks.oracle import Oracle
-from tests.support.trials import thorough, trials
+from tests.support.trials import pairs, trials
 
 from trailmark.collision import StateChecker
 from trailmark.se2 import FloatArray
@@ -128,8 +128,7 @@ def lattice_world(occupied: np.ndarray, origin: FloatArray, rng: np.random.Gener
 
 CELLS = [None, 0.5, 7 / (16 - 0.8137), 3 / (9 - 0.8137)]
 ORIGINS = [(0.0, 0.0), (-7.0, 3.0), (0.1, 0.3), (1e5, -1e5)]
-LATTICES = [(cell, origin) for i, cell in enumerate(CELLS) for j, origin in enumerate(ORIGINS) if i == j or thorough()]
-"""Each size of cells and each origin once; all pairs where all is asked for."""
+LATTICES = pairs(CELLS, ORIGINS, of=4)
 
 
 @pytest.mark.slow

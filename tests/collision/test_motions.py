@@ -12,7 +12,7 @@ from benchmarks.oracle import Oracle, motion_states
 from benchmarks.random_worlds import ROBOTS, random_states, random_world, short_motions
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.support.trials import few, thorough
+from tests.support.trials import few, pairs
 
 from trailmark import se2
 from trailmark.collision import StateChecker, kernels
@@ -28,10 +28,7 @@ WORLDS = {
     "far": random_world(23, 100, discs=0.3, holes=0.3, boundary=True, origin=(1e5, -1e5)),
     "crowded": random_world(24, 25, size=20.0, radii=(0.1, 1.0), discs=0.3, holes=0.4),
 }
-PAIRS = [
-    (world, name) for i, world in enumerate(WORLDS) for j, name in enumerate(ROBOTS) if i % 3 == j % 3 or thorough()
-]
-"""Each world with two robots, and each robot in one world or more; every one in every world where all is asked for."""
+PAIRS = pairs(WORLDS, ROBOTS)
 
 
 def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:

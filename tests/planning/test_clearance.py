@@ -91,7 +91,8 @@ def test_paths_in_random_worlds_keep_the_clearance(name: str, radius: float | No
         if result.path is not None:
             solved += 1
             assert least(world, robot, result.path) >= clearance - ALLOWED
-            assert result.min_clearance >= clearance - ALLOWED  # type: ignore[operator]
+            assert result.min_clearance is not None
+            assert result.min_clearance >= clearance - ALLOWED
             assert result.clearance == clearance
             audit = check_path(world, robot.keeping(clearance), result.path)
             assert audit.free

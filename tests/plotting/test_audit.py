@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path as FilePath
-from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
-from PIL import Image
+from tests.support.pictures import colours_of, is_colour
 
 from trailmark.audit import check_path
 from trailmark.moving import Moving
@@ -24,10 +22,8 @@ ROBOT = Robot.rectangle(0.8, 0.4)
 
 def share(file: FilePath, colour: str) -> float:
     """Return the share of a picture's pixels that have a colour."""
-    with Image.open(file) as picture:
-        found: Any = picture.convert("RGB").getcolors(picture.width * picture.height)
-    counts, colours = (np.array(rows) for rows in zip(*found, strict=True))
-    return float(counts[np.abs(colours / 255.0 - to_rgb(colour)).max(axis=-1) < 0.02].sum() / counts.sum())
+    rgb, counts = colours_of(file)
+    return float(counts[is_colour(rgb, colour, 0.02)].sum() / counts.sum())
 
 
 @pytest.mark.slow

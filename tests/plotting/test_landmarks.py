@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
+from tests.support.pictures import colours_of, is_colour
 
 from trailmark.collision import StateChecker
 from trailmark.errors import OutputError
@@ -50,18 +50,6 @@ def executions() -> list[Execution]:
     checker = StateChecker(ROOM)
     start = np.array(QUERY.start)
     return [execute_paper(checker, 400, 8, random_state=seed, start=start) for seed in range(3)]
-
-
-def colours_of(file: FilePath) -> tuple[Any, Any]:
-    """Return the colours of a picture, rgb in 0..1 of shape (n, 3), and how many pixels have each, shape (n,)."""
-    with Image.open(file) as picture:
-        found: Any = picture.convert("RGB").getcolors(picture.width * picture.height)
-    counts, colours = zip(*found, strict=True)
-    return np.array(colours) / 255.0, np.array(counts)
-
-
-def is_colour(rgb: Any, colour: str, tolerance: float = 0.03) -> Any:
-    return np.abs(rgb - np.array(to_rgb(colour))).max(axis=-1) < tolerance
 
 
 class Canvas:

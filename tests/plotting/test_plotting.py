@@ -15,6 +15,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 from tests.support.forks import Forks
+from tests.support.pictures import colours_of, is_colour
 
 from trailmark import plotting
 from trailmark.collision import StateChecker
@@ -62,18 +63,6 @@ class Canvas:
         rgb = np.asarray(self.canvas.buffer_rgba())[..., :3] / 255.0
         rows, columns = np.indices(rgb.shape[:2])
         return rgb, self.view[0] + (columns + 0.5) * self.size, self.view[3] - (rows + 0.5) * self.size
-
-
-def is_colour(rgb: Any, colour: str, tolerance: float = 0.03) -> Any:
-    return np.abs(rgb - np.array(to_rgb(colour))).max(axis=-1) < tolerance
-
-
-def colours_of(file: FilePath) -> tuple[Any, Any]:
-    """Return the colours of a picture, rgb in 0..1 of shape (n, 3), and how many pixels have each, shape (n,)."""
-    with Image.open(file) as picture:
-        found: Any = picture.convert("RGB").getcolors(picture.width * picture.height)
-    counts, colours = zip(*found, strict=True)
-    return np.array(colours) / 255.0, np.array(counts)
 
 
 def result_of(path: Path | None, status: str = "solved") -> Any:

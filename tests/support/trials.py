@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from itertools import product
+from typing import TypeVar
+
 from hypothesis import settings
 
-__all__ = ["THOROUGH", "few", "thorough", "trials"]
+__all__ = ["THOROUGH", "few", "pairs", "thorough", "trials"]
+
+A = TypeVar("A")
+B = TypeVar("B")
 
 THOROUGH = 1000
 """Examples of a property in the profile that asks for all."""
@@ -23,3 +30,12 @@ def few(count: int, of: int = 3) -> int:
 def trials(count: int, of: int = 3) -> range:
     """Return the seeds of the random trials to make, of which there are ``count``."""
     return range(few(count, of))
+
+
+def pairs(some: Iterable[A], others: Iterable[B], of: int = 3) -> list[tuple[A, B]]:
+    """Return one of ``of`` pairs of two kinds of cases, or all of them.
+
+    Each case is in a pair if there are ``of`` or more of either kind.
+    """
+    every = product(enumerate(some), enumerate(others))
+    return [(a, b) for (i, a), (j, b) in every if i % of == j % of or thorough()]
