@@ -10,6 +10,7 @@ has ended with its status. It ends with its parent.
 from __future__ import annotations
 
 import gc
+import importlib
 import json
 import os
 import runpy
@@ -30,6 +31,28 @@ __all__ = ["Forks", "complaints"]
 ROOT = Path(__file__).resolve().parents[2]
 SILENT = {"MPLBACKEND": "Agg", "OMP_NUM_THREADS": "1"}
 """Nothing is shown on a screen; a pool of threads would not survive a fork."""
+IMPORTED = (
+    "filterpy.kalman",
+    "gtsam",
+    "matplotlib.pyplot",
+    "ompl.geometric",
+    "ompl.util",
+    "scipy.stats",
+    "sklearn.cluster",
+    "trailmark.audit",
+    "trailmark.benchmark.isolation.child",
+    "trailmark.benchmark.report",
+    "trailmark.cli",
+    "trailmark.estimation.maps.log_map",
+    "trailmark.exploration.explorer",
+    "trailmark.exploration.warmup",
+    "trailmark.formats.schema",
+    "trailmark.ompl_bridge",
+    "trailmark.plotting",
+    "trailmark.roadmap.graph",
+    "trailmark.trajectories",
+)
+"""What the children need sooner or later."""
 
 
 class Forks:
@@ -118,10 +141,9 @@ def main() -> None:
 
 def _serve() -> dict[str, Any] | None:
     """Return None once stdin has ended, and in each child its job."""
-    from ompl import base, geometric, util  # noqa: F401  # for the children
-
-    from trailmark import World, estimation, exploration, plotting  # noqa: F401  # all but World for the children, too
-    from trailmark.cli import main  # noqa: F401
+    for module in IMPORTED:
+        importlib.import_module(module)
+    from trailmark import World
     from trailmark.library import find_world
     from trailmark.planning.warmup import ROBOTS, warm_up
 
