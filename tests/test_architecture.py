@@ -89,21 +89,37 @@ def imported_modules(text: str, package: list[str]) -> list[tuple[str, int]]:
 
     Imports for type checkers only count too: a part that needs another's types depends on it.
     """
-    found = []
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import):
-            found += [(alias.name, node.lineno) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            base = node.module or ""
-            if node.level:
-                parents = package[: len(package) - node.level + 1]
-                base = ".".join([*parents, base] if base else parents)
-            found += [(base, node.lineno), *((f"{base}.{alias.name}", node.lineno) for alias in node.names)]
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
-            name = node.func.id if isinstance(node.func, ast.Name) else node.func.attr
-            first = node.args[0] if node.args else None
-            if name in ("import_module", "__import__") and isinstance(first, ast.Constant):
-                found.append((str(first.value), node.lineno))
+    tree = ast.parse(text)
+    # Most nodes are expressions, which import nothing but by a function with a name of its own.
+    nodes = ast.walk(tree) if re.search(r"import_module|__import__", text) else statements_of(tree)
+    return [found for node in nodes for found in modules_of(node, package)]
+
+
+def statements_of(tree: ast.Module) -> list[ast.AST]:
+    """Return all statements of a file, and what has statements within it."""
+    found: list[ast.AST] = [tree]
+    for node in found:  # grows
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            found += getattr(node, part, [])
+    return found
+
+
+def modules_of(node: ast.AST, package: list[str]) -> list[tuple[str, int]]:
+    """Return the modules that a statement or a call imports, without those within it."""
+    found: list[tuple[str, int]] = []
+    if isinstance(node, ast.Import):
+        found += [(alias.name, node.lineno) for alias in node.names]
+    elif isinstance(node, ast.ImportFrom):
+        base = node.module or ""
+        if node.level:
+            parents = package[: len(package) - node.level + 1]
+            base = ".".join([*parents, base] if base else parents)
+        found += [(base, node.lineno), *((f"{base}.{alias.name}", node.lineno) for alias in node.names)]
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name | ast.Attribute):
+        name = node.func.id if isinstance(node.func, ast.Name) else node.func.attr
+        first = node.args[0] if node.args else None
+        if name in ("import_module", "__import__") and isinstance(first, ast.Constant):
+            found.append((str(first.value), node.lineno))
     return found
 
 
@@ -180,7 +196,7 @@ def imports_when_loaded(file: Path) -> set[Path]:
         if isinstance(node, ast.If) and ast.unparse(node.test) != "TYPE_CHECKING":
             nodes += [*node.body, *node.orelse]
         elif isinstance(node, ast.Import | ast.ImportFrom):
-            names = [module.split(".")[1:] for module, _ in imported_modules(ast.unparse(node), package)]
+            names = [module.split(".")[1:] for module, _ in modules_of(node, package)]
             paths = [{SOURCE.joinpath(*n).with_suffix(".py"), SOURCE.joinpath(*n, "__init__.py")} for n in names if n]
             there = [path for path in sorted(set().union(*paths)) if path.exists() and path.is_relative_to(SOURCE)]
             # ``from package import module`` asks for the module; the package around it is being imported already.

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.support.trials import trials
 
 from trailmark.changes import Change, Changes
 from trailmark.errors import WorldError
@@ -151,7 +152,7 @@ def test_random_edits_agree_with_lists() -> None:
     world = World("w", BOUNDS)
     rows: list[tuple[str | None, Disc]] = []
     first, count = world, 0
-    for _ in range(300):
+    for _ in trials(300):
         picked = rng.sample(range(len(rows)), min(len(rows), rng.randrange(4)))
         verbs = {i: rng.choice(("remove", "move", "replace")) for i in picked}
         key: dict[int, Any] = {i: rows[i][0] if rows[i][0] and rng.random() < 0.5 else i for i in picked}

@@ -145,12 +145,25 @@ def distances(world: World, h: float, limit: float) -> NDArray[np.float64]:
     field = np.minimum(limit, np.minimum(np.minimum(x - x0, x1 - x), np.minimum(y - y0, y1 - y)))
     for each in [*world.obstacles, outside(world)] if world.boundary is not None else world.obstacles:
         solid, r = (each, 0.0) if isinstance(each, shapely.Geometry) else (region(each), radius(each))
-        low, high = np.array(solid.bounds[:2]) - r - limit, np.array(solid.bounds[2:]) + r + limit
-        i0, j0 = np.maximum((low - (x0, y0)) / h - 1, 0).astype(int)
-        i1, j1 = np.maximum((high - (x0, y0)) / h + 1, 0).astype(int)
+        low, high = np.array(solid.bounds[:2]), np.array(solid.bounds[2:])
+        i0, j0 = np.maximum((low - r - limit - (x0, y0)) / h - 1, 0).astype(int)
+        i1, j1 = np.maximum((high + r + limit - (x0, y0)) / h + 1, 0).astype(int)
         near = (slice(i0, i1), slice(j0, j1))
-        field[near] = np.minimum(field[near], shapely.distance(shapely.points(x[near], y[near]), solid) - r)
+        # The box around it is no farther away, and is itself what is meant if it is a disc's centre or not turned.
+        gap = to_box(x[near], y[near], low, high) - r
+        if not isinstance(each, Disc) and solid.area < (1.0 - 1e-12) * np.prod(high - low):
+            closer = gap < field[near]
+            gap[closer] = shapely.distance(shapely.points(x[near][closer], y[near][closer]), solid)
+        field[near] = np.minimum(field[near], gap)
     return np.asarray(field)
+
+
+def to_box(
+    x: NDArray[np.float64], y: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distance from points to a box that is not turned, 0 within it."""
+    dx, dy = np.maximum(low[0] - x, x - high[0]), np.maximum(low[1] - y, y - high[1])
+    return np.asarray(np.hypot(np.maximum(dx, 0.0), np.maximum(dy, 0.0)))
 
 
 def cover(robot: Robot, side: float) -> tuple[NDArray[np.float64], float]:
@@ -187,7 +200,8 @@ def connected(world: World, h: float, headings: int, side: float) -> dict[str, b
     # Distances in whole steps, rounded to the safe side: bytes compare fast.
     step = limit / 255
     steps = np.pad(np.clip(field / step, 0, 255).astype(np.uint8), reach)
-    free = np.empty((headings, *field.shape), bool)
+    free = np.ones((headings, *field.shape), bool)
+    room = np.empty(field.shape, bool)
     # A rectangle half a turn on is the same rectangle.
     half = headings // 2 if isinstance(world.robot.footprint, Rectangle) and headings % 2 == 0 else headings
     for k in range(half):
@@ -196,9 +210,10 @@ def connected(world: World, h: float, headings: int, side: float) -> dict[str, b
         cells = np.rint(places).astype(int)
         slack = np.hypot(*(places - cells).T) * h + h / math.sqrt(2) + arms * math.pi / headings
         needed = np.ceil((rho + slack) / step).astype(int)
-        free[k] = True
-        for (i, j), least in zip(cells + reach, needed, strict=True):
-            free[k] &= steps[i : i + field.shape[0], j : j + field.shape[1]] >= least
+        assert needed.max() <= 255
+        for (i, j), least in zip(cells + reach, needed.astype(np.uint8), strict=True):
+            np.greater_equal(steps[i : i + field.shape[0], j : j + field.shape[1]], least, out=room)
+            np.logical_and(free[k], room, out=free[k])
     free[half:] = free[: headings - half]
     labels, count = ndimage.label(free)
     # The last heading neighbours the first one.

@@ -33,7 +33,7 @@ def test_broken_parts_are_planned_anew(robot: Robot) -> None:
 
     def plan(start: FloatArray, goal: FloatArray) -> Path | None:
         asked.append((start[0], goal[0]))
-        return planner.plan(start, goal, time_limit=0.5).path
+        return planner.plan(start, goal, 5.0, max_iterations=1, gap=np.inf).path
 
     audit = auditor.audit(STRAIGHT)
     assert len(audit.collisions) == 3

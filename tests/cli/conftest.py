@@ -6,6 +6,7 @@ import os
 import pty
 import subprocess
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import typer
+from tests.support.forks import Forks
 
 import trailmark
 from trailmark.cli import app, main
@@ -77,6 +79,33 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Callable[..., Run]:
     return run
 
 
+SIZE = {"TERM": "xterm-256color", "COLUMNS": "100"}
+ON_TERMINAL = """
+import os
+os.dup2(os.open(os.environ.pop("TRAILMARK_TEST_TERMINAL"), os.O_RDWR | os.O_NOCTTY), 2)
+"""
+MAIN = """
+import sys
+from trailmark.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+"""The command itself, for ``forked_terminal``."""
+
+
+def shown_on(outside: int) -> str:
+    """Return all that is written on a terminal, until nobody has its inner end open."""
+    shown = b""
+    while True:
+        try:
+            chunk = os.read(outside, 1 << 16)
+        except OSError:  # how Linux says that the other end was closed
+            chunk = b""
+        if not chunk:
+            os.close(outside)
+            return shown.decode()
+        shown += chunk
+
+
 @pytest.fixture
 def terminal(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Run]:
     """Run a process whose stderr is a terminal of 100 columns and whose stdout is not."""
@@ -84,21 +113,29 @@ def terminal(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Run]:
     def run(*words: object) -> Run:
         outside, inside = pty.openpty()
         stdout = tmp_path_factory.mktemp("terminal") / "stdout"
-        environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "100"}
         with stdout.open("wb") as out:
-            process = subprocess.Popen(list(map(str, words)), stdout=out, stderr=inside, env=environment)
+            process = subprocess.Popen(list(map(str, words)), stdout=out, stderr=inside, env=os.environ | SIZE)
         os.close(inside)
-        shown = b""
-        while True:
+        shown = shown_on(outside)
+        return Run(process.wait(), stdout.read_text(), shown)
+
+    return run
+
+
+@pytest.fixture
+def forked_terminal(forks: Forks) -> Callable[..., Run]:
+    """Run a program (text) with arguments as ``terminal`` does, in a process that has everything imported."""
+
+    def run(program: str, *words: object) -> Run:
+        outside, inside = pty.openpty()
+        environment = os.environ | SIZE | {"TRAILMARK_TEST_TERMINAL": os.ttyname(inside)}
+        with ThreadPoolExecutor(1) as reader:
+            shown = reader.submit(shown_on, outside)
             try:
-                chunk = os.read(outside, 1 << 16)
-            except OSError:  # how Linux says that the other end was closed
-                chunk = b""
-            if not chunk:
-                break
-            shown += chunk
-        os.close(outside)
-        return Run(process.wait(), stdout.read_text(), shown.decode())
+                done = forks.run(["-c", ON_TERMINAL + program, *map(str, words)], timeout=300.0, env=environment)
+            finally:
+                os.close(inside)
+            return Run(done.returncode, done.stdout, shown.result().partition("nanobind: leaked")[0])
 
     return run
 

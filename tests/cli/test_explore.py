@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -52,6 +51,9 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("trailmark.cli.explore._draw", lambda result, folder: None)
 
 
+UNDRAWN = sorted(name for name in FILES if Path(name).stem != "exploration")
+
+
 @pytest.fixture
 def rooms(tmp_path: Path) -> Path:
     ROOMS.save(tmp_path / "rooms.yaml")
@@ -63,10 +65,13 @@ START = ("--start", "1,1,0")
 
 @pytest.mark.slow
 def test_everything_is_written(shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer]) -> None:
-    for _ in range(2):  # the second time each file is written again
+    status: Status
+    for status, ends in (("interrupted", 130), ("complete", 0)):  # the second time each file is written again
+        explorer.status = status
         run = shell("explore", rooms, *START, "--output", tmp_path / "run")
-        assert (run.status, run.err) == (0, "")
+        assert (run.status, run.err) == (ends, "trailmark: error: interrupted\n" if ends else "")
         assert sorted(file.name for file in (tmp_path / "run").iterdir()) == sorted(FILES)
+        assert f"rooms: {status}" in run.out
     for said in ("rooms: complete", "99.80% of what can be seen, 0 collisions, NEES 2.90", "8.77 m", "4 driven to"):
         assert said in run.out
     assert str(tmp_path / "run") in run.out
@@ -123,14 +128,9 @@ def test_how_it_ended_is_the_exit_status(
     assert json.loads(run.out)["status"] == status
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 def test_an_interruption_keeps_all_and_is_gone_on_with(
-    shell: Shell,
-    rooms: Path,
-    tmp_path: Path,
-    explorer: type[FakeExplorer],
-    monkeypatch: pytest.MonkeyPatch,
-    request: pytest.FixtureRequest,
+    shell: Shell, rooms: Path, tmp_path: Path, explorer: type[FakeExplorer], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     explorer.status = "interrupted"
@@ -138,12 +138,11 @@ def test_an_interruption_keeps_all_and_is_gone_on_with(
     assert run.status == 130
     assert run.err == "trailmark: error: interrupted\n"
     assert "rooms: interrupted" in run.out
-    assert sorted(file.name for file in (tmp_path / "run").iterdir()) == sorted(FILES)
+    assert sorted(file.name for file in (tmp_path / "run").iterdir()) == UNDRAWN
 
     explorer.status = "complete"
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")  # the world is found all the same
-    request.getfixturevalue("undrawn")
     run = shell("explore", "--resume", "../run", "--strategy", "nearest-frontier")
     assert (run.status, run.err) == (0, "")
     before, after = explorer.calls
@@ -245,10 +244,10 @@ sys.exit(main(["explore", {world!r}, "--start", "1,1,0", "--output", {output!r},
 
 
 @pytest.mark.slow
-def test_a_terminal_shows_how_far_it_is(terminal: Shell, rooms: Path, tmp_path: Path) -> None:
+def test_a_terminal_shows_how_far_it_is(forked_terminal: Shell, rooms: Path, tmp_path: Path) -> None:
     root = str(Path(__file__).resolve().parents[2])
     program = PROGRAM.format(root=root, world=str(rooms), output=str(tmp_path / "run"))
-    run = terminal(sys.executable, "-c", program)
+    run = forked_terminal(program)
     assert run.status == 0
     for said in ("exploring", "m² known", "m driven", "landmarks", "pose σ"):
         assert said in run.err
@@ -258,24 +257,20 @@ def test_a_terminal_shows_how_far_it_is(terminal: Shell, rooms: Path, tmp_path: 
 SMALL = """\
 trailmark: 1
 name: small
-bounds: [0.0, 0.0, 4.0, 3.0]
+bounds: [0.0, 0.0, 3.2, 2.4]
 robot: {shape: disc, radius: 0.25}
 obstacles:
-  - {shape: rectangle, center: [2.0, 0.8], length: 0.2, width: 1.6}
+  - {shape: rectangle, center: [1.6, 0.6], length: 0.2, width: 1.2}
 queries:
-  - {name: across, start: [1.0, 1.0, 0.0], goal: [3.0, 1.0, 0.0]}
+  - {name: across, start: [0.7, 0.7, 0.0], goal: [2.5, 0.7, 0.0]}
 """
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(("number", "impatient"), [(signal.SIGINT, False), (signal.SIGTERM, True)])
 def test_ctrl_c_in_the_middle_and_on_to_the_end(
-    shell: Shell,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    request: pytest.FixtureRequest,
-    number: int,
-    impatient: bool,
+    shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, impatient: bool
 ) -> None:
     file, folder, step, steps = tmp_path / "small.yaml", tmp_path / "run", Explorer.step, list[float]()
     file.write_text(SMALL)
@@ -299,14 +294,13 @@ def test_ctrl_c_in_the_middle_and_on_to_the_end(
         assert sorted(kept.name for kept in folder.iterdir()) == ["log.jsonl", "resume.npz"]
     else:
         run = shell("explore", file, "--sensor-range", "2", "--output", folder)
-        assert sorted(kept.name for kept in folder.iterdir()) == sorted(FILES)
+        assert sorted(kept.name for kept in folder.iterdir()) == UNDRAWN
         assert json.loads((folder / "summary.json").read_text())["status"] == "interrupted"
     assert run.status == 130
     assert run.err.endswith("trailmark: error: interrupted\n")
     first = load_exploration(folder)
     assert len(first.history) == 8
 
-    request.getfixturevalue("undrawn")
     run = shell("explore", "--resume", folder, "--json")
     assert run.status == 0
     summary, second = json.loads(run.out), load_exploration(folder)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
+from tests.cli.conftest import MAIN
 
 from trailmark.library import shipped_worlds
 from trailmark.world import World
@@ -103,11 +103,11 @@ def test_boxes_are_grown_where_the_published_runs_have_them_so_and_where_asked(s
 
 
 @pytest.mark.slow
-def test_paths_lead_over_the_landmarks_or_it_says_that_they_do_not(shell: Shell) -> None:
+def test_paths_lead_over_the_landmarks_or_it_says_that_they_do_not(shell: Shell, yard: Path) -> None:
     found = record(shell, "environment1", "-k", 12, "--runs", 1)
     world = World.load(shipped_worlds()["environment1"])
     assert [path["query"] for path in found["paths"]] == [query.name for query in world.queries[:4]]
-    few = ("environment2", "-k", 2, "-n", 300, "--runs", 1)
+    few = (yard, "-k", 1, "-n", 300, "--runs", 1)
     assert any(path["cost"] is None for path in record(shell, *few)["paths"])
     text = shell("landmarks", *few)
     assert "the landmarks do not connect it" in text.out
@@ -125,7 +125,7 @@ def test_trailmarks_own_method(shell: Shell, yard: Path) -> None:
 
 @pytest.mark.slow
 def test_the_sensors_range_says_how_many(shell: Shell, yard: Path) -> None:
-    counts = [record(shell, yard, "--sensor-range", reach, "--runs", 1)["k"] for reach in (20, 2, 1)]
+    counts = [record(shell, yard, "--sensor-range", reach, "--runs", 1)["k"] for reach in (20, 4, 2)]
     assert counts[0] == 1
     assert counts[0] < counts[1] < counts[2]
 
@@ -180,7 +180,7 @@ def test_pictures(shell: Shell, yard: Path, tmp_path: Path, suffix: str, magic: 
     picture = tmp_path / f"landmarks{suffix}"
     if suffix == ".pdf":  # of runs alone: each path has a panel, too
         yard.write_text(yard.read_text().partition("queries:")[0])
-    words = ("-k", 4, "-n", 200, "--runs", 2 if suffix == ".pdf" else 1, "--seed", 5)
+    words = ("-k", 4, "-n", 200, "--runs", 1, "--seed", 5)
     run = shell("landmarks", yard, *words, "--plot", picture)
     assert run.status == 0
     assert str(picture) in run.out
@@ -192,15 +192,15 @@ def test_a_robot_that_does_not_fit_a_query_gets_its_picture_without_that_path(
     shell: Shell, yard: Path, tmp_path: Path
 ) -> None:
     picture = tmp_path / "wide.png"
-    run = shell("landmarks", yard, "-k", 2, "--runs", 1, "--robot", "disc:1.1", "--plot", picture)
+    run = shell("landmarks", yard, "-k", 2, "-n", 200, "--runs", 1, "--robot", "disc:1.1", "--plot", picture)
     assert (run.status, run.err) == (0, "")
     assert picture.stat().st_size > 10_000
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
-def test_many_points_show_their_progress(terminal: Callable[..., Any], yard: Path) -> None:
-    run = terminal(sys.executable, "-m", "trailmark.cli", "landmarks", yard, "-n", 110_000, "-k", 200, "--runs", 1)
+def test_many_points_show_their_progress(forked_terminal: Callable[..., Any], yard: Path) -> None:
+    run = forked_terminal(MAIN, "landmarks", yard, "-n", 110_000, "-k", 200, "--runs", 1)
     assert run.status == 0
     assert "batches" in run.out
     assert " points" in run.err

@@ -81,7 +81,7 @@ def test_forward_only_needs_a_turning_radius(shell: Shell, yard: Path, planner: 
 def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
     files, picture = [tmp_path / f"path{suffix}" for suffix in (".json", ".csv", ".path")], tmp_path / "plan.svg"
     for file, drawn in zip(files, [("--plot", picture), (), ()], strict=True):
-        run = shell("plan", cars, "--json", "--output", file, *drawn, "--time-limit", "20")
+        run = shell("plan", cars, "--json", "--output", file, *drawn, "--time-limit", "20", "--max-iterations", "1")
         assert run.status == 0
         record = json.loads(run.out)
         curve = record["curve"]
@@ -95,14 +95,14 @@ def test_from_end_to_end(shell: Shell, cars: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_summary_tells_of_the_curves(shell: Shell, cars: Path) -> None:
-    run = shell("plan", cars, "--forward-only", "--time-limit", "20")
+    run = shell("plan", cars, "--forward-only", "--time-limit", "20", "--max-iterations", "1")
     assert run.status == 0
     assert "Dubins, turning radius 0.9 m, 0 changes of direction" in run.out
 
 
 @pytest.mark.slow
 def test_costs_of_maneuvers(shell: Shell, worlds: Path) -> None:
-    given = ("plan", worlds / "parking.yaml", "--query", "bay", "--turning-radius", "4.5", "--time-limit", "0.5")
+    given = ("plan", worlds / "parking.yaml", "--query", "bay", "--turning-radius", "4.5", "--max-iterations", "1")
     run = shell(*given, "--direction-change-cost", "2", "--reverse-cost", "1.2", "--json")
     assert run.status == 0
     record = json.loads(run.out)

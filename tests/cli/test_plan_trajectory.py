@@ -39,7 +39,8 @@ def test_a_trajectory_is_written_and_told(shell: Shell, yard: Path, planner: Any
 
 @pytest.mark.slow
 def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: Path) -> None:
-    run = shell("plan", yard, "--smooth", "--json", "--output", tmp_path / "path.json", "--time-limit", "0.5")
+    words = ("plan", yard, "--smooth", "--max-iterations", "1", "--time-limit", "20")
+    run = shell(*words, "--json", "--output", tmp_path / "path.json")
     assert run.status == 0
     record = json.loads(run.out)
     assert record["smooth"]["max_curvature"] >= 0.0
@@ -47,13 +48,13 @@ def test_a_smooth_path_says_where_it_stops(shell: Shell, yard: Path, tmp_path: P
     assert all(np.shape(stop) == (3,) for stop in record["smooth"]["stops"])
     assert json.loads((tmp_path / "path.json").read_text())["states"] == record["states"]
     assert record["cost"] == pytest.approx(record["length"] + 0.5 * record["rotation"], rel=1e-9)
-    assert "stops on the way" in shell("plan", yard, "--smooth", "--time-limit", "0.3").out
+    assert "stops on the way" in shell(*words).out
 
 
 @pytest.mark.slow
 def test_the_cost_of_a_smooth_path_is_its_own(shell: Shell, yard: Path) -> None:
     limits = ("--max-speed", "0.5", "--max-turn-rate", "0.8")
-    words = ("--smooth", "--json", "--time-limit", "0.5", "--objective", "time", *limits)
+    words = ("--smooth", "--json", "--max-iterations", "1", "--objective", "time", *limits)
     record = json.loads(shell("plan", yard, *words).out)
     assert record["cost"] == pytest.approx(record["length"] / 0.5 + record["rotation"] / 0.8, rel=1e-3)
 
@@ -94,7 +95,8 @@ def test_lines_between_rows_are_free_where_the_arc_is() -> None:
 @pytest.mark.parametrize("suffix", [".gif", ".html"])
 def test_the_robot_is_shown_along_its_path(shell: Shell, yard: Path, planner: Any, tmp_path: Path, suffix: str) -> None:
     file = tmp_path / f"drive{suffix}"
-    assert shell("plan", yard, "--animate", file, "--max-speed", "9", "--max-acceleration", "99").status == 0
+    fast = ("--max-speed", 9, "--max-acceleration", 99, "--max-turn-rate", 9, "--max-turn-acceleration", 99)
+    assert shell("plan", yard, "--animate", file, *fast).status == 0
     assert file.stat().st_size > 1000
 
 

@@ -50,7 +50,8 @@ def states_near_contact(checker: StateChecker, n: int, rng: np.random.Generator)
 def test_validity_and_clearance_agree_with_shapely(world: str, name: str) -> None:
     checker = StateChecker(WORLDS[world], ROBOTS[name])
     oracle = Oracle(WORLDS[world], ROBOTS[name])
-    q = states_near_contact(checker, 600, np.random.default_rng(7))
+    # Those that nearly touch, and a few of the others, about which there is little doubt.
+    q = states_near_contact(checker, 600, np.random.default_rng(7))[-400:]
     valid = checker.valid(q)
     assert not oracle.disagrees(q, valid).any()
     some = q[-160:]

@@ -26,10 +26,10 @@ def square(x: float, y: float, size: float) -> Polygon:
 def test_fcl_agrees_with_shapely(name: str, origin: tuple[float, float]) -> None:
     world = random_world(11, 40, size=30.0, radii=(0.3, 3.0), discs=0.3, holes=0.4, boundary=True, origin=origin)
     scene, oracle = FclScene(world, ROBOTS[name]), Oracle(world, ROBOTS[name])
-    q = random_states(world, 200, np.random.default_rng(5), 1.0)
+    q = random_states(world, 100, np.random.default_rng(5), 1.0)
     free = np.array([not scene.collides(row) for row in q])
     assert not oracle.disagrees(q, free).any()
-    assert 8 < free.sum() < 192
+    assert 8 < free.sum() < 92
     clearance = np.array([scene.clearance(row) for row in q])
     assert clearance == pytest.approx(oracle.clearance(q), abs=1e-10)
 

@@ -84,7 +84,7 @@ def curves(
 @pytest.mark.parametrize("origin", ORIGINS)
 def test_rounding_makes_no_curve_longer(origin: tuple[float, float], radius: float, reverse: bool) -> None:
     steering = Steering(radius, reverse)
-    made = curves(origin, radius, reverse, few(1200))
+    made = curves(origin, radius, reverse, few(1200, of=6))
     a, b = np.array([row[0] for row in made]), np.array([row[1] for row in made])
     longer = steering.lengths(a, b) - [row[2] for row in made]
     # Moving aside costs a car the square root of how far: where it has to, it does so by manoeuvres.

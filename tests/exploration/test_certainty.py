@@ -41,7 +41,7 @@ def test_strategies_are_told_with_noise_and_without_there_is_nothing_to_tell() -
             told.append(outlook)
             return int(np.argmin(outlook.costs))
 
-        settings = ExplorationSettings(time_limit=6.0, cell=0.1, sense_period=0.2)
+        settings = ExplorationSettings(time_limit=6.0, cell=0.1, sense_period=0.4)
         explorer = Explorer(
             world, strategy=first, sensor_range=2.0, start=(0.6, 1.5, 0.0), noise=noise, settings=settings
         )
@@ -99,9 +99,9 @@ def test_from_a_dead_end_nothing_is_gained_by_driving_back() -> None:
 @pytest.mark.usefixtures("waited")
 def test_a_ring_of_corridors_is_closed_before_the_exploration_ends() -> None:
     """Where the two ends of the drive meet, the map is off by what drifted around the ring, and seems not all seen."""
-    world = World("ring", (0.0, 0.0, 16.0, 16.0), (Rectangle((8.0, 8.0), 12.0, 12.0),), Robot.disc(0.3))
-    settings = ExplorationSettings(sense_period=0.6)  # fewer readings suffice
-    explorer = Explorer(world, start=(8.0, 1.0, 0.0), sensor_range=5.0, noise=1.0, settings=settings)
+    world = World("ring", (0.0, 0.0, 16.0, 16.0), (Rectangle((8.0, 8.0), 13.0, 13.0),), Robot.disc(0.3))
+    settings = ExplorationSettings(sense_period=1.2)  # fewer readings suffice
+    explorer = Explorer(world, start=(8.0, 0.75, 0.0), sensor_range=5.0, noise=1.0, settings=settings)
     events = list[str]()
     result = explorer.run(on_progress=lambda progress: events.append(progress.event))
     assert result.status == "complete"
@@ -109,4 +109,4 @@ def test_a_ring_of_corridors_is_closed_before_the_exploration_ends() -> None:
     assert result.evaluation is not None
     assert result.evaluation.seen > 0.999
     assert result.evaluation.nees < 2.0
-    assert result.history[-1].distance < 65.0  # once around are 56
+    assert result.history[-1].distance < 67.0  # once around are 58

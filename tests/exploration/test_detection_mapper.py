@@ -99,7 +99,7 @@ def test_with_noise_what_may_be_outside_the_bounds_is_closed() -> None:
     for seed in trials(3):
         robot, mapper = begun(1.0, 0.99, seed)
         world, widths = None, []
-        for _ in range(10):
+        for _ in range(6):
             assert not any(drive(robot, mapper, 10, turn=0.02))
             world, _ = drawn(mapper, world)
             shapes = dict(zip(world.ids, world.obstacles, strict=True))

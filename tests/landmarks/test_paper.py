@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-from tests.support.trials import few
+from tests.support.trials import few, trials
 
 from trailmark.errors import ConfigurationError
 from trailmark.estimation import RangeBearing, sense_obstacles
@@ -280,13 +280,13 @@ def test_environment_1_has_the_published_share_of_forbidden_points() -> None:
     counts = []
     for sensed in range(10):
         refined = sense_obstacles(world, poses, RangeBearing(0.05, 0.01), max_range=12.0, random_state=sensed)
-        for drawn in range(20):
+        for drawn in trials(20, of=2):
             # What is forbidden does not depend on the number of clusters, and one is found soonest.
             k = 1 if drawn else 12
             found = algorithm_2(refined, world.bounds, 1000, k, random_state=1000 * sensed + drawn, robot=home[:2])
             counts.append(int(found.forbidden.sum()))
             assert len(found.centres) == k
     assert 165.0 <= np.mean(counts) <= 171.0
-    # 200 deviations of a binomial: within four standard errors of its own.
+    # Deviations of a binomial: within four standard errors of its own.
     binomial = math.sqrt(1000 * 0.168 * 0.832)
-    assert np.std(counts, ddof=1) == pytest.approx(binomial, rel=4.0 / math.sqrt(2 * 199))
+    assert np.std(counts, ddof=1) == pytest.approx(binomial, rel=4.0 / math.sqrt(2 * (len(counts) - 1)))

@@ -118,13 +118,13 @@ def test_paths_turn_in_place_and_drive_ahead(robot: Robot) -> None:
     # In the corridor a cart cannot turn round: it has to be headed there before.
     world = narrow(0.55)
     planner = LandmarkPlanner(world, robot, seed=1, settings=PlannerSettings(patience=1))
-    result = planner.plan((1.0, 1.0, 2.0), (9.0, 5.0, -1.0), 2.0)
+    result = planner.plan((1.0, 1.0, 2.0), (9.0, 5.0, -1.0), 2.0, gap=0.2)
     assert result.path is not None
     assert_driven(result.path.states, bool(robot.reverse))
     assert result.cost == pytest.approx(result.path.cost)
     assert result.lower_bound is not None
     assert result.lower_bound <= result.path.cost <= 1.25 * result.lower_bound
-    many = planner.plan_many([(1.0, 1.0, 2.0)], [(9.0, 5.0, -1.0)], 0.5)[0]
+    many = planner.plan_many([(1.0, 1.0, 2.0)], [(9.0, 5.0, -1.0)], 0.5, max_iterations=1)[0]
     assert many.path is not None
     assert_driven(many.path.states, bool(robot.reverse))
     world = planner.world.edited(add=[Disc((1.8, 2.4), 0.2)])

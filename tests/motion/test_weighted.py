@@ -63,7 +63,7 @@ def test_a_cost_is_between_the_length_and_the_factor_times_it(name: str) -> None
 def test_a_curve_is_charged_along_its_arcs(objective: Objective) -> None:
     checker = StateChecker(WORLD, ROBOTS["car"])
     weighted = motion_of(checker, objective=objective)
-    a, b = pairs(2, 6, checker)
+    a, b = pairs(2, 3, checker)
     for start, end in zip(a, b, strict=True):
         # Chords of 3 cm are shorter than their arcs by 6e-5 of the length.
         states = np.array(weighted.path(np.array([start, end])).resample(0.03).states)

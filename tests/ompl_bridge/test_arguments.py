@@ -60,7 +60,7 @@ tell(said=said, solved=problem.solve(np.float64(0.2)).asString())
 
 @pytest.mark.slow
 def test_wrong_arguments_are_errors_of_our_own(run_ompl: Any) -> None:
-    found = run_ompl(WRONG)
+    found = run_ompl(WRONG, whole=True)
     raw = {name: text for name, text in found["said"].items() if text == "nothing" or text.startswith("RAW")}
     assert raw == {}
     assert [text for text in found["said"].values() if "\n" in text] == []

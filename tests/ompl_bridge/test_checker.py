@@ -124,7 +124,8 @@ for name, robot in (("straight", world.robot), ("curves", world.robot.steered(0.
 
 @pytest.mark.slow
 def test_the_parts_work_in_a_set_up_of_the_users_own(run_ompl: Any) -> None:
-    found = run_ompl("""
+    found = run_ompl(
+        """
 from trailmark import StateChecker
 world = shipped("office")
 space = ob.SE2StateSpace()
@@ -143,7 +144,9 @@ setup.setPlanner(planner_named("rrtconnect", si))
 status = setup.solve(5.0)
 path = states_of(setup.getSolutionPath())
 tell(status=status.asString(), certified=bool(checker.motions_valid(path[:-1], path[1:]).all()), n=len(path))
-""")
+""",
+        whole=True,
+    )
     assert found["status"] == "Exact solution"
     assert found["certified"]
     assert found["n"] >= 2

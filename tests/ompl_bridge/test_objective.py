@@ -11,7 +11,7 @@ import pytest
 def test_the_landmark_planner_and_rrt_star_go_round_a_dear_zone(run_ompl: Any) -> None:
     found = run_ompl(
         """
-from trailmark import CostZone
+from trailmark import CostZone, PlannerSettings
 zone = CostZone([(3, 2), (7, 2), (7, 8), (3, 8)], 4.0)
 world = World("dear", (0, 0, 10, 10), (), Robot.rectangle(0.6, 0.4), zones=(zone,))
 problem = SE2Problem(world, query=((1, 5, 0), (9, 5, 0)))
@@ -21,16 +21,19 @@ a, b = (state(problem.information, q) for q in ((1, 5, 0), (9, 5, 0)))
 tell(direct=objective.motionCost(a, b).value(), bound=objective.motionCostHeuristic(a, b).value())
 for name in ("landmark", "RRTstar"):
     if name == "landmark":
-        planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0))
+        quick = PlannerSettings(patience=1)
+        planner = problem.set_planner(LandmarkPlanner(problem.information, seed=0, settings=quick))
     else:
         planner = problem.set_planner(name)
-    problem.solve(1.0)
+        objective.setCostThreshold(ob.Cost(17.0))  # it would use all of its time
+    problem.solve(20.0)
     rows = problem.path.states
     ends = [[state(problem.information, q) for q in pair] for pair in zip(rows[:-1], rows[1:])]
     tell(**{name: sum(objective.motionCost(*pair).value() for pair in ends)})
     problem.setup.clear()
 """,
         seconds=240.0,
+        whole=True,
     )
     assert found["direct"] == pytest.approx(4.0 + 4.0 * 4.0)
     assert 0.0 < found["bound"] <= 8.0 + 1e-9

@@ -35,7 +35,8 @@ except Exception as error:
 
 @pytest.mark.slow
 def test_planner_data_becomes_a_graph(run_ompl: Any) -> None:
-    found = run_ompl("""
+    found = run_ompl(
+        """
 problem = SE2Problem(shipped("office"))
 problem.set_planner("PRM")
 problem.solve(0.2)
@@ -50,7 +51,9 @@ true = [float(se2.distance(np.array(graph.nodes[a]["configuration"]), np.array(g
         for a, b in graph.edges]
 tell(ends=ends, wanted=[problem.start.tolist(), problem.goal.tolist()], joined=nx.has_path(graph, start, goal),
      edges=len(lengths), worst=max(abs(a - b) for a, b in zip(lengths, true)))
-""")
+""",
+        whole=True,
+    )
     assert found["ends"] == found["wanted"]
     assert found["joined"]
     assert found["edges"] > 10

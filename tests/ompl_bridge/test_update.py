@@ -66,7 +66,8 @@ for name, limit in (("RRTConnect", 5.0), ("landmark", 0.5)):  # one ends at its 
     anew = StateChecker(moved)
     free = [bool(anew.motions_valid(path.states[:-1], path.states[1:]).all()) for path in (over, under)]
     tell(**{name: [bool(max(over.states[:, 1]) > 4.0), *free]})
-"""
+""",
+        whole=True,
     )
     assert found == {"RRTConnect": [True, False, True], "landmark": [True, False, True]}
 
@@ -76,8 +77,10 @@ def test_the_landmark_planner_keeps_its_roadmap(run_ompl: Any) -> None:
     found = run_ompl(
         WORLD
         + """
+from trailmark import PlannerSettings
 problem = SE2Problem(world, query=ends)
-planner = problem.set_planner(LandmarkPlanner(problem.information, seed=1))
+quick = PlannerSettings(first_landmarks=60, patience=1)
+planner = problem.set_planner(LandmarkPlanner(problem.information, seed=1, settings=quick))
 problem.solve(5.0)
 landmarks = planner.roadmap.graph.number_of_nodes()
 problem.update(world.edited(add=[Disc((2.0, 9.0), 0.2)]))

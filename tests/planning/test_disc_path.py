@@ -72,7 +72,7 @@ def shortest(world: World, radius: float, start: FloatArray, goal: FloatArray) -
 
 
 @pytest.mark.slow
-@settings(max_examples=few(40))
+@settings(max_examples=few(40, of=5))
 @given(seed=st.integers(0, 10_000), radius=st.sampled_from([0.05, 0.3, 0.8]), boundary=st.booleans())
 # A corner of 16 degrees, for which GEOS takes one chord.
 @example(seed=1238, radius=0.05, boundary=False)

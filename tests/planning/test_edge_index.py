@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -17,22 +16,25 @@ def near(index: EdgeIndex, low: np.ndarray, high: np.ndarray) -> set[tuple[float
     """Return which edges the index names near which pair of boxes."""
     pairs = np.arange(len(low)) // 2
     first, runs, _, _ = index.near(low, high, pairs, len(low) // 2)
-    found = []
-    for pair, (begin, end) in enumerate(itertools.pairwise(first)):
-        assert len(set(runs[begin:end])) == end - begin
-        for run in runs[begin:end]:
-            found += [(float(pair), *edge) for edge in index.edges[index.runs[run] : index.runs[run + 1]].tolist()]
-    return set(found)
+    pair = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    runs = np.asarray(runs[first[0] : first[-1]])
+    assert len(np.unique(pair * len(index.runs) + runs)) == len(runs)
+    # Each run's edges, one after the other.
+    count = np.asarray(index.runs)[runs + 1] - np.asarray(index.runs)[runs]
+    edge = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - np.asarray(index.runs)[runs], count)
+    return set(map(tuple, np.column_stack([np.repeat(pair, count), index.edges[edge]]).tolist()))
 
 
 def assert_same(index: EdgeIndex, anew: EdgeIndex, rng: np.random.Generator) -> None:
     low = rng.uniform(-3.0, 21.0, (20, 2))
     high = low + rng.uniform(0.0, 4.0, (20, 2))
     assert near(index, low, high) == near(anew, low, high)
-    there = [(shape, tuple(box)) for shape, box in zip(index.obstacles, index.boxes.T.tolist(), strict=True) if shape]
-    assert sorted(box for _, box in there) == sorted(map(tuple, anew.boxes.T.tolist()))
+    there = [i for i, shape in enumerate(index.obstacles) if shape]
+    boxes = index.boxes.T[there]
+    assert sorted(boxes.tolist()) == sorted(anew.boxes.T.tolist())
     # Rounded differently: corners are computed for all at once.
-    assert all(np.allclose(shape.bounding_box(), box, rtol=0.0, atol=1e-12) for shape, box in there)
+    own = np.array([shape.bounding_box() for shape in index.obstacles if shape], dtype=np.float64).reshape(-1, 4)
+    assert np.allclose(own, boxes, rtol=0.0, atol=1e-12)
 
 
 def random_shape(rng: np.random.Generator) -> Shape:

@@ -27,8 +27,8 @@ KINDS = ["disc", "rectangle", "L", "thin"]
 
 
 @cache
-def obstacles_of(world: World) -> shapely.Geometry:
-    """Return all that blocks, discs as polygons that lie within them by up to 1e-4 of their radius."""
+def obstacles_of(world: World) -> tuple[shapely.Geometry, shapely.STRtree]:
+    """Return all that blocks and its parts, discs as polygons that lie within them by up to 1e-4 of their radius."""
     shapes = [
         shapely.Point(s.center).buffer(s.radius, quad_segs=64) if isinstance(s, Disc) else s.polygon().shapely()
         for s in world.obstacles
@@ -40,16 +40,18 @@ def obstacles_of(world: World) -> shapely.Geometry:
         shapes.append(shapely.difference(shapely.box(*world.bounds), world.boundary.shapely()))
     blocked = shapely.union_all(shapes)
     shapely.prepare(blocked)
-    return blocked
+    return blocked, shapely.STRtree(shapely.get_parts(blocked))
 
 
 def is_deep(world: World, robot: Robot, states: np.ndarray, depth: float) -> bool:
     """Return whether the robot reaches farther into obstacles (metres) than that at any state."""
-    blocked = obstacles_of(world)
+    blocked, parts = obstacles_of(world)
     if isinstance(robot.footprint, Disc):
         return bool((robot.footprint.radius - shapely.distance(shapely.points(states[:, :2]), blocked)).max() > depth)
     bodies = shapely.polygons(se2.transform(states, robot.outline.vertices))
-    overlaps = shapely.intersection(blocked, bodies[shapely.intersects(blocked, bodies)])
+    # The parts are apart: no disc lies in two of them.
+    body, part = parts.query(bodies, predicate="intersects")
+    overlaps = shapely.intersection(parts.geometries[part], bodies[body])
     areas = shapely.area(overlaps)
     # At least the radius of the largest disc in the overlap; the largest overlaps first.
     largest = overlaps[np.argsort(-areas)[: np.count_nonzero(areas)]]

@@ -87,7 +87,7 @@ def test_plans_after_an_interrupt_at_any_line_are_free(name: str, judge: Judge) 
 
 @pytest.mark.slow
 def test_many_queries_after_an_interrupt_at_any_line_are_free(judge: Judge) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=300)
+    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=150)
     pairs = queries(planner, 6)
 
     def many() -> object:
@@ -95,12 +95,12 @@ def test_many_queries_after_an_interrupt_at_any_line_are_free(judge: Judge) -> N
 
     warm_up(use="many")
     fresh = lines_run(PLANNING + ROADMAP, many)
-    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=300, checker=planner.checker)
+    planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=150, checker=planner.checker)
     # The first one also learns how fast the machine is.
     fresh = min(fresh, lines_run(PLANNING + ROADMAP, many))
-    hits, places = 0, [*range(0, 60, 60 // few(12)), *range(60, fresh, fresh // few(fresh // 211))]
+    hits, places = 0, [*range(0, 60, 60 // few(12, of=4)), *range(60, fresh, fresh // few(fresh // 211, of=4))]
     for k in places:
-        planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=300, checker=planner.checker)
+        planner = LandmarkPlanner(WORLD, ROBOTS["rectangle"], seed=4, landmarks=150, checker=planner.checker)
         # How many lines run depends a little on the clock: the last ones may not be reached.
         hits += interrupted(PLANNING + ROADMAP, many, k)
         for (start, goal), result in zip(pairs, planner.plan_many(pairs[:, 0], pairs[:, 1], 20.0), strict=True):

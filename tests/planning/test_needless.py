@@ -11,7 +11,7 @@ from benchmarks.random_worlds import ROBOTS, random_world
 from benchmarks.repeated import random_pairs
 from numpy.typing import NDArray
 
-from trailmark import LandmarkPlanner, PlanResult, se2
+from trailmark import LandmarkPlanner, PlannerSettings, PlanResult, se2
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.curves import CurvePath
@@ -24,6 +24,9 @@ FloatArray = NDArray[np.float64]
 Judge = Callable[..., float]
 
 WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
+
+QUICK = PlannerSettings(sweeps=10, first_sweeps=3, polishing_sweeps=3, patience=2)
+"""Of a planner whose paths need not be the shortest."""
 
 
 def fewer(checker: StateChecker, path: FloatArray) -> FloatArray:
@@ -43,7 +46,7 @@ def assert_none_needless(motions: Any, result: PlanResult) -> int:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "L"])
 def test_planned_paths(name: str, judge: Judge) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4)
+    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4, settings=QUICK)
     pairs = random_pairs(planner, 3, 3)
     vertices = 0
     for _ in range(2):
@@ -59,7 +62,7 @@ def test_planned_paths(name: str, judge: Judge) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", "disc"])
 def test_paths_of_many_queries(name: str) -> None:
-    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4, landmarks=600)
+    planner = LandmarkPlanner(WORLD, ROBOTS[name], seed=4, landmarks=600, settings=QUICK)
     pairs = random_pairs(planner, 8, 3)
     vertices = 0
     for result in planner.plan_many(pairs[:, 0], pairs[:, 1], 30.0, max_iterations=1):
@@ -107,7 +110,7 @@ def test_what_is_left_out_by_hand() -> None:
 @pytest.mark.slow
 def test_what_is_needed_stays_and_costs_do_not_rise() -> None:
     checker = StateChecker(WORLD, ROBOTS["L"])
-    planner = LandmarkPlanner(WORLD, ROBOTS["L"], seed=4, checker=checker)
+    planner = LandmarkPlanner(WORLD, ROBOTS["L"], seed=4, checker=checker, settings=QUICK)
     rng = np.random.default_rng(1)
     dropped = 0
     for start, goal in random_pairs(planner, 4, 8):

@@ -31,7 +31,8 @@ from trailmark.world import Robot
 
 FloatArray = NDArray[np.float64]
 
-WORLD = random_world(3, 60, size=40.0, radii=(0.3, 3.0), discs=0.3)
+# As crowded as larger worlds that other tests plan in; the judge looks at each obstacle.
+WORLD = random_world(3, 24, size=25.0, radii=(0.3, 3.0), discs=0.3)
 
 LIVES = {
     "rectangle": ROBOTS["rectangle"],
@@ -61,8 +62,8 @@ FILES = (
 )
 """Files between whose lines an interrupt may come."""
 
-SETTINGS = PlannerSettings(probes=50, max_spread_landmarks=400)
-"""Of a planner that does not take long to prepare for many queries."""
+SETTINGS = PlannerSettings(probes=50, max_spread_landmarks=400, sweeps=5, first_sweeps=2, patience=1)
+"""Of a planner that does not take long to prepare for many queries, and whose paths need not be the shortest."""
 
 STATES = 60
 """Configurations that queries join."""
@@ -219,7 +220,7 @@ def test_what_a_planner_says_is_true_all_its_life(name: str) -> None:
     case = Named.TestCase
     case.settings = settings(
         max_examples=EXAMPLES,
-        stateful_step_count=12 if "TRAILMARK_LIVES" in os.environ else 8,
+        stateful_step_count=12 if "TRAILMARK_LIVES" in os.environ else 7,
         deadline=None,
         derandomize="TRAILMARK_LIVES" not in os.environ,
         suppress_health_check=list(HealthCheck),

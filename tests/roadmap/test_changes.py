@@ -14,8 +14,8 @@ from benchmarks.oracle import Oracle, motion_states
 from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-from tests.support.interrupts import interrupted, lines_run
-from tests.support.trials import few
+from tests.support.interrupts import interrupted, lines_run, places_run
+from tests.support.trials import few, thorough
 
 from trailmark import se2
 from trailmark.collision import StateChecker
@@ -77,7 +77,7 @@ def assert_whole(roadmap: Roadmap) -> None:
     assert len(lengths) == len(status) == len(roadmap.certified) == m
     assert ((edges >= 0) & (edges < n)).all()
     assert np.isin(status, (BLOCKED, FREE, UNDECIDED)).all()
-    assert roadmap.motion.costs(q[edges[:, 0]], q[edges[:, 1]]) == pytest.approx(lengths, abs=1e-9)
+    assert np.allclose(roadmap.motion.costs(q[edges[:, 0]], q[edges[:, 1]]), lengths, rtol=1e-9, atol=1e-9)
     # The index, against brute force.
     radius = roadmap.motion.radius
     points = np.column_stack([q[:, :2], radius * np.cos(q[:, 2]), radius * np.sin(q[:, 2])])
@@ -162,11 +162,17 @@ def test_a_change_that_is_cut_short_has_not_taken_place(name: str) -> None:
         done = twin(origin)
         action(done)
         after = contents(done)
-        lines = lines_run(FILES, lambda action=action: action(twin(origin)))  # type: ignore[misc]
-        assert lines > 3
-        # Each line with one of the robots that have the action: the two cars alone have trees. Or with twice as many.
-        step = 2 if kind == "add_tree" else 8 // few(4, of=2)
-        for k in range(list(CHECKERS).index(name) % step, lines, step):
+        places = places_run(FILES, lambda action=action: action(twin(origin)))  # type: ignore[misc]
+        assert len(places) > 3
+        robot = list(CHECKERS).index(name)
+        # Before which of them: each time that a line is run, or once, the first time or the last.
+        times = range(len(places))
+        moments = list(times if thorough() else dict(zip(places[::-1], times[::-1], strict=True)).values())
+        if robot % 2 and not thorough():
+            moments = list(dict(zip(places, times, strict=True)).values())
+        # Each with one of the robots that have the action: the two cars alone have trees. Or with twice as many.
+        step = 2 if kind == "add_tree" or thorough() else 4
+        for k in sorted(moments)[robot % step :: step]:
             roadmap = twin(origin)
             assert interrupted(FILES, lambda action=action, roadmap=roadmap: action(roadmap), k)  # type: ignore[misc]
             sizes = [len(rows) for rows in contents(roadmap)]
@@ -178,7 +184,7 @@ def test_a_change_that_is_cut_short_has_not_taken_place(name: str) -> None:
             if sizes != [len(rows) for rows in after] or sizes == [len(rows) for rows in before]:
                 action(roadmap)
                 assert all(np.array_equal(a, b) for a, b in zip(contents(roadmap)[:3], after[:3], strict=True))
-            if k % 23 == 0:  # a prime, so that each action and robot has it after other lines
+            if k % 23 == 0 or k == moments[0]:  # a prime, so that each action and robot has it after other lines
                 assert_whole(roadmap)
                 assert_status_is_right(roadmap)
     # Some come after the one step.

@@ -15,6 +15,7 @@ import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.trials import few
 
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import BLOCKED, FREE, UNDECIDED
@@ -461,7 +462,7 @@ def test_entities_do_not_multiply(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@settings(max_examples=100)
+@settings(max_examples=few(100, of=4))
 @given(data=st.data())
 def test_damaged_files_are_refused_in_one_line(suffix: str, data: st.DataObject) -> None:
     whole = WHOLE[suffix]

@@ -67,15 +67,16 @@ def test_certified_edges_are_written_both_ways(name: str, tmp_path: Path) -> Non
     for feature in document["features"]:
         features[feature["geometry"]["type"]].append(feature)
 
-    nodes = {}
+    nodes, clearances = {}, []
     oracle = Oracle(world, ROBOTS[name])
     for feature in features["Point"]:
         properties, at = feature["properties"], feature["geometry"]["coordinates"]
         assert properties["frame"] == "map"
         q = np.array([[*at, properties["metadata"]["theta"]]])
         assert np.array_equal(q[0], roadmap.configurations[properties["id"]])
-        assert properties["metadata"]["clearance"] == pytest.approx(oracle.clearance(q)[0], abs=1e-6)
         nodes[properties["id"]] = q[0]
+        clearances.append(properties["metadata"]["clearance"])
+    assert clearances == pytest.approx(oracle.clearance(np.array(list(nodes.values()))), abs=1e-6)
     edges = {}
     for feature in features["LineString"]:
         properties = feature["properties"]

@@ -34,7 +34,6 @@ SILENT = {"MPLBACKEND": "Agg", "OMP_NUM_THREADS": "1"}
 IMPORTED = (
     "filterpy.kalman",
     "gtsam",
-    "matplotlib.pyplot",
     "ompl.geometric",
     "ompl.util",
     "scipy.stats",

@@ -14,16 +14,21 @@ from typing import Any
 
 import trailmark
 
-__all__ = ["interrupted", "lines_run"]
+__all__ = ["interrupted", "lines_run", "places_run"]
 
 SOURCE = Path(trailmark.__file__).parent
 
 
 def lines_run(files: Collection[str], action: Callable[[], object]) -> int:
     """Return how many lines of the files (paths below the package) an action runs, in this thread."""
+    return len(places_run(files, action))
+
+
+def places_run(files: Collection[str], action: Callable[[], object]) -> list[tuple[str, int]]:
+    """Return the lines that an action runs, one after the other: file and number."""
     counter = _Tracer(files, None, KeyboardInterrupt)
     counter.run(action)
-    return counter.seen
+    return counter.places
 
 
 def interrupted(
@@ -52,7 +57,8 @@ class _Tracer:
         if missing:
             raise FileNotFoundError(missing[0])
         self.k, self.error = k, error
-        self.seen, self.raised = 0, False
+        self.raised = False
+        self.places: list[tuple[str, int]] = []
 
     def run(self, action: Callable[[], object]) -> None:
         before = sys.gettrace()
@@ -67,8 +73,8 @@ class _Tracer:
 
     def _line(self, frame: FrameType, event: str, argument: object) -> Any:
         if event == "line" and not self.raised:
-            if self.seen == self.k:
+            if len(self.places) == self.k:
                 self.raised = True
                 raise self.error
-            self.seen += 1
+            self.places.append((frame.f_code.co_filename, frame.f_lineno))
         return self._line

@@ -15,7 +15,7 @@ from trailmark import se2
 from trailmark.collision import StateChecker
 from trailmark.library import find_world
 from trailmark.path import Path
-from trailmark.planning import LandmarkPlanner
+from trailmark.planning import LandmarkPlanner, PlannerSettings
 from trailmark.planning.proofs import LowerBound
 from trailmark.planning.proofs.region import free_region
 from trailmark.shapes import Disc, Rectangle
@@ -44,7 +44,7 @@ def test_no_path_costs_less(name: str) -> None:
     # From the last down: its bounds are the nearest to the costs of paths.
     for seed in (3 - trial for trial in trials(4, of=2)):
         world = random_world(seed, 40, size=30.0, radii=(0.5, 2.0), discs=0.3, holes=0.1)
-        planner = LandmarkPlanner(world, ROBOTS[name], seed=seed)
+        planner = LandmarkPlanner(world, ROBOTS[name], seed=seed, settings=PlannerSettings(patience=2))
         bound = LowerBound(world, ROBOTS[name])
         rng = np.random.default_rng(seed)
         q = rng.uniform((0, 0, -np.pi), (30, 30, np.pi), (200, 3))

@@ -34,7 +34,7 @@ def _free_share(world: World, robot: Robot, middle: np.ndarray, extent: np.ndarr
 def test_what_is_free_in_a_box_is_found(robot: Robot) -> None:
     rng = np.random.default_rng(3)
     some = none = 0
-    for _ in range(few(100)):
+    for _ in range(few(100, of=6)):
         places = rng.uniform(1.0, 5.0, (7, 2)).tolist()
         sizes = rng.uniform(0.1, 1.0, (len(places), 2)).tolist()
         walls = tuple(
@@ -49,8 +49,8 @@ def test_what_is_free_in_a_box_is_found(robot: Robot) -> None:
         # Small parts of a box may be missed, none of one in twenty is.
         assert told or share < 0.05
         some, none = some + (share >= 0.05), none + (share == 0.0 and not told)
-    assert some >= few(8)
-    assert none >= few(8)
+    assert some >= few(8, of=6)
+    assert none >= few(8, of=6)
 
 
 def test_a_slot_as_narrow_as_a_hundredth_of_the_box_is_found() -> None:
