@@ -11,22 +11,21 @@ import secrets
 import signal
 import sqlite3
 import subprocess
+import sys
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.cli.conftest import MAIN
-from tests.support.forks import Forks, complaints
 
 from trailmark.benchmark.store import Store
 
 Shell = Callable[..., Any]
 Terminal = Callable[..., Any]
 ROOT = Path(__file__).resolve().parents[2]
+COMMAND = [sys.executable, "-m", "trailmark.cli", "benchmark"]
 HONEST = "tests.benchmark.rogues:honest"
 
 
@@ -48,7 +47,7 @@ def count(file: Path) -> int:
 
 
 @pytest.mark.slow
-def test_planners_on_problems_again_and_by_a_suite_that_words_override(shell: Shell, yard: Path, tmp_path: Path) -> None:
+def test_planners_on_problems_and_again(shell: Shell, yard: Path, tmp_path: Path) -> None:
     results, log = tmp_path / "results.db", tmp_path / "results.log"
     words = ["benchmark", yard, "-p", "landmark", "-p", "RRTConnect+certified", "--runs", 1, "--time-limit", 0.2]
     words += ["--seed", 4, "--output", results]
@@ -80,20 +79,6 @@ def test_planners_on_problems_again_and_by_a_suite_that_words_override(shell: Sh
     assert json.loads(again.out) == {"database": str(results), "runs": 4, "made": 0, "without_solution": 0}
     assert rows(results, "SELECT count(*) FROM runs") == [(4,)]
     assert len(before) == len(results.read_bytes())
-    # With fewer runs and a shorter limit than it says, a suite asks for one of those that are there.
-    suite = tmp_path / "suite.yaml"
-    suite.write_text(
-        "planners: [landmark]\nruns: 5\ntime_limit: 20\nworlds:\n"
-        "  - {world: yard.yaml, queries: [{name: across, start: [1, 1, 0], goal: [9, 5, 1.5]}]}\n"
-        '  - {world: "data:nowhere.map"}\n'
-    )
-    words = ["benchmark", "--suite", suite, "--runs", 1, "--time-limit", 0.2, "--seed", 4, "--output", results]
-    part = shell(*words, "--json")
-    assert (part.status, part.err) == (0, "")
-    assert json.loads(part.out) == {"database": str(results), "runs": 1, "made": 0, "without_solution": 0}
-    assert rows(results, "SELECT name, runcount, timelimit FROM experiments ORDER BY 1") == [
-        *(("yard-across", 1, 0.2), ("yard-back", 1, 0.2))
-    ]
 
 
 @pytest.mark.slow
@@ -110,7 +95,7 @@ def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
         "-p",
         "RRTConnect+certified",
     ]
-    run = shell(*words, "--query", "across", "--runs", 1, "--time-limit", 0.5, "--output", results)
+    run = shell(*words, "--query", "across", "--runs", 1, "--time-limit", 1, "--output", results)
     assert (run.status, run.err) == (0, "")
     assert run.out.startswith("2 runs made, 0 of them without a correct solution\n")
     setup = json.loads(rows(results, "SELECT setup FROM experiments")[0][0])
@@ -127,14 +112,28 @@ def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_differential_drive_and_why_ompl_has_no_plan_for_it(shell: Shell, yard: Path, tmp_path: Path) -> None:
     results = tmp_path / "results.db"
-    words = ["benchmark", yard, "--query", "across", "-p", "landmark", "-p", "RRTConnect"]
-    words += ["--runs", 1, "--time-limit", 0.2]
+    words = ["benchmark", yard, "-p", "landmark", "-p", "RRTConnect", "--runs", 1, "--time-limit", 0.2]
     run = shell(*words, "--drive", "differential", "--output", results)
     assert (run.status, run.err) == (0, "")
-    assert re.search(r"^  landmark +1/1 ", run.out, re.MULTILINE)
-    assert re.search(r"^RRTConnect: 1 of 1 runs: .*omnidirectional one or a car in OMPL", run.out, re.MULTILINE)
+    assert re.search(r"^  landmark +2/2 ", run.out, re.MULTILINE)
+    assert re.search(r"^RRTConnect: 2 of 2 runs: .*omnidirectional one or a car in OMPL", run.out, re.MULTILINE)
     # There is nothing to shorten by in OMPL, and no complaint about it.
     assert rows(results, "SELECT count(*) FROM runs WHERE solved AND failure IS NOT NULL") == [(0,)]
+
+
+@pytest.mark.slow
+def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path: Path) -> None:
+    suite = tmp_path / "suite.yaml"
+    suite.write_text(
+        f"planners: [{HONEST!r}]\nruns: 5\ntime_limit: 0.2\nworlds:\n"
+        "  - {world: yard.yaml, queries: [{name: along, start: [1, 1, 0], goal: [9, 1, 0]}]}\n"
+        '  - {world: "data:nowhere.map"}\n'
+    )
+    run = shell("benchmark", "--suite", suite, "--runs", 2, "--output", tmp_path / "results.db")
+    assert (run.status, run.err) == (0, "")
+    assert rows(tmp_path / "results.db", "SELECT name, runcount, timelimit FROM experiments") == [
+        ("yard-along", 2, 0.2)
+    ]
 
 
 @pytest.mark.slow
@@ -210,7 +209,6 @@ def test_a_database_that_is_not_ours_or_in_use(shell: Shell, yard: Path, tmp_pat
 
 def words_for(yard: Path, results: Path, runs: int) -> list[str]:
     words = [
-        "benchmark",
         yard,
         "--query",
         "across",
@@ -226,21 +224,9 @@ def words_for(yard: Path, results: Path, runs: int) -> list[str]:
     return list(map(str, words))
 
 
-def stopped(
-    forks: Forks, words: list[str], results: Path, runs: int, number: int
-) -> tuple[int, subprocess.CompletedProcess[str]]:
-    """Send a command a signal once ``runs`` runs are in the results; return how many were, and how it ended."""
-    noted = results.with_suffix(".pid")
-    program = "import os, pathlib\npathlib.Path(os.environ['TRAILMARK_TEST_PID']).write_text(str(os.getpid()))" + MAIN
-    with ThreadPoolExecutor(1) as starter:
-        environment = os.environ | {"TRAILMARK_TEST_PID": str(noted)}
-        run = starter.submit(forks.run, ["-c", program, *words], timeout=120.0, env=environment)
-        while count(results) < runs and not run.done():
-            time.sleep(0.01)
-        kept = count(results)
-        os.kill(int(noted.read_text()), number)
-        noted.unlink()
-        return kept, run.result()
+def wait_for(results: Path, runs: int, process: subprocess.Popen[str]) -> None:
+    while count(results) < runs and process.poll() is None:
+        time.sleep(0.01)
 
 
 def left_behind(mark: str) -> list[int]:
@@ -257,22 +243,26 @@ def left_behind(mark: str) -> list[int]:
 
 @pytest.mark.slow
 def test_stopped_at_once_killed_and_continued_on_a_terminal(
-    forks: Forks, forked_terminal: Terminal, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    terminal: Terminal, yard: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    results, runs, mark = tmp_path / "results.db", 12, secrets.token_hex(16)
+    results, runs, mark = tmp_path / "results.db", 24, secrets.token_hex(16)
     words = words_for(yard, results, runs)
     monkeypatch.setenv("TRAILMARK_TEST_MARK", mark)
     there = 0
     for number in (signal.SIGINT, signal.SIGKILL):
-        kept, done = stopped(forks, words, results, there + 2, number)
+        with subprocess.Popen([*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            wait_for(results, there + 2, process)
+            kept = count(results)
+            process.send_signal(number)
+            out, err = process.communicate(timeout=120)
         there = count(results)
         assert kept <= there < runs
         if number == signal.SIGINT:
-            assert done.returncode == 130
+            assert process.returncode == 130
             said = f"{there} of {runs} runs are in {results}; the same command makes the others\n"
-            assert complaints(done) == said + "trailmark: error: interrupted\n"
-            assert done.stdout == ""
-    run = forked_terminal(MAIN, *words)
+            assert err == said + "trailmark: error: interrupted\n"
+            assert out == ""
+    run = terminal(*COMMAND, *words)
     assert run.status == 0
     assert f"{runs - there} runs made" in run.out
     assert "starting workers" in run.err
