@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 import typer
-from tests.support.forks import Forks
+from tests.support.forks import Forks, complaints
 
 import trailmark
 from trailmark.cli import app, main
@@ -79,11 +79,12 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Callable[..., Run]:
     return run
 
 
-SIZE = {"TERM": "xterm-256color", "COLUMNS": "100"}
+TERMINAL = {"TERM": "xterm-256color", "COLUMNS": "100"}
 ON_TERMINAL = """
 import os
 os.dup2(os.open(os.environ.pop("TRAILMARK_TEST_TERMINAL"), os.O_RDWR | os.O_NOCTTY), 2)
 """
+"""How a program of ``forked_terminal`` begins: its stderr is the terminal that the environment names."""
 MAIN = """
 import sys
 from trailmark.cli import main
@@ -114,7 +115,7 @@ def terminal(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Run]:
         outside, inside = pty.openpty()
         stdout = tmp_path_factory.mktemp("terminal") / "stdout"
         with stdout.open("wb") as out:
-            process = subprocess.Popen(list(map(str, words)), stdout=out, stderr=inside, env=os.environ | SIZE)
+            process = subprocess.Popen(list(map(str, words)), stdout=out, stderr=inside, env=os.environ | TERMINAL)
         os.close(inside)
         shown = shown_on(outside)
         return Run(process.wait(), stdout.read_text(), shown)
@@ -128,14 +129,15 @@ def forked_terminal(forks: Forks) -> Callable[..., Run]:
 
     def run(program: str, *words: object) -> Run:
         outside, inside = pty.openpty()
-        environment = os.environ | SIZE | {"TRAILMARK_TEST_TERMINAL": os.ttyname(inside)}
+        environment = os.environ | TERMINAL | {"TRAILMARK_TEST_TERMINAL": os.ttyname(inside)}
         with ThreadPoolExecutor(1) as reader:
             shown = reader.submit(shown_on, outside)
             try:
                 done = forks.run(["-c", ON_TERMINAL + program, *map(str, words)], timeout=300.0, env=environment)
             finally:
                 os.close(inside)
-            return Run(done.returncode, done.stdout, shown.result().partition("nanobind: leaked")[0])
+            done.stderr = shown.result()
+            return Run(done.returncode, done.stdout, complaints(done))
 
     return run
 

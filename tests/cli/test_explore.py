@@ -52,6 +52,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 UNDRAWN = sorted(name for name in FILES if Path(name).stem != "exploration")
+"""What is written but pictures and the page."""
 
 
 @pytest.fixture

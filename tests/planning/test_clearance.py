@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.oracle import Oracle, motion_states
 from benchmarks.random_worlds import ROBOTS, random_world
+from tests.support.quick import QUICK
 from tests.support.trials import few
 
 from trailmark import check_path
@@ -26,8 +27,6 @@ from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
 CAR = Robot.rectangle(0.6, 0.4)
-QUICK = PlannerSettings(sweeps=10, first_sweeps=3, polishing_sweeps=3, patience=1)
-"""Paths settle at the first round that gains nothing, and rounds are short."""
 ALLOWED = 1e-7
 """Metres by which a path may come nearer than its clearance: touching is allowed."""
 

@@ -10,8 +10,9 @@ import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
 from benchmarks.repeated import random_pairs
 from numpy.typing import NDArray
+from tests.support.quick import QUICK
 
-from trailmark import LandmarkPlanner, PlannerSettings, PlanResult, se2
+from trailmark import LandmarkPlanner, PlanResult, se2
 from trailmark.collision import StateChecker
 from trailmark.collision.certify import BUDGET
 from trailmark.curves import CurvePath
@@ -24,9 +25,6 @@ FloatArray = NDArray[np.float64]
 Judge = Callable[..., float]
 
 WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
-
-QUICK = PlannerSettings(sweeps=10, first_sweeps=3, polishing_sweeps=3, patience=2)
-"""Of a planner whose paths need not be the shortest."""
 
 
 def fewer(checker: StateChecker, path: FloatArray) -> FloatArray:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
+from tests.support.quick import QUICK
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError, WorldError
@@ -28,9 +29,6 @@ LONG = 60.0
 """Seconds: a limit that no test should reach, where rounds are limited instead."""
 
 CAR = Robot.rectangle(1.0, 0.6)
-
-QUICK = PlannerSettings(sweeps=10, first_sweeps=3, polishing_sweeps=3, patience=2)
-"""Of a planner whose paths need not be the shortest."""
 
 
 def wall(gap: float, robot: Robot = CAR) -> World:

@@ -9,6 +9,7 @@ import pytest
 from benchmarks.random_worlds import ROBOTS, random_world
 from benchmarks.repeated import ask, random_pairs
 from numpy.typing import NDArray
+from tests.support.quick import QUICK
 
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker
@@ -28,11 +29,9 @@ WORLD = random_world(3, 120, size=50.0, radii=(0.5, 3.0), discs=0.3)
 
 MAX_KEPT = PlannerSettings().max_kept_nodes
 
-QUICK = PlannerSettings(sweeps=10, first_sweeps=3, polishing_sweeps=3, patience=2)
-"""What is counted is the work until the first path; a little improvement brings nodes as well."""
-
 
 def planner_for(name: str = "rectangle", checker: StateChecker | None = None) -> LandmarkPlanner:
+    # Counted is the work until the first path; a little improvement brings nodes as well.
     return LandmarkPlanner(WORLD, ROBOTS[name], seed=4, checker=checker, settings=QUICK)
 
 

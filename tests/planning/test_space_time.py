@@ -34,7 +34,7 @@ def gap(robot: Robot, q: FloatArray, moving: Moving) -> float:
     return float(apart) - radius(robot.footprint) - radius(moving.shape)
 
 
-def least_gap(robot: Robot, states: FloatArray, speed: float, obstacles: list[Moving], step: float = 0.01) -> float:
+def least_gap(robot: Robot, states: FloatArray, speed: float, obstacles: list[Moving], step: float = 0.004) -> float:
     """Return the least distance along a path driven at a speed, at moments ``step`` seconds apart."""
     path, least = Path(states), np.inf
     times = np.append(np.arange(0.0, path.cost / speed, step), path.cost / speed)
@@ -74,7 +74,7 @@ def test_a_motion_is_clear_just_when_no_moment_shows_contact(name: str) -> None:
         speed = rng.uniform(0.5, 5.0)
         if gap(robot, a, moving) <= 0.0:
             continue
-        least = least_gap(robot, np.array([a, b]), speed, [moving])
+        least = least_gap(robot, np.array([a, b]), speed, [moving], 0.01)
         obstacles = MovingObstacles.of([moving], build_footprint(robot))
         clear = motion_clear(obstacles, a, 0.0, b, float(se2.distance(a, b)) / speed)
         # The same motion a while later, with the obstacle as far back.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -162,7 +163,7 @@ def test_a_change_that_is_cut_short_has_not_taken_place(name: str) -> None:
         done = twin(origin)
         action(done)
         after = contents(done)
-        places = places_run(FILES, lambda action=action: action(twin(origin)))  # type: ignore[misc]
+        places = places_run(FILES, partial(action, twin(origin)))
         assert len(places) > 3
         robot = list(CHECKERS).index(name)
         # Before which of them: each time that a line is run, or once, the first time or the last.
@@ -174,7 +175,7 @@ def test_a_change_that_is_cut_short_has_not_taken_place(name: str) -> None:
         step = 2 if kind == "add_tree" or thorough() else 4
         for k in sorted(moments)[robot % step :: step]:
             roadmap = twin(origin)
-            assert interrupted(FILES, lambda action=action, roadmap=roadmap: action(roadmap), k)  # type: ignore[misc]
+            assert interrupted(FILES, partial(action, roadmap), k)
             sizes = [len(rows) for rows in contents(roadmap)]
             assert sizes in ([len(rows) for rows in before], [len(rows) for rows in after])
             ends += sizes == [len(rows) for rows in after]
