@@ -87,7 +87,8 @@ os.dup2(os.open(os.environ.pop("TRAILMARK_TEST_TERMINAL"), os.O_RDWR | os.O_NOCT
 """How a program of ``forked_terminal`` begins: its stderr is the terminal that the environment names."""
 MAIN = """
 import sys
-from trailmark.cli import main
+from trailmark.cli import console, main
+console._PATIENCE = 0.0  # shown from the first moment, so that a fast machine shows it as well
 sys.exit(main(sys.argv[1:]))
 """
 """The command itself, for ``forked_terminal``."""

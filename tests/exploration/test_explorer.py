@@ -88,11 +88,11 @@ def test_a_machine_that_plans_more_slowly_than_the_sensor_reads(monkeypatch: pyt
     monkeypatch.setattr("trailmark.exploration.course.Background", Late)
     exploring = explorer(two_rooms(1.0), noise=1.0)
     changes = list[int]()
-    for _ in range(40):
+    while exploring.ended is None:
         exploring.step()
         changes.append(exploring.mapper.known.revision)
-    assert len(set(changes)) > 35
-    assert exploring.ended is None
+    assert exploring.ended[0] == "complete"
+    assert len(set(changes)) > 0.9 * len(changes)
     assert exploring.history[-1].distance > 1.0
 
 
