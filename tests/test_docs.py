@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from tests.support.brief import briefly
 from tests.support.forks import Forks
 
 from trailmark import World
@@ -25,9 +26,9 @@ SETUP = "python3 -m venv"
 LIMIT = 400.0
 """Seconds for one snippet, on a machine that does other work as well."""
 
-PLANNING, EXPLORING, RUN = 0.3, 1.0, 0.2
+PLANNING, EXPLORING, RUN = 0.1, 0.3, 0.2
 """Seconds that a page's programs may plan and explore and a benchmark's run may last; on the page they are more."""
-LONGER = 4.0
+LONGER = 5.0
 """So many times as long, where that does not do: in tight places, or on a busy machine."""
 FEWER = {"max_range=12.0": "max_range=5.0"}
 """What a simulated drive's log is of on the pages, and what it is of here: fewer things are seen at once."""
@@ -65,7 +66,7 @@ def shortly(words: list[str], times: float = 1.0) -> list[str]:
         first, text = times * (EXPLORING if "explor" in words[1] else PLANNING), words[1]
         for said, instead in FEWER.items():
             text = text.replace(said, instead)
-        return ["-c", re.sub(r"time_limit=([\d.]+)", lambda found: f"time_limit={min(float(found[1]), first)}", text)]
+        return ["-c", briefly(text, first)]
     limits = {"plan": PLANNING, "explore": EXPLORING, "benchmark": RUN}
     short = list(words)
     if words[2] in limits:

@@ -12,6 +12,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 from docs.api_pages import public_names
+from tests.support.brief import briefly
 from tests.support.forks import Forks
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,6 +51,8 @@ Nor is there an index of all words for the search, or one of all names; no quota
 is copied.
 """
 PLOT = "import matplotlib.pyplot as plt\n\nplt.figure(figsize=(1, 1))\n"
+PLANNING = 0.1
+"""Seconds that a drawing may plan."""
 ROWS = re.compile(r"^((?:\|.*\n){3})((?:\|.*\n)+)", flags=re.M)
 """A table: its head and a first row, and the others."""
 PLAIN = re.compile(r"\|[\w\s.,:;%|+()/–×±-]*\|\n")
@@ -105,6 +108,8 @@ def test_the_pages_are_whole(tmp_path: Path, forks: Forks) -> None:
         text = file.read_text()
         if "```{plot}" in text:
             file.write_text(re.sub(r"^```\{plot\}\n.*?^```$", f"```{{plot}}\n{PLOT}```", text, flags=re.S | re.M))
+    for file in (tmp_path / "docs" / "drawings").glob("*.py"):
+        file.write_text(briefly(file.read_text(), PLANNING))
     built = build(tmp_path, forks, "-D", "plot_gallery=0")
 
     pages = {file: Page(file) for file in built.rglob("*.html")}
