@@ -120,7 +120,7 @@ def prepared_plan(checker: Any, start: Any, goal: Any, limit: float, seed: int, 
 
 
 def _prepare(checker: Any) -> str:
-    time.sleep(4.0)  # longer than a run of a tenth of a second may last
+    time.sleep(3.4)  # longer than a run of a tenth of a second may last
     return "ready"
 
 

@@ -224,7 +224,7 @@ sys.path.insert(0, {root!r})
 import trailmark.cli.explore as command
 import trailmark.exploration.explorer as module
 from tests.exploration.made_exploration import made_exploration
-from trailmark.cli import main
+from trailmark.cli import console, main
 
 class Slow:
     ended = None
@@ -235,9 +235,10 @@ class Slow:
         history = (result.history[0], *result.history[30::60], result.history[-1])
         for row in history:
             on_progress(row)
-            time.sleep(0.3)
+            time.sleep(0.15)
         return replace(result, history=history)
 
+console._PATIENCE = 0.0
 module.Explorer = Slow
 command._draw = lambda result, folder: None
 sys.exit(main(["explore", {world!r}, "--start", "1,1,0", "--output", {output!r}, "--json"]))

@@ -186,7 +186,7 @@ with console.progress("loading") as progress:
 
 @pytest.mark.slow
 def test_long_work_shows_progress_on_a_terminal_and_wipes_it(terminal: Terminal) -> None:
-    written = terminal(sys.executable, "-c", WAIT.format(seconds=0.7)).err
+    written = terminal(sys.executable, "-c", WAIT.format(seconds=0.5)).err
     assert "planning · 0." in written
     assert "of 5 s · 312 landmarks · cost 19.5" in written
     assert written.rstrip().endswith(("\x1b[2K", "\x1b[?25h")), "the line is erased and the cursor shown again"
@@ -194,7 +194,7 @@ def test_long_work_shows_progress_on_a_terminal_and_wipes_it(terminal: Terminal)
 
 @pytest.mark.slow
 def test_pieces_of_work_have_a_bar(terminal: Terminal) -> None:
-    program = WAIT.format(seconds=0.7).replace("    time", "    progress.done = 3, 4\n    time")
+    program = WAIT.format(seconds=0.5).replace("    time", "    progress.done = 3, 4\n    time")
     assert "━━━━━━╌╌╌╌╌╌ 3 of 4 · planning" in terminal(sys.executable, "-c", program).err
 
 
