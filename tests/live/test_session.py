@@ -47,7 +47,7 @@ class Client:
 
     def states(self) -> np.ndarray[Any, Any]:
         """Return the states of the path from START to GOAL."""
-        answers = self.ask("plan", start=START, goal=GOAL, time_limit=0.3)
+        answers = self.ask("plan", start=START, goal=GOAL, time_limit=0.15)
         assert [answer["final"] for answer in answers] == [False] * (len(answers) - 1) + [True]
         assert answers[-1]["status"] == "solved"
         return np.array(answers[-1]["states"])
@@ -233,7 +233,7 @@ def test_the_path_that_is_followed_is_kept_or_led_around() -> None:
     client = Client()
     states = client.states()
     here = states[0] + 0.3 * (states[1] - states[0])
-    (kept,) = client.ask("replan", start=here.tolist(), goal=GOAL, time_limit=0.3)
+    (kept,) = client.ask("replan", start=here.tolist(), goal=GOAL, time_limit=0.15)
     assert kept["kept"]
     x, y = states[len(states) // 2, :2]
     client.ask("edit", add=[{"shape": "disc", "center": [float(x), float(y) + 0.1], "radius": 0.2}])

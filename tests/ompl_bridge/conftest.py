@@ -25,15 +25,6 @@ def tell(**answers):
     print("ANSWER", json.dumps(answers), flush=True)
 """
 
-END = """
-import gc
-for name in [name for name in globals() if not name.startswith("__") and name not in ("gc", "os")]:
-    del globals()[name]
-gc.collect()
-os._exit(0)
-"""
-"""What the program made goes, as at the end of an interpreter, of which the rest would take a quarter of a second."""
-
 Run = Callable[..., dict[str, Any]]
 
 
@@ -52,9 +43,9 @@ def run_ompl(forks: Forks) -> Run:
         python: str = sys.executable,
         whole: bool = False,
     ) -> Any:
-        words = ["-c", HEAD + program + ("" if whole or python != sys.executable else END)]
+        words = ["-c", HEAD + program]
         if python == sys.executable:
-            done = forks.run(words, timeout=seconds)
+            done = forks.run(words, timeout=seconds, whole=whole)
         else:
             done = subprocess.run([python, *words], capture_output=True, text=True, timeout=seconds)
         assert status is None or done.returncode == status, f"{done.returncode}\n{done.stdout}\n{done.stderr[-3000:]}"

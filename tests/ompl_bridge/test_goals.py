@@ -55,5 +55,5 @@ print("passed")
 
 @pytest.mark.slow
 def test_the_cheapest_of_several_states_and_a_threshold(forks: Forks) -> None:
-    done = forks.run(["-c", SCRIPT], timeout=240.0)
+    done = forks.run(["-c", SCRIPT], timeout=240.0, whole=True)
     assert done.stdout.endswith("passed\n"), done.stderr[-2000:]

@@ -1,7 +1,8 @@
 """Processes that start at once: forked from one that has everything imported and the kernels loaded.
 
 A program that plans spends its first second on imports and kernels, and the tests start hundreds. Each still runs in a
-process of its own, which may crash or hang as it likes, and ends as any interpreter does.
+process of its own, which may crash or hang as it likes. At its end what it made goes, but not all that was imported,
+which takes a tenth of a second, unless the test is about the interpreter's end.
 
 ``python -m tests.support.forks`` reads a job a line from stdin, JSON; it answers with the child's number, and when that
 has ended with its status. It ends with its parent.
@@ -9,6 +10,7 @@ has ended with its status. It ends with its parent.
 
 from __future__ import annotations
 
+import atexit
 import gc
 import importlib
 import json
@@ -68,7 +70,13 @@ class Forks:
         self._ready = False
 
     def run(
-        self, words: Sequence[str], *, timeout: float, cwd: Path | None = None, env: Mapping[str, str] | None = None
+        self,
+        words: Sequence[str],
+        *,
+        timeout: float,
+        cwd: Path | None = None,
+        env: Mapping[str, str] | None = None,
+        whole: bool = False,
     ) -> subprocess.CompletedProcess[str]:
         """Run a program to its end and return what it printed.
 
@@ -77,6 +85,7 @@ class Forks:
             timeout: seconds after which it is killed.
             cwd: its folder; that of the tests if it is None.
             env: its environment; that of the tests if it is None.
+            whole: whether the interpreter comes to its own end, at which libraries may crash.
 
         Raises:
             subprocess.TimeoutExpired: it had to be killed.
@@ -91,6 +100,7 @@ class Forks:
                 "cwd": str(cwd or Path.cwd()),
                 "env": dict(os.environ if env is None else env) | SILENT,
                 "files": list(map(str, files)),
+                "whole": whole,
             }
             assert self._server.stdin is not None
             self._server.stdin.write(json.dumps(job).encode() + b"\n")
@@ -135,7 +145,10 @@ def main() -> None:
     job = _serve()
     if job is None:
         os._exit(0)  # without what OMPL's bindings say at their end
-    _become(job)
+    if job["whole"]:
+        _become(job)
+    else:
+        _leave(_status_of(job))
 
 
 def _serve() -> dict[str, Any] | None:
@@ -168,6 +181,34 @@ def _serve() -> dict[str, Any] | None:
     return None
 
 
+def _status_of(job: Mapping[str, Any]) -> int:
+    """Run a job's program and return the exit status that an interpreter would have."""
+    try:
+        _become(job)
+    except SystemExit as end:
+        if end.code is None or isinstance(end.code, int):
+            return end.code or 0
+        sys.stderr.write(f"{end.code}\n")
+        return 1
+    except Exception:
+        sys.excepthook(*sys.exc_info())
+        return 1
+    return 0
+
+
+def _leave(status: int) -> None:
+    """End this process: threads are waited for, what is to be done at the end is done, what the program made goes."""
+    threading._shutdown()  # type: ignore[attr-defined]  # as the interpreter does
+    atexit._run_exitfuncs()
+    made = vars(sys.modules["__main__"])
+    for name in [name for name in made if not name.startswith("__")]:
+        del made[name]
+    gc.collect()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
+
+
 def _become(job: Mapping[str, Any]) -> None:
     """Run a job's program as the main one of this process."""
     for number, file in ((0, os.devnull), (1, job["files"][0]), (2, job["files"][1])):
@@ -180,6 +221,8 @@ def _become(job: Mapping[str, Any]) -> None:
     os.environ.update(job["env"])
     first, *rest = job["words"]
     sys.path[0] = "" if first.startswith("-") else str(Path(first).parent)
+    module = types.ModuleType("__main__")
+    sys.modules["__main__"] = module
     if first == "-m":
         sys.argv = rest
         runpy.run_module(rest[0], run_name="__main__", alter_sys=True)
@@ -188,8 +231,6 @@ def _become(job: Mapping[str, Any]) -> None:
     if first != "-c":
         runpy.run_path(first, run_name="__main__")
         return
-    module = types.ModuleType("__main__")
-    sys.modules["__main__"] = module
     exec(compile(rest[0], "<string>", "exec"), module.__dict__)  # noqa: S102  # as ``python -c`` does
 
 
