@@ -19,12 +19,17 @@ pytestmark = pytest.mark.slow
 
 READY = "window.trailmark.scene.path && document.getElementById('verdict').textContent.startsWith('path found')"
 
+BRIEFLY = """send = ((sent) => (kind, fields) => sent(kind,
+  fields?.time_limit ? {...fields, time_limit: Math.min(fields.time_limit, 0.3)} : fields))(send), null"""
+"""What is planned and compared takes up to two seconds on the page: a path that is good enough is there sooner."""
+
 
 def show(tab: Browser, address: str, width: int = 1400) -> None:
     """Open the page, and wait until its first path is found."""
     tab.complaints.clear()
     tab.open("about:blank", width)  # else an address that differs in its fragment alone would load nothing
     tab.open(address, width, 850)
+    tab.run(BRIEFLY)
     tab.wait(READY)
 
 
