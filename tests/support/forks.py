@@ -28,6 +28,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numba
+
 __all__ = ["Forks", "complaints"]
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -164,6 +166,7 @@ def _serve() -> dict[str, Any] | None:
         for use in ("plan", "many", "changes", "moving"):
             warm_up(kind, use)
         warm_up(kind, weighted=True)
+    numba.njit(lambda x: x + 1)(1)  # what numba makes once before it compiles
     assert threading.active_count() == 1, "a thread is lost in a fork"
     gc.collect()
     gc.freeze()  # else the first collection of a child copies all that it inherits
