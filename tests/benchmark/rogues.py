@@ -113,6 +113,10 @@ def shout(checker: Any, start: Any, goal: Any, limit: float, seed: int) -> Any:
     return None
 
 
+PREPARING = 3.4
+"""Seconds: longer than a run of a tenth of a second may last."""
+
+
 def prepared_plan(checker: Any, start: Any, goal: Any, limit: float, seed: int, *, prepared: str) -> Any:
     """Take what was prepared, for which the clock does not run."""
     assert prepared == "ready"
@@ -120,7 +124,7 @@ def prepared_plan(checker: Any, start: Any, goal: Any, limit: float, seed: int, 
 
 
 def _prepare(checker: Any) -> str:
-    time.sleep(3.4)  # longer than a run of a tenth of a second may last
+    time.sleep(PREPARING)
     return "ready"
 
 

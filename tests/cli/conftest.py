@@ -82,13 +82,17 @@ def shell(capsys: pytest.CaptureFixture[str]) -> Callable[..., Run]:
 TERMINAL = {"TERM": "xterm-256color", "COLUMNS": "100"}
 ON_TERMINAL = """
 import os
+from trailmark.cli import console
 os.dup2(os.open(os.environ.pop("TRAILMARK_TEST_TERMINAL"), os.O_RDWR | os.O_NOCTTY), 2)
+console._PATIENCE = 0.0
 """
-"""How a program of ``forked_terminal`` begins: its stderr is the terminal that the environment names."""
+"""How a program of ``forked_terminal`` begins: its stderr is the terminal that the environment names.
+
+What it does is shown from the first moment, so that a fast machine shows it as well.
+"""
 MAIN = """
 import sys
-from trailmark.cli import console, main
-console._PATIENCE = 0.0  # shown from the first moment, so that a fast machine shows it as well
+from trailmark.cli import main
 sys.exit(main(sys.argv[1:]))
 """
 """The command itself, for ``forked_terminal``."""

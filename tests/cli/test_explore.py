@@ -224,7 +224,7 @@ sys.path.insert(0, {root!r})
 import trailmark.cli.explore as command
 import trailmark.exploration.explorer as module
 from tests.exploration.made_exploration import made_exploration
-from trailmark.cli import console, main
+from trailmark.cli import main
 
 class Slow:
     ended = None
@@ -238,7 +238,6 @@ class Slow:
             time.sleep(0.15)
         return replace(result, history=history)
 
-console._PATIENCE = 0.0
 module.Explorer = Slow
 command._draw = lambda result, folder: None
 sys.exit(main(["explore", {world!r}, "--start", "1,1,0", "--output", {output!r}, "--json"]))

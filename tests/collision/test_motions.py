@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 from time import process_time
 from typing import Literal
 
@@ -13,6 +12,7 @@ from benchmarks.oracle import Oracle, motion_states
 from benchmarks.random_worlds import ROBOTS, random_states, random_world, short_motions
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.oracles import checker_and_oracle
 from tests.support.trials import few, pairs
 
 from trailmark import se2
@@ -34,12 +34,6 @@ SAMPLES = 150
 """States of a motion that the oracle looks at."""
 
 
-@cache
-def both(world: str, name: str) -> tuple[StateChecker, Oracle]:
-    """A checker, which takes a while to make, and who judges it."""
-    return StateChecker(WORLDS[world], ROBOTS[name]), Oracle(WORLDS[world], ROBOTS[name])
-
-
 def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
     return Polygon(np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]]))
 
@@ -54,7 +48,7 @@ def checker_for(robot: Robot, *obstacles: Shape, exact: Literal["kernel", "fcl"]
 @pytest.mark.slow
 @pytest.mark.parametrize(("world", "name"), PAIRS)
 def test_motions_in_random_worlds(world: str, name: str) -> None:
-    checker, oracle = both(world, name)
+    checker, oracle = checker_and_oracle(WORLDS[world], ROBOTS[name])
     rng = np.random.default_rng(12)
     a, b = short_motions(checker.world, 300, rng, 6.0)
     b[:40, :2] = a[:40, :2]
@@ -86,7 +80,7 @@ def test_motions_in_random_worlds(world: str, name: str) -> None:
 
 @pytest.mark.parametrize(("world", "name"), PAIRS)
 def test_the_field_contradicts_no_exact_verdict(world: str, name: str) -> None:
-    checker, oracle = both(world, name)
+    checker, oracle = checker_and_oracle(WORLDS[world], ROBOTS[name])
     q = random_states(checker.world, 1500, np.random.default_rng(13), 3.0)
     proven = kernels.field_states(checker.field, checker.footprint, q)
     collides = oracle.collides(q)

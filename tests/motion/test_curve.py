@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from benchmarks.oracle import Oracle
 from benchmarks.random_worlds import ROBOTS, random_world, short_motions
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.support.oracles import checker_and_oracle
 from tests.support.trials import few, pairs, trials
 
 from trailmark import se2
@@ -35,12 +35,6 @@ PAIRS = pairs(WORLDS, ROBOTS)
 SAMPLES = 150
 
 
-@cache
-def both(world: str, name: str) -> tuple[StateChecker, Oracle]:
-    """A checker, which takes a while to make, and who judges it."""
-    return StateChecker(WORLDS[world], ROBOTS[name]), Oracle(WORLDS[world], ROBOTS[name])
-
-
 def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
     return Polygon(np.array([[xmin, ymin], [xmax, ymin], [xmax, ymax], [xmin, ymax]]))
 
@@ -49,7 +43,7 @@ def box(xmin: float, ymin: float, xmax: float, ymax: float) -> Polygon:
 @pytest.mark.parametrize("steering", KINDS, ids=NAMES)
 @pytest.mark.parametrize(("world", "name"), PAIRS)
 def test_curves_in_random_worlds(world: str, name: str, steering: Steering) -> None:
-    checker, oracle = both(world, name)
+    checker, oracle = checker_and_oracle(WORLDS[world], ROBOTS[name])
     motions = CurveMotion(checker, steering)
     a, b = short_motions(checker.world, 400, np.random.default_rng(12), 4.0)
     # Half of the ends ahead of the car, as most are on paths.

@@ -58,7 +58,7 @@ tell(ended=ended)
 
 @pytest.mark.slow
 def test_an_error_in_a_callback_ends_the_planning_and_is_raised(run_ompl: Any) -> None:
-    found = run_ompl(BREAKING.replace("LONG", LONG))
+    found = run_ompl(BREAKING.replace("LONG", LONG), whole=True)
     ended = found.pop("ended")
     assert len(ended) > 10
     assert set(ended) == set(found)

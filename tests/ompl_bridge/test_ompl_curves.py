@@ -56,7 +56,7 @@ def along(q, side, way, radius):
 @pytest.fixture(scope="module", params=["2.0", "1.7"])
 def run(request: pytest.FixtureRequest, run_ompl: Any) -> Run:
     if request.param == "2.0":
-        return lambda program: run_ompl(SET_UP + program + "\nos._exit(0)\n")
+        return lambda program: run_ompl(SET_UP + program)
     if PYTHON17 is None:
         pytest.skip("OMPL 1.7 not found: set TRAILMARK_OMPL17_PYTHON to its interpreter")
     return lambda program: run_ompl(SET_UP + program + "\nos._exit(0)\n", python=PYTHON17)

@@ -80,7 +80,6 @@ for _ in range(3):
     rows = problem.path.states
     hit += int(oracle.collides(motion_states(rows[:-1], rows[1:], 200).reshape(-1, 3)).any())
 tell(vertices=vertices, hit=hit, longer=longer)
-os._exit(0)
 """,
         seconds=300.0,
     )

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.benchmark.conftest import job
+from tests.benchmark.rogues import PREPARING
 
 from trailmark.benchmark.errors import WorkerError
 from trailmark.benchmark.isolation.worker import Worker
@@ -82,7 +83,7 @@ def test_planners_of_the_users_own_report_what_they_come_by(worker: Worker, ahea
 def test_what_a_planner_of_the_users_own_prepares_is_set_up_and_no_planning(worker: Worker, ahead: Problem) -> None:
     answer = worker.run(job(ahead, "tests.benchmark.rogues:prepared_plan", limit=0.1))
     assert answer["correct_solution"], answer
-    assert answer["setup_time"] >= 3.4
+    assert answer["setup_time"] >= PREPARING
     assert answer["time"] < 0.3
 
 
