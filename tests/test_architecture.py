@@ -156,37 +156,6 @@ def test_a_file_imports_only_what_lies_below_it() -> None:
     assert [line for file in FILES for line in forbidden_imports(file)] == []
 
 
-TESTS = Path(__file__).resolve().parent
-NAMED = re.compile(r"^# Tested by (.*?)(?=^[^#]|\Z)", re.MULTILINE | re.DOTALL)
-
-
-def covering(file: Path) -> list[Path]:
-    """Return the test file with a module's name, or those that the module names: ``# Tested by a/test_b.py``.
-
-    A name without a folder is one of the folder named before it.
-    """
-    relative = file.relative_to(SOURCE)
-    namesake = TESTS / relative.parent / f"test_{relative.name}"
-    if namesake.exists():
-        return [namesake]
-    found: list[Path] = []
-    for comment in NAMED.findall(file.read_text(encoding="utf-8")):
-        for name in re.findall(r"[\w/]+\.py", comment):
-            found.append(TESTS.parent / name if "/" in name else found[-1].parent / name)
-    return found
-
-
-MODULES = [file for file in FILES if not file.stem.startswith("__")]
-
-
-def test_every_module_is_covered_by_a_test_file() -> None:
-    """One that is not: add ``tests/.../test_NAME.py``, or a line ``# Tested by tests/...`` at its top."""
-    assert len(MODULES) > 100
-    covered = {file.relative_to(SOURCE).as_posix(): covering(file) for file in MODULES}
-    assert [name for name, tests in covered.items() if not tests] == []
-    assert [(name, test) for name, tests in covered.items() for test in tests if not test.exists()] == []
-
-
 def imports_when_loaded(file: Path) -> set[Path]:
     """Return the files of the package that a file imports while it is itself imported."""
     package = ["trailmark", *file.relative_to(SOURCE).parts[:-1]]
@@ -202,11 +171,6 @@ def imports_when_loaded(file: Path) -> set[Path]:
             # ``from package import module`` asks for the module; the package around it is being imported already.
             found |= {path for path in there if path.name != "__init__.py" or len(there) == 1}
     return found - {file}
-
-
-def test_no_file_is_longer_than_a_person_reads_at_once() -> None:
-    lengths = {file.relative_to(SOURCE): len(file.read_text().splitlines()) for file in SOURCE.rglob("*.py")}
-    assert {file: lines for file, lines in lengths.items() if lines > 350} == {}
 
 
 @pytest.mark.slow
