@@ -53,6 +53,51 @@ print("passed")
 """
 
 
+STARTS = """
+import numpy as np
+from ompl import base as ob
+from trailmark import Rectangle, Robot, World
+from trailmark.ompl_bridge import LandmarkPlanner, SE2Problem, plug_landmark_sampler
+from trailmark.ompl_bridge.states import state
+
+boxes = [Rectangle((2.0, y), 4.0, 0.2) for y in (3.0, 7.0)] + [Rectangle((4.0, 5.0), 0.2, 4.2)]
+boxed, far, near, wall = (1.5, 5, 0), (1, 9, 0), (8, 5, 0), (4, 5, 0)
+goal = (9, 2, 1)
+
+def solved(starts, robot, goals=(goal,)):
+    problem = SE2Problem(World("rooms", (0, 0, 10, 10), tuple(boxes), robot), query=(starts[-1], goal))
+    definition, information = problem.setup.getProblemDefinition(), problem.information
+    definition.clearStartStates()
+    for start in starts:
+        definition.addStartState(state(information, start))
+    if len(goals) > 1:
+        made = ob.GoalStates(information)
+        for each in goals:
+            made.addState(state(information, each))
+        problem.setup.setGoal(made)
+    plugged = plug_landmark_sampler(problem.setup, seed=0)
+    assert len(plugged.source.round(0)), (starts, goals)
+    planner = problem.set_planner(LandmarkPlanner(information, seed=0))
+    problem.solve(1.5)
+    return planner.result.status, None if problem.path is None else problem.path.states[0].tolist()
+
+box = Robot.rectangle(0.6, 0.4)
+for robot in (box, Robot.disc(0.3), box.steered(0.5)):
+    for starts in ((boxed, near), (near, boxed), (boxed, far, near)):
+        assert solved(starts, robot) == ("solved", list(near)), (starts, robot)
+    assert solved((wall, near), robot)[0] == "solved"
+    assert solved((near,), robot, (boxed, goal))[0] == "solved"
+    assert solved((boxed, (1, 4, 0)), robot)[0] == "infeasible"
+print("passed")
+"""
+
+
+@pytest.mark.slow
+def test_the_best_of_several_starts_of_which_some_are_shut_in(forks: Forks) -> None:
+    done = forks.run(["-c", STARTS], timeout=240.0, whole=True)
+    assert done.stdout.endswith("passed\n"), done.stderr[-2000:]
+
+
 @pytest.mark.slow
 def test_the_cheapest_of_several_states_and_a_threshold(forks: Forks) -> None:
     done = forks.run(["-c", SCRIPT], timeout=240.0, whole=True)

@@ -6,12 +6,14 @@ import io
 import pickle
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import networkx as nx
 import numpy as np
 import pytest
+import shapely
 from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,10 +27,12 @@ from trailmark.roadmap import Roadmap, load_roadmap, save_roadmap
 from trailmark.roadmap.files import fingerprint
 from trailmark.shapes import Disc, Polygon, Rectangle
 from trailmark.world import Robot, World
+from trailmark.zones import OneWayZone
 
 Change = Callable[[dict[str, Any]], dict[str, Any]]
 
 SUFFIXES = (".npz", ".graphml")
+BOX = Robot.rectangle(0.5, 0.3)
 CHECKERS = {
     name: StateChecker(random_world(7, 30, size=30.0, discs=0.3, holes=0.3), robot, cell=0.3)
     for name, robot in ROBOTS.items()
@@ -162,6 +166,10 @@ def variants() -> dict[str, tuple[World, Robot]]:
         "robot": (World("w", bounds, shapes), Robot.rectangle(0.5, 0.3 + 1e-9)),
         "round robot": (World("w", bounds, shapes), Robot.disc(0.2)),
         "rounder robot": (World("w", bounds, shapes), Robot.disc(0.21)),
+        "one-way zone": (World("w", bounds, shapes, zones=(OneWayZone(Polygon(square - 3.0), 0.0, 1.0),)), robot),
+        "another heading": (World("w", bounds, shapes, zones=(OneWayZone(Polygon(square - 3.0), 3.0, 1.0),)), robot),
+        "another tolerance": (World("w", bounds, shapes, zones=(OneWayZone(Polygon(square - 3.0), 0.0, 0.5),)), robot),
+        "another place": (World("w", bounds, shapes, zones=(OneWayZone(Polygon(square - 2.9), 0.0, 1.0),)), robot),
     }
 
 
@@ -195,7 +203,7 @@ def test_certificates_of_another_world_are_not_believed(name: str, suffix: str, 
     # Checked anew, they are right for the new world.
     again.certify_all()
     q = again.configurations
-    expected = other.motions_valid(q[again.edges[:, 0]], q[again.edges[:, 1]])
+    expected = again.motion.motions_valid(q[again.edges[:, 0]], q[again.edges[:, 1]])
     assert np.array_equal(again.certified, expected)
 
 
@@ -254,6 +262,31 @@ def test_a_graph_drawn_by_hand_is_taken(tmp_path: Path) -> None:
     assert roadmap.configurations == pytest.approx(np.array([[3.0, 4.0, 0.5], [1.0, 2.0, 4.0 - 2 * np.pi]]))
     assert roadmap.status.tolist() == [UNDECIDED]
     assert roadmap.shortest_path(0, 1).nodes.tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize(
+    "robot", [Robot.disc(0.2), Robot.rectangle(0.5, 0.3), Robot.rectangle(0.5, 0.3).differential()]
+)
+def test_a_world_with_a_one_way_zone_keeps_its_edges(robot: Robot, suffix: str, tmp_path: Path) -> None:
+    zone = shapely.box(4.0, 0.0, 6.0, 10.0)
+    world = World(
+        "w", (0, 0, 10, 10), (Disc((5, 5), 1),), zones=(OneWayZone(Polygon(zone.exterior.coords[:-1]), 0.0, 0.8),)
+    )
+    checker = StateChecker(world, robot)
+    roadmap = Roadmap(checker)
+    roadmap.add(free_samples(checker, 40, random_state=1))
+    roadmap.certify_all()
+    roadmap.save(tmp_path / f"r{suffix}")
+    again = load_roadmap(tmp_path / f"r{suffix}", checker)
+    free = {tuple(edge) for edge in roadmap.edges[roadmap.certified].tolist()}
+    assert {tuple(edge) for edge in again.edges[again.certified].tolist()} == free
+    crossing = [edge for edge in free if shapely.LineString(again.configurations[list(edge), :2]).crosses(zone)]
+    assert len(crossing) > 10
+    for u, v in crossing:
+        assert again.configurations[u, 0] < again.configurations[v, 0]
+    # Without the zone, in a world that these certificates were not made for, they are not believed.
+    assert not load_roadmap(tmp_path / f"r{suffix}", StateChecker(replace(world, zones=()), robot)).certified.any()
 
 
 def test_half_a_turn_is_left_out(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from trailmark.errors import ConfigurationError
 from trailmark.goals import Goal
 from trailmark.ompl_bridge.states import configuration, write_state
 
-__all__ = ["goals_in"]
+__all__ = ["goals_in", "is_one_state"]
 
 EXACT = 1e-6
 """Thresholds up to which a goal counts as its state alone; OMPL's own default is the rounding of a double."""
@@ -24,6 +24,11 @@ STATES, DRAWS = 32, 20_000
 
 SPARE = 1e-9
 """Share of a threshold that rounding may take."""
+
+
+def is_one_state(goal: Any) -> bool:
+    """Return whether a goal of OMPL's is a state without a tolerance worth the name."""
+    return isinstance(goal, ob.GoalState) and goal.getThreshold() <= EXACT
 
 
 def goals_in(goal: Any, checker: StateChecker, *, straight: bool) -> tuple[Goal, ...] | None:

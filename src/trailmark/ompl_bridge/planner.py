@@ -7,6 +7,7 @@ from __future__ import annotations
 import threading
 from copy import copy
 from math import isclose
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from trailmark.ompl_bridge.objective import PathObjective
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
 from trailmark.ompl_bridge.sparse_path import sparse_path
-from trailmark.ompl_bridge.states import path_to_ompl, start_and_goal
+from trailmark.ompl_bridge.states import path_to_ompl, starts_and_goal
 from trailmark.path import Path
 from trailmark.planning import LandmarkPlanner as Planner
 from trailmark.planning import PlannerSettings, PlanProgress, PlanResult
@@ -41,6 +42,9 @@ __all__ = ["LandmarkPlanner"]
 
 POLL = 0.002
 """Seconds between two calls of the termination condition."""
+
+FIRST_TURN = 0.05
+"""Seconds for which each of several starts is planned from first; each round of turns lasts twice as long."""
 
 GRACE = 0.05
 """Seconds that the query gets to end by itself once the termination condition holds."""
@@ -54,7 +58,8 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
     ``DubinsStateSpace`` or ``ReedsSheppStateSpace``. What OMPL interpolates along the returned path is certified.
     A straight path has fewer vertices than ``result.path`` and is up to 0.01 % longer, so that OMPL's path simplifier
     returns; a car's path has further states on a curve that OMPL would replace by another one. With a
-    :class:`~trailmark.ompl_bridge.PathObjective` it plans for that.
+    :class:`~trailmark.ompl_bridge.PathObjective` it plans for that. Of several starts the one with the cheapest path
+    is taken.
 
     ``solve`` returns once the termination condition holds (within 20 ms) or the path has settled. Repeated ``solve``,
     and ``clear`` with ``keep_roadmap``, continue with the roadmap of the queries before.
@@ -151,13 +156,14 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
         problem = self.getProblemDefinition()
         charges = _objective_of(problem)
         self._wait()
-        goals = goals_in(problem.getGoal(), self.checker, straight=self._curves is None)
         if self._follows:
             world = checker_in(self.getSpaceInformation()).world
             if world is not self.checker.world:
                 self.update(world)
-        start, goal = start_and_goal(problem)
-        if start is None or not self.checker.valid(start):
+        goals = goals_in(problem.getGoal(), self.checker, straight=self._curves is None)
+        starts, goal = starts_and_goal(problem)
+        starts = starts[self.checker.valid(starts)]
+        if len(starts) == 0:
             return ob.PlannerStatus(status.INVALID_START)
         ends = [goal] if goals is None else [each.pose for each in goals if self.checker.valid(np.array(each.pose))]
         if goals and goal is None:
@@ -173,7 +179,7 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
                 objective=charges,
             )
             self._charges = charges
-        self._work = work = _Work(self._planner, start, goal if goals is None else goals)
+        self._work = work = _Work(self._planner, starts, goal if goals is None else goals)
         try:
             while not work.done.wait(POLL):
                 if condition():
@@ -222,10 +228,10 @@ class LandmarkPlanner(ob.Planner):  # type: ignore[misc]  # OMPL's bindings carr
 class _Work(threading.Thread):
     """One query in a thread of its own, so that the termination condition can be called meanwhile."""
 
-    def __init__(self, planner: Planner, start: se2.FloatArray, goal: Ends) -> None:
+    def __init__(self, planner: Planner, starts: se2.FloatArray, goal: Ends) -> None:
         # Not a daemon: Python waits for it before the process ends, which a thread in compiled code would abort.
         super().__init__(name="trailmark-landmark", daemon=False)
-        self.planner, self.ends = planner, (start, goal)
+        self.planner, self.starts, self.goal = planner, starts, goal
         self.stop, self.done = threading.Event(), threading.Event()
         self.last: PlanProgress | None = None
         self.result: PlanResult | None = None
@@ -234,16 +240,42 @@ class _Work(threading.Thread):
 
     def run(self) -> None:
         try:
-            self.result = self.planner.plan(
-                *self.ends, time_limit=np.inf, on_progress=self._on_progress, stop=self.stop.is_set
-            )
+            self.result = self._from_one(self.starts[0]) if len(self.starts) == 1 else self._from_several()
         except BaseException as error:  # raised in the thread that waits
             self.error = error
         finally:
             self.done.set()
 
+    def _from_one(self, start: se2.FloatArray, seconds: float = np.inf) -> PlanResult:
+        return self.planner.plan(
+            start, self.goal, time_limit=seconds, on_progress=self._on_progress, stop=self.stop.is_set
+        )
+
+    def _from_several(self) -> PlanResult:
+        """Plan from each start in turns that get longer, until each start's answer is final; return the best one."""
+        answers: dict[int, PlanResult] = {}
+        seconds, pending = FIRST_TURN, set(range(len(self.starts)))
+        while pending:
+            for i in sorted(pending):
+                begin = perf_counter()
+                answers[i] = found = self._from_one(self.starts[i], seconds)
+                # One that ends early has nothing left to try.
+                if found.status == "infeasible" or perf_counter() - begin < 0.5 * seconds or self.stop.is_set():
+                    pending.discard(i)
+            seconds *= 2.0
+            best = min((found.cost for found in answers.values() if found.cost is not None), default=np.inf)
+            pending = {i for i in pending if (answers[i].lower_bound or 0.0) < best}
+        # Without a path, the query is infeasible only if it is from each of the starts.
+        return min(
+            answers.values(),
+            key=lambda found: (np.inf if found.cost is None else found.cost, found.status == "infeasible"),
+        )
+
     def _on_progress(self, progress: PlanProgress) -> None:
-        self.last = progress
+        # Of another start's paths the best one stays.
+        best = np.inf if self.last is None or self.last.cost is None else self.last.cost
+        if (np.inf if progress.cost is None else progress.cost) <= best:
+            self.last = progress
 
 
 def _steered(checker: StateChecker, steering: Steering | None) -> StateChecker:

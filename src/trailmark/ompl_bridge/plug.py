@@ -17,13 +17,14 @@ from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
 from trailmark.motion import kind_of
 from trailmark.ompl_bridge.checker import checker_in
+from trailmark.ompl_bridge.goals import is_one_state
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
 from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, TREE_MIXTURE, Mixture, warm_up_sampling
 from trailmark.ompl_bridge.planners import planner_names
 from trailmark.ompl_bridge.samplers import LandmarkStateSampler, LandmarkValidStateSampler
 from trailmark.ompl_bridge.spaces import require_within, space_of
-from trailmark.ompl_bridge.states import start_and_goal
+from trailmark.ompl_bridge.states import starts_and_goal
 
 __all__ = ["PluggedSampler", "plug_landmark_sampler"]
 
@@ -173,7 +174,10 @@ def _obstacle(planner: str, takes_states: bool) -> str | None:
 
 
 def _query(problem: Any, checker: StateChecker) -> se2.FloatArray | None:
-    """Return start and goal, shape (2, 3), or None where one of them is missing or not valid."""
-    start, goal = start_and_goal(problem)
-    ends = None if start is None or goal is None else np.array([start, goal])
-    return ends if ends is not None and checker.valid(ends).all() else None
+    """Return start and goal, shape (2, 3), or None where one is missing or not valid, or there are several of them."""
+    starts, goal = starts_and_goal(problem)
+    if len(starts) != 1 or goal is None or not is_one_state(problem.getGoal()):
+        # One pair of several may be the one that no path joins.
+        return None
+    ends = np.array([starts[0], goal])
+    return ends if checker.valid(ends).all() else None

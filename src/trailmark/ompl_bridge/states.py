@@ -17,7 +17,15 @@ from trailmark.path import Path
 if TYPE_CHECKING:
     import networkx as nx
 
-__all__ = ["configuration", "path_to_ompl", "planner_data_graph", "start_and_goal", "state", "states_of", "write_state"]
+__all__ = [
+    "configuration",
+    "path_to_ompl",
+    "planner_data_graph",
+    "starts_and_goal",
+    "state",
+    "states_of",
+    "write_state",
+]
 
 SCOPED = not hasattr(ob, "SE2StateType")
 """Whether a state that Python owns must be asked for as ``ob.State(space)`` and opened by a call (OMPL 1.7)."""
@@ -53,14 +61,14 @@ def configuration(source: Any) -> se2.FloatArray:
     return np.array([source.getX(), source.getY(), source.getYaw()])
 
 
-def start_and_goal(problem: Any) -> tuple[se2.FloatArray | None, se2.FloatArray | None]:
-    """Return the first start and goal of a ``ProblemDefinition`` that OMPL holds valid, each of shape (3,), or None."""
+def starts_and_goal(problem: Any) -> tuple[se2.FloatArray, se2.FloatArray | None]:
+    """Return a problem's starts that OMPL holds valid, shape (n, 3), and its first valid goal, shape (3,), or None."""
     # Not ProblemDefinition.getStartState, whose state OMPL 2.0.1 frees twice.
     inputs = ob.PlannerInputStates()
     inputs.use(problem)
-    start = inputs.nextStart()
+    starts = [configuration(start) for start in iter(inputs.nextStart, None)]
     goal = None if problem.getGoal() is None else inputs.nextGoal()
-    return None if start is None else configuration(start), None if goal is None else configuration(goal)
+    return np.array(starts).reshape(-1, 3), None if goal is None else configuration(goal)
 
 
 def states_of(path: Any) -> se2.FloatArray:

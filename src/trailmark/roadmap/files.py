@@ -22,6 +22,7 @@ from trailmark.errors import FormatError, OutputError
 from trailmark.formats.files import MAX_FILE_BYTES, check_writable, read_bytes, write_atomically
 from trailmark.formats.outputs import require_not_an_input
 from trailmark.motion import CurveMotion, motion_of
+from trailmark.motion.one_way import one_ways
 from trailmark.roadmap.nav2_route import route_text
 from trailmark.roadmap.roadmap import Roadmap
 from trailmark.roadmap.store import EdgeStatus
@@ -105,13 +106,14 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
         raise FormatError(path, f"expected suffix {' or '.join(LOADED)}, got {path.suffix!r}{hint}")
     data = read_bytes(path)
     content = _read_npz(data, path) if suffix == ".npz" else _read_graphml(data, path)
-    directed = motion_of(checker).directed
-    q, edges, status = _checked(content, path, directed)
+    motion = motion_of(checker)
+    q, edges, status = _checked(content, path, motion.directed)
     known = content.fingerprint == fingerprint(checker)
-    if not known or content.checksum != _checksum(content.fingerprint, q, edges, status, directed):
+    if not known or content.checksum != _checksum(content.fingerprint, q, edges, status, motion.directed):
         status[:] = EdgeStatus.UNDECIDED
-    # An edge without a direction stands for motions both ways.
-    status[~motion_of(checker).reversible(q[edges[:, 0]], q[edges[:, 1]])] = EdgeStatus.BLOCKED
+    if not motion.directed:
+        # An edge without a direction stands for motions both ways.
+        status[~motion.reversible(q[edges[:, 0]], q[edges[:, 1]])] = EdgeStatus.BLOCKED
     valid = checker.valid(q) if len(q) else np.ones(0, dtype=np.bool_)
     if not valid.all():
         if not drop_invalid:
@@ -128,7 +130,10 @@ def load_roadmap(path: str | FilePath, checker: StateChecker, *, drop_invalid: b
 
 
 def fingerprint(checker: StateChecker) -> str:
-    """Return the SHA-256, in hexadecimal, of all that validity depends on: bounds, obstacles, footprint, steering."""
+    """Return the SHA-256, in hexadecimal, of what an edge's certificate depends on.
+
+    That is bounds, obstacles (keep-out zones among them), one-way zones, footprint and steering.
+    """
     robot, world = checker.footprint, checker.world
     digest = hashlib.sha256(f"trailmark roadmap {VERSION}".encode())
     # Not as the checker has them: in which order depends on how the world came about.
@@ -141,6 +146,9 @@ def fingerprint(checker: StateChecker) -> str:
         _digest(digest, np.array([0.0, checker.robot.reverse]), "<f8")
     if checker.robot.turning_radius is not None:
         _digest(digest, np.array([checker.robot.turning_radius, checker.robot.reverse]), "<f8")
+    directions = one_ways(world.zones)
+    for part in directions if len(directions.headings) else ():
+        _digest(digest, part, "<f8")
     return digest.hexdigest()
 
 
