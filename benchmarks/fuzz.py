@@ -18,9 +18,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from benchmarks.fuzzing.attack import Finding, attack, available, keep
+from benchmarks.fuzzing import attack as fuzzing
+from benchmarks.fuzzing.attack import Finding, attack, available
 from benchmarks.fuzzing.targets import TARGETS
-from benchmarks.machine import markdown_table
+from benchmarks.report import Claim, keep, markdown_table
 from benchmarks.soundness.workers import run_all
 
 BATCH, SECONDS_A_BATCH = 25, 200.0
@@ -70,12 +71,13 @@ def main() -> int:
             kind = "\n".join(line for line in lines[-9:] if line.startswith("  File")) or lines[0][:20]
             if (name, kind) not in known:
                 known.add((name, kind))
-                print(f"{keep(options.folder, finding)}\n{finding.problem[:1500]}", file=sys.stderr, flush=True)
+                print(f"{fuzzing.keep(options.folder, finding)}\n{finding.problem[:1500]}", file=sys.stderr, flush=True)
     rows = [[name, f"{read[name]:,}", f"{refused[name]:,}", f"{wrong[name]:,}"] for name in names]
     print(markdown_table(["reader", "read", "refused", "wrong"], rows))
     if left_out:
         print(f"left out, their files are not there: {', '.join(left_out)}")
-    print(f"{sum(read.values()) + sum(refused.values()) + sum(wrong.values()):,} files, {sum(wrong.values())} wrong")
+    count = sum(read.values()) + sum(refused.values()) + sum(wrong.values())
+    keep("fuzz", [Claim("damaged files that are not refused in one line", f"{sum(wrong.values())} of {count:,}")])
     return 1 if wrong else 0
 
 

@@ -1,4 +1,4 @@
-"""The source method against what was published of it, and against trailmark's own. Writes results/paper.{json,md}.
+"""The source method against what was published of it, and against trailmark's own. Prints a table.
 
 - Forbidden points, inertia and centres over many runs in the two environments, for each initialisation. Every run has
   its own readings and points; the initialisations of one run share them, so that they compare directly.
@@ -7,33 +7,28 @@
   that of Forgy's starts on one and the same set of points, which leaves only the start to differ.
 - Times of Algorithm 2, readings given, in a process that has loaded scikit-learn.
 
-    python -m benchmarks.paper [--runs 200] [--no-write]
+    python -m benchmarks.paper [--runs 200]
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import resource
 import sys
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.machine import describe_machine, markdown_table
+from benchmarks.report import Claim, keep, markdown_table
 from trailmark.collision import StateChecker
-from trailmark.formats.files import write_atomically
 from trailmark.landmarks import algorithm_1, algorithm_2, repair_centres, spread_of_runs
 from trailmark.landmarks.executions import execute_se2, readings_in
 from trailmark.landmarks.paper import INITIALISATIONS, Initialisation, PaperLandmarks
 from trailmark.library import shipped_worlds
 from trailmark.world import World
-
-RESULTS = Path(__file__).resolve().parent / "results"
 
 ENVIRONMENTS = {"environment1": 12, "environment2": 14}
 N = 1000
@@ -194,7 +189,6 @@ def main() -> int:
     """Measure and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=200, help="runs in each environment")
-    parser.add_argument("--no-write", action="store_true", help="print only")
     options = parser.parse_args()
     algorithm_2([], (0.0, 0.0, 1.0, 1.0), 100, 2, random_state=0)  # loads scikit-learn
     rows: list[dict[str, Any]] = []
@@ -207,13 +201,18 @@ def main() -> int:
             million = large(environment)
     lines = report(rows, baselines, million)
     sys.stdout.write("\n".join(lines) + "\n")
-    if not options.no_write:
-        RESULTS.mkdir(exist_ok=True)
-        machine = describe_machine()
-        record = {"machine": machine, "runs": rows, "baselines": baselines, "million": million}
-        write_atomically(RESULTS / "paper.json", json.dumps(record, indent=1) + "\n")
-        text = ["# The source method as published", "", __doc__.split("\n\n", 1)[1].rsplit("\n\n", 1)[0], "", machine]
-        write_atomically(RESULTS / "paper.md", "\n".join([*text, "", *lines]) + "\n")
+    first, ours = rows[0], next(row for row in rows if row["method"].startswith("trailmark"))
+    keep(
+        "paper",
+        [
+            Claim("forbidden of 1,000 points, environment 1", f"{first['forbidden']:.1f}", f"published: {PUBLISHED}"),
+            Claim(
+                "spread of centres between runs, in spacings, environment 1",
+                f"{first['spread']:.2f} as published, {ours['spread']:.2f} with trailmark's own landmarks",
+                f"random places {baselines['environment1']['random places']:.2f}",
+            ),
+        ],
+    )
     return 0
 
 

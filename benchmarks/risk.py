@@ -1,9 +1,9 @@
-"""Does a path past grown obstacles meet the true ones as seldom as it is said to? Writes results/risk.{json,md}.
+"""Does a path past grown obstacles meet the true ones as seldom as it is said to? Prints a table.
 
 A simulated robot drives round a yard, once with a detector of discs (whose radius is uncertain too), once with a laser
 scanner (walls, discs and hulls), and ``trailmark.estimation.map_log`` makes a map by its defaults, with the noise that
 is stated; the truth errs as much, or twice as much. The estimates are grown for a confidence p, in even shares, and
-LandmarkPlanner plans through what is left; or the risk is spent along the path (``spend_risk``). Then
+LandmarkPlanner plans through what is left. Then
 
 1. the true obstacles and the robot's pose are drawn from the estimates' distributions: the share of draws in which the
    planned path collides, over all worlds;
@@ -21,36 +21,29 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import math
 from dataclasses import replace
-from pathlib import Path
-from time import process_time
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from scipy.stats import beta
+from tests.helpers.alignment import Alignment, aligned
+from tests.helpers.random_worlds import star_polygon
 
-from benchmarks.alignment import Alignment, aligned
-from benchmarks.machine import describe_machine, markdown_table
-from benchmarks.random_worlds import star_polygon
+from benchmarks.report import Claim, keep
 from trailmark.errors import TrailmarkError
 from trailmark.estimation import MappingSettings, MapSettings, RangeBearing, Unicycle, disc_estimates, map_log
 from trailmark.estimation.risk.allocation import regrow
-from trailmark.estimation.risk.spending import spend_risk
 from trailmark.estimation.scans.scan_settings import ScanSettings
 from trailmark.estimation.simulation.simulator import simulate
 from trailmark.estimation.simulation.virtual_sensors import Detector, Scanner
-from trailmark.formats.files import write_atomically
 from trailmark.planning import LandmarkPlanner
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World
 
 FloatArray = NDArray[np.float64]
-
-RESULTS = Path(__file__).resolve().parent / "results"
 
 CONFIDENCES = (0.9, 0.95, 0.99)
 SENSORS = ("detector", "scanner")
@@ -159,20 +152,13 @@ def moved(shape: Shape, onto: Alignment) -> Shape:
     return Rectangle((x, y), shape.length, shape.width, shape.heading + turn)
 
 
-def planned(world: World, along_path: bool) -> FloatArray | None:
-    """Return the configurations of a path in a grown world, shape (n, 3)."""
-
-    def plan(grown: World) -> tuple[FloatArray, float] | None:
-        try:
-            result = LandmarkPlanner(grown, ROBOT, seed=0).plan(START, GOAL, time_limit=5.0, max_iterations=2)
-        except TrailmarkError:
-            return None  # an end lies in a grown obstacle
-        return None if result.path is None else (result.path.states, result.path.cost)
-
-    if along_path:
-        return spend_risk(world, plan, rounds=6).states
-    found = plan(world)
-    return None if found is None else found[0]
+def planned(world: World) -> FloatArray | None:
+    """Return the configurations of a path in a grown world, shape (n, 3); None if there is none."""
+    try:
+        result = LandmarkPlanner(world, ROBOT, seed=0).plan(START, GOAL, time_limit=5.0, max_iterations=2)
+    except TrailmarkError:
+        return None  # an end lies in a grown obstacle
+    return None if result.path is None else result.path.states
 
 
 def along(states: FloatArray) -> FloatArray:
@@ -253,10 +239,8 @@ def main() -> int:
     parser.add_argument("--worlds", type=int, default=20)
     parser.add_argument("--draws", type=int, default=1000)
     parser.add_argument("--logs", type=int, default=100, help="worlds whose own obstacles count, these included")
-    parser.add_argument("--no-write", action="store_true", help="print only")
     options = parser.parse_args()
-    begin = process_time()
-    tally: dict[tuple[str, float, float, bool], dict[str, list[float]]] = {}
+    tally: dict[tuple[str, float, float], dict[str, list[float]]] = {}
     for i in range(max(options.worlds, options.logs)):
         sensor, factor = SENSORS[i % 2], FACTORS[i // 2 % 2]
         rng = np.random.default_rng([2026, i])
@@ -267,78 +251,39 @@ def main() -> int:
             continue
         for p in (0.0, *CONFIDENCES):
             grown = regrow(case.estimated, p, pose_covariance=case.pose_covariance) if p else case.estimated
-            for along_path in (False, True)[: 2 if p else 1]:
-                own = tally.setdefault(
-                    (sensor, factor, p, along_path), {"hits": [], "true": [], "length": [], "failed": []}
-                )
-                states = planned(grown, along_path)
-                if states is None:
-                    own["failed"].append(i)
-                    continue
-                own["length"].append(float(np.hypot(*np.diff(states[:, :2], axis=0).T).sum()))
-                own["true"].append(collides(case, states))
-                if i < options.worlds:
-                    own["hits"].append(collisions(case.estimated, case.pose_covariance, states, options.draws, rng))
-    print(f"{process_time() - begin:.0f} s of CPU")
-    return report(tally, options.draws, write=not options.no_write)
+            own = tally.setdefault((sensor, factor, p), {"hits": [], "true": [], "failed": []})
+            states = planned(grown)
+            if states is None:
+                own["failed"].append(i)
+                continue
+            own["true"].append(collides(case, states))
+            if i < options.worlds:
+                own["hits"].append(collisions(case.estimated, case.pose_covariance, states, options.draws, rng))
+    keep("risk", claims(tally, options.draws))
+    return 0
 
 
-def report(tally: dict[tuple[str, float, float, bool], dict[str, list[float]]], draws: int, *, write: bool) -> int:
-    """Print and write the tables; return 0 if all shares stay under what is allowed."""
-    record: dict[str, Any] = {"machine": describe_machine(), "rows": []}
-    tables: tuple[list[list[str]], list[list[str]]] = ([], [])
-    kept = True
-    for (sensor, factor, p, along_path), own in sorted(tally.items()):
-        outcomes = (
-            Counts(int(sum(own["hits"])), draws * len(own["hits"])),
-            Counts(int(sum(own["true"])), len(own["true"])),
-        )
-        spent = ("along the path" if along_path else "even") if p else "as measured"
-        row: dict[str, Any] = {"sensor": sensor, "noise": factor, "confidence": p or None, "spending": spent}
-        row["length"], row["no_path"] = float(np.mean(own["length"] or [math.nan])), len(own["failed"])
-        row["worst_world"] = max(own["hits"], default=0.0) / draws
-        for name, counts, table in zip(("draws", "logs"), outcomes, tables, strict=True):
+def claims(tally: dict[tuple[str, float, float], dict[str, list[float]]], draws: int) -> list[Claim]:
+    """Return a row for each sensor, noise and confidence, and for draws and logs."""
+    found = []
+    for (sensor, factor, p), own in sorted(tally.items()):
+        outcomes = {
+            "draws": Counts(int(sum(own["hits"])), draws * len(own["hits"])),
+            "logs": Counts(int(sum(own["true"])), len(own["true"])),
+        }
+        for name, counts in outcomes.items():
             if not counts.trials:
                 continue
             low, high = counts.interval()
             share = counts.hits / counts.trials
-            row[name] = {"hits": counts.hits, "trials": counts.trials, "low": low, "high": high}
             # Of a hundred logs none may collide or one: what the interval excludes is a bound that is broken.
-            kept &= (not p) or (share < 1.0 - p if name == "draws" else low <= 1.0 - p)
-            cells = [
-                sensor,
-                f"x {factor:g}",
-                f"{p:g}" if p else "",
-                spent,
-                f"{100 * (1 - p):.3g} %",
-                f"{counts.hits}/{counts.trials}",
-            ]
-            cells += [f"{100 * share:.3f} %", f"{100 * low:.3f} to {100 * high:.3f} %"]
-            table.append([*cells, f"{100 * row['worst_world']:.2f} %" if name == "draws" else f"{row['length']:.2f}"])
-        record["rows"].append(row)
-    header = ["sensor", "true noise", "p", "risk spent", "allowed", "collisions", "share", "95 % interval"]
-    texts = [
-        markdown_table([*header, last], rows)
-        for last, rows in zip(("worst world", "metres a path"), tables, strict=True)
-    ]
-    print("\n\n".join(texts))
-    failed = sum(row["no_path"] for row in record["rows"])
-    if write:
-        RESULTS.mkdir(exist_ok=True)
-        write_atomically(RESULTS / "risk.json", json.dumps(record, indent=1) + "\n")
-        lines = ["# Risk calibration", "", "Written by `python -m benchmarks.risk`.", ""]
-        lines += ["True obstacles and poses drawn from the estimates' distributions:", "", texts[0], ""]
-        lines += ["The simulation's own obstacles and poses, a new world and log each time:", "", texts[1], ""]
-        used = {row["confidence"]: 0.0 for row in record["rows"] if row["confidence"]}
-        for row in record["rows"]:
-            p = row["confidence"]
-            if p and "draws" in row:
-                used[p] = max(used[p], row["draws"]["hits"] / row["draws"]["trials"] / (1.0 - p))
-        shares = ", ".join(f"{100 * share:.1f} % (p = {p:g})" for p, share in sorted(used.items()))
-        lines += [f"How conservative that is: of the collisions allowed, draws came to {shares} at most.", ""]
-        lines += [f"Paths that were not found, and count in neither: {failed}.", "", record["machine"]]
-        write_atomically(RESULTS / "risk.md", "\n".join(lines) + "\n")
-    return 0 if kept else 1
+            broken = p > 0.0 and (share >= 1.0 - p if name == "draws" else low > 1.0 - p)
+            figure = f"{100 * share:.3f} % ({100 * low:.3f} to {100 * high:.3f} %) of {counts.trials:,} {name} collide"
+            grown = f"grown for {p:g}" if p else "as measured"
+            beside = f"allowed: {100 * (1 - p):.3g} %" if p else ""
+            missed = "too many" if broken else f"{len(own['failed'])} without a path" if own["failed"] else ""
+            found.append(Claim(f"{sensor}, noise x {factor:g}, {grown}", figure, beside, missed))
+    return found
 
 
 if __name__ == "__main__":

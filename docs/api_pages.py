@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -108,14 +107,6 @@ def make_readable(app: object, what: str, name: str, value: object, options: obj
     if what in ("attribute", "data", "property") and lines and ": " in lines[0]:
         head, rest = lines[0].split(": ", 1)
         lines[:1] = [f"{head}:", rest]
-
-
-def lead_to_pages(app: object, name: str, source: list[str]) -> None:
-    """Let links to measured results, which lie outside of this folder, lead to the pages that are made of them."""
-    link = re.compile(r"\[([^\]]+)\]\((?:\.\./)*benchmarks/results/(\w+)\.md\)")
-    source[0] = link.sub(
-        lambda found: f"{{doc}}`{' '.join(found[1].replace('`', '').split())} </figures/{found[2]}>`", source[0]
-    )
 
 
 def found_elsewhere(app: Sphinx, env: BuildEnvironment, node: pending_xref, shown: Element) -> Element | None:

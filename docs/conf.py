@@ -65,5 +65,4 @@ api_pages.write(DOCS / "api")
 def setup(app: Sphinx) -> None:
     """Let docstrings and pages be written as they are."""
     app.connect("autodoc-process-docstring", api_pages.make_readable, priority=400)  # before napoleon's 500
-    app.connect("source-read", api_pages.lead_to_pages)
     app.connect("missing-reference", api_pages.found_elsewhere)

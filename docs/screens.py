@@ -45,14 +45,12 @@ def smaller(large: Path, file: Path) -> None:
 
 def live_page(folder: Path) -> None:
     """Write the live page as it is on a desk and on a phone, with the office and its roadmap."""
-    from benchmarks.chromium import browser
-    from benchmarks.live import server
+    from tests.helpers.chromium import browser, server
 
     from trailmark import World
 
     office = World.load("office")
-    assert office.robot is not None
-    with server(office, office.robot) as (address, _), browser() as tab:
+    with server(office) as address, browser() as tab:
         for width, height in ((1400, 900), (390, 844)):
             tab.open("about:blank", width, height)
             tab.open(address, width, height)

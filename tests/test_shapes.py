@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import star_polygon
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.helpers.random_worlds import star_polygon
 
 from trailmark.errors import ShapeError
 from trailmark.shapes import LIMIT, Disc, Polygon, Rectangle, signed_area

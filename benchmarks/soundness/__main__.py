@@ -1,6 +1,6 @@
-"""Is anything that is called certified or proven wrong? Writes results/soundness.{json,md}.
+"""Is anything that is called certified or proven wrong? Prints a table.
 
-    python -m benchmarks.soundness [--hours H] [--seed N] [--part NAME]... [--share F] [--workers N] [--no-write]
+    python -m benchmarks.soundness [--hours H] [--seed N] [--part NAME]... [--share F] [--workers N]
     python -m benchmarks.soundness --case FOLDER        asks again what a saved case asks
 
 A run that is stopped goes on where it was, if it is started again with the same seed on the same code (--folder
@@ -11,7 +11,6 @@ tests/soundness/cases holds those that became tests. The exit status is 1 if the
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import shutil
 import sys
@@ -21,56 +20,30 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from benchmarks.machine import markdown_table
+from benchmarks.report import Claim, keep
 from benchmarks.soundness.campaign import SECONDS_A_CHUNK, Campaign, ask_case, run_chunk
 from benchmarks.soundness.parts import PARTS
 from benchmarks.soundness.workers import Worker, run_all
-from trailmark.formats.files import write_atomically
 
-RESULTS = Path(__file__).resolve().parents[1] / "results"
+JUDGE = "shapely, and rational arithmetic near the tolerance of 1e-7 m"
 
 
-def text(record: dict[str, Any]) -> str:
-    """Return the report as Markdown."""
-    rows, total, wrong = [], Counter[str](), Counter[str]()
+def claims(record: dict[str, Any]) -> list[Claim]:
+    """Return a row for each part, and one for all of them."""
+    found, total, wrong = [], Counter[str](), Counter[str]()
     for name, part in record["parts"].items():
         counts = Counter(part["counts"])
         total.update(counts)
         wrong.update(part["wrong"])
         what = PARTS[name].counts
-        rest = ", ".join(f"{n:,} {key}" for key, n in sorted(counts.items()) if key != what)
-        bad = ", ".join(f"**{n:,} {key}**" for key, n in sorted(part["wrong"].items())) or "0"
-        rows.append([name, what, f"{counts[what]:,}", f"{part['target']:,}", bad, rest])
-    sums = ", ".join(f"{n:,} {key}" for key, n in sorted(total.items()))
-    return "\n".join(
-        [
-            "# Soundness: is anything certified or proven wrong?",
-            "",
-            f"Written by `python -m benchmarks.soundness`: {record['machine']}; code {record['code']}, seed "
-            f"{record['seed']}.",
-            "",
-            f"**{sum(wrong.values()):,} wrong** of {sums}; {record['processor_seconds']:,} s of work.",
-            "",
-            markdown_table(["part", "counts", "judged", "target", "wrong", "also"], rows),
-            "",
-            "Judged by shapely, and in rational arithmetic within 1e-8 m of what the checker promises (an overlap of",
-            "at most 1e-7 m, and 8 roundings of the largest coordinate); the judge shares no code with the checker.",
-            "",
-            "- states: at random, and pushed by halving to where they are barely valid; a refusal with more than 1e-6",
-            "  m of room counts as wrong too.",
-            "- motions, curves: pushed by halving until they are barely certified; halved again by the judge wherever",
-            "  the room leaves a collision possible.",
-            "- paths: `plan` and `plan_many`, cars forward-only and reversing; judged through `path.at`, `resample`",
-            "  and by straight motions taken anew from the states.",
-            "- carved: a drive first, obstacles around what it sweeps, with 1e-5 to 1e-1 m to spare; then `plan`,",
-            "  the lower bound and the enclosure are asked, which must neither claim that there is no way nor",
-            "  that it costs more.",
-            "- bounds: beside the cost of paths and of parts of paths; walls whose vertices lie nearly on a line, cars",
-            "  in the open, up to 1e6 m from the origin.",
-            "- angles: turns by half a turn and some doubles more or less, at rest and moving.",
-            "- scales: worlds of 1 mm and of 100 km, 1e4 and 1e6 m away, UTM coordinates.",
-        ]
-    )
+        bad = ", ".join(f"{n:,} {key}" for key, n in sorted(part["wrong"].items()))
+        share = counts[what] / part["target"]
+        missed = bad or ("" if share >= 1.0 else f"{share:.0%} of the intended number")
+        found.append(
+            Claim(f"wrong among {what} of {name}", f"{sum(part['wrong'].values())} of {counts[what]:,}", JUDGE, missed)
+        )
+    sums = ", ".join(f"{n:,} {key}" for key, n in sorted(total.items()) if not key.startswith("refused"))
+    return [Claim("wrong certificates and proofs", f"{sum(wrong.values()):,} of {sums}", JUDGE), *found]
 
 
 def run_case(folder: Path) -> int:
@@ -93,7 +66,6 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2, metavar="N")
     parser.add_argument("--folder", type=Path, default=Path("out/soundness"), help="where the run is kept")
     parser.add_argument("--fresh", action="store_true", help="begin anew")
-    parser.add_argument("--no-write", action="store_true", help="print the report only")
     parser.add_argument("--case", type=Path, metavar="FOLDER", help="ask a saved case again")
     options = parser.parse_args()
     if options.case is not None:
@@ -114,14 +86,9 @@ def main() -> int:
             state = ", ".join(f"{name} {100.0 * min(1.0, campaign.progress(name)):.0f} %" for name in names)
             wrong = sum(sum(c.values()) for c in campaign.wrong.values())
             print(f"{timedelta(seconds=round(shown - begin))} {state}; {wrong} wrong", file=sys.stderr, flush=True)
-    record = campaign.record()
-    report = text(record)
-    print(report)
+    keep("soundness", claims(campaign.record()))
     for name in sorted(campaign.found):
         print(campaign.folder / "found" / name)
-    if not options.no_write:
-        write_atomically(RESULTS / "soundness.json", json.dumps(record, indent=1) + "\n")
-        write_atomically(RESULTS / "soundness.md", report + "\n")
     return 1 if any(sum(c.values()) for c in campaign.wrong.values()) else 0
 
 

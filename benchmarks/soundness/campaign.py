@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.age import code_digest
-from benchmarks.machine import describe_machine
 from benchmarks.soundness import cases
 from benchmarks.soundness.parts import PARTS
 from benchmarks.soundness.report import Report
 from benchmarks.soundness.workers import Outcome
+from trailmark.benchmark.environment import source_digest
 from trailmark.errors import InternalErrorWarning
 
 __all__ = ["SECONDS_A_CHUNK", "Campaign", "ask_case", "run_chunk"]
@@ -66,7 +65,7 @@ class Campaign:
     """
 
     def __init__(self, folder: Path, seed: int, parts: list[str], share: float) -> None:
-        self.seed, self.version, self.share = seed, code_digest("benchmarks.soundness"), share
+        self.seed, self.version, self.share = seed, source_digest()[:12], share
         self.folder = folder / f"{self.version}-{seed}"
         self.folder.mkdir(parents=True, exist_ok=True)
         self.parts = {name: PARTS[name] for name in parts}
@@ -129,7 +128,6 @@ class Campaign:
     def record(self) -> dict[str, Any]:
         """Return the results as plain numbers and texts."""
         return {
-            "machine": describe_machine(),
             "code": self.version,
             "seed": self.seed,
             "processor_seconds": round(self.seconds),

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
 
-from benchmarks.random_worlds import ROBOTS, random_world, star_polygon
 from trailmark.errors import ShapeError
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape
 from trailmark.world import Robot, World

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.explore_oracle import boundary_errors, overlaps, seen_share, tour_length, truth_of
-from benchmarks.explore_worlds import KINDS, explore_world
+from tests.helpers.explore_oracle import boundary_errors, overlaps, seen_share, tour_length, truth_of
+from tests.helpers.explore_worlds import KINDS, explore_world
 
 from trailmark.collision import StateChecker
 from trailmark.estimates import ObstacleEstimate

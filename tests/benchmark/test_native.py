@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
 from numpy.typing import NDArray
+from tests.helpers.oracle import Oracle
 from tests.support.trials import few
 
 from trailmark.benchmark import native

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.made_results import random_results
 from PIL import Image
 from tests.cli.logs import recorded, write_mrclam
+from tests.helpers.made_results import random_results
 
 from trailmark.estimation import save_log
 from trailmark.world import World

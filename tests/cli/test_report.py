@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from benchmarks.made_results import random_results
+from tests.helpers.made_results import random_results
 
 Shell = Callable[..., Any]
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import random_world, star_polygon
 from numpy.typing import NDArray
+from tests.helpers.random_worlds import random_world, star_polygon
 
 from trailmark import se2
 from trailmark.collision import StateChecker

@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_states, random_world, star_polygon
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world, star_polygon
 from tests.support.trials import few, pairs
 
 from trailmark.collision import StateChecker

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
+from tests.helpers.oracle import Oracle
 from tests.support.trials import pairs, trials
 
 from trailmark.collision import StateChecker

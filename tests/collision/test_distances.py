@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.helpers.random_worlds import random_world
 from tests.support.trials import few
 
 from trailmark.collision.distances import point_clearance, point_depth

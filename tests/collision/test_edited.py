@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_states, random_world, short_motions, star_polygon
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world, short_motions, star_polygon
 from tests.support.trials import few, trials
 
 from trailmark import Disc, Polygon, Rectangle, Robot, World, WorldError

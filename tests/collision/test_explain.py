@@ -7,8 +7,8 @@ import re
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_states, random_world
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.collision.explain import invalid_reason

@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_states, random_world
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.collision.fcl_scene import FclScene

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import distance_transform_edt
+from tests.helpers.random_worlds import random_world
 from tests.support.trials import few
 
 from trailmark.collision.field import ClearanceField, build_field, distance_transform, interpolated

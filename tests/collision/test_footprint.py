@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import ROBOTS, star_polygon
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.helpers.random_worlds import ROBOTS, star_polygon
 
 from trailmark.collision import StateChecker
 from trailmark.collision.footprint import (

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle, motion_states
-from benchmarks.random_worlds import ROBOTS, random_states, random_world, short_motions
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world, short_motions
 from tests.support.oracles import checker_and_oracle
 from tests.support.trials import few, pairs
 

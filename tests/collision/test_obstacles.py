@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import random_world
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.helpers.random_worlds import random_world
 
 from trailmark.collision import StateChecker
 from trailmark.collision.obstacles import boundary_segments, build_grid, cell_size_for, obstacle_discs

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.landmarks import Relaxation, free_samples

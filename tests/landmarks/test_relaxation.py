@@ -10,12 +10,12 @@ import math
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse import csgraph
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 import shapely
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_states, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world
 from tests.support.trials import few
 
 from trailmark.collision import StateChecker

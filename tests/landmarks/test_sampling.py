@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
 from scipy.stats import qmc
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 import shapely
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_states, random_world
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 from sklearn.cluster import KMeans
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world
 from threadpoolctl import threadpool_limits
 
 from trailmark.collision import StateChecker

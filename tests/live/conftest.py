@@ -10,9 +10,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from benchmarks.chromium import Browser, browser
 from tests.benchmark.report.browser import require_chromium
 from tests.exploration.made_exploration import made_exploration
+from tests.helpers.chromium import Browser, browser
 
 from trailmark.exploration.exploration_folder import save_exploration
 

@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from benchmarks.chromium import Browser
 from PIL import Image
 from tests.exploration.made_exploration import made_exploration
+from tests.helpers.chromium import Browser
 
 from trailmark import World, check_path
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.chromium import Browser
 from jupyter_client.manager import KernelManager
+from tests.helpers.chromium import Browser
 
 from trailmark import Disc, Rectangle, Robot, World
 from trailmark.errors import ConfigurationError

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_world, short_motions
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_world, short_motions
 from tests.support.oracles import checker_and_oracle
 from tests.support.trials import few, pairs, trials
 

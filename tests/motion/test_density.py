@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from benchmarks.density_oracle import sampled_cost
+from tests.helpers.density_oracle import sampled_cost
 from tests.support.trials import trials
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import random_world
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.helpers.random_worlds import random_world
 
 from trailmark import se2
 from trailmark.collision import StateChecker

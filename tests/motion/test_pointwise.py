@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.random_worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.motion.pointwise import PointwiseChecker

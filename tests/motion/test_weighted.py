@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.density_oracle import sampled_cost
+from tests.helpers.density_oracle import sampled_cost
 
 from trailmark import CostZone, Disc, Objective, OneWayZone, Polygon, StateChecker, World
 from trailmark.collision.kernels import FREE

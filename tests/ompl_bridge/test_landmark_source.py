@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
+from tests.helpers.oracle import Oracle
 
 from trailmark.collision import StateChecker
 from trailmark.errors import ConfigurationError

@@ -8,10 +8,10 @@ import sys
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
 from trailmark.collision import StateChecker

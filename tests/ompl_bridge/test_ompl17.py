@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle, motion_states
+from tests.helpers.oracle import Oracle, motion_states
 
 from trailmark.library import find_world
 from trailmark.world import World

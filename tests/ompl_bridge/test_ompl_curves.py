@@ -14,7 +14,7 @@ PYTHON17 = os.environ.get("TRAILMARK_OMPL17_PYTHON")
 Run = Callable[[str], Any]
 
 SET_UP = """
-from benchmarks.oracle import Oracle
+from tests.helpers.oracle import Oracle
 from trailmark import StateChecker, se2
 from trailmark.curves import Steering
 from trailmark.ompl_bridge.spaces import set_bounds
@@ -109,7 +109,7 @@ tell(longer=int((longer > 1e-3).sum()), posts=posts, accepted=int(accepted), ope
 @pytest.mark.parametrize("origin", [0.0, 5e5], ids=["origin", "utm"])
 def test_what_is_accepted_is_free_along_the_curve_that_ompl_drives(run: Run, reverse: bool, origin: float) -> None:
     found = run(f"""
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.random_worlds import ROBOTS, random_world
 rng = np.random.default_rng(4)
 radius, reverse, origin = 1.5, {reverse}, {origin}
 world, robot = random_world(21, 150, size=60.0, origin=(origin, origin)), ROBOTS["rectangle"]
@@ -159,7 +159,7 @@ for name, b in ends.items():
 def test_places_on_refused_curves_can_be_driven_to(run: Run) -> None:
     found = run("""
 from types import SimpleNamespace
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.random_worlds import ROBOTS, random_world
 rng = np.random.default_rng(5)
 radius = 1.5
 world, robot = random_world(21, 150, size=60.0), ROBOTS["rectangle"]

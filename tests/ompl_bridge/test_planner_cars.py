@@ -8,7 +8,7 @@ import pytest
 from tests.support.trials import few
 
 SET_UP = """
-from benchmarks.oracle import Oracle
+from tests.helpers.oracle import Oracle
 from trailmark.curves import CurvePath, Steering
 from trailmark.ompl_bridge.spaces import set_bounds
 from trailmark import PlannerSettings

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle, motion_states
 from numpy.typing import ArrayLike, NDArray
+from tests.helpers.oracle import Oracle, motion_states
 
 from trailmark.planning.warmup import warm_up
 from trailmark.world import Robot, World

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+from tests.helpers.random_worlds import ROBOTS, random_world
 
 from trailmark import LandmarkPlanner, PlanResult, se2
 from trailmark.errors import ConfigurationError, TrailmarkError

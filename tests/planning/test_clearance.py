@@ -6,8 +6,8 @@ from pathlib import Path as File
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle, motion_states
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.quick import QUICK
 from tests.support.trials import few
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import random_world
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import random_world
 
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath, Steering

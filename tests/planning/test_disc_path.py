@@ -9,11 +9,11 @@ import networkx
 import numpy as np
 import pytest
 import shapely
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import random_world
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import random_world
 from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import random_world, star_polygon
+from tests.helpers.random_worlds import random_world, star_polygon
 
 from trailmark.planning.edge_index import MAX_ADDED, EdgeIndex
 from trailmark.shapes import Disc, Polygon, Rectangle, Shape

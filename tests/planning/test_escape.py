@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few, trials
 
 from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, Polygon, Rectangle, StateChecker, World, check_path

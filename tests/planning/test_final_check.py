@@ -10,8 +10,8 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few, trials
 
 from trailmark import CurvePath, Disc, LandmarkPlanner, Path, Polygon, Robot, Steering, World, se2

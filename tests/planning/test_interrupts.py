@@ -10,8 +10,8 @@ from types import FrameType
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.interrupts import interrupted, lines_run
 from tests.support.trials import few, trials
 

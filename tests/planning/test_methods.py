@@ -8,7 +8,7 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
+from tests.helpers.oracle import Oracle
 
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker

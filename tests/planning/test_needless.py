@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world
-from benchmarks.repeated import random_pairs
 from numpy.typing import NDArray
+from tests.helpers.counted_plans import random_pairs
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.quick import QUICK
 
 from trailmark import LandmarkPlanner, PlanResult, se2

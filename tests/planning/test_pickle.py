@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.forks import Forks
 
 from trailmark import Disc, LandmarkPlanner, Moving, PlanResult, Robot, StateChecker

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.quick import QUICK
 
 from trailmark.collision import StateChecker

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_states, random_world
 from benchmarks.soundness.cases import judge_path, judge_result
 from benchmarks.soundness.reference import Reference, deepest, moves
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from numpy.typing import NDArray
+from tests.helpers.random_worlds import ROBOTS, random_states, random_world
 from tests.support.interrupts import interrupted
 
 from trailmark import LandmarkPlanner, PlannerSettings

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world, star_polygon
+from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
 from tests.support.trials import trials
 
 from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, PlanResult, Rectangle, World

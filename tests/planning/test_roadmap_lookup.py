@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world
-from benchmarks.repeated import ask, random_pairs
 from numpy.typing import NDArray
+from tests.helpers.counted_plans import ask, random_pairs
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.quick import QUICK
 
 from trailmark import LandmarkPlanner

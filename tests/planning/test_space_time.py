@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few, trials
 
 from trailmark import Disc, LandmarkPlanner, Path, PlannerSettings, Rectangle, Robot, StateChecker, World, se2

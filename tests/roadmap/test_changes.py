@@ -11,10 +11,10 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle, motion_states
-from benchmarks.random_worlds import ROBOTS, random_world
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
+from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.interrupts import interrupted, lines_run, places_run
 from tests.support.trials import few, thorough
 

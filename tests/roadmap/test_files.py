@@ -14,9 +14,9 @@ import networkx as nx
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
 from trailmark.collision import StateChecker

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle, motion_states
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.random_worlds import ROBOTS, random_world
 
 from trailmark.collision import StateChecker
 from trailmark.collision.kernels import UNDECIDED

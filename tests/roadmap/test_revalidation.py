@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world, star_polygon
+from tests.helpers.random_worlds import ROBOTS, random_world, star_polygon
 from tests.support.trials import few
 
 from trailmark import StateChecker

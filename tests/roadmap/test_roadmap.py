@@ -9,12 +9,12 @@ from typing import Any
 import networkx as nx
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle, motion_states
-from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
+from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
 from trailmark import se2

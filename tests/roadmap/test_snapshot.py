@@ -8,11 +8,11 @@ from itertools import pairwise
 import networkx as nx
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle
-from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.helpers.oracle import Oracle
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few
 
 from trailmark.collision import StateChecker

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from benchmarks.oracle import Oracle
+from tests.helpers.oracle import Oracle
 
 from trailmark.collision import StateChecker
 from trailmark.world import Robot, World

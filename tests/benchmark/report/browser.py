@@ -7,7 +7,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from benchmarks.chromium import OPTIONS, Browser, program
+from tests.helpers.chromium import OPTIONS, Browser, program
 
 __all__ = ["browse", "draw", "require_chromium"]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.stats
-from benchmarks.made_results import Run, run, write_results
+from tests.helpers.made_results import Run, run, write_results
 
 from trailmark.benchmark.report import html_report, load_results, markdown_report
 from trailmark.benchmark.report.against import Against, compare_results

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.chromium import Browser, browser
-from benchmarks.made_results import random_results, run, write_results
 from tests.benchmark.report.browser import draw, require_chromium
+from tests.helpers.chromium import Browser, browser
+from tests.helpers.made_results import random_results, run, write_results
 
 from trailmark.benchmark.report import html_report, load_results
 from trailmark.benchmark.report.data import Results

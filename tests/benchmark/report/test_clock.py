@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from benchmarks.made_results import run, write_results
+from tests.helpers.made_results import run, write_results
 
 from trailmark.benchmark.report import load_results
 from trailmark.benchmark.report.clock import clock_table, cold_table

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.made_results import GOAL, START, run, write_results
+from tests.helpers.made_results import GOAL, START, run, write_results
 
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.record import RunRecord

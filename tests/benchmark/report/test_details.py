@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.made_results import GOAL, START, WORLD, random_results, run, write_results
+from tests.helpers.made_results import GOAL, START, WORLD, random_results, run, write_results
 
 import trailmark.benchmark.report.details as details_module
 from trailmark.benchmark.report import load_results

@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from benchmarks.made_results import START, random_results, run, write_results
+from tests.helpers.made_results import START, random_results, run, write_results
 
 from trailmark.benchmark.report import html_report, load_results, markdown_report
 from trailmark.benchmark.report.tables import Table

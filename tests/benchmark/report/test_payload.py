@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.made_results import random_results, run, write_results
 from hypothesis import given
 from hypothesis import strategies as st
+from tests.helpers.made_results import random_results, run, write_results
 
 from trailmark.benchmark.report import load_results
 from trailmark.benchmark.report.palette import styles_of

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks.made_results import run, write_results
+from tests.helpers.made_results import run, write_results
 
 from trailmark.benchmark.report.curves import cost_quartiles, time_grid
 from trailmark.benchmark.report.data import Results, load_results

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from benchmarks.alignment import aligned, rms
 from numpy.typing import NDArray
+from tests.helpers.alignment import aligned, rms
 from tests.support.trials import trials
 
 from trailmark.estimation import Detector, RangeBearing, Unicycle, simulate

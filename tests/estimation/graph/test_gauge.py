@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.alignment import aligned
+from tests.helpers.alignment import aligned
 
 from trailmark.estimation.graph.gauge import relative_covariance
 

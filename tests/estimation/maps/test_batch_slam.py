@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from benchmarks.alignment import aligned, rms
+from tests.helpers.alignment import aligned, rms
 from tests.support.trials import trials
 
 from trailmark.estimation import (

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from benchmarks.alignment import aligned
 from shapely import affinity
+from tests.helpers.alignment import aligned
 
 from trailmark.estimation import (
     Cartesian,

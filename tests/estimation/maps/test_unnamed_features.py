@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from benchmarks.alignment import aligned, rms
+from tests.helpers.alignment import aligned, rms
 
 from trailmark.estimation import (
     Detection,

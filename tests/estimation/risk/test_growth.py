@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import shapely
 import shapely.affinity
-from benchmarks.random_worlds import star_polygon
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
+from tests.helpers.random_worlds import star_polygon
 from tests.support.trials import few, trials
 
 from trailmark.errors import WorldError

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import ROBOTS
+from tests.helpers.random_worlds import ROBOTS
 
 from trailmark.estimation.risk.swept_region import swept_region
 

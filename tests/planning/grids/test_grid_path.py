@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from benchmarks.grid_worlds import KINDS, far_pairs
+from tests.helpers.grid_worlds import KINDS, far_pairs
 
 from trailmark import LandmarkPlanner
 from trailmark.collision import StateChecker

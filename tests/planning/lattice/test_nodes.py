@@ -9,10 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.helpers.random_worlds import ROBOTS
 from tests.support.trials import few
 
 from trailmark.collision import StateChecker

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from benchmarks.attack_worlds import SHAPES, Attack, abutting, carved, collinear, slit, uneven
+from tests.helpers.attack_worlds import SHAPES, Attack, abutting, carved, collinear, slit, uneven
 from tests.support.trials import few, trials
 
 from trailmark.collision import StateChecker

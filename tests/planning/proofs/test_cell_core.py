@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import ROBOTS
+from tests.helpers.random_worlds import ROBOTS
 
 from trailmark.planning.proofs.cell_core import core, discs, pivot
 from trailmark.planning.proofs.region import MARGIN

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.density_oracle import sampled_cost
+from tests.helpers.density_oracle import sampled_cost
 from tests.support.trials import few
 
 from trailmark import CostZone, Disc, Objective, Polygon, Rectangle, SpeedZone, StateChecker, World

@@ -9,12 +9,12 @@ from time import process_time
 
 import numpy as np
 import pytest
-from benchmarks.oracle import Oracle, motion_states
-from benchmarks.random_worlds import ROBOTS, random_world
 from hypothesis import given
 from hypothesis import settings as tried
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from tests.helpers.oracle import Oracle, motion_states
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.support.trials import few, trials
 
 from trailmark import se2

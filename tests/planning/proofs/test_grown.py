@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import star_polygon
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from tests.helpers.random_worlds import star_polygon
 from tests.support.trials import few
 
 from trailmark import LandmarkPlanner, Robot, World

@@ -9,7 +9,7 @@ import networkx as nx
 import numpy as np
 import pytest
 import shapely
-from benchmarks.random_worlds import random_world
+from tests.helpers.random_worlds import random_world
 from tests.support.trials import few, trials
 
 from trailmark.planning.proofs import mesh as meshes

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from benchmarks.random_worlds import ROBOTS, random_world
+from tests.helpers.random_worlds import ROBOTS, random_world
 from tests.planning.proofs.test_enclosure import SECONDS, wall_with_gap
 from tests.support.trials import few, trials
 
