@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -40,14 +38,10 @@ def run_ompl(forks: Forks) -> Run:
         *,
         seconds: float = 120.0,
         status: int | None = 0,
-        python: str = sys.executable,
         whole: bool = False,
     ) -> Any:
         words = ["-c", HEAD + program]
-        if python == sys.executable:
-            done = forks.run(words, timeout=seconds, whole=whole)
-        else:
-            done = subprocess.run([python, *words], capture_output=True, text=True, timeout=seconds)
+        done = forks.run(words, timeout=seconds, whole=whole)
         assert status is None or done.returncode == status, f"{done.returncode}\n{done.stdout}\n{done.stderr[-3000:]}"
         answers: dict[str, Any] = {}
         for line in done.stdout.splitlines():

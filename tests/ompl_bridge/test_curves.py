@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -156,27 +154,3 @@ except SpaceError as error:
     assert found["se2"] is None
     assert "symmetric" in found["symmetric"]
     assert "\n" not in found["symmetric"]
-
-
-def test_ompl_17(run_ompl: Any) -> None:
-    python = os.environ.get("TRAILMARK_OMPL17_PYTHON")
-    if python is None or not Path(python).exists():
-        pytest.skip("no Python with ompl 1.7: set TRAILMARK_OMPL17_PYTHON")
-    found = run_ompl(
-        SET_UP.replace("REVERSE", "True")
-        + """
-problem = SE2Problem(world, car, "door")
-problem.set_planner("RRTConnect")
-status = problem.solve(20.0)
-path = problem.path
-tell(status=status.asString(), kind=type(path).__name__, radius=problem.motions.steering.radius,
-     certified=bool(CurveMotion(problem.checker).motions_valid(path.knots[:-1], path.knots[1:]).all()))
-os._exit(0)
-""",
-        status=None,
-        python=python,
-    )
-    assert found["status"] == "Exact solution"
-    assert found["kind"] == "CurvePath"
-    assert found["radius"] == pytest.approx(0.7, abs=1e-12)
-    assert found["certified"]

@@ -57,17 +57,9 @@ def test_what_is_returned_is_near(q: tuple[float, float, float], distance: float
         assert abs(y - q[1]) <= distance * 2.0 / 3.0 + 1e-9
         turn = abs(float(np.angle(np.exp(1j * (theta - q[2])))))
         assert turn <= distance / 3.0 + 1e-9
-        for found in ((x, y, theta), source.normal(q, distance)):
-            assert 0.0 <= found[0] <= 10.0
-            assert 0.0 <= found[1] <= 10.0
-            assert -math.pi < found[2] <= math.pi
-
-
-def test_spread_of_the_normal_ones() -> None:
-    source = nearby()
-    rows = np.array([source.normal((5.0, 5.0, 0.0), 0.6) for _ in range(8000)])
-    assert rows.mean(axis=0) == pytest.approx([5.0, 5.0, 0.0], abs=0.02)
-    assert rows.std(axis=0) == pytest.approx([0.4, 0.4, 0.2], rel=0.05)
+        assert 0.0 <= x <= 10.0
+        assert 0.0 <= y <= 10.0
+        assert -math.pi < theta <= math.pi
 
 
 def test_no_landmarks_at_all() -> None:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from tests.support.trials import few
-
-PYTHON17 = os.environ.get("TRAILMARK_OMPL17_PYTHON")
 
 Run = Callable[[str], Any]
 
@@ -18,7 +15,6 @@ from tests.helpers.oracle import Oracle
 from trailmark import StateChecker, se2
 from trailmark.curves import Steering
 from trailmark.ompl_bridge.spaces import set_bounds
-from trailmark.ompl_bridge.states import opened
 from trailmark.shapes import Disc
 def space_for(world, radius, reverse):
     space = (ob.ReedsSheppStateSpace if reverse else ob.DubinsStateSpace)(radius)
@@ -26,7 +22,7 @@ def space_for(world, radius, reverse):
     return space, ob.SpaceInformation(space)
 def driven(space, si, a, b, n):
     made = [state(si, q) for q in (a, b, a)]
-    p, q, place = (opened(s) for s in made)
+    p, q, place = made
     rows = []
     for t in np.linspace(0.0, 1.0, n):
         space.interpolate(p, q, float(t), place)
@@ -34,10 +30,10 @@ def driven(space, si, a, b, n):
     return np.array(rows)
 def check(motions, si, a, b):
     made = [state(si, q) for q in (a, b)]
-    return motions.checkMotion(*(opened(s) for s in made))
+    return motions.checkMotion(*made)
 def lengths(space, si, a, b):
     made = [state(si, q[0]) for q in (a, b)]
-    p, q = (opened(s) for s in made)
+    p, q = made
     found = []
     for ends in zip(a.tolist(), b.tolist()):
         for place, (x, y, theta) in zip((p, q), ends):
@@ -53,13 +49,9 @@ def along(q, side, way, radius):
 """
 
 
-@pytest.fixture(scope="module", params=["2.0", "1.7"])
-def run(request: pytest.FixtureRequest, run_ompl: Any) -> Run:
-    if request.param == "2.0":
-        return lambda program: run_ompl(SET_UP + program)
-    if PYTHON17 is None:
-        pytest.skip("OMPL 1.7 not found: set TRAILMARK_OMPL17_PYTHON to its interpreter")
-    return lambda program: run_ompl(SET_UP + program + "\nos._exit(0)\n", python=PYTHON17)
+@pytest.fixture(scope="module")
+def run(run_ompl: Any) -> Run:
+    return lambda program: run_ompl(SET_UP + program)
 
 
 @pytest.mark.slow
@@ -153,44 +145,3 @@ for name, b in ends.items():
         circles = name in ("near", "back") and not reverse
         assert circles or free > 10, name
         assert free >= (0.3 if circles else 0.93) * direct - 2, name
-
-
-@pytest.mark.slow
-def test_places_on_refused_curves_can_be_driven_to(run: Run) -> None:
-    found = run("""
-from types import SimpleNamespace
-from tests.helpers.random_worlds import ROBOTS, random_world
-rng = np.random.default_rng(5)
-radius = 1.5
-world, robot = random_world(21, 150, size=60.0), ROBOTS["rectangle"]
-checker, oracle = StateChecker(world, robot), Oracle(world, robot)
-for reverse in (True, False):
-    space, si = space_for(world, radius, reverse)
-    motions = MotionValidator(si, checker)
-    q = rng.uniform((0, 0, -np.pi), (60.0, 60.0, np.pi), (3000, 3))
-    a = q[checker.valid(q)][:150]
-    b = a + rng.uniform(-4.0, 4.0, a.shape)
-    b[:, 2] = se2.wrap(b[:, 2])
-    hit = told = 0
-    fractions, beside = [], 0.0
-    for p, r in zip(a, b):
-        made = [state(si, v) for v in (p, r, p)]
-        first, second, place = (opened(s) for s in made)
-        pair = SimpleNamespace(first=place, second=-1.0)
-        if motions.checkMotion(first, second, pair):
-            continue
-        told += 1
-        fractions.append(pair.second)
-        hit += oracle.collides(driven(space, si, p, configuration(place), 100)).any()
-        there = state(si, p)
-        space.interpolate(first, second, pair.second, opened(there))
-        beside = max(beside, float(np.abs(se2.difference(configuration(there), configuration(place))).max()))
-    tell(**{str(reverse): [told, int(hit), float(np.mean(fractions)), float(min(fractions)), beside]})
-""")
-    for reverse in ("True", "False"):
-        told, hit, mean, least, beside = found[reverse]
-        assert told > 30
-        assert hit == 0
-        assert least >= 0.0
-        assert 0.05 < mean < 0.9
-        assert beside < 1e-12

@@ -20,7 +20,7 @@ from trailmark.ompl_bridge.planner import LandmarkPlanner
 from trailmark.ompl_bridge.planners import planner_named, planner_names
 from trailmark.ompl_bridge.plug import PluggedSampler, plug_landmark_sampler
 from trailmark.ompl_bridge.problem import SE2Problem, simple_setup
-from trailmark.ompl_bridge.samplers import LandmarkStateSampler, LandmarkValidStateSampler
+from trailmark.ompl_bridge.samplers import LandmarkValidStateSampler
 from trailmark.ompl_bridge.states import configuration, path_to_ompl, planner_data_graph, state, states_of, write_state
 
 __all__ = [
@@ -29,7 +29,6 @@ __all__ = [
     "LandmarkError",
     "LandmarkPlanner",
     "LandmarkSource",
-    "LandmarkStateSampler",
     "LandmarkValidStateSampler",
     "Mixture",
     "MotionValidator",

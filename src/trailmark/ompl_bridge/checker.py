@@ -4,26 +4,21 @@
 
 from __future__ import annotations
 
-from math import hypot, pi
+from math import pi
 from typing import Any
 
 from ompl import base as ob
 
 from trailmark.arguments import one_of
 from trailmark.collision import StateChecker
-from trailmark.heading import turn, wrapped
-from trailmark.motion.pointwise import Configuration, PointwiseChecker
+from trailmark.motion.pointwise import PointwiseChecker
 from trailmark.ompl_bridge.errors import BridgeError
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.ompl_curves import OmplCurves
 from trailmark.ompl_bridge.spaces import require_within, space_of, steering_of
-from trailmark.ompl_bridge.states import write_state
 from trailmark.world import World
 
 __all__ = ["MotionValidator", "StateValidityChecker", "checker_in", "updated_checker"]
-
-LAST_PLACE = 1e-3
-"""Metres that a point of the robot may move from the last place up to which a motion is certified to one beyond."""
 
 
 class StateValidityChecker(ob.StateValidityChecker):  # type: ignore[misc]  # OMPL's bindings carry no types
@@ -115,15 +110,8 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
         """Check in another world from now on: see :func:`updated_checker`."""
         self._single.update(updated_checker(self.checker, world, self._space))
 
-    def checkMotion(self, first: Any, second: Any, last_valid: Any = None) -> bool:  # noqa: N802  # OMPL's name
-        """Return whether a motion is certified, its end included; its start is known to be valid.
-
-        Args:
-            first: start.
-            second: end.
-            last_valid: where to put how far a refused motion is certified: a pair of a state, or None, and a fraction.
-                OMPL 1.7 passes it; OMPL 2.0 computes it without calling this method.
-        """
+    def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802  # OMPL's name
+        """Return whether a motion is certified, its end included; its start is known to be valid."""
         try:
             self.checked += 1
             ax, ay, at = first.getX(), first.getY(), first.getYaw()
@@ -135,40 +123,10 @@ class MotionValidator(ob.MotionValidator):  # type: ignore[misc]  # OMPL's bindi
                 if free and bt - at == -pi:
                     # Exactly half a turn back: OMPL turns clockwise, as trailmark does from b to a only.
                     free = self._single.motion_valid((bx, by, bt), (ax, ay, at))
-            if free:
-                return True
-            if last_valid is not None:
-                # The pair's state may be ``second`` itself, so it is written to last.
-                q, last_valid.second = self._last_certified(first, second)
-                if last_valid.first is not None:
-                    write_state(last_valid.first, q)
         except BaseException as error:  # nothing may pass through OMPL's C++
             caught(error)
-        return False
-
-    def _last_certified(self, first: Any, second: Any) -> tuple[Configuration, float]:
-        """Return the farthest place found up to which a refused motion is certified, and its fraction."""
-        a, b = ((q.getX(), q.getY(), q.getYaw()) for q in (first, second))
-        dx, dy, turned = b[0] - a[0], b[1] - a[1], -pi if b[2] - a[2] == -pi else turn(a[2], b[2])
-        bound = hypot(dx, dy) + self.checker.footprint.sweep_radius * abs(turned)
-        if self._curves is not None:
-            bound = self._curves.bound(first, second)
-        last, low, high = a, 0.0, 1.0
-        # A length that is no number ends it at once.
-        while (high - low) * bound > LAST_PLACE:
-            middle = 0.5 * (low + high)
-            if self._curves is not None:
-                # The curve to a place on a curve need not be a part of it, as OMPL computes it.
-                q, free = self._curves.part(first, second, middle)
-            else:
-                q = (a[0] + middle * dx, a[1] + middle * dy, wrapped(a[2] + middle * turned))
-                # What lies before ``last`` is certified already.
-                free = self._single.valid(*q) and self._single.motion_valid(last, q)
-            if free:
-                last, low = q, middle
-            else:
-                high = middle
-        return last, low
+            return False
+        return free
 
 
 def updated_checker(checker: StateChecker, world: World | StateChecker, space: Any) -> StateChecker:
@@ -201,10 +159,7 @@ def checker_in(owner: Any) -> StateChecker:
     Raises:
         BridgeError: there is none of trailmark's.
     """
-    try:
-        found = owner.getStateValidityChecker()
-    except TypeError:
-        found = None  # OMPL 1.7 does not hand out every checker.
+    found = owner.getStateValidityChecker()
     if not isinstance(found, StateValidityChecker):
         raise BridgeError("expected a checker, or a trailmark StateValidityChecker that is set; got neither")
     return found.checker

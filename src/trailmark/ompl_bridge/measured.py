@@ -202,8 +202,8 @@ class _MonitoredValidator(MotionValidator):
         super().__init__(problem.information, problem.checker)
         self.monitor = monitor
 
-    def checkMotion(self, first: Any, second: Any, last_valid: Any = None) -> bool:  # noqa: N802  # OMPL's name
-        valid = super().checkMotion(first, second, last_valid)
+    def checkMotion(self, first: Any, second: Any) -> bool:  # noqa: N802  # OMPL's name
+        valid = super().checkMotion(first, second)
         if not self.checked % CALLS_PER_READING:
             self.monitor.read()
         return valid

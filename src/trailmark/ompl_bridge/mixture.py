@@ -20,7 +20,7 @@ from trailmark.ompl_bridge.landmark_source import FIRST, LandmarkSource
 from trailmark.ompl_bridge.nearby import LANDMARKS_NEAR, Nearby
 from trailmark.planning.warmup import ROBOTS, SMALL, warm_up
 
-__all__ = ["ORIGINS", "ROADMAP_MIXTURE", "TREE_MIXTURE", "LandmarkStream", "Mixture", "Seed", "warm_up_sampling"]
+__all__ = ["ORIGINS", "ROADMAP_MIXTURE", "LandmarkStream", "Mixture", "Seed", "warm_up_sampling"]
 
 Seed = int | np.random.SeedSequence | None
 """The same one gives the same configurations; None draws one."""
@@ -47,21 +47,19 @@ class Mixture(NamedTuple):
         around: landmarks moved at random at all scales up to the distance of their neighbours, tight ones more often.
         between: places between two neighbouring landmarks that no certified motion joins.
         uniform: over the whole space; above 0, so that every open set of configurations is hit in the end.
-        again: landmarks drawn once more. A tree may not have reached them the first time; a roadmap has them already.
     """
 
     around: float
     between: float
     uniform: float
-    again: float = 0.0
 
     def shares(self) -> se2.FloatArray:
-        """Return the shares of (again, around, between, uniform), shape (4,), sum 1.
+        """Return the shares of (around, between, uniform), shape (3,), sum 1.
 
         Raises:
             ConfigurationError: a share that is negative or not finite, or ``uniform`` not above 0.
         """
-        values = np.array([self.again, self.around, self.between, self.uniform], dtype=np.float64)
+        values = np.array([self.around, self.between, self.uniform], dtype=np.float64)
         if not (np.isfinite(values).all() and (values >= 0.0).all() and self.uniform > 0.0):
             raise ConfigurationError(f"mixture: expected finite shares of 0 or more, uniform above 0, got {self}")
         return np.asarray(values / values.sum())
@@ -69,9 +67,6 @@ class Mixture(NamedTuple):
 
 ROADMAP_MIXTURE = Mixture(around=0.35, between=0.35, uniform=0.3)
 """What samplers of valid states draw by default."""
-
-TREE_MIXTURE = Mixture(around=0.25, between=0.25, uniform=0.3, again=0.2)
-"""What samplers of states, valid or not, draw by default."""
 
 
 class LandmarkStream:
@@ -81,7 +76,6 @@ class LandmarkStream:
         source: the landmarks.
         mixture: what is drawn between the rounds.
         seed: of the random choices.
-        valid: whether all configurations are to be valid; otherwise the uniform ones are drawn as OMPL draws them.
         tally: counts what is returned, by origin as in :data:`ORIGINS`; several streams may share one.
 
     Attributes:
@@ -99,7 +93,6 @@ class LandmarkStream:
         mixture: Mixture,
         seed: Seed = None,
         *,
-        valid: bool,
         tally: list[int] | None = None,
     ) -> None:
         self.source = source
@@ -107,7 +100,6 @@ class LandmarkStream:
         self._rng = np.random.default_rng(seed)
         self.tally = [0] * len(ORIGINS) if tally is None else tally
         self.nearby = Nearby(source, self._rng)
-        self._valid = valid
         self._shares = mixture.shares()
         self._round, self._follow = 0, 0
         self._landmarks: se2.FloatArray = np.empty((0, 3))
@@ -143,17 +135,6 @@ class LandmarkStream:
         self.tally[NEAR] += 1
         return self.nearby.uniform(q, distance)
 
-    def normal_near(self, q: tuple[float, float, float], deviation: float) -> tuple[float, float, float]:
-        """Return a configuration, valid or not, normally distributed about q as by OMPL's own samplers."""
-        self.tally[NEAR] += 1
-        return self.nearby.normal(q, deviation)
-
-    def anywhere(self) -> tuple[float, float, float]:
-        """Return a configuration over the whole space, valid or not."""
-        x, y, theta = self.source.uniform(1, self._rng)[0].tolist()
-        self.tally[UNIFORM] += 1
-        return x, y, theta
-
     def _next(self) -> tuple[se2.FloatArray, NDArray[np.int64]]:
         """Return the next batch (n, 3) and where each of it comes from (n,)."""
         if self._follow <= 0:
@@ -167,23 +148,21 @@ class LandmarkStream:
                 return fresh, np.full(len(fresh), LANDMARK)
         q, origins = self._mixed(BATCH)
         good = self.source.inside(q)
-        if self._valid:
-            good[good] = self.checker.valid(q[good])
+        good[good] = self.checker.valid(q[good])
         # Where hardly anything is valid, the next landmarks come sooner.
         self._follow -= max(BATCH // 8, int(good.sum()))
         return q[good], origins[good]
 
     def _mixed(self, n: int) -> tuple[se2.FloatArray, NDArray[np.int64]]:
         """Return n configurations of the mixture in random order, valid or not, and their origins."""
-        count = self._rng.multinomial(n, self._shares if len(self._landmarks) else (0.0, 0.0, 0.0, 1.0))
-        parts = [self.source.uniform(count[UNIFORM], self._rng)]
+        count = self._rng.multinomial(n, self._shares if len(self._landmarks) else (0.0, 0.0, 1.0))
+        parts = [self.source.uniform(count[2], self._rng)]
         if len(self._landmarks):
             # Computed only now, so that a planner that needs no more than the landmarks does not wait for it.
             around = self._around = self._around or _Around(self.checker, self._landmarks)
-            again = self._landmarks[self._rng.integers(0, len(self._landmarks), count[LANDMARK])]
-            parts = [again, around.around(count[AROUND], self._rng), around.between(count[BETWEEN], self._rng), *parts]
+            parts = [around.around(count[0], self._rng), around.between(count[1], self._rng), *parts]
         order = self._rng.permutation(n)
-        return np.vstack(parts)[order], np.repeat(np.arange(len(count)), count)[order]
+        return np.vstack(parts)[order], np.repeat([AROUND, BETWEEN, UNIFORM], count)[order]
 
 
 @cache
@@ -196,7 +175,7 @@ def warm_up_sampling(kind: Kind) -> None:
     warm_up(kind)
     world, query = SMALL
     source = LandmarkSource(StateChecker(world, ROBOTS[kind]), query=query, seed=0)
-    stream = LandmarkStream(source, ROADMAP_MIXTURE, 0, valid=True)
+    stream = LandmarkStream(source, ROADMAP_MIXTURE, 0)
     for _ in range(FIRST + BATCH):  # landmarks, and one batch of the mixture at least
         stream.take()
     for _ in range(round(10.0 / LANDMARKS_NEAR)):

@@ -58,10 +58,6 @@ class Nearby:
         """Return one uniformly distributed in a box about q, cut at the bounds."""
         return self._shifted(q, self._rng.uniform(-1.0, 1.0, 3).tolist(), distance)
 
-    def normal(self, q: tuple[float, float, float], deviation: float) -> tuple[float, float, float]:
-        """Return one normally distributed about q, moved to the bounds if it lies beyond."""
-        return self._shifted(q, self._rng.standard_normal(3).tolist(), deviation)
-
     def _shifted(self, q: tuple[float, float, float], step: list[float], by: float) -> tuple[float, float, float]:
         xmin, ymin, xmax, ymax = self._source.bounds
         x = min(max(q[0] + POSITION * by * step[0], xmin), xmax)

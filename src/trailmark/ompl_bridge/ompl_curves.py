@@ -13,7 +13,7 @@ from trailmark.collision.footprint import TOUCHING_TOLERANCE
 from trailmark.curves import CurvePath, Steering
 from trailmark.motion.curve_marks import TIE, CurveMarks
 from trailmark.motion.pointwise import PointwiseChecker
-from trailmark.ompl_bridge.states import configuration, opened, state, states_of
+from trailmark.ompl_bridge.states import configuration, state, states_of
 from trailmark.se2 import FloatArray
 
 __all__ = ["OmplCurves", "followed_states"]
@@ -45,12 +45,10 @@ class OmplCurves:
 
     def __init__(self, information: Any, single: PointwiseChecker) -> None:
         self._space = information.getStateSpace()
-        # OMPL 1.7 frees what is in a scoped state once nothing refers to that.
-        self._made = state(information, (0.0, 0.0, 0.0)), state(information, (0.0, 0.0, 0.0))
-        self._place, self._end = (opened(made) for made in self._made)
+        self._place = state(information, (0.0, 0.0, 0.0))
         self._single, self._marks = single, CurveMarks(single)
         sweep_radius, radius = single.checker.footprint.sweep_radius, self._marks.steering.radius
-        self._reach, self._bound = max(sweep_radius, radius), 1.0 + sweep_radius / radius
+        self._reach = max(sweep_radius, radius)
         # The same place computed in another order differs by rounding.
         self._alike = TOUCHING_TOLERANCE + 2.0**-48 * max(abs(value) for value in single.checker.world.bounds)
 
@@ -89,7 +87,7 @@ class OmplCurves:
                 part = path.steering.states(a, b, np.linspace(0.0, length, parts + 1))
                 part[0], part[-1] = a, b
                 made = [state(information, q) for q in part]
-                pairs = [(opened(first), opened(second)) for first, second in pairwise(made)]
+                pairs = list(pairwise(made))
                 if all(self.certified(*pair) for pair in pairs):
                     as_short = sum(self._space.distance(*pair) for pair in pairs) <= length + LONGER
                     if as_short or chosen is None:
@@ -100,17 +98,6 @@ class OmplCurves:
                 return None
             rows.append(chosen[1:])
         return np.concatenate(rows)
-
-    def bound(self, first: Any, second: Any) -> float:
-        """Return how far (metres) OMPL's curve between two states moves any point of the robot at most."""
-        return float(self._space.distance(first, second) * self._bound)
-
-    def part(self, first: Any, second: Any, fraction: float) -> tuple[tuple[float, float, float], bool]:
-        """Return the place at a fraction of OMPL's curve, and whether OMPL's curve to there is certified."""
-        end = self._end
-        self._space.interpolate(first, second, fraction, end)
-        q = (end.getX(), end.getY(), end.getYaw())
-        return q, self._single.valid(*q) and self.certified(first, end)
 
     def _passes(self, first: Any, second: Any, marks: list[list[float]]) -> bool:
         """Return whether OMPL's curve passes all marks, up to the depth that counts as touching."""
@@ -135,8 +122,7 @@ def followed_states(information: Any, path: Any, steering: Steering) -> FloatArr
         path: a ``PathGeometric`` in that space.
         steering: of the cars that the space is for.
     """
-    space, held = information.getStateSpace(), state(information, (0.0, 0.0, 0.0))
-    place = opened(held)
+    space, place = information.getStateSpace(), state(information, (0.0, 0.0, 0.0))
 
     def followed(i: int, fractions: FloatArray) -> FloatArray:
         rows = []

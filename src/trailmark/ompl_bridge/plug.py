@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,9 +20,9 @@ from trailmark.ompl_bridge.checker import checker_in
 from trailmark.ompl_bridge.goals import is_one_state
 from trailmark.ompl_bridge.guard import caught
 from trailmark.ompl_bridge.landmark_source import LandmarkSource
-from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, TREE_MIXTURE, Mixture, warm_up_sampling
+from trailmark.ompl_bridge.mixture import ORIGINS, ROADMAP_MIXTURE, Mixture, warm_up_sampling
 from trailmark.ompl_bridge.planners import planner_names
-from trailmark.ompl_bridge.samplers import LandmarkStateSampler, LandmarkValidStateSampler
+from trailmark.ompl_bridge.samplers import LandmarkValidStateSampler
 from trailmark.ompl_bridge.spaces import require_within, space_of
 from trailmark.ompl_bridge.states import starts_and_goal
 
@@ -39,7 +39,7 @@ OWN_SAMPLERS = frozenset(("ABITstar", "AITstar", "BITstar", "EITstar", "Informed
 SPACE_TIME = frozenset(("STRRTstar",))
 """OMPL's planners that take a ``SpaceTimeStateSpace`` only."""
 
-NOT_BOUND = "this OMPL's Python bindings have no StateSpace.setStateSamplerAllocator"
+NOT_BOUND = "OMPL's Python bindings have no StateSpace.setStateSamplerAllocator"
 INFORMED = "it draws from an informed sampler of OMPL's own, whatever the space's sampler is"
 NOT_SE2 = "it plans in space and time"
 
@@ -50,14 +50,12 @@ class PluggedSampler:
 
     Attributes:
         valid_states: the planners of the installed OMPL that draw valid states from the landmarks.
-        states: those that draw states, valid or not.
         cannot: the others, and why.
         source: the landmarks.
         tally: how many states the planners got, by where they come from; see :attr:`handed`.
     """
 
     valid_states: tuple[str, ...]
-    states: tuple[str, ...]
     cannot: Mapping[str, str]
     source: LandmarkSource
     tally: list[int] = field(default_factory=lambda: [0] * len(ORIGINS))
@@ -69,7 +67,6 @@ class PluggedSampler:
 
     def __str__(self) -> str:
         lines = [f"valid states from landmarks: {', '.join(self.valid_states) or 'no planner'}"]
-        lines.append(f"states from landmarks: {', '.join(self.states) or 'no planner'}")
         reasons: dict[str, list[str]] = {}
         for planner, reason in self.cannot.items():
             reasons.setdefault(reason, []).append(planner)
@@ -97,7 +94,7 @@ def plug_landmark_sampler(
             there are both, over all free space otherwise.
         checker: trailmark's checker; by default that of the ``StateValidityChecker`` in ``setup``. What is valid for
             it must be valid for ``setup`` too.
-        mixture: what is drawn after the landmarks; :data:`ROADMAP_MIXTURE` and :data:`TREE_MIXTURE` by default.
+        mixture: what is drawn after the landmarks; :data:`ROADMAP_MIXTURE` by default.
         seed: the same one makes the same landmarks and draws the same states, planner by planner.
 
     Returns:
@@ -114,18 +111,16 @@ def plug_landmark_sampler(
     space = space_of(information)
     checker = checker_in(setup) if checker is None else one_of(checker, StateChecker, "checker:")
     require_within(space, checker.world)
-    # Raises now, not in the planner's time.
-    (mixture or ROADMAP_MIXTURE).shares()
+    chosen = mixture or ROADMAP_MIXTURE
+    chosen.shares()  # raises now, not in the planner's time
     query = None if landmarks is not None else _query(setup.getProblemDefinition(), checker)
     bounds = space.getBounds()
     (xmin, ymin), (xmax, ymax) = bounds.low, bounds.high
     source = LandmarkSource(checker, landmarks, query=query, bounds=(xmin, ymin, xmax, ymax), seed=seed)
     names = planner_names()
-    takes_states = hasattr(space, "setStateSamplerAllocator")
-    cannot = {name: reason for name in names if (reason := _obstacle(name, takes_states))}
+    cannot = {name: _reason(name) for name in names if name not in VALID_STATES}
     plugged = PluggedSampler(
         valid_states=tuple(name for name in names if name in VALID_STATES),
-        states=tuple(name for name in names if name not in VALID_STATES and name not in cannot),
         cannot=cannot,
         source=source,
     )
@@ -133,44 +128,22 @@ def plug_landmark_sampler(
     seeds = np.random.SeedSequence(source.seed)
 
     # What OMPL stores refers to no OMPL object: a cycle through its C++ would never be freed.
-    def valid(owner: Any, seed: np.random.SeedSequence) -> Any:
-        return LandmarkValidStateSampler(owner, source, mixture or ROADMAP_MIXTURE, seed, plugged.tally)
+    def allocate(owner: Any) -> Any:
+        try:
+            return LandmarkValidStateSampler(owner, source, chosen, seeds.spawn(1)[0], plugged.tally)
+        except BaseException as error:  # nothing may pass through OMPL's C++
+            caught(error)
+            return ob.UniformValidStateSampler(owner)
 
-    def states(owner: Any, seed: np.random.SeedSequence) -> Any:
-        return LandmarkStateSampler(owner, source, mixture or TREE_MIXTURE, seed, plugged.tally)
-
-    information.setValidStateSamplerAllocator(
-        _allocator("ValidStateSamplerAllocator", valid, ob.UniformValidStateSampler, seeds)
-    )
-    if takes_states:
-        default = ob.StateSpace.allocDefaultStateSampler
-        space.setStateSamplerAllocator(_allocator("StateSamplerAllocator", states, default, seeds))
+    information.setValidStateSamplerAllocator(allocate)
     return plugged
 
 
-def _allocator(name: str, make: Callable[[Any, np.random.SeedSequence], Any], default: Any, seeds: Any) -> Any:
-    """Return what the bindings take for an allocator: a callable, or in OMPL 1.7 an object made of it."""
-
-    def allocate(owner: Any) -> Any:
-        try:
-            return make(owner, seeds.spawn(1)[0])
-        except BaseException as error:  # nothing may pass through OMPL's C++
-            caught(error)
-            return default(owner)
-
-    wrapper = getattr(ob, name, None)
-    return allocate if wrapper is None else wrapper(allocate)
-
-
-def _obstacle(planner: str, takes_states: bool) -> str | None:
-    """Return why a planner cannot draw from the landmarks, or None if it can."""
-    if planner in VALID_STATES:
-        return None
+def _reason(planner: str) -> str:
+    """Return why a planner cannot draw from the landmarks."""
     if planner in OWN_SAMPLERS:
         return INFORMED
-    if planner in SPACE_TIME:
-        return NOT_SE2
-    return None if takes_states else NOT_BOUND
+    return NOT_SE2 if planner in SPACE_TIME else NOT_BOUND
 
 
 def _query(problem: Any, checker: StateChecker) -> se2.FloatArray | None:

@@ -12,10 +12,10 @@ from trailmark.arguments import one_of
 from trailmark.curves import Steering
 from trailmark.errors import ConfigurationError
 from trailmark.ompl_bridge.errors import BoundsError, SpaceError
-from trailmark.ompl_bridge.states import opened, state
+from trailmark.ompl_bridge.states import state
 from trailmark.world import Robot, World
 
-__all__ = ["require_se2", "require_within", "se2_space", "space_for", "space_of", "steering_of"]
+__all__ = ["require_within", "se2_space", "space_for", "space_of", "steering_of"]
 
 
 def se2_space(world: World) -> Any:
@@ -128,4 +128,4 @@ def steering_of(information: Any) -> Steering | None:
 
 def _distance(information: Any, a: tuple[float, float, float], b: tuple[float, float, float]) -> float:
     first, second = state(information, a), state(information, b)
-    return float(information.getStateSpace().distance(opened(first), opened(second)))
+    return float(information.getStateSpace().distance(first, second))

@@ -27,9 +27,6 @@ __all__ = [
     "write_state",
 ]
 
-SCOPED = not hasattr(ob, "SE2StateType")
-"""Whether a state that Python owns must be asked for as ``ob.State(space)`` and opened by a call (OMPL 1.7)."""
-
 
 def state(information: Any, q: ArrayLike) -> Any:
     """Return an OMPL state for a configuration.
@@ -41,15 +38,14 @@ def state(information: Any, q: ArrayLike) -> Any:
     Raises:
         ConfigurationError: another shape, or values that are not finite.
     """
-    made = ob.State(information.getStateSpace()) if SCOPED else information.allocState()
+    made = information.allocState()
     write_state(made, se2.configurations(q))
     return made
 
 
 def write_state(target: Any, q: ArrayLike) -> None:
-    """Set x, y and heading of an OMPL state, scoped or not."""
+    """Set x, y and heading of an OMPL state."""
     x, y, theta = np.asarray(q, dtype=np.float64).tolist()
-    target = opened(target)
     target.setX(x)
     target.setY(y)
     target.setYaw(float(se2.wrap(theta)))
@@ -57,7 +53,6 @@ def write_state(target: Any, q: ArrayLike) -> None:
 
 def configuration(source: Any) -> se2.FloatArray:
     """Return an OMPL state as a configuration, shape (3,)."""
-    source = opened(source)
     return np.array([source.getX(), source.getY(), source.getYaw()])
 
 
@@ -86,9 +81,7 @@ def path_to_ompl(information: Any, path: Path | ArrayLike) -> Any:
     rows = np.insert(rows, back + 1, se2.interpolate(rows[back], rows[back + 1], 0.5), axis=0)
     made = og.PathGeometric(information)
     for row in rows:
-        # In a variable, since OMPL 1.7 frees a scoped state that nothing refers to.
-        one = state(information, row)
-        made.append(opened(one))
+        made.append(state(information, row))
     return made
 
 
@@ -116,14 +109,9 @@ def planner_data_graph(source: Any) -> nx.Graph:
             goal=bool(data.isGoalVertex(i)),
         )
     for i, vertex in enumerate(vertices):
-        for j in _edges(data, i):
+        for j in map(int, data.getEdges(i)):
             graph.add_edge(i, j, length=float(space.distance(vertex.getState(), vertices[j].getState())))
     return graph
-
-
-def opened(source: Any) -> Any:
-    """Return the state in a scoped one, or the state itself."""
-    return source() if SCOPED and callable(source) else source
 
 
 def _planner_data(source: Any) -> tuple[Any, Any]:
@@ -133,14 +121,3 @@ def _planner_data(source: Any) -> tuple[Any, Any]:
     data = ob.PlannerData(information)
     source.getPlannerData(data)
     return data, information
-
-
-def _edges(data: Any, vertex: int) -> list[int]:
-    """Return the vertices that one is joined to; the bindings return them, or fill a list (OMPL 1.7)."""
-    if not SCOPED:
-        return [int(j) for j in data.getEdges(vertex)]
-    from ompl import util as ou
-
-    found = ou.vectorUint()
-    data.getEdges(vertex, found)
-    return [int(j) for j in found]
