@@ -20,7 +20,7 @@ import yaml
 
 from benchmarks.report import FOLDER, Claim, keep
 from trailmark.benchmark.planners import known_planners
-from trailmark.benchmark.report.data import load_results
+from trailmark.benchmark.results import load_results
 
 SUITES = Path(__file__).resolve().parent / "suites"
 

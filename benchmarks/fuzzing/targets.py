@@ -305,7 +305,7 @@ def _database(folder: Path) -> None:
 
 
 def _results(path: Path) -> None:
-    from trailmark.benchmark.report.data import load_results
+    from trailmark.benchmark.results import load_results
 
     load_results(path)
 

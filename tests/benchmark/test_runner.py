@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
@@ -120,7 +119,7 @@ def test_other_limits_are_another_experiment(tmp_path: Path, ahead: Problem) -> 
         {},
         {"time_limit": 1.0},
         {"memory_limit": 64.0},
-        {"resolutions": [Resolution(0.01, share=False)]},
+        {"resolution": Resolution(0.01, share=False)},
     ]
     for limits in changes:
         assert make(file, plan(ahead, **limits), AtOnce(well)).made == 4
@@ -138,13 +137,10 @@ def test_each_planner_has_its_own_resolution_unless_one_is_given(tmp_path: Path,
     done = AtOnce(well)
     make(tmp_path / "own.db", plan(ahead, planners=["PRM", "native:PRM"], runs=1), done)
     assert done.resolutions == pytest.approx([0.02, 0.01], rel=1e-5)
-    sweep = AtOnce(well)
-    shares = [Resolution(0.5, share=True), Resolution(0.03, share=False)]
-    make(tmp_path / "sweep.db", plan(ahead, planners=["PRM", "native:PRM"], runs=1, resolutions=shares), sweep)
-    assert sweep.resolutions == pytest.approx([0.1, 0.1, 0.03, 0.03], rel=1e-5)
-    with closing(sqlite3.connect(tmp_path / "sweep.db")) as db:
-        setups = [json.loads(row[0]) for row in db.execute("SELECT setup FROM experiments ORDER BY id")]
-    assert [setup["facts"]["resolution_share"] for setup in setups] == pytest.approx([0.5, 0.15], rel=1e-5)
+    given = AtOnce(well)
+    share = Resolution(0.5, share=True)
+    make(tmp_path / "given.db", plan(ahead, planners=["PRM", "native:PRM"], runs=1, resolution=share), given)
+    assert given.resolutions == pytest.approx([0.1, 0.1], rel=1e-5)
 
 
 @pytest.mark.slow

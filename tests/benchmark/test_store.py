@@ -20,7 +20,7 @@ from tests.benchmark.conftest import experiment, solved
 
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.report.data import load_results
+from trailmark.benchmark.results import load_results
 from trailmark.benchmark.schema import LATER, MEASURED
 from trailmark.benchmark.store import Store
 from trailmark.errors import OutputError

@@ -11,7 +11,7 @@ from tests.benchmark.conftest import experiment, solved
 
 from trailmark.benchmark.labels import differences
 from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.report import load_results
+from trailmark.benchmark.results import load_results
 from trailmark.benchmark.store import Store
 from trailmark.benchmark.summary import failure_lines, summary_rows
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import gzip
 import json
 import os
 import re
@@ -48,10 +46,10 @@ def count(file: Path) -> int:
 
 @pytest.mark.slow
 def test_planners_on_problems_and_again(shell: Shell, yard: Path, tmp_path: Path) -> None:
-    results, log = tmp_path / "results.db", tmp_path / "results.log"
+    results = tmp_path / "results.db"
     words = ["benchmark", yard, "-p", "landmark", "-p", "RRTConnect+certified", "--runs", 1, "--time-limit", 0.2]
     words += ["--seed", 4, "--output", results]
-    run = shell(*words, "--log", log)
+    run = shell(*words)
     assert (run.status, run.err) == (0, "")
     first, *table, last = run.out.splitlines()
     assert first == "4 runs made, 0 of them without a correct solution"
@@ -72,8 +70,6 @@ def test_planners_on_problems_and_again(shell: Shell, yard: Path, tmp_path: Path
     assert setup["facts"]["robot"] == "rectangle 0.8 x 0.4 m"
     assert len(setup["identity"]["problem"]) == 64
     assert {"ompl", "numpy", "Python", "processor"} <= set(setup["conditions"])
-    assert log.read_text().count("Experiment yard-") == 1
-    assert log.with_name("results-2.log").exists()
     before = results.read_bytes()
     again = shell(*words, "--json")
     assert json.loads(again.out) == {"database": str(results), "runs": 4, "made": 0, "without_solution": 0}
@@ -102,8 +98,7 @@ def test_cars(shell: Shell, yard: Path, tmp_path: Path) -> None:
     assert setup["facts"]["robot"] == "rectangle 0.8 x 0.4 m, turning radius 0.5 m, forward only"
     assert setup["identity"]["objective"] == "length of the dubins curves, metres"
     assert shell("report", results, "--html", page).status == 0
-    packed = re.findall(r">\s*([A-Za-z0-9+/]{100,}=*)\s*<", page.read_text())
-    assert "turning radius 0.5 m" in "".join(gzip.decompress(base64.b64decode(text)).decode() for text in packed)
+    assert "turning radius 0.5 m" in page.read_text()
     refused = shell("benchmark", yard, "--forward-only", "-p", "landmark", "--output", tmp_path / "other.db")
     assert refused.status == 2
     assert "--turning-radius" in refused.err
@@ -172,7 +167,6 @@ def test_a_suite_with_words_that_override_it(shell: Shell, yard: Path, tmp_path:
             "robot 'ball'",
         ),
         (["YARD", "-p", "PRM", "--suite", "nowhere.yaml"], "nowhere.yaml: cannot be read"),
-        (["YARD", "-p", "PRM", "--log", "out.txt"], "out.txt: suffix: expected .log, got '.txt'"),
         (["YARD", "-p", "PRM", "--scheduler", "nowhere"], "scheduler 'nowhere' does not answer"),
     ],
 )

@@ -96,7 +96,7 @@ def commands(tmp_path: Path, yard: Path, planner: Any) -> dict[str, list[object]
         "csv": ["plan", yard, "--output", out / "path.csv"],
         "convert": ["worlds", "convert", yard, out / "world.yaml"],
         "map": ["map", log, "--output", out / "map.yaml"],
-        "report": ["report", results, "--html", out / "report.html", "--markdown", out / "report.md"],
+        "report": ["report", results, "--html", out / "report.html"],
     }
 
 

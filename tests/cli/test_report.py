@@ -19,35 +19,21 @@ def results(tmp_path: Path) -> Path:
     return random_results(tmp_path / "results.db", ["landmark", "PRM"], problems=1, runs=3)
 
 
-def test_both_files_are_written(shell: Shell, results: Path, tmp_path: Path) -> None:
-    page, tables = tmp_path / "report.html", tmp_path / "report.md"
+def test_the_summary_is_printed_and_the_page_written(shell: Shell, results: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
     before = results.read_bytes()
-    run = shell("report", results, "--html", page, "--markdown", tables)
+    run = shell("report", results)
     assert (run.status, run.err) == (0, "")
-    assert run.out.splitlines() == [f"written: {file} (1 problems, 2 planners, 6 runs)" for file in (page, tables)]
+    assert [line.split()[0] for line in run.out.splitlines()[:3]] == ["planner", "landmark", "PRM"]
+    again = shell("report", results, "--html", page)
+    assert again.out == run.out + f"written: {page} (1 problems, 2 planners, 6 runs)\n"
     assert page.read_text().startswith("<!DOCTYPE html>")
-    assert tables.read_text().startswith("# Benchmark: results\n")
     assert results.read_bytes() == before
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "report.md", "results.db"]
-
-
-def test_one_of_them_is_enough(shell: Shell, results: Path, tmp_path: Path) -> None:
-    assert shell("report", results, "--markdown", tmp_path / "r.md").status == 0
-    assert shell("report", results, "--html", tmp_path / "r.htm").status == 0
-
-
-def test_an_older_database_is_compared_with(shell: Shell, results: Path, tmp_path: Path) -> None:
-    old = random_results(tmp_path / "old.db", ["landmark", "PRM"], problems=1, runs=3, seed=1)
-    run = shell("report", results, "--against", old, "--markdown", tmp_path / "r.md")
-    assert (run.status, run.err) == (0, "")
-    assert "## Against old.db" in (tmp_path / "r.md").read_text()
-    run = shell("report", results, "--against", tmp_path / "none.db", "--html", tmp_path / "r.html")
-    assert (run.status, "none.db: does not exist" in run.problem) == (2, True)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["report.html", "results.db"]
 
 
 def test_bad_usage_is_one_line(shell: Shell, results: Path, tmp_path: Path) -> None:
     cases: list[tuple[list[object], str]] = [
-        ([results], "expected --html, --markdown or both, got neither"),
         ([results, "--html", tmp_path / "report.pdf"], "suffix: expected .htm, .html, got '.pdf'"),
         ([results, "--html", tmp_path / "nowhere" / "r.html"], "does not exist"),
         ([results, "--html", tmp_path], "suffix: expected .htm, .html, got ''"),

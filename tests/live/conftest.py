@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from tests.benchmark.report.browser import require_chromium
 from tests.exploration.made_exploration import made_exploration
+from tests.helpers.browsing import require_chromium
 from tests.helpers.chromium import Browser, browser
 
 from trailmark.exploration.exploration_folder import save_exploration

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.benchmark.report.browser import browse, require_chromium
 from tests.exploration.made_exploration import made_exploration
+from tests.helpers.browsing import browse, require_chromium
 
 import trailmark.plotting.exploration_page as module
 from trailmark.errors import OutputError

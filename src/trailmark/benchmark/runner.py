@@ -59,7 +59,6 @@ class _Run:
     experiment: int
     planner: int
     problem: Problem
-    resolution: Resolution | None
     name: str
     seed: int
     tries: int = 0
@@ -76,7 +75,7 @@ class Benchmark:
         time_limit: seconds a run.
         memory_limit: MB a run.
         seed: of the first run; the next ones count up.
-        resolutions: of the discrete baseline; several make each problem an experiment at each of them. None is each
+        resolution: of the discrete baseline; None is each
             planner's own, at which refusals are rare.
         first: those of the planners whose runs end at their first path, which nothing shortens then.
     """
@@ -87,7 +86,7 @@ class Benchmark:
     time_limit: float
     memory_limit: float
     seed: int = 0
-    resolutions: Sequence[Resolution | None] = (None,)
+    resolution: Resolution | None = None
     first: Collection[str] = ()
     _spent: dict[str, list[float]] = field(default_factory=dict, repr=False)
     _last: tuple[str, str] = field(default=("", ""), repr=False)
@@ -131,15 +130,15 @@ class Benchmark:
         """Return the runs to be made, problem by problem, and in each seed by seed through all planners."""
         planners = {name: store.planner(name, settings_of(name, first=name in self.first)) for name in self.planners}
         missing: deque[_Run] = deque()
-        tally = Tally(total=len(self.problems) * len(self.resolutions) * len(planners) * self.runs)
-        for problem, resolution in itertools.product(self.problems, self.resolutions):
-            experiment = store.experiment(self._experiment(problem, resolution))
+        tally = Tally(total=len(self.problems) * len(planners) * self.runs)
+        for problem in self.problems:
+            experiment = store.experiment(self._experiment(problem))
             finished = store.finished(experiment)
             for seed, name in itertools.product(range(self.seed, self.seed + self.runs), planners):
                 if (planners[name], seed) in finished:
                     tally.done += 1
                 else:
-                    missing.append(_Run(experiment, planners[name], problem, resolution, name, seed))
+                    missing.append(_Run(experiment, planners[name], problem, name, seed))
         return missing, tally
 
     def _job(self, run: _Run) -> Job:
@@ -153,14 +152,13 @@ class Benchmark:
             seed=run.seed,
             time_limit=self.time_limit,
             memory_limit=self.memory_limit,
-            resolution=(run.resolution or resolution_of(run.name)).metres(run.problem.robot),
+            resolution=(self.resolution or resolution_of(run.name)).metres(run.problem.robot),
             first=run.name in self.first,
         )
 
-    def _experiment(self, problem: Problem, resolution: Resolution | None) -> Experiment:
+    def _experiment(self, problem: Problem) -> Experiment:
         robot = problem.robot
-        metres = None if resolution is None else resolution.metres(robot)
-        share = {} if metres is None else {"resolution_share": round(metres / robot.inscribed_disc.radius, 9)}
+        metres = None if self.resolution is None else self.resolution.metres(robot)
         found, cpu, query = versions() | native_versions(), cpu_name(), problem.query
         return Experiment(
             name=problem.name,
@@ -178,7 +176,6 @@ class Benchmark:
                 "start": list(query.start),
                 "goal": list(query.pose()),
                 "robot": robot.describe(),
-                **share,
                 "text": problem.text,
                 "system": system(),
                 "source": source_digest(),

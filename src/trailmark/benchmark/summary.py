@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trailmark.benchmark.report.data import Problem, Results
+from trailmark.benchmark.results import Problem, Results
 from trailmark.se2 import FloatArray
 
 __all__ = ["failure_lines", "summary_rows"]

@@ -79,17 +79,16 @@ def benchmark(
     forward_only: ForwardOnlyOption = False,
     drive: DriveOption = None,
     resolution: Annotated[
-        list[str] | None,
+        str | None,
         option(
             "--resolution",
             "METRES|PERCENT%",
             "Distance between the states that OMPL's discrete motion validation checks, in metres or as a share of "
-            "the robot's inscribed radius; repeat it for a sweep; default: 10%, native planners 5%.",
+            "the robot's inscribed radius; default: 10%, native planners 5%.",
         ),
     ] = None,
     workers: Annotated[str | None, option("--workers", "N", "Runs at once on this machine; default: 1.")] = None,
     scheduler: Annotated[str | None, option("--scheduler", "ADDRESS", "Run on this Dask cluster instead.")] = None,
-    log: Annotated[str | None, option("--log", "FILE.log", "Write all results as OMPL's log too.")] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Run planners on problems, each run in a process of its own, and keep every result.
@@ -112,7 +111,6 @@ def benchmark(
         raise UsageError("--output is missing; expected --output RESULTS.db")
     given, public = read_source(suite, data)
     file = output_file(output, ())
-    log_file = output_file(log, (".log",))
     with console.progress("loading worlds"):
         wanted = Wanted(
             robot=read_robot(robot),
@@ -133,21 +131,17 @@ def benchmark(
             time_limit=read_duration(time_limit or _setting(given, "time_limit"), "--time-limit"),
             memory_limit=read_count(memory_limit or _setting(given, "memory_limit"), "--memory-limit", 1, 2**30),
             seed=read_count(seed or "0", "--seed", 0, 2**31 - 1),
-            resolutions=[_resolution(text) for text in resolution or ()] or [None],
+            resolution=None if resolution is None else _resolution(resolution),
         )
         slots = read_count(workers or "1", "--workers", 1, 1024)
     assert file is not None  # noqa: S101  # --output was given
     read = [source for problem in problems for source in problem.world.sources] + (
         [Path(suite)] if given and suite else []
     )
-    protect_inputs(read, file, log_file)
+    protect_inputs(read, file)
     # The scheduler first: if it does not answer, no database is made.
     with _pool(slots, scheduler) as pool, Store(file) as store:
         tally = _run(plan, store, pool, file)
-    if log_file is not None:
-        from trailmark.benchmark.log_export import export_log
-
-        export_log(file, log_file, read)
     _print(tally, file, plan.planners, as_json=as_json)
 
 
@@ -225,7 +219,7 @@ def _clock(seconds: float) -> str:
 
 
 def _print(tally: Tally, file: Path, planners: Sequence[str], *, as_json: bool) -> None:
-    from trailmark.benchmark.report.data import load_results
+    from trailmark.benchmark.results import load_results
     from trailmark.benchmark.summary import failure_lines, summary_rows
 
     if as_json:

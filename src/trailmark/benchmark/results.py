@@ -1,6 +1,5 @@
 """Results: the content of a results database as arrays, problem by problem."""
 
-# Tested by tests/benchmark/report/test_data.py.
 from __future__ import annotations
 
 import json
@@ -156,20 +155,6 @@ class Results:
         """How many runs there are in all."""
         return sum(len(runs) for problem in self.problems for runs in problem.runs.values())
 
-    def paths(self, ids: Sequence[int]) -> dict[int, FloatArray]:
-        """Return the paths of some runs, states of shape (n, 3), by their ids; runs without a path are left out."""
-        found: dict[int, FloatArray] = {}
-        with _opened(self.file) as db:
-            for start in range(0, len(ids), 500):
-                some = [int(i) for i in ids[start : start + 500]]
-                marks = ", ".join("?" * len(some))
-                rows = db.execute(f"SELECT id, path FROM runs WHERE id IN ({marks})", some)  # noqa: S608  # marks only
-                for key, text in rows:
-                    states = _states(text)
-                    if states is not None:
-                        found[key] = states
-        return found
-
 
 def load_results(file: Path) -> Results:
     """Read a results database.
@@ -245,14 +230,6 @@ def _json_object(text: object) -> dict[str, Any]:
     except ValueError:
         return {}
     return data if isinstance(data, dict) else {}
-
-
-def _states(text: object) -> FloatArray | None:
-    try:
-        states = np.array(json.loads(str(text)), dtype=np.float64)
-    except (ValueError, TypeError):
-        return None
-    return states if states.ndim == 2 and states.shape[1] == 3 and len(states) and np.isfinite(states).all() else None
 
 
 @contextmanager

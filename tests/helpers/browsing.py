@@ -7,15 +7,9 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from tests.helpers.chromium import OPTIONS, Browser, program
+from tests.helpers.chromium import OPTIONS, program
 
-__all__ = ["browse", "draw", "require_chromium"]
-
-READY = """new Promise(done => {
-  const {dataset} = document.documentElement;
-  const ask = () => dataset.ready ? done(Number(dataset.ready)) : setTimeout(ask, 5);
-  ask();
-})"""
+__all__ = ["browse", "require_chromium"]
 
 
 def require_chromium() -> str:
@@ -40,9 +34,3 @@ def browse(page: Path, *options: str, width: int = 1280, height: int = 900) -> s
             page.as_uri(),
         ]
         return subprocess.run(words, capture_output=True, text=True, check=True, timeout=120)
-
-
-def draw(browser: Browser, page: Path, width: int = 1280) -> float:
-    """Open a report, wait until its charts are drawn, and return how long that took (ms)."""
-    browser.open(page, width)
-    return float(browser.run(READY))

@@ -7,13 +7,12 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-import numpy as np
 import pytest
-from tests.helpers.made_results import GOAL, START, run, write_results
+from tests.helpers.made_results import run, write_results
 
 from trailmark.benchmark.errors import StoreError
 from trailmark.benchmark.record import RunRecord
-from trailmark.benchmark.report import load_results
+from trailmark.benchmark.results import load_results
 from trailmark.benchmark.status import Status
 from trailmark.benchmark.store import Experiment, Store
 from trailmark.errors import FormatError
@@ -51,16 +50,13 @@ def test_what_counts_as_success(small: Path) -> None:
     assert problem.best_cost == 9.5
 
 
-def test_curves_and_paths(small: Path) -> None:
+def test_curves(small: Path) -> None:
     results = load_results(small)
     prm = results.problems[0].runs["PRM"]
     times, costs = prm.curves[0]
     assert times.tolist() == [0.5, 0.9]
     assert costs.tolist() == pytest.approx([14.4, 12.0])
     assert prm.curves[1][0].shape == (0,)
-    paths = results.paths(prm.ids.tolist())
-    assert sorted(paths) == [prm.ids[0], prm.ids[2]]
-    np.testing.assert_array_equal(paths[int(prm.ids[0])][[0, -1]], [START, GOAL])
 
 
 def test_a_run_without_a_first_time_had_its_path_at_the_end(tmp_path: Path) -> None:
@@ -157,7 +153,7 @@ def test_databases_of_another_schema(small: Path, change: str, problem: str) -> 
 
 
 def test_a_locked_database_is_one_line(small: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("trailmark.benchmark.report.data.BUSY", 0.05)
+    monkeypatch.setattr("trailmark.benchmark.results.BUSY", 0.05)
     with closing(sqlite3.connect(small, isolation_level=None)) as db:
         db.execute("BEGIN EXCLUSIVE")
         with pytest.raises(StoreError, match="locked by another program"):

@@ -1,0 +1,242 @@
+"""The report on a results database: one static page that works offline, light or dark.
+
+It reads the database alone, so that it can be written on any machine, also while a benchmark is running.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+import jinja2
+import numpy as np
+from numpy.typing import NDArray
+
+from trailmark.benchmark.results import FloatArray, Problem, Results, Runs
+from trailmark.benchmark.statistics import Ratio, paired_ratio, shifted_geometric_mean, step_values, wilson
+from trailmark.plotting.benchmark import line_chart
+
+__all__ = ["html_report", "ranked"]
+
+Rows = NDArray[np.int64]
+
+SHIFT = 0.01
+"""Seconds, of the shifted geometric mean of times."""
+MOMENTS = 240
+"""Places along the time axis at which the charts look."""
+NOTHING = "–"
+CONDITIONS = {"version": "version", "cpuinfo": "processor", "hostname": "machine", "date": "first begun"}
+OWN = ("text", "start", "goal", "problem", "processor")
+"""Parts of a problem's setup that are no condition: they are the problem."""
+
+
+class _Table(NamedTuple):
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    words: bool = False
+    """Whether cells are words, which may break, not numbers."""
+
+
+def html_report(results: Results) -> str:
+    """Return the report as HTML; the same database gives the same text."""
+    names = ranked(results)
+    template = files("trailmark.benchmark").joinpath("report.html.j2").read_text(encoding="utf-8")
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    counts = (len(results.problems), "problem"), (len(names), "planner"), (results.runs, "run")
+    return environment.from_string(template).render(
+        title=results.file.stem,
+        sizes=", ".join(f"{n:,} {noun}{'' if n == 1 else 's'}" for n, noun in counts),
+        warnings=_warnings(results),
+        ranking=_ranking(results, names),
+        reference=names[0],
+        success=line_chart(_success_over_time(results, names), "time, s", "runs solved", percent=True),
+        cost=line_chart(_cost_over_time(results, names), "time, s", "cost / best known"),
+        problems=[(problem.name, _problem_table(problem, names)) for problem in results.problems],
+        failures=_failures(results, names),
+        conditions=_conditions(results),
+        settings=_Table(["planner", "settings"], [[n, results.settings.get(n) or NOTHING] for n in names], words=True),
+    )
+
+
+def ranked(results: Results) -> list[str]:
+    """Return the planners, the one with the least mean time to its first path first; failures count as the limit."""
+    means = {name: _mean_time(_parts(results, name)) for name in results.planners}
+    return sorted(results.planners, key=lambda name: means[name])
+
+
+def _parts(results: Results, name: str) -> list[tuple[Problem, Runs]]:
+    return [(problem, problem.runs[name]) for problem in results.problems if name in problem.runs]
+
+
+def _at_limit(problem: Problem, runs: Runs) -> FloatArray:
+    """Return the seconds to the first path, failures as the limit, shape (n,)."""
+    return np.minimum(runs.first_times, problem.time_limit)
+
+
+def _mean_time(parts: Sequence[tuple[Problem, Runs]]) -> float:
+    return shifted_geometric_mean([shifted_geometric_mean(_at_limit(*part), SHIFT) for part in parts], SHIFT)
+
+
+def _over_best(problem: Problem, costs: FloatArray) -> FloatArray:
+    """Return costs over the problem's best known one; infinity for failures."""
+    best = problem.best_cost
+    return costs / best if 0.0 < best < math.inf else np.where(np.isfinite(costs), 1.0, np.inf)
+
+
+def _ranking(results: Results, names: Sequence[str]) -> _Table:
+    header = ["planner", "solved", "95 % interval", "refused", "first path, median s", "mean s", "time ratio"]
+    header += ["cost / best, median", "cost ratio"]
+    rows = []
+    for name in names:
+        parts = _parts(results, name)
+        solved, count = sum(int(runs.success.sum()) for _, runs in parts), sum(len(runs) for _, runs in parts)
+        low, high = wilson(solved, count)
+        times = np.concatenate([runs.first_times for _, runs in parts])
+        costs = np.concatenate([_over_best(problem, runs.costs) for problem, runs in parts])
+        rows.append(
+            [
+                *(name, f"{solved} of {count}", f"{100 * low:.0f} to {100 * high:.0f} %"),
+                str(sum(runs.refused for _, runs in parts)),
+                *(_number(float(np.median(times))), _number(_mean_time(parts))),
+                _ratio(_time_ratio(results, name, names[0])) if name != names[0] else "1",
+                _number(float(np.median(costs))),
+                _ratio(_cost_ratio(results, name, names[0])) if name != names[0] else "1",
+            ]
+        )
+    return _Table(header, rows)
+
+
+def _pairs(results: Results, name: str, other: str) -> list[tuple[Problem, Rows, Rows]]:
+    """Return, for each problem that both ran on, the rows of the runs with the same seeds in either's arrays."""
+    found = []
+    for problem in results.problems:
+        if name in problem.runs and other in problem.runs:
+            seeds = problem.runs[name]["seed"], problem.runs[other]["seed"]
+            _, own, others = np.intersect1d(*seeds, return_indices=True)
+            found.append((problem, own.astype(np.int64), others.astype(np.int64)))
+    return found
+
+
+def _time_ratio(results: Results, name: str, other: str) -> Ratio:
+    return paired_ratio(
+        [
+            (_at_limit(problem, problem.runs[name])[own], _at_limit(problem, problem.runs[other])[others])
+            for problem, own, others in _pairs(results, name, other)
+        ]
+    )
+
+
+def _cost_ratio(results: Results, name: str, other: str) -> Ratio:
+    pairs = []
+    for problem, own, others in _pairs(results, name, other):
+        a, b = problem.runs[name].costs[own], problem.runs[other].costs[others]
+        both = np.isfinite(a) & np.isfinite(b) & (a > 0.0) & (b > 0.0)
+        pairs.append((a[both], b[both]))
+    return paired_ratio(pairs)
+
+
+def _moments(results: Results) -> FloatArray:
+    """Return moments, seconds, from before the first path to the longest limit, evenly on a logarithmic axis."""
+    times = [runs.first_times[runs.success] for problem in results.problems for runs in problem.runs.values()]
+    first = min((float(some.min()) for some in times if len(some)), default=1e-3)
+    return np.geomspace(max(0.8 * first, 1e-5), max(problem.time_limit for problem in results.problems), MOMENTS)
+
+
+def _success_over_time(results: Results, names: Sequence[str]) -> dict[str, tuple[FloatArray, FloatArray]]:
+    moments, found = _moments(results), {}
+    for name in names:
+        times = np.sort(np.concatenate([runs.first_times for _, runs in _parts(results, name)]))
+        found[name] = moments, np.searchsorted(times, moments, side="right") / len(times)
+    return found
+
+
+def _cost_over_time(results: Results, names: Sequence[str]) -> dict[str, tuple[FloatArray, FloatArray]]:
+    moments, found = _moments(results), {}
+    for name in names:
+        rows = []
+        for problem, runs in _parts(results, name):
+            for i, (times, costs) in enumerate(runs.curves):
+                # A run that the referee refuses has no cost at any time, one that is not watched has its last.
+                times, costs = (times, costs) if len(times) else (runs.first_times[i : i + 1], runs.costs[i : i + 1])
+                steps = step_values(times, costs, moments) if runs.success[i] else np.full(MOMENTS, np.inf)
+                rows.append(_over_best(problem, steps))
+        middle = np.median(rows, axis=0)
+        found[name] = moments, np.where(np.isfinite(middle), middle, np.nan)
+    return found
+
+
+def _problem_table(problem: Problem, names: Sequence[str]) -> _Table:
+    header = [
+        "planner",
+        "solved",
+        "refused",
+        "first path, median s",
+        "cost, median",
+        "simplified, median",
+        "least cost",
+    ]
+    rows = []
+    for name in names:
+        if name in problem.runs:
+            runs = problem.runs[name]
+            medians = (float(np.median(values)) for values in (runs.first_times, runs.costs, runs.simplified_costs))
+            told = (_number(value) for value in (*medians, float(runs.best_costs.min())))
+            rows.append([name, f"{int(runs.success.sum())} of {len(runs)}", str(runs.refused), *told])
+    return _Table(header, rows)
+
+
+def _failures(results: Results, names: Sequence[str]) -> _Table:
+    rows = []
+    for name in names:
+        endings, reasons = Counter[str](), Counter[str]()
+        for _, runs in _parts(results, name):
+            endings.update(runs.endings())
+            reasons.update(" ".join(reason.split())[:200] for reason in runs.failures if reason)
+        if endings:
+            ended = ", ".join(f"{count} {how}" for how, count in endings.most_common())
+            said = "; ".join(f"{reason} ({count})" for reason, count in reasons.most_common(3))
+            rows.append([name, ended, said or NOTHING])
+    return _Table(["planner", "runs without success", "most frequent reasons"], rows, words=True)
+
+
+def _conditions(results: Results) -> _Table:
+    """Return what the runs depended on; a condition that differs between problems is listed with its values."""
+    found: dict[str, dict[str, None]] = {}
+    for problem in results.problems:
+        facts: dict[str, Any] = {words: problem.facts.get(name) for name, words in CONDITIONS.items()}
+        facts["time limit of a run"] = f"{problem.time_limit:g} s"
+        facts["memory limit of a run"] = None if problem.memory_limit is None else f"{problem.memory_limit:g} MB"
+        for part in problem.facts["setup"].values():
+            named = part.items() if isinstance(part, Mapping) else ()
+            facts |= {name.replace("_", " "): value for name, value in named if name not in OWN and "limit" not in name}
+        for name, value in facts.items():
+            if value is not None:
+                found.setdefault(name, {})[value if isinstance(value, str) else json.dumps(value)] = None
+    rows = [[name, "; ".join(list(values)[:6]) + (" …" if len(values) > 6 else "")] for name, values in found.items()]
+    return _Table(["condition", "value"], rows, words=True)
+
+
+def _warnings(results: Results) -> list[str]:
+    found = [f"{name}: no run is finished." for name in results.empty]
+    short = [p.name for p in results.problems if any(len(runs) < p.wanted for runs in p.runs.values())]
+    if short:
+        found.append(
+            f"Runs are missing, the benchmark is not done: {', '.join(short[:5])}{' …' if len(short) > 5 else ''}."
+        )
+    if max(len(runs) for problem in results.problems for runs in problem.runs.values()) < 5:
+        found.append("Fewer than five runs of each planner on a problem: medians and intervals say little.")
+    return found
+
+
+def _ratio(ratio: Ratio) -> str:
+    if math.isnan(ratio.mean):
+        return NOTHING
+    return f"{ratio.mean:.3g} ({ratio.low:.3g} to {ratio.high:.3g})"
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if math.isfinite(value) else NOTHING
