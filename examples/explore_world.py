@@ -16,7 +16,7 @@ from trailmark import Robot, World
 from trailmark.estimation.logs.records import Record
 from trailmark.exploration import DriveReport, ExplorationSettings, Explorer, Outlook, SimulatedRobot, save_exploration
 from trailmark.exploration.simulated_robot import laser_scanner
-from trailmark.plotting import draw_exploration, save_exploration_page
+from trailmark.plotting import draw_exploration, save_exploration_figure
 from trailmark.se2 import FloatArray
 
 SENSOR = laser_scanner(5.0, 0.05)
@@ -70,4 +70,4 @@ draw_exploration(axes, result)
 plt.show()
 if len(sys.argv) > 3:
     save_exploration(result, sys.argv[3])
-    save_exploration_page(f"{sys.argv[3]}/exploration.html", result)
+    save_exploration_figure(f"{sys.argv[3]}/exploration.png", result)

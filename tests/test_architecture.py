@@ -16,7 +16,7 @@ SOURCE = Path(__file__).resolve().parents[1] / "src" / "trailmark"
 
 LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"compiled"}),
-    frozenset({"clock", "errors", "heading", "heap", "lock"}),
+    frozenset({"clock", "colours", "errors", "heading", "heap", "lock"}),
     frozenset({"library", "sorting"}),
     frozenset({"arguments", "shown"}),
     frozenset({"layers"}),
@@ -36,7 +36,6 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"roadmap"}),
     frozenset({"planning"}),
     frozenset({"audit"}),
-    frozenset({"sketch"}),
     frozenset({"exploration", "ompl_bridge"}),
     frozenset({"plotting"}),
     frozenset({"benchmark"}),
@@ -62,10 +61,7 @@ PEERS = {
     # What is charged by default depends on how a robot moves.
     ("objective", "robot"),
     ("exploration", "ompl_bridge"),
-    # World.live hands over when it is called.
-    ("world", "live"),
     # What shows itself hands over to those who draw it when it is shown.
-    ("shown", "sketch"),
     ("shown", "plotting"),
 }
 """Imports within one layer or upwards, by hand-over: collision and estimation do not know each other."""

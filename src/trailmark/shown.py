@@ -1,6 +1,5 @@
 """Shown: worlds, robots, roadmaps and results show themselves at a prompt and in a notebook."""
 
-# Tested by tests/sketch/test_sketch.py and tests/plotting/test_prompt.py.
 from __future__ import annotations
 
 from typing import Any
@@ -25,16 +24,12 @@ class Shown:
             ConfigurationError: an unknown layer, or a result that does not know its world.
         """
         from trailmark.plotting.prompt import plot
-        from trailmark.sketch import scene_of
+        from trailmark.plotting.scene import scene_of
 
         return plot(scene_of(self, robot, roadmap), ax, layers)
 
-    def _repr_svg_(self) -> str:
-        from trailmark.sketch import scene_of, svg_of
+    def _repr_png_(self) -> bytes:
+        from trailmark.plotting.prompt import png_of
+        from trailmark.plotting.scene import scene_of
 
-        return svg_of(scene_of(self))
-
-    def _repr_html_(self) -> str:
-        from trailmark.sketch import html_of, scene_of
-
-        return html_of(scene_of(self))
+        return png_of(scene_of(self))

@@ -250,12 +250,6 @@ class World(Shown):
         names = (query.name for query in self.queries[:50])
         raise WorldError(f"world {self.name!r}: query: {expected_name(name, names)}")
 
-    def live(self, robot: Robot | None = None, **options: Any) -> Any:
-        """Return this world as a live page in a notebook: :class:`trailmark.live.widget.LiveWidget` says the rest."""
-        from trailmark.live.widget import LiveWidget
-
-        return LiveWidget(self, robot, **options)
-
     def with_robot(self, robot: Robot) -> World:
         """Return the same world with another robot."""
         return replace(self, robot=robot)

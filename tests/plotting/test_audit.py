@@ -9,11 +9,11 @@ import pytest
 from tests.support.pictures import colours_of, is_colour
 
 from trailmark.audit import check_path
+from trailmark.colours import COLLISION, REPAIRED
 from trailmark.moving import Moving
 from trailmark.path import Path
 from trailmark.plotting import OBSTACLE, save_audit_figure, save_world_figure
 from trailmark.shapes import Disc, Rectangle
-from trailmark.sketch.colours import COLLISION, REPAIRED
 from trailmark.world import Robot, World
 
 WORLD = World("room", (0.0, 0.0, 10.0, 6.0), (Disc((5, 3), 1.0),), Robot.rectangle(0.8, 0.4))

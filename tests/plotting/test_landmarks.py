@@ -14,6 +14,7 @@ from PIL import Image
 from tests.support.pictures import colours_of, is_colour
 
 from trailmark.collision import StateChecker
+from trailmark.colours import GOAL, LANDMARK, PATH, START
 from trailmark.errors import OutputError
 from trailmark.landmarks.executions import Execution, execute_paper, execute_se2
 from trailmark.path import Path
@@ -22,7 +23,6 @@ from trailmark.plotting.canvas import write
 from trailmark.plotting.world import regions_of
 from trailmark.roadmap import Roadmap
 from trailmark.shapes import Disc, Polygon, Rectangle
-from trailmark.sketch.colours import GOAL, LANDMARK, PATH, START
 from trailmark.world import Query, Robot, World
 
 ROBOT = Robot.disc(0.4)

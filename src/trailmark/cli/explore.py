@@ -164,10 +164,9 @@ def _folder(output: Text, resume: Text, begun: dict[str, Text]) -> Path:
 
 
 def _draw(result: ExplorationResult, folder: Path) -> None:
-    from trailmark.plotting import save_exploration_animation, save_exploration_figure, save_exploration_page
+    from trailmark.plotting import save_exploration_animation, save_exploration_figure
 
     save_exploration_figure(folder / "exploration.png", result)
-    save_exploration_page(folder / "exploration.html", result)
     save_exploration_animation(folder / "exploration.gif", result)
 
 

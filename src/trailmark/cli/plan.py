@@ -131,7 +131,7 @@ def plan(
             "--output",
             "FILE",
             "Write the path: .json (the whole record), .csv, rows 'x y theta' (.path, .txt), nav_msgs/Path (.yaml, "
-            ".nav2.json), .geojson, or a drawing to scale (.svg).",
+            ".nav2.json), or .geojson.",
         ),
     ] = None,
     frame_id: FrameOption = "map",
@@ -166,7 +166,7 @@ def plan(
     given = read_robot(robot)
     radius = read_turning_radius(turning_radius)
     given_ends = EndOptions.read(query, start, goal, goal_tolerance)
-    path_file, frame = output_file(output, (*path_files.SUFFIXES, ".svg")), read_frame(frame_id)
+    path_file, frame = output_file(output, path_files.SUFFIXES), read_frame(frame_id)
     picture = output_file(plot, PICTURE_SUFFIXES)
     spacing = read_step(step, path_file)
     timing = read_timing(
@@ -264,11 +264,7 @@ def _write_path(
     from trailmark.formats.files import write_atomically
     from trailmark.formats.path_files import write_path
 
-    if path is not None and file.suffix.lower() == ".svg":
-        from trailmark.formats.svg import drawing_text
-
-        write_atomically(file, drawing_text(world, robot, path))
-    elif path is not None:
+    if path is not None:
         write_path(file, path, record, frame)
     elif file.suffix.lower() == ".json" and not file.name.lower().endswith(".nav2.json"):
         write_atomically(file, console.json_text(record) + "\n")

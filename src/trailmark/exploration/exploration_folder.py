@@ -6,7 +6,7 @@
 - ``log.jsonl``: what was recorded; ``trailmark map`` makes the same world of it.
 - ``summary.json``: the figures.
 - ``resume.npz``: what is needed, beside the log, to go on.
-- ``exploration.png``, ``exploration.gif``, ``exploration.html``: by :mod:`trailmark.plotting`.
+- ``exploration.png``, ``exploration.gif``: by :mod:`trailmark.plotting`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ __all__ = [
 
 FILES: Final = (
     *("log.jsonl", "resume.npz", "world.yaml", "map.yaml", "map.pgm", "roadmap.npz", "summary.json"),
-    *("exploration.png", "exploration.gif", "exploration.html"),
+    *("exploration.png", "exploration.gif"),
 )
 """Names of all files."""
 

@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 from string import Template
 
-from trailmark.sketch import colours
+from trailmark import colours
 
 __all__ = ["page_of"]
 

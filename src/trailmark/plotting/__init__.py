@@ -5,6 +5,7 @@ write it whole or not at all. No pyplot, hence no global state and no display. C
 ("Color Universal Design", 2008), which colour-blind readers tell apart; shape and line width repeat what colour says.
 """
 
+from trailmark.colours import EDGE, GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START
 from trailmark.plotting.animation import Frame, save_animation
 from trailmark.plotting.audit import draw_audit, save_audit_figure
 from trailmark.plotting.canvas import PICTURE_SUFFIXES
@@ -13,13 +14,11 @@ from trailmark.plotting.exploration import (
     save_exploration_animation,
     save_exploration_figure,
 )
-from trailmark.plotting.exploration_page import save_exploration_page
 from trailmark.plotting.landmarks import save_landmarks_figure
 from trailmark.plotting.plan import draw_plan, save_plan_figure
 from trailmark.plotting.progress import draw_progress
 from trailmark.plotting.trajectory import save_trajectory_animation
 from trailmark.plotting.world import draw_world, save_world_figure
-from trailmark.sketch.colours import EDGE, GOAL, LANDMARK, MARGIN, OBSTACLE, PATH, START
 
 __all__ = [
     "EDGE",
@@ -40,7 +39,6 @@ __all__ = [
     "save_audit_figure",
     "save_exploration_animation",
     "save_exploration_figure",
-    "save_exploration_page",
     "save_landmarks_figure",
     "save_plan_figure",
     "save_trajectory_animation",

@@ -12,10 +12,10 @@ from matplotlib.colors import to_rgb
 from trailmark import se2
 from trailmark.audit.attribution import merged_intervals
 from trailmark.audit.scale import Scale
+from trailmark.colours import COLLISION, REPAIRED, TEXT
 from trailmark.plotting.canvas import annotate, figure_of, picture_of, write
 from trailmark.plotting.plan import draw_plan
 from trailmark.plotting.world import draw_world
-from trailmark.sketch.colours import COLLISION, REPAIRED, TEXT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,11 +17,10 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from trailmark import se2
-from trailmark.errors import OutputError
-from trailmark.plotting.ticks import label_metres
-from trailmark.sketch.colours import (
+from trailmark.colours import (
     TEXT,
 )
+from trailmark.errors import OutputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,6 +41,7 @@ _LEGEND = [
     "start",
     "goal",
     "path",
+    "robot",
     "robot along the path",
     "collides",
     "least clearance",
@@ -65,10 +65,8 @@ def set_limits(axes: Axes, world: World, *, labels: bool = True) -> None:
     """Let axes show the world, with an equal aspect and, if ``labels``, the names of x and y."""
     xmin, ymin, xmax, ymax = view(world)
     axes.set(xlim=(xmin, xmax), ylim=(ymin, ymax), aspect="equal")
-    for axis, name, low, high in zip((axes.xaxis, axes.yaxis), "xy", world.bounds[:2], world.bounds[2:], strict=True):
-        label_metres(axis, name, low, high)
-        if not labels and axis.get_label_text() == f"{name} [m]":
-            axis.set_label_text("")
+    if labels:
+        axes.set(xlabel="x [m]", ylabel="y [m]")
 
 
 def tidy(axes: Axes, font_size: float) -> None:

@@ -12,13 +12,13 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb
 
 from trailmark import se2
+from trailmark.colours import BODY, CANDIDATE, EDGE, GOAL, LANDMARK, PATH, START
 from trailmark.goals import goals_of
 from trailmark.layers import ALL, Layers
 from trailmark.plotting.canvas import annotate, draw_lines, figure_of, picture_of, points_per_metre, write
 from trailmark.plotting.progress import add_progress
+from trailmark.plotting.scene import plan_facts
 from trailmark.plotting.world import draw_end, draw_goal, draw_world
-from trailmark.sketch.colours import BODY, CANDIDATE, EDGE, GOAL, LANDMARK, PATH, START
-from trailmark.sketch.scene import plan_facts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from trailmark.colours import BODY, GOAL, OBSTACLE, OUTSIDE, PATH, START, TEXT
 from trailmark.errors import OutputError, expected_name
 from trailmark.plotting.animation import Frame, save_animation
 from trailmark.plotting.canvas import picture_of, view
 from trailmark.shapes import Disc
-from trailmark.sketch.colours import BODY, GOAL, OBSTACLE, OUTSIDE, PATH, START, TEXT
 
 if TYPE_CHECKING:
     from trailmark.se2 import FloatArray

@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from trailmark import se2
+from trailmark.colours import GOAL, HATCH, MARGIN, OBSTACLE, OUTSIDE, PATH, START, TEXT
 from trailmark.layers import ALL, Layers
 from trailmark.plotting.canvas import (
     DPI,
@@ -29,10 +30,8 @@ from trailmark.plotting.canvas import (
     view,
     write,
 )
+from trailmark.plotting.scene import world_facts
 from trailmark.plotting.zones import draw_zones
-from trailmark.sketch.colours import GOAL, HATCH, MARGIN, OBSTACLE, OUTSIDE, PATH, START, TEXT
-from trailmark.sketch.frame import inside_of
-from trailmark.sketch.scene import world_facts
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -180,3 +179,9 @@ def draw_end(axes: Axes, robot: Robot | None, q: se2.FloatArray, colour: str, ma
     # A robot of a few pixels would be lost on a large map: then the mark is the larger.
     size = 5.0 if reach > 8.0 else 8.0
     axes.plot(*q[:2], marker, color=colour, ms=size, mec="white", mew=1.0, zorder=8.0, label=label)
+
+
+def inside_of(world: World) -> shapely.Geometry:
+    """Return what lies inside bounds and boundary."""
+    inside = shapely.box(*world.bounds)
+    return inside if world.boundary is None else inside.intersection(world.boundary.shapely())

@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from matplotlib.colors import to_hex, to_rgb
 
+from trailmark.colours import AVOID, COLLISION, ONE_WAY, PREFER, SPEED, TEXT
 from trailmark.plotting.canvas import fill, points_per_metre
-from trailmark.sketch.colours import AVOID, COLLISION, ONE_WAY, PREFER, SPEED, TEXT
 from trailmark.zones import CostZone, KeepOutZone, OneWayZone, SpeedZone, Zone
 
 if TYPE_CHECKING:

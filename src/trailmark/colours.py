@@ -1,6 +1,5 @@
 """Colours of all pictures: Okabe & Ito's ("Color Universal Design", 2008), which colour-blind readers tell apart."""
 
-# Tested by tests/plotting/test_plotting.py.
 from __future__ import annotations
 
 __all__ = [

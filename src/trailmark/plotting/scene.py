@@ -1,6 +1,5 @@
 """Scene: what a picture is of, and the words that stand beside it."""
 
-# Tested by tests/sketch/test_sketch.py and tests/plotting/test_prompt.py.
 from __future__ import annotations
 
 import math
