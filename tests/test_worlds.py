@@ -1,4 +1,4 @@
-"""The shipped worlds: written by their generator, sound, and each query as feasible as its name says.
+"""The shipped worlds: sound, and each query as feasible as its name says.
 
 Nothing here uses trailmark's own collision checks: regions are built with shapely from the fields of the shapes.
 """
@@ -6,11 +6,7 @@ Nothing here uses trailmark's own collision checks: regions are built with shape
 from __future__ import annotations
 
 import math
-import shutil
-import subprocess
-import sys
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,37 +27,6 @@ def world(request: pytest.FixtureRequest) -> World:
     return World.load(shipped_worlds()[request.param])
 
 
-# --- the files ---------------------------------------------------------------------------------------------------
-
-
-def generate(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, folder / "generate.py", *arguments], capture_output=True, text=True)
-
-
-@pytest.mark.slow
-def test_files_come_from_the_generator(worlds: Path) -> None:
-    done = generate(worlds, "--check")
-    assert (done.returncode, done.stderr) == (0, "")
-
-
-@pytest.mark.slow
-def test_check_names_every_file_that_differs(worlds: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "worlds"
-    shutil.copytree(worlds, folder, ignore=shutil.ignore_patterns("__pycache__"))
-    (folder / "office.yaml").write_text((folder / "office.yaml").read_text() + "\n")
-    (folder / "maze.yaml").unlink()
-    (folder / "mine.yaml").touch()
-    done = generate(folder, "--check")
-    assert done.returncode == 1
-    assert [line.partition(";")[0] for line in done.stderr.splitlines()] == [
-        "worlds/maze.yaml: missing",
-        "worlds/mine.yaml: not written by this program",
-        "worlds/office.yaml: differs",
-    ]
-    assert not (folder / "maze.yaml").exists()
-
-
-@pytest.mark.slow
 def test_shipped_worlds_cover_what_they_should() -> None:
     loaded = {name: World.load(file) for name, file in shipped_worlds().items()}
     assert len(loaded) >= 10
