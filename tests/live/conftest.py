@@ -10,11 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from tests.exploration.made_exploration import made_exploration
 from tests.helpers.browsing import require_chromium
 from tests.helpers.chromium import Browser, browser
-
-from trailmark.exploration.exploration_folder import save_exploration
 
 
 @contextmanager
@@ -43,11 +40,9 @@ def address() -> Iterator[str]:
 
 
 @pytest.fixture(scope="session")
-def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Return where an exploration that was kept is shown to those who know the token."""
-    folder = tmp_path_factory.mktemp("kept") / "run"
-    save_exploration(made_exploration(), folder)
-    with serving(str(folder), "--token", "a secret word", "--host", "127.0.0.1") as found:
+def guarded() -> Iterator[str]:
+    """Return where the office is shown to those who know the token."""
+    with serving("office", "--token", "a secret word", "--host", "127.0.0.1") as found:
         yield found
 
 

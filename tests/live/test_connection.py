@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from trailmark.live import connection
-from trailmark.live.asides import ASIDES
 from trailmark.live.connection import MAX_UNSENT, MAX_WAITING, Connection
 from trailmark.live.messages import Message
 from trailmark.live.session import Session
@@ -104,14 +103,7 @@ def test_one_who_takes_no_answers_is_not_answered_for_ever() -> None:
 
 
 @pytest.mark.slow
-def test_paths_that_are_not_the_last_are_left_out_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    def explore(_world: object, message: Message, tell: Callable[[dict[str, Any]], None], _stop: object) -> None:
-        for step in range(3 * MAX_UNSENT):
-            tell({"type": "explore", "id": message.id, "final": False, "step": step})
-        tell({"type": "explore", "id": message.id, "final": True})
-
-    monkeypatch.setitem(ASIDES, "explore", explore)
-
+def test_paths_that_are_not_the_last_are_left_out() -> None:
     async def story(client: SlowClient, sessions: list[EchoSession]) -> None:
         client.frames.put_nowait(json.dumps({"type": "plan", "id": 1, "start": [], "goal": []}))
         while not sessions[0].planned.is_set():
@@ -120,37 +112,5 @@ def test_paths_that_are_not_the_last_are_left_out_and_nothing_else(monkeypatch: 
         while not any(answer["final"] for answer in client.taken):
             await asyncio.sleep(0.01)
         assert len(client.taken) < 3 * MAX_UNSENT
-        client.takes.clear()
-        client.taken.clear()
-        client.frames.put_nowait(json.dumps({"type": "explore", "id": 2, "start": []}))
-        await asyncio.sleep(0.3)
-        client.takes.set()
-        while not (client.taken and client.taken[-1]["final"]):
-            await asyncio.sleep(0.01)
-        assert [answer.get("step") for answer in client.taken] == [*range(3 * MAX_UNSENT), None]
-
-    meet(story)
-
-
-def test_one_that_has_answered_is_not_going_on_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    over = Event()
-
-    def compare(_world: object, message: Message, tell: Callable[[dict[str, Any]], None], _stop: object) -> None:
-        tell({"type": "compare", "id": message.id})
-        over.wait(30.0)  # as a thread that the machine has no time for
-
-    monkeypatch.setitem(ASIDES, "compare", compare)
-
-    async def story(client: SlowClient, _sessions: list[EchoSession]) -> None:
-        client.takes.set()
-        try:
-            for k in range(connection.MAX_ASIDES + 2):
-                message = {"type": "compare", "id": k, "planner": "PRM", "start": [0, 0, 0], "goal": [1, 1, 0]}
-                client.frames.put_nowait(json.dumps(message))
-                while len(client.taken) <= k:
-                    await asyncio.sleep(0.01)
-        finally:
-            over.set()
-        assert [answer["type"] for answer in client.taken] == ["compare"] * (connection.MAX_ASIDES + 2)
 
     meet(story)

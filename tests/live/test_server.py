@@ -132,25 +132,6 @@ def test_pages_of_others_are_refused(address: str) -> None:
 
 
 @pytest.mark.slow
-def test_another_planner_runs_beside_it_and_an_exploration(address: str) -> None:
-    with socket_of(address) as client:
-        (found,) = ask(
-            client, type="compare", id=1, planner="RRTConnect+certified", start=START, goal=GOAL, time_limit=2.0
-        )
-        assert found["correct"]
-        assert found["states"][0] == START
-        for bad in ("os:system", "../x.py:main", "Fly"):
-            (error,) = ask(client, type="compare", id=2, planner=bad, start=START, goal=GOAL)
-            assert error["type"] == "error"
-        client.send(json.dumps({"type": "explore", "id": 3, "start": START}))
-        first = [json.loads(client.recv(timeout=240.0)) for _ in range(4)]  # kernels may have to be compiled
-        assert first[0]["grid"]["rows"] > 10
-        assert first[3]["area"] > 0.0
-        client.send(json.dumps({"type": "stop", "id": 4}))
-        assert answers(client, 3)[-1]["status"] == "interrupted"
-
-
-@pytest.mark.slow
 def test_a_token_is_asked_for(guarded: str) -> None:
     assert guarded.endswith("?token=a%20secret%20word")
     with socket_of(guarded) as client:

@@ -265,18 +265,6 @@ def test_what_is_opened_is_a_world_file_or_a_shipped_name(fields: dict[str, Any]
         client.ask("open", **fields)
 
 
-def test_what_can_be_reached_goes_by_the_last_plan() -> None:
-    client = Client(robot=Robot.disc(0.3))
-    assert client.ask("layer", name="reachable") == [{"type": "layer", "id": 7, "name": "reachable"}]
-    client.states()
-    assert client.ask("layer", name="reachable")[0]["proof"] is None
-    client.ask("edit", add=[{"shape": "rectangle", "center": [5.0, 7.0], "length": 0.4, "width": 2.0}])
-    assert client.ask("plan", start=START, goal=GOAL, time_limit=1.0)[-1]["status"] == "infeasible"
-    (layer,) = client.ask("layer", name="reachable")
-    assert layer["proof"] == "disc"
-    assert "Shut in at the" in layer["text"]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LAYERS)
 def test_layers(name: str) -> None:

@@ -8,7 +8,6 @@ import os
 import sys
 from contextlib import suppress
 from importlib.util import find_spec
-from pathlib import Path as FilePath
 from typing import Annotated
 from urllib.parse import quote
 
@@ -32,9 +31,7 @@ __all__ = ["live"]
 def live(
     world: Annotated[
         str,
-        typer.Argument(
-            metavar="WORLD", help="Any file that plan reads, a shipped world's name, or a folder that explore wrote."
-        ),
+        typer.Argument(metavar="WORLD", help="Any file that plan reads, or a shipped world's name."),
     ] = "office",
     robot: RobotOption = None,
     host: Annotated[
@@ -54,15 +51,12 @@ def live(
         raise UsageError(f"expected 8 to 200 letters, digits and signs, got --token {token!r}")
     if not all(map(find_spec, ("starlette", "uvicorn", "websockets"))):
         raise UsageError("trailmark live needs starlette, uvicorn and websockets: pip install 'trailmark[live]'")
-    from trailmark.live.recording import is_exploration, recording_of
     from trailmark.live.server import listen, live_app, serve
     from trailmark.planning import LandmarkPlanner
 
     with listen(host, place, token) as listening:
         with console.progress("loading") as progress:
-            kept = is_exploration(world)
-            recording = recording_of(world) if kept else None
-            loaded = load_world(str(FilePath(world) / "world.yaml") if kept else world)
+            loaded = load_world(world)
             body = robot_of(loaded, given)
             progress.stage("preparing (compiles on first use)")
             # Loads what is compiled, and says what is wrong with the world before anybody is answered.
@@ -78,7 +72,7 @@ def live(
                 _open(address)
 
         with suppress(KeyboardInterrupt):
-            serve(live_app(loaded, body, token, number, recording), listening, ready)
+            serve(live_app(loaded, body, token, number), listening, ready)
 
 
 def _open(address: str) -> None:

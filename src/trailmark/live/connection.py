@@ -14,11 +14,10 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from threading import Event
-from time import monotonic, sleep
+from time import monotonic
 from typing import Any, Final, Protocol
 
 from trailmark.errors import TrailmarkError
-from trailmark.live.asides import ASIDES
 from trailmark.live.messages import Identity, Message, MessageError, read_message
 from trailmark.live.session import Answer, Session
 
@@ -36,9 +35,6 @@ YIELD: Final = 0.01
 MAX_UNSENT: Final = 20
 """Answers that a slow client has not taken yet, from which on paths that are not final are left out, and all else
 waits: nobody is told more than he takes."""
-
-MAX_ASIDES: Final = 2
-"""Explorations and comparisons of one client, at a time."""
 
 ENDING = ("world", "edit", "plan", "replan", "stop")
 """What ends a plan: a newer one, and what changes the world that it is made in."""
@@ -71,7 +67,6 @@ class Connection:
         self._come = asyncio.Event()
         self._stop, self._sent = Event(), Event()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="trailmark-live")
-        self._asides: set[Event] = set()
         self._tokens, self._seen = BURST, monotonic()
 
     async def serve(self) -> None:
@@ -83,7 +78,7 @@ class Connection:
                 # Refusals, too, are taken before there are more of them.
                 await self._until_unsent(MAX_WAITING)
         finally:
-            self._stop_all()
+            self._stop.set()
             worker.cancel()
             # What is under way ends in its own time; nobody waits for it.
             self._thread.shutdown(wait=False, cancel_futures=True)
@@ -103,11 +98,7 @@ class Connection:
             self._waiting = deque(waiting for waiting in self._waiting if waiting not in superseded)
             for waiting in superseded:
                 self._tell(self._session.not_planned(waiting))
-        if message.type == "stop":
-            self._stop_all()
-        elif message.type in ASIDES:
-            self._do_aside(message)
-        else:
+        if message.type != "stop":
             self._waiting.append(message)
             self._come.set()
 
@@ -124,30 +115,6 @@ class Connection:
         if len(self._waiting) >= MAX_WAITING:
             raise MessageError(message.id, f"expected at most {MAX_WAITING} messages that wait for an answer")
         return message
-
-    def _stop_all(self) -> None:
-        for stop in (self._stop, *self._asides):
-            stop.set()
-
-    def _do_aside(self, message: Message) -> None:
-        """Do what takes long beside everything else."""
-        if len(self._asides) >= MAX_ASIDES:
-            self._refuse(message.id, f"{message.type}: expected at most {MAX_ASIDES} at a time; 'stop' ends them")
-            return
-        stop, world = Event(), self._session.world
-        self._asides.add(stop)
-
-        def tell(answer: Answer) -> None:
-            last = answer.get("final", True)
-            if last:  # the client may ask for another as soon as it has this one, before the thread has ended
-                self._loop.call_soon_threadsafe(self._asides.discard, stop)
-            self._tell(answer)
-            while not last and self._unsent.qsize() > MAX_UNSENT and not stop.is_set():
-                sleep(YIELD)
-
-        self._loop.run_in_executor(
-            None, self._answer, message, lambda: ASIDES[message.type](world, message, tell, stop), tell
-        )
 
     def _require_patience(self) -> None:
         """Raise if more messages come than a screen can show."""
@@ -169,7 +136,7 @@ class Connection:
             message, stop = self._waiting.popleft(), Event()
             self._stop = stop
             work = partial(self._session.handle, message, stop)
-            await self._loop.run_in_executor(self._thread, self._answer, message, work, self._tell)
+            await self._loop.run_in_executor(self._thread, self._answer, message, work)
 
     async def _until_unsent(self, most: int) -> None:
         """Wait until no more answers than that have not been taken."""
@@ -177,14 +144,14 @@ class Connection:
         while self._unsent.qsize() > most:
             await asyncio.sleep(YIELD)
 
-    def _answer(self, message: Message, work: Callable[[], None], tell: Callable[[Answer], None]) -> None:
+    def _answer(self, message: Message, work: Callable[[], None]) -> None:
         try:
             work()
         except TrailmarkError as error:
-            tell(_error(message.id, str(error)))
+            self._tell(_error(message.id, str(error)))
         except Exception as error:  # one message must not end the connection, whatever it does
             traceback.print_exc(file=sys.stderr)
-            tell(_error(message.id, f"internal error: {type(error).__name__}: {error}"))
+            self._tell(_error(message.id, f"internal error: {type(error).__name__}: {error}"))
 
     def _refuse(self, identity: Identity, problem: str) -> None:
         self._tell(_error(identity, problem))

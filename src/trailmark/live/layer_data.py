@@ -47,7 +47,7 @@ def layer_data(planner: LandmarkPlanner, name: str, heading: float = 0.0, goal: 
         ConfigurationError: no such layer.
     """
     if name not in LAYERS:
-        raise ConfigurationError(f"layer.name: {expected_name(name, [*LAYERS, 'reachable'])}")
+        raise ConfigurationError(f"layer.name: {expected_name(name, LAYERS)}")
     return {"name": name, **LAYERS[name](planner, heading, goal)}
 
 

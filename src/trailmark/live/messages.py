@@ -108,10 +108,6 @@ FIELDS: Final[Mapping[str, Mapping[str, Field]]] = {
     # The world as the text of a world file, with start and goal as its query.
     "save": {"start": _START, "goal": _GOAL},
     "layer": {"name": _TEXT._replace(required=True), "heading": _NUMBER},
-    "compare": {"planner": _TEXT._replace(required=True), "start": _START, "goal": _GOAL, "time_limit": _SECONDS},
-    # An exploration that was kept, all of it at once, where the page was opened on one.
-    "recorded": {},
-    "explore": {"start": _START, "sensor_range": _NUMBER, "strategy": _TEXT, "noise": _NUMBER, "seed": _NUMBER},
 }
 """What each type of message holds besides ``type`` and ``id``."""
 

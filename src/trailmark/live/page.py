@@ -14,7 +14,7 @@ __all__ = ["page_of"]
 
 SCRIPTS = (
     *("geometry.js", "view.js", "scene.js", "files.js", "page.js", "link.js", "plans.js", "layers.js", "driving.js"),
-    *("exploring.js", "drawing.js", "pointer.js", "selection.js", "controls.js"),
+    *("drawing.js", "pointer.js", "selection.js", "controls.js"),
 )
 """In the order in which they build on each other."""
 

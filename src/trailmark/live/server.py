@@ -34,9 +34,7 @@ CLOSED, BUSY = 1008, 1013
 """Why a connection is closed (RFC 6455, section 7.4, and its registry): not allowed; try again later."""
 
 
-def live_app(
-    world: World, robot: Robot, token: str | None = None, seed: int = 0, recording: dict[str, Any] | None = None
-) -> Starlette:
+def live_app(world: World, robot: Robot, token: str | None = None, seed: int = 0) -> Starlette:
     """Return the page and its WebSocket as an application for any ASGI server.
 
     Args:
@@ -44,7 +42,6 @@ def live_app(
         robot: that moves in it.
         token: that has to be known; None if none, and then only this machine is answered.
         seed: of the planners.
-        recording: an exploration to step through; None if there is none.
     """
     from starlette.applications import Starlette
     from starlette.requests import Request
@@ -73,7 +70,7 @@ def live_app(
         if len(clients) >= MAX_CLIENTS:
             await websocket.close(BUSY, f"expected at most {MAX_CLIENTS} clients")
             return
-        connection = Connection(_Channel(websocket), lambda tell: Session(world, robot, tell, seed, recording))
+        connection = Connection(_Channel(websocket), lambda tell: Session(world, robot, tell, seed))
         clients.add(connection)
         try:
             await connection.serve()

@@ -50,7 +50,6 @@ class Session:
         robot: that moves in it.
         tell: sends an answer.
         seed: of the planner.
-        recording: an exploration to step through; None if there is none.
     """
 
     def __init__(
@@ -59,15 +58,12 @@ class Session:
         robot: Robot,
         tell: Callable[[Answer], None],
         seed: int = 0,
-        recording: Answer | None = None,
     ) -> None:
-        self._recording = recording
         self._world, self._tell, self._seed = _named(world.with_robot(robot)), tell, seed
         self._options: dict[str, Any] = {}
         self._planner: LandmarkPlanner | None = None
         self._path: Path | None = None
         self._query: Query | None = None
-        self._infeasible = False
 
     @property
     def world(self) -> World:
@@ -113,7 +109,6 @@ class Session:
                     "type": "world",
                     **self._described(),
                     "worlds": list(shipped_worlds()),
-                    "recorded": self._recording is not None,
                 }
             )
         elif message.type in ("world", "open"):
@@ -131,12 +126,8 @@ class Session:
 
             query = query_from_data({"name": "live", **fields}, "save")
             self._tell({**answer, "text": world_text(replace(self._world, queries=(query,)))})
-        elif message.type == "recorded":
-            if self._recording is None:
-                raise ConfigurationError("recorded: expected a page that was opened on an exploration's folder")
-            self._tell({**answer, **self._recording})
         elif message.type == "layer":
-            self._tell({**answer, **self._layer(fields, stop)})
+            self._tell({**answer, **self._layer(fields)})
 
     def _described(self) -> Answer:
         from trailmark.formats.world_yaml import world_data
@@ -184,7 +175,7 @@ class Session:
         # What cannot be planned in leaves the old world as it was.
         planner = LandmarkPlanner(world, seed=self._seed, **options)
         self._world, self._options, self._planner = world, options, planner
-        self._path, self._query, self._infeasible = None, None, False
+        self._path, self._query = None, None
 
     def _edit(self, fields: Mapping[str, Any]) -> Answer:
         """Change obstacles, and return what an answer says of it."""
@@ -205,27 +196,18 @@ class Session:
         world = self._world.edited(add=add, remove=remove, move=move)
         if self._planner is not None:
             self._planner.update(world)
-        self._world, self._infeasible = world, False
+        self._world = world
         return {"name": world.name, "obstacles": len(world.obstacles), "added": list(add)}
 
-    def _layer(self, fields: Mapping[str, Any], stop: Event) -> Answer:
+    def _layer(self, fields: Mapping[str, Any]) -> Answer:
         from trailmark.live.layer_data import layer_data
-        from trailmark.live.reach_data import reach_data
 
-        name, (start, goal) = fields["name"], self._ends()
-        if name != "reachable":
-            return layer_data(self.planner, name, float(fields.get("heading", 0.0)), goal)
-        if start is None or goal is None:
-            return {"name": name}
-        found = reach_data(self.planner, start, goal, infeasible=self._infeasible, stop=stop.is_set)
-        return {"name": name, **found}
+        return layer_data(self.planner, fields["name"], float(fields.get("heading", 0.0)), self._goal())
 
-    def _ends(self) -> tuple[FloatArray | None, FloatArray | None]:
-        """Return start and goal that were last asked for; for a point that any heading reaches, the heading is 0."""
-        if self._query is None:
-            return None, None
-        poses = [goal.pose for goal in self._query.goals if goal.pose is not None]
-        return np.array(self._query.start), np.array([*poses[0], 0.0][:3]) if poses else None
+    def _goal(self) -> FloatArray | None:
+        """Return the goal that was last asked for; for a point that any heading reaches, the heading is 0."""
+        poses = [] if self._query is None else [goal.pose for goal in self._query.goals if goal.pose is not None]
+        return np.array([*poses[0], 0.0][:3]) if poses else None
 
     def _plan(self, message: Message, stop: Event) -> None:
         """Plan, and tell of the first path at once, of better ones as they come, and of the end."""
@@ -235,7 +217,6 @@ class Session:
         entry = {"name": "live", "start": fields["start"], "goal": fields["goal"]}
         query = query_from_data(entry, message.type)
         seconds, planner = float(fields.get("time_limit", TIME_LIMIT)), self.planner
-        self._infeasible = False
         self._query = query
         extras: dict[str, Any] = {}
         result: PlanResult
@@ -245,7 +226,7 @@ class Session:
         else:
             better = _BetterPaths(lambda progress: self._tell(self._progress(message, planner, query, progress)))
             result = planner.plan(query.start, query.goal, seconds, stop=stop.is_set, on_progress=better.look)
-        self._path, self._infeasible = result.path, result.status == "infeasible"
+        self._path = result.path
         self._tell({"type": "path", "id": message.id, "final": True, **self._record(result), **extras})
 
     def not_planned(self, message: Message) -> Answer:

@@ -45,7 +45,7 @@ async function open(files) {
 
 const clicks = {
   undo: () => restore(scene.undo()), redo: () => restore(scene.redo()), delete: removeSelected, play: togglePlay,
-  fit: () => view.fit(scene.world.bounds), compare, explore: toggleExploration, recorded: openRecording,
+  fit: () => view.fit(scene.world.bounds),
   theme: () => {
     const dark = document.documentElement.dataset.theme !== "dark";
     document.documentElement.dataset.theme = dark ? "dark" : "light";
@@ -94,11 +94,6 @@ for (const id of ["margin", "objective"]) $(id).addEventListener("change", () =>
 $("selected").addEventListener("change", ({target: {value}}) =>
   select(value === "start" || value === "goal" ? {kind: "end", end: value} : {kind: "obstacle", id: value}));
 ["sx", "sy", "st"].forEach((id, axis) => $(id).addEventListener("change", ({target}) => setPose(axis, Number(target.value))));
-$("scrub").addEventListener("input", ({target}) => {
-  if (exploring?.plays) playExploration();
-  if (exploring) showStep(Number(target.value));
-});
-$("planner").replaceChildren(...PLANNERS.map((name) => new Option(name, name)));
 $("layers").replaceChildren(...Object.entries(LAYERS).map(([name, text]) => {
   const label = document.createElement("label"), box = document.createElement("input");
   box.type = "checkbox";
@@ -124,7 +119,6 @@ if (matchMedia("(prefers-color-scheme: dark)").matches) {
 }
 // What tests and the curious may look at.
 window.trailmark = {scene, view, latencies, inFlight, layers};
-$("share").hidden = Boolean(window.frameElement?.openSocket);  // a frame has no address
 readColours();
 connect();
 requestAnimationFrame(frame);

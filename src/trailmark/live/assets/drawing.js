@@ -89,33 +89,16 @@ function draw(now) {
   view.clear();
   const brush = view.brush, pixel = 1 / view.scale;
   if (!scene.world) return;
-  if (exploring?.picture && exploring.row >= 0) {
-    drawCells(brush, exploring.picture, exploring.grid);
-    const step = exploring.steps[exploring.row];
-    if (step.path.length) drawPath(brush, pixel, {states: step.path}, colours.goal, 2);
-    drawPath(brush, pixel, {states: exploring.steps.slice(0, exploring.row + 1).map(({pose}) => pose)}, colours.way, 2);
-    if (exploring.range) {
-      brush.beginPath();
-      brush.arc(step.pose[0], step.pose[1], exploring.range, 0, TURN);
-      brush.strokeStyle = colours.soft;
-      brush.lineWidth = pixel;
-      brush.stroke();
-    }
-    drawRobot(brush, scene.robot, step.pose, pixel, {fill: colours.page, stroke: colours.way});
-    return;
-  }
   view.keep("world", drawWorld);
   for (const [name, layer] of layers) {
     if (layer.picture) view.keep(name, (kept) => drawCells(kept, layer.picture, layer));
   }
-  if (layers.get("reachable")?.end) view.keep("reachable", (kept, size) => drawReach(kept, size, layers.get("reachable")));
   view.keep("obstacles", drawObstacles);
   if (scene.obstacles.has(drag?.id)) {
     brush.fillStyle = colours.obstacle;
     drawObstacle(brush, scene.obstacles.get(drag.id));
   }
   if (layers.get("roadmap")?.nodes) view.keep("roadmap", (kept, size) => drawRoadmap(kept, size, layers.get("roadmap")));
-  for (const other of others) if (other.states?.length && other.asked === problem()) drawPath(brush, pixel, other, other.correct ? colours.other : colours.bad, 2);
   if (scene.path) {
     if (!scene.path.partial) drawSwept(brush, pixel, scene.path.states);
     drawPath(brush, pixel, scene.path, colours.way);
@@ -169,7 +152,6 @@ function frame(now) {
     if (!playing.advance(now)) stopPlaying();
     dirty = true;
   }
-  if (exploring?.plays) advanceExploration(now);
   plan(now);
   requestLayers(now);
   if (dirty || (view.blurred && !view.moves) || canvas.dataset.size !== `${view.width}x${view.height}`) {

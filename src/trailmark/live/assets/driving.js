@@ -22,8 +22,7 @@ class Drive {
 }
 
 function togglePlay() {
-  if (exploring) playExploration();
-  else if (playing) stopPlaying();
+  if (playing) stopPlaying();
   else if (scene.path && !scene.path.partial) {
     playing = new Drive(scene.path.states);
     settle = 0;

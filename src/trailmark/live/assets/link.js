@@ -15,8 +15,7 @@ function ask(type, fields) {
 
 function connect() {
   const scheme = location.protocol === "https:" ? "wss" : "ws";
-  // In a notebook, the frame that the page is in leads to the kernel.
-  socket = window.frameElement?.openSocket?.() ?? new WebSocket(`${scheme}://${location.host}/ws${location.search}`);
+  socket = new WebSocket(`${scheme}://${location.host}/ws${location.search}`);
   socket.onopen = begin;
   socket.onmessage = ({data}) => receive(JSON.parse(data));
   socket.onclose = () => {
@@ -36,8 +35,6 @@ async function begin() {
   if (scene.world) await setWorld(scene.content(), false);  // as it was before the connection was lost
   else if (shared?.world) await setWorld(shared.world, true, shared);
   else takeWorld(hello, true);
-  $("recorded").hidden = !hello.recorded;
-  if (hello.recorded && !shared && !scene.before.length) await openRecording();
 }
 
 function receive(message) {
@@ -51,8 +48,6 @@ function receive(message) {
   if (message.type === "path") receivePath(message);
   else if (message.type === "world") edits.delete(message.id);
   else if (message.type === "layer") receiveLayer(message);
-  else if (message.type === "compare") receiveComparison(message);
-  else if (message.type === "explore") receiveExploration(message);
   else if (message.type === "error") receiveError(message);
 }
 
@@ -65,16 +60,12 @@ function receiveError({id, message}) {
     scene.path = null;
     say(message.replace(/^(start|goal) \(.*?\) is not valid: /, "$1: "), true);
     showFigures({});
-    if (layers.get("reachable")?.automatic) toggleLayer("reachable", false);
     badEnd = /^(start|goal)\b/.exec(message)?.[0] ?? null;
     dirty = true;
   } else if (!plan) {
     $("error").textContent = message;
     // What the server did not change is as it has it.
     if (edits.delete(id)) ask("hello").then((hello) => takeWorld(hello, false, scene));
-    if (exploring?.id === id) endExploration();
-    others = others.filter((other) => other.id !== id);
-    listOthers();
   }
 }
 
@@ -106,16 +97,13 @@ function takeWorld({world}, fit, ends = null) {
   else if (fresh) scene.takeQuery();
   if (fit) view.fit(world.bounds);
   ready = true;
-  worldNumber++;
   badEnd = null;
-  others = [];
-  for (const name of layers.keys()) layers.get(name).automatic ? toggleLayer(name, false) : requestLayer(name);
+  for (const name of layers.keys()) requestLayer(name);
   $("error").textContent = "";
   $("name").textContent = world.name;
   $("worlds").value = [...$("worlds").options].some(({value}) => value === world.name) ? world.name : "";
   document.title = `${world.name} · trailmark live`;
   showRobot();
-  listOthers();
   listSelected();
   view.forget();
   changed();
@@ -137,7 +125,6 @@ function edit(change, at) {
   for (const id of change.remove ?? []) scene.obstacles.delete(id);
   for (const [id, by] of Object.entries(change.move ?? {})) scene.obstacles.set(id, displaced(scene.obstacles.get(id), ...by));
   for (const shape of change.add ?? []) scene.obstacles.set(shape.id, shape);
-  worldNumber++;
   if (!(drag?.id in (change.move ?? {}))) view.forget("obstacles");
   // What is dragged quickly is told of once for each plan.
   pending ??= {remove: new Set(), move: new Map(), add: new Map()};

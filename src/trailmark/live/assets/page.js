@@ -4,14 +4,12 @@ const $ = (id) => document.getElementById(id);
 const canvas = $("map"), view = new View(canvas), scene = new Scene();
 const COLOURS = ["page", "ink", "soft", "line", "free", "outside", "obstacle", "way", "goal", "landmark", "start", "other", "bad", "shade"];
 const LAYERS = {roadmap: "roadmap and landmarks", field: "clearance field", lattice: "heuristic (cost to go)",
-  "c-obstacle": "C-obstacle at the heading", reachable: "what can be reached"};
-const PLANNERS = ["RRTConnect", "PRM", "PRMstar", "RRTstar", "InformedRRTstar", "BITstar", "KPIECE1", "roadmap", "lattice",
-  "RRTConnect+certified", "PRM+certified"];
+  "c-obstacle": "C-obstacle at the heading"};
 const SHORTEST = 0.004, LONGEST = 0.5, SETTLED = 2.0;  // seconds that a plan may take: while dragging, and after it
 const CHANGED_WITHIN = 300;  // milliseconds of rest after which the plan that takes longer is asked for
 
 let socket, colours, nextId = 1, ready = false;
 let tool = "move", selected = {kind: "end", end: "goal"}, drag = null, draft = null, pinch = null;
-let dirty = true, pending = null, settle = 0, playing = null, exploring = null, others = [];
+let dirty = true, pending = null, settle = 0, playing = null;
 const edits = new Set(), pointers = new Map(), inFlight = new Map(), waiting = new Map(), layers = new Map(), latencies = [], drawn = [];
-let shownPlan = 0, history = [], badEnd = null, worldNumber = 0;  // grows with each change of the world
+let shownPlan = 0, history = [], badEnd = null;

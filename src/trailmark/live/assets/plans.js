@@ -3,7 +3,6 @@
 // To be called when anything changed that a path depends on.
 function changed(at = performance.now()) {
   dirty = true;
-  if (others.length) listOthers();
   settle = at + CHANGED_WITHIN;
   if (wanted === null) wanted = at;
 }
@@ -11,7 +10,7 @@ function changed(at = performance.now()) {
 let wanted = null, patience = SHORTEST;
 
 function plan(now) {
-  if (!ready || exploring) return;
+  if (!ready) return;
   const settled = wanted === null && settle && now > settle;
   if (wanted === null && !settled) return;
   // While dragging one plan at a time, as long as it takes to find a path; what gets better later is given up.
@@ -33,9 +32,8 @@ function receivePath(message) {
     if (asked.dragged) drawn.push(asked.since);
   }
   if (message.final) inFlight.delete(message.id);
-  if (exploring) return;
   if (message.final && layers.has("roadmap")) requestLayer("roadmap");  // it has grown
-  if (message.final && asked?.settled) ["lattice", "reachable"].filter((name) => layers.has(name)).forEach(requestLayer);
+  if (message.final && asked?.settled && layers.has("lattice")) requestLayer("lattice");
   if (asked && !asked.settled && message.final) {
     const found = message.status === "solved" ? message.time.first_solution : null;
     patience = Math.min(LONGEST, Math.max(SHORTEST, found === null ? 2 * patience : Math.min(patience, 4 * found)));
@@ -57,10 +55,7 @@ function receivePath(message) {
     : reasons[message.status] ?? message.status, !solved);
   showFigures(message);
   if (wanted !== null) plan(performance.now());
-  if (message.status === "infeasible") {
-    if (!layers.has("reachable")) toggleLayer("reachable", true, true);
-    requestLayer("reachable");
-  } else if (layers.get("reachable")?.automatic) toggleLayer("reachable", false);
+  $("why").textContent = solved ? "" : message.reason ?? "";
   dirty = true;
 }
 

@@ -8,7 +8,7 @@ function place(event) {
 }
 
 canvas.addEventListener("pointerdown", (event) => {
-  if (!scene.world || exploring) return;
+  if (!scene.world) return;
   canvas.setPointerCapture(event.pointerId);
   canvas.focus({preventScroll: true});
   const [px, py] = place(event), [x, y] = view.toWorld(px, py);

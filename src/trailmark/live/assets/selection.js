@@ -76,10 +76,6 @@ function showRobot() {
   $("turning").value = robot.turning_radius ?? "";
   $("radius-label").hidden = robot.shape !== "disc";
   $("length-label").hidden = $("width-label").hidden = robot.shape !== "rectangle";
-  if (!$("range").value) {
-    const [xmin, ymin, xmax, ymax] = scene.world.bounds;
-    $("range").value = rounded(0.2 * Math.max(xmax - xmin, ymax - ymin), 2);
-  }
 }
 
 async function changeRobot() {
