@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.soundness.reference import REFUSED, Reference, deepest, moves, short_turn
+from benchmarks.soundness.reference import REFUSED, Reference, deepest, least_room, moves, short_turn
 from trailmark.collision import StateChecker
 from trailmark.curves import CurvePath
 from trailmark.motion import CurveMotion
@@ -32,6 +32,9 @@ FloatArray = NDArray[np.float64]
 HALF_TURN = 1e-9
 """Radians from half a turn in which either direction may be taken: the path itself then says which."""
 
+CLEARANCE = 1e-3
+"""Metres by which a path's least clearance may be wrong."""
+
 ROUNDING = 1e-9
 """Relative error that costs may have."""
 
@@ -41,7 +44,7 @@ class Question:
     """What is asked of the library in a world.
 
     Attributes:
-        what: ``state``, ``motion``, ``plan``, ``many``, ``bound``, ``enclosed``.
+        what: ``state``, ``motion``, ``plan``, ``clearance``, ``many``, ``bound``, ``enclosed``.
         states: configurations, rows x, y, theta: the states; starts and goals by turns.
         cost: of a way that is known from the first to the last, metres; None if none is.
         seconds: time limit for each plan.
@@ -105,6 +108,8 @@ def ask(world: World, asked: Question) -> str | None:
         return judge_result(
             world, robot, states, planner.plan(states[0], states[1], time_limit=asked.seconds), asked.cost
         )
+    if asked.what == "clearance":
+        return _judge_clearance(world, robot, planner.plan(states[0], states[1], time_limit=asked.seconds))
     results = planner.plan_many(states[::2], states[1::2], time_limit=asked.seconds)
     for i, result in enumerate(results):
         complaint = judge_result(world, robot, states[2 * i : 2 * i + 2], result, None)
@@ -157,23 +162,35 @@ def judge_path(reference: Reference, robot: Robot, ends: FloatArray, path: Way) 
     places = [path.at(np.linspace(0.0, 1.0, 200)), path.resample(max(path.cost / 300.0, 1e-9)).states]
     if isinstance(path, CurvePath):
         complaint = _steered(robot, path)
-        stretch = 1.0 + reference.sweep / path.steering.radius
     else:
-        stretch = max(1.0, 2.0 * reference.sweep)
-        complaint = _cost_of(path)
-        complaint = complaint or _straight_collision(reference, q)
+        complaint = _cost_of(path) or _straight_collision(reference, q)
     if complaint is not None:
         return complaint
     # As it says itself where it leads.
-    wrong, where = deepest(
-        reference, lambda _, t: path.at(t), np.array([path.cost * stretch * (1.0 + ROUNDING)]), 64 + 2 * len(q)
-    )
+    wrong, where = deepest(reference, lambda _, t: path.at(t), np.array([_moved(reference, path)]), 64 + 2 * len(q))
     if wrong[0] > reference.allowed and reference.collides(path.at(where[:1])).any():
         return f"collides by {wrong[0]:.3g} m at fraction {where[0]!r} of path.at"
     for name, states in zip(("at", "resample"), places, strict=True):
         if (hit := reference.collides(states)).any():
             return f"collides at {states[hit][0].tolist()} of path.{name}"
     return None
+
+
+def _moved(reference: Reference, path: Way) -> float:
+    """Return metres that a path moves any point of the robot at most."""
+    if isinstance(path, CurvePath):
+        return path.cost * (1.0 + reference.sweep / path.steering.radius) * (1.0 + ROUNDING)
+    return path.cost * max(1.0, 2.0 * reference.sweep) * (1.0 + ROUNDING)
+
+
+def _judge_clearance(world: World, robot: Robot, result: PlanResult) -> str | None:
+    """Return what is wrong with the least clearance that a planner reports; None if nothing is."""
+    if result.path is None or result.min_clearance is None:
+        return None if result.path is None else "a path without a least clearance"
+    reference = Reference(world, robot.keeping(0.0))
+    true = max(0.0, least_room(reference, result.path.at, _moved(reference, result.path)))
+    wrong = abs(result.min_clearance - true) > CLEARANCE
+    return f"a least clearance of {result.min_clearance!r} m instead of {true!r} m" if wrong else None
 
 
 def _straight_collision(reference: Reference, q: FloatArray) -> str | None:

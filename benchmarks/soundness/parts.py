@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +23,7 @@ from trailmark.motion import CurveMotion
 from trailmark.path import Path as Way
 from trailmark.planning import LandmarkPlanner
 from trailmark.planning.proofs import LowerBound
-from trailmark.shapes import Disc
+from trailmark.shapes import Disc, Rectangle
 from trailmark.world import Robot, World
 
 __all__ = ["PARTS", "Part"]
@@ -222,6 +223,24 @@ def paths(rng: Rng, report: Report, scale: str = "plain", queries: int = 12) -> 
             _judged(report, world, robot, asked, pair, result, reference)
 
 
+def clearances(rng: Rng, report: Report) -> None:
+    """Least clearances along paths of all kinds of robots, most of which run along walls."""
+    world = random_scene(rng, "plain", (random_disc, random_robot, random_robot, random_car)[int(rng.integers(4))])
+    robot, wall = world.robot, Rectangle((10.0, rng.uniform(3.0, 17.0)), rng.uniform(6.0, 18.0), rng.uniform(0.05, 0.5))
+    assert robot is not None
+    if robot.turning_radius is None and rng.random() < 0.3:
+        robot = robot.differential()
+    world = replace(world, robot=robot, obstacles=(*world.obstacles, wall))
+    q = _uniform(world, 400, rng)
+    # Pairs of which most lead along the wall, in one heading.
+    q[1::2, 1:] = np.where(rng.random((200, 1)) < 0.7, q[::2, 1:], q[1::2, 1:])
+    q[::2, 2] = q[1::2, 2] = np.where(rng.random(200) < 0.5, 0.0, q[1::2, 2])
+    free = np.asarray(StateChecker(world).valid(q)).reshape(-1, 2).all(axis=1)
+    for pair in q.reshape(-1, 2, 3)[free][:10]:
+        report.count("least clearances")
+        report.ask(world, question("clearance", pair, seconds=0.05))
+
+
 def _judged(
     report: Report, world: World, robot: Robot, asked: Any, pair: FloatArray, result: Any, reference: Reference
 ) -> None:
@@ -377,4 +396,5 @@ PARTS = {
     "bounds": Part(bounds, "bounds", 10_000),
     "angles": Part(angles, "half turns", 100_000),
     "scales": Part(scales, "scaled worlds", 300),
+    "clearances": Part(clearances, "least clearances", 10_000),
 }

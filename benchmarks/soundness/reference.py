@@ -20,7 +20,7 @@ from benchmarks.soundness import exact
 from trailmark.shapes import Disc, Polygon
 from trailmark.world import Robot, World
 
-__all__ = ["ALLOWED", "REFUSED", "Reference", "deepest", "moves", "short_turn"]
+__all__ = ["ALLOWED", "REFUSED", "Reference", "deepest", "least_room", "moves", "short_turn"]
 
 FloatArray = NDArray[np.float64]
 
@@ -32,6 +32,9 @@ REFUSED = 1e-6
 
 KEPT = 16
 """Intervals of a motion that are looked at in each level: those with the least room."""
+
+PRECISE = 1e-4
+"""Metres by which the least room along a way may be less than the one found."""
 
 LEVELS = 16
 """Times that a motion's intervals are halved."""
@@ -252,3 +255,21 @@ def deepest(
         width *= 0.5
         low[1::2] += width
     return worst, where
+
+
+def least_room(reference: Reference, place: Callable[[FloatArray], FloatArray], bound: float) -> float:
+    """Return the least room (metres) along a way, at most PRECISE above the true one.
+
+    Args:
+        reference: the judge.
+        place: from fractions of the way, shape (m,), to configurations of shape (m, 3).
+        bound: metres that the way moves any point of the robot at most.
+    """
+    least, width, low = float(reference.clearance(place(np.array([0.0, 1.0]))).min()), 1.0, np.zeros(1)
+    while len(low):
+        room = reference.clearance(place(low + 0.5 * width))
+        least = min(least, float(room.min()))
+        low = np.repeat(low[room - 0.5 * width * bound < least - PRECISE], 2)
+        width *= 0.5
+        low[1::2] += width
+    return least

@@ -100,6 +100,7 @@ def kind_of(complaint: str) -> str:
         ("overlaps", "overlap"),
         ("collides", "collision"),
         ("not valid", "refusal"),
+        ("least clearance", "clearance"),
     ):
         if word in complaint:
             return kind

@@ -3,16 +3,34 @@
 # Tested by tests/planning/test_pickle.py.
 from __future__ import annotations
 
+import os
 from _thread import RLock
+from weakref import WeakSet
 
 __all__ = ["Lock"]
+
+_all: WeakSet[Lock] = WeakSet()
 
 
 class Lock(RLock):  # type: ignore[misc]  # final in its stub alone
     """A reentrant lock, of which a copy, by pickle too, is a new one that nobody holds.
 
+    In a forked process nobody holds it either: the thread that did is not there. What locks guard is left sound by an
+    exception at any place, hence by that too.
+
     No wrapper: between a wrapper's methods an exception could arrive that leaves the lock held for ever.
     """
 
+    def __init__(self) -> None:
+        _all.add(self)
+
     def __reduce__(self) -> tuple[type[Lock], tuple[()]]:
         return Lock, ()
+
+
+def _renew_all() -> None:
+    for lock in _all:
+        lock._at_fork_reinit()  # as the standard library's own locks do: there is no other way
+
+
+os.register_at_fork(after_in_child=_renew_all)

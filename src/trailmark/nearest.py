@@ -213,6 +213,8 @@ def nearest_in(
         distances: (>= k,), overwritten.
         ids: (>= k,), overwritten.
     """
+    if k == 0:
+        return 0
     dimension = len(point)
     waiting = np.empty((DEEPEST, 2), np.int64)
     # Of each range that waits: its distance from the point so far, squared, and along each axis.

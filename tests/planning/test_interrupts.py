@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from tests.helpers.random_worlds import ROBOTS, random_world
+from tests.support.forks import Forks
 from tests.support.interrupts import interrupted, lines_run
 from tests.support.trials import few, trials
 
-from trailmark import LandmarkPlanner
+from trailmark import Disc, LandmarkPlanner, StateChecker
 from trailmark.landmarks import free_samples
 from trailmark.planning import PlanProgress
 from trailmark.planning.warmup import warm_up
@@ -180,3 +181,88 @@ def test_ctrl_c_arrives_as_such(car: bool) -> None:
         signal.signal(signal.SIGALRM, before)
     assert set(arrived) == {"KeyboardInterrupt"}
     assert arrived["KeyboardInterrupt"] > few(10, of=2)
+
+
+UPDATING = (
+    "changes.py",
+    "planning/models.py",
+    "planning/world_model.py",
+    "planning/edge_index.py",
+    "planning/final_check.py",
+    "planning/verification.py",
+    "planning/followed.py",
+    "planning/shared_roadmap.py",
+    "planning/proofs/bound.py",
+    "collision/checker.py",
+    "collision/cells.py",
+    "collision/fcl_scene.py",
+    "collision/memory.py",
+    "landmarks/relaxation.py",
+)
+
+
+@pytest.mark.slow
+def test_updates_after_an_interrupt_at_any_line_of_the_first_are_right(judge: Judge) -> None:
+    world = random_world(3, 12, size=25.0, radii=(0.3, 2.0), discs=0.3)
+    worlds = [world.edited(remove=[3]), world.edited(remove=[7, 8]), world.edited(add=[Disc((5.0, 5.0), 0.4)])]
+    robot = ROBOTS["rectangle"]
+    warm_up(use="changes")
+    states = np.random.default_rng(0).uniform((0, 0, -3), (25, 25, 3), (200, 3))
+    valid = [StateChecker(changed, robot).valid(states) for changed in worlds]
+    start, goal = states[np.logical_and.reduce(valid)][:2]
+
+    def lived() -> LandmarkPlanner:
+        planner = LandmarkPlanner(world, robot, seed=0)
+        planner.plan(start, goal, 20.0, max_iterations=1)
+        return planner
+
+    lived().update(worlds[0])  # what is known of the worlds from then on
+    planner = lived()
+    lines = lines_run(UPDATING, lambda: planner.update(worlds[0]))
+    hits, places = 0, range(0, lines, max(1, lines // few(60, of=2)))
+    for k in places:
+        planner = lived()
+        hits += interrupted(UPDATING, lambda planner=planner: planner.update(worlds[0]), k)  # type: ignore[misc]
+        for changed, expected in zip(worlds, valid, strict=True):
+            planner.update(changed)
+            assert np.array_equal(planner.checker.valid(states), expected)
+        result = planner.plan(start, goal, 20.0, max_iterations=1)
+        assert result.path is not None
+        judge(worlds[-1], robot, start, goal, result.path.states)
+    assert hits > 0.8 * len(places)
+
+
+FORKING = """
+import os, threading, time
+from trailmark import Disc, LandmarkPlanner, Robot, World
+
+planner = LandmarkPlanner(World("w", (0, 0, 10, 10), (Disc((5, 5), 1.0),)), Robot.disc(0.3), seed=0)
+held, go_on = threading.Event(), threading.Event()
+
+
+def stop():
+    held.set()
+    return go_on.wait(60.0)
+
+
+thread = threading.Thread(target=planner.plan, args=((1, 5, 0), (9, 5, 0), 60.0), kwargs={"stop": stop}, daemon=True)
+thread.start()
+assert held.wait(60.0)
+child = os.fork()
+if child == 0:
+    os._exit(0 if planner.plan((1, 5, 0), (9, 4, 0), 5.0).status == "solved" else 1)
+ended = time.monotonic() + 30.0
+while (status := os.waitpid(child, os.WNOHANG))[0] == 0 and time.monotonic() < ended:
+    time.sleep(0.02)
+if status[0] == 0:
+    os.kill(child, 9)
+    os.waitpid(child, 0)
+go_on.set()
+thread.join(60.0)
+assert status == (child, 0), status
+"""
+
+
+@pytest.mark.slow
+def test_a_forked_process_plans_though_a_thread_did_when_it_was_forked(forks: Forks) -> None:
+    forks.run(["-c", FORKING], timeout=120.0).check_returncode()

@@ -19,6 +19,7 @@ CHUNKS: dict[str, tuple[int, ...]] = {
     "bounds": (0, 1, 3),
     "angles": (0,),
     "scales": (7,),
+    "clearances": (0, 1, 2),
 }
 """Chunks of each part, so that each kind of case comes once: paths of cars among scales, scenes among bounds.
 

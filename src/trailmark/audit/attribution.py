@@ -9,12 +9,12 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trailmark.audit.body import Body
 from trailmark.audit.depth import Penetration, bounds_depth, deepest
 from trailmark.audit.result import Collision
 from trailmark.audit.scale import Scale
 from trailmark.audit.verdict import colliding_parts
 from trailmark.collision import StateChecker
+from trailmark.collision.body import Body
 from trailmark.collision.field import build_field
 from trailmark.collision.obstacles import build_grid
 from trailmark.se2 import FloatArray

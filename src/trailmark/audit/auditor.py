@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike
 from trailmark import se2
 from trailmark.arguments import one_of
 from trailmark.audit.attribution import Attribution, merged
-from trailmark.audit.body import core_of, whole
-from trailmark.audit.nearest import least_clearance
 from trailmark.audit.one_way import wrong_ways
 from trailmark.audit.result import PathAudit
 from trailmark.audit.scale import Scale
 from trailmark.audit.verdict import colliding_parts
 from trailmark.collision import StateChecker
+from trailmark.collision.body import core_of, whole
+from trailmark.collision.least_clearance import least_clearance
 from trailmark.curves import CurvePath
 from trailmark.errors import ConfigurationError
 from trailmark.keep_out import keep_outs
@@ -27,6 +27,9 @@ __all__ = ["PathAuditor", "check_path"]
 
 SAGITTA = 5e-7
 """Metres that a car's arc may be off its chords: half of what its certified curves keep from obstacles."""
+
+WITHIN = 5e-7
+"""Metres that the true least clearance may be less than the one found."""
 
 STILL = 1e-9
 """Metres, and radians, below which a robot does not move, or turn: rounding has no curvature."""
@@ -93,7 +96,7 @@ class PathAuditor:
             )
         else:
             collisions = ()
-            clearance, motion, share = least_clearance(grid, field, footprint, self._body, states)
+            clearance, motion, share = least_clearance(grid, field, footprint, self._body, states, WITHIN)
             place = float(scale.place(motion, share))
         if wrong := wrong_ways(self.checker.world.zones, scale):
             collisions = tuple(sorted([*collisions, *wrong], key=lambda c: (c.motions, str(c.obstacle))))

@@ -7,29 +7,25 @@ from math import cos, fabs, hypot, sin
 
 import numpy as np
 
-from trailmark.audit.body import Body
-from trailmark.audit.pieces import chord_error, nearby, overlapping, sweep
-from trailmark.collision.certify import StraightTrack
+from trailmark.collision.body import Body
+from trailmark.collision.certify import straight_track
 from trailmark.collision.distances import point_clearance, point_depth
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import ROUNDING, exact_clearance, field_clearance, field_value, workspace
 from trailmark.collision.obstacles import ObstacleGrid
+from trailmark.collision.pieces import LONGEST, chord_error, nearby, overlapping, pose_on, sweep
 from trailmark.compiled import njit
-from trailmark.heading import turn
 from trailmark.se2 import FloatArray
 from trailmark.sorting import sort_in_place
 
-__all__ = ["colliding_parts", "pose_on", "track_of"]
+__all__ = ["colliding_parts"]
 
 OFF_CHORD = 2e-8
 """Metres that a point may be off its chord where a collision is decided: a fifth of what counts as touching."""
 
 SHARE = 0.5
 """Of half of an interval: where the clearance is less, bisection takes many steps, and the events of the piece few."""
-
-LONGEST = 4.0
-"""Circumradii that a piece is long at most whose events are sought: over a longer one, too many obstacles are near."""
 
 CERTAIN = 0.1
 """Share of an interval on which a collision has to be certain for it to be noted, and the rest be looked at."""
@@ -39,21 +35,6 @@ INSIDE = 1e-6
 
 SHORTEST = 1e-9
 """Metres: what happens between two events that are nearer to one another is not looked at."""
-
-
-@njit(cache=True)
-def track_of(robot: Footprint, a: FloatArray, b: FloatArray) -> StraightTrack:
-    """Return the straight motion from a to b, each of shape (3,), with a scale that no point of the robot outruns."""
-    dx, dy, dtheta = b[0] - a[0], b[1] - a[1], turn(a[2], b[2])
-    bound = hypot(dx, dy) + robot.sweep_radius * fabs(dtheta)
-    rate = 1.0 / bound if bound > 0.0 else 0.0
-    return StraightTrack(a[0], a[1], a[2], rate * dx, rate * dy, rate * dtheta, bound)
-
-
-@njit(cache=True)
-def pose_on(track: StraightTrack, along: float) -> FloatArray:
-    """Return the configuration at a place on the track's scale, shape (3,), the heading not wrapped."""
-    return np.array([track.x + along * track.dx, track.y + along * track.dy, track.theta + along * track.dtheta])
 
 
 @njit(cache=True)
@@ -115,8 +96,8 @@ def colliding_parts(
 
     An interval of a motion is free if the clearance in its middle is at least half of its length, and if chords stay
     farther from all obstacles than points are off their chords. One so short that points go along their chords is
-    divided at all events (:func:`trailmark.audit.pieces.sweep`): between two of them the robot collides all along, or
-    not at all. Others are halved.
+    divided at all events (:func:`trailmark.collision.pieces.sweep`): between two of them the robot collides all along,
+    or not at all. Others are halved.
 
     Args:
         grid: the obstacles.
@@ -133,7 +114,7 @@ def colliding_parts(
     items, times = np.empty(256, np.int64), np.empty(128)
     stack = np.empty((256, 2))
     for i in range(max(1, len(states) - 1)):
-        track = track_of(robot, states[i], states[min(i + 1, len(states) - 1)])
+        track = straight_track(robot, states[i], states[min(i + 1, len(states) - 1)])
         bound = track.bound
         if bound == 0.0:
             if overlapping(grid, core, core_placed, track.x, track.y, track.theta):

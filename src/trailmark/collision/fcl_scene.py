@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from copy import copy
-from threading import Lock
 from typing import Any
 
 import fcl
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from trailmark.collision.footprint import TOUCHING_TOLERANCE, overlap_core
 from trailmark.compiled import njit
+from trailmark.lock import Lock
 from trailmark.se2 import FloatArray
 from trailmark.shapes import Disc, Polygon, Shape
 from trailmark.sorting import order_of

@@ -235,9 +235,10 @@ class ScanMapper:
     def _match_from_now_on(self) -> ScanSlam:
         """Match scans from now on, and those so far with them."""
         if self._slam is None:
-            self._slam = ScanSlam(graph_settings(self._sensor, self._errors, self._driven, self._states_exactness))
+            slam = ScanSlam(graph_settings(self._sensor, self._errors, self._driven, self._states_exactness))
             for scan, pose in self._scans:
-                self._slam.add(scan, pose)
+                slam.add(scan, pose)
+            self._slam = slam
             if self._scans:
                 self._at, self._pose = self._scans[-1][1], self._slam.pose
                 self._draw_if_moved()

@@ -38,8 +38,6 @@ __all__ = [
     "extra",
     "extra_along",
     "interpolate",
-    "least_clearance",
-    "least_clearance_of",
     "least_cost",
     "motions_free",
     "new_scratch",
@@ -117,14 +115,6 @@ def interpolate(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, along
 
 
 @by_type
-def least_clearance(
-    kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, best: float, tolerance: float, budget: int
-) -> tuple[float, float]:
-    """Return what :func:`trailmark.collision.least_clearance.least_along` does for the motion from a to b."""
-    raise NotImplementedError
-
-
-@by_type
 def embedding_radius(kind: Any) -> float:
     """Return R of the embedding (x, y, R·cos θ, R·sin θ) in which near configurations are cheap to join, metres."""
     raise NotImplementedError
@@ -169,29 +159,6 @@ def motions_free(kind: Any, a: FloatArray, b: FloatArray) -> NDArray[np.bool_]:
     for i in range(len(a)):
         result[i] = certified(kind, scratch, a[i], b[i], BUDGET)
     return result
-
-
-@njit(cache=True, nogil=True)
-def least_clearance_of(
-    kind: Any, states: FloatArray, tolerance: float, budget: int, best: float = np.inf
-) -> tuple[float, int]:
-    """Return the least clearance (metres) found along a path, and along which of its motions; -1 if ``best`` is less.
-
-    Args:
-        kind: of motion.
-        states: of the path, shape (n, 3), n >= 2.
-        tolerance: metres, by which the true one may be less, as far as the budget suffices.
-        budget: maximum number of configurations whose clearance is computed for one motion.
-        best: metres; only what is less is of interest.
-    """
-    scratch, motion = new_scratch(kind), -1
-    # The states first, at which a path touches obstacles: then most of what lies between them needs no close look.
-    for looks in (0, budget):
-        for i in range(len(states) - 1):
-            found, where = least_clearance(kind, scratch, states[i], states[i + 1], best, tolerance, looks)
-            if where >= 0.0:
-                best, motion = found, i
-    return best, motion
 
 
 class Motion(ABC):

@@ -8,11 +8,10 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from trailmark.collision import StateChecker
-from trailmark.collision.certify import curve_motion, curve_track, new_queue
+from trailmark.collision.certify import curve_motion, new_queue
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, workspace
-from trailmark.collision.least_clearance import least_along
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit, variant_of
 from trailmark.curves import CurvePath, Steering
@@ -139,16 +138,6 @@ def _certified(kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, budg
         kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, a, word, kind.radius, budget
     )
     return bool(answer == FREE)
-
-
-@variant_of(base.least_clearance, Curve)
-@njit(cache=True)
-def _least_clearance(
-    kind: Curve, scratch: Scratch, a: FloatArray, b: FloatArray, best: float, tolerance: float, budget: int
-) -> tuple[float, float]:
-    word = shortest_word(a, b, kind.radius, kind.reverse, scratch.words)
-    track = curve_track(kind.robot, a, word, kind.radius)
-    return least_along(kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, track, best, tolerance, budget)
 
 
 @variant_of(base.interpolate, Curve)

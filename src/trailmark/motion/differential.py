@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from trailmark import se2
 from trailmark.collision import StateChecker
-from trailmark.collision.certify import motion, straight_track
+from trailmark.collision.certify import motion
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, state
-from trailmark.collision.least_clearance import least_along
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn, wrapped
@@ -181,22 +180,6 @@ def _certified(kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArra
         if free != FREE:
             return False
     return True
-
-
-@variant_of(base.least_clearance, Differential)
-@njit(cache=True)
-def _least_clearance(
-    kind: Differential, scratch: Scratch, a: FloatArray, b: FloatArray, best: float, tolerance: float, budget: int
-) -> tuple[float, float]:
-    stops, place = _stops(kind, a, b), -1.0
-    for k in range(3):
-        track = straight_track(kind.robot, stops[k], stops[k + 1])
-        found, where = least_along(
-            kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, track, best, tolerance, budget
-        )
-        if where >= 0.0:
-            best, place = found, where
-    return best, place
 
 
 @variant_of(base.interpolate, Differential)

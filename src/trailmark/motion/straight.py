@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trailmark.collision import StateChecker
-from trailmark.collision.certify import motion, new_queue, straight_track
+from trailmark.collision.certify import motion, new_queue
 from trailmark.collision.field import ClearanceField
 from trailmark.collision.footprint import Footprint
 from trailmark.collision.kernels import FREE, workspace
-from trailmark.collision.least_clearance import least_along
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit, variant_of
 from trailmark.heading import turn, wrapped
@@ -99,16 +98,6 @@ def _cost(kind: Straight, scratch: Scratch, a: FloatArray, b: FloatArray) -> flo
 def straight_certified(kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, budget: int) -> bool:
     """Return whether the straight motion from a to b, each of shape (3,) and valid, is certified."""
     return bool(motion(kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, a, b, True, budget) == FREE)
-
-
-@variant_of(base.least_clearance, Straight)
-@njit(cache=True)
-def straight_least_clearance(
-    kind: Any, scratch: Scratch, a: FloatArray, b: FloatArray, best: float, tolerance: float, budget: int
-) -> tuple[float, float]:
-    """Return the least clearance along the straight motion from a to b, and where."""
-    track = straight_track(kind.robot, a, b)
-    return least_along(kind.grid, kind.field, kind.robot, scratch.placed, scratch.queue, track, best, tolerance, budget)
 
 
 @variant_of(base.interpolate, Straight)

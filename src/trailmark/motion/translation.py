@@ -24,7 +24,6 @@ from trailmark.motion.straight import (
     no_extra,
     shortest_anyway,
     straight_certified,
-    straight_least_clearance,
     straight_scratch,
     sweep_radius,
 )
@@ -101,7 +100,6 @@ def turned_evenly(states: FloatArray, start: FloatArray, goal: FloatArray) -> Fl
 # A disc's motions are straight motions with another cost.
 variant_of(base.new_scratch, Translation)(straight_scratch)
 variant_of(base.certified, Translation)(straight_certified)
-variant_of(base.least_clearance, Translation)(straight_least_clearance)
 variant_of(base.embedding_radius, Translation)(sweep_radius)
 variant_of(base.extra, Translation)(no_extra)
 variant_of(base.charged, Translation)(never_charged)

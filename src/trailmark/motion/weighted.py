@@ -257,14 +257,6 @@ def _extra(kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, gear:
     return extra(kind.motion, scratch, a, b, gear)
 
 
-@variant_of(base.least_clearance, Weighted)
-@njit(cache=True)
-def _least_clearance(
-    kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, best: float, tolerance: float, budget: int
-) -> tuple[float, float]:
-    return base.least_clearance(kind.motion, scratch, a, b, best, tolerance, budget)
-
-
 @variant_of(base.interpolate, Weighted)
 @njit(cache=True)
 def _interpolate(kind: Weighted, scratch: Scratch, a: FloatArray, b: FloatArray, along: float, q: FloatArray) -> None:

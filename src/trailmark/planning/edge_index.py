@@ -130,10 +130,12 @@ class EdgeIndex:
     def _places_of_obstacles(self) -> dict[Shape, tuple[int, ...]]:
         """Return where each obstacle is; equal ones are in several places."""
         if self._places is None:
-            self._places = {}
+            # Known once all are in it, whatever exception comes before.
+            places: dict[Shape, tuple[int, ...]] = {}
             for place, shape in enumerate(self.obstacles):
                 if shape is not None:
-                    self._places[shape] = (*self._places.get(shape, ()), place)
+                    places[shape] = (*places.get(shape, ()), place)
+            self._places = places
         return self._places
 
     def _take_out(self, shape: Shape) -> None:

@@ -39,8 +39,6 @@ class FollowedPath:
         touched: motions, shape (n - 1,), along which the robot may meet what was added since.
         freed: boxes xmin, ymin, xmax, ymax (metres) that hold what was removed since the last look for a better path,
             shape (f, 4).
-        least: the least clearance found along the path, metres; None if it may have changed.
-        least_at: along which of the motions.
         growth: how many times dearer it is for being led around what came since it was last compared with paths that
             lead elsewhere.
     """
@@ -48,8 +46,6 @@ class FollowedPath:
     vertices: FloatArray
     touched: NDArray[np.bool_]
     freed: FloatArray
-    least: float | None = None
-    least_at: int = 0
     growth: float = 1.0
 
     @classmethod
@@ -72,13 +68,7 @@ class FollowedPath:
         lengths = motion.longest(motion.costs(self.vertices[:-1], self.vertices[1:]))
         reach = float(motion.checker.robot.circumradius)
         touched = self.touched | edges_near(self.vertices, pairs, lengths, reach, added, ~self.touched)
-        # What was removed may have been what was nearest.
-        least = self.least
-        if least is not None:
-            all_ = np.ones(count, np.bool_)
-            if edges_near(self.vertices, pairs, lengths, reach + least, removed, all_).any():
-                least = None
-        return replace(self, touched=touched, freed=np.concatenate([self.freed, removed]), least=least)
+        return replace(self, touched=touched, freed=np.concatenate([self.freed, removed]))
 
 
 def located(motion: Motion, path: Path, vertices: FloatArray, q: FloatArray) -> int:

@@ -118,19 +118,11 @@ class Replanner:
             piece = vertices[i : i + 2]
             if verification.final_check.fault(self.motion.path(piece), *piece) is not None:
                 return None
-        least, least_at = rest.least, rest.least_at
-        if least is None or rest.checked[1:].any():
-            least, least_at = verification.least_clearance(vertices)
-        elif rest.checked[0]:
-            found, new = verification.least_clearance(vertices[:2], least)
-            least, least_at = (found, 0) if new == 0 else (least, least_at)
         freed = np.empty((0, 4)) if self.model.followed is None else self.model.followed.freed
         untouched = np.zeros(len(rest.free), np.bool_)
-        self.model.followed = FollowedPath(vertices, untouched, freed, least, least_at, rest.growth)
+        self.model.followed = FollowedPath(vertices, untouched, freed, rest.growth)
         incumbent = self._incumbent(vertices)
-        result = verification.result(
-            incumbent, "solved", incumbent.path(), self.model.shared.roadmap, min_clearance=least
-        )
+        result = verification.result(incumbent, "solved", incumbent.path(), self.model.shared.roadmap)
         return replace(as_replan(result, "the path is free, and no better one is known"), kept=True)
 
     def _bettered(self, kept: ReplanResult, vertices: FloatArray) -> ReplanResult:

@@ -23,16 +23,12 @@ class Rest(NamedTuple):
     Attributes:
         vertices: states that motions join, shape (n, 3), the robot's own first.
         free: which motions are certified in the world as it is, shape (n - 1,).
-        least: the least clearance along the motions that were not checked, metres; None if it is not known.
-        least_at: along which of the motions.
         growth: of the path (:class:`trailmark.planning.followed.FollowedPath`).
         checked: which motions were looked at now, shape (n - 1,).
     """
 
     vertices: FloatArray
     free: NDArray[np.bool_]
-    least: float | None
-    least_at: int
     growth: float
     checked: NDArray[np.bool_]
 
@@ -49,10 +45,9 @@ def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
     """
     motion, followed = model.motion, model.followed
     vertices = vertices_of(motion, path)
-    unknown, least, least_at, growth = np.ones(len(vertices) - 1, np.bool_), None, 0, 1.0
+    unknown, growth = np.ones(len(vertices) - 1, np.bool_), 1.0
     if followed is not None and np.array_equal(followed.vertices, vertices):
         unknown, growth = followed.touched, followed.growth
-        least, least_at = followed.least, followed.least_at
     here = start if motion.turns else start * np.array([1.0, 1.0, 0.0])
     if len(vertices) > 1:
         nearest = located(motion, path, vertices, start)
@@ -60,19 +55,16 @@ def rest_of(model: WorldModel, path: Path, start: FloatArray) -> Rest:
         same = bool(np.array_equal(here, vertices[nearest]))
         vertices, unknown = np.vstack([here, vertices[nearest + 1 :]]), unknown[nearest:].copy()
         unknown[0] |= not same
-        least_at -= nearest
-        if least_at < (not same):
-            least = None
     else:
         vertices, unknown = np.vstack([here, vertices]), np.ones(1, np.bool_)
     # Where the robot stands at the path's next state, or at its end, there is no motion to it.
     moves = (vertices[1:] != vertices[:-1]).any(axis=1)
     moves[-1] |= not moves.any()
-    vertices, unknown, least_at = vertices[np.append(True, moves)], unknown[moves], least_at - int((~moves).sum())
+    vertices, unknown = vertices[np.append(True, moves)], unknown[moves]
     free = ~unknown
     a, b = vertices[:-1][unknown], vertices[1:][unknown]
     if len(a):
         free[unknown] = model.checker.states_free(a) & model.checker.states_free(b)
         check = np.flatnonzero(unknown & free)
         free[check] = motion.motions_between_valid(vertices[check], vertices[check + 1])
-    return Rest(vertices, free, least, least_at, growth, unknown)
+    return Rest(vertices, free, growth, unknown)

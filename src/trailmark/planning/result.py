@@ -49,7 +49,7 @@ class PlanResult(Shown):
         lower_bound: proven lower bound (metres) on the cost of any valid path; None if infeasible.
         first_cost: cost (metres) of the first path found, before it was shortened; None if there is none.
         min_clearance: smallest clearance (metres) found along the path, at its states and between them; the true one is
-            at most 1 mm less, but for motions that run along a wall for long.
+            at most 1 mm less.
         landmarks: nodes of the roadmap.
         edges: edges of the roadmap that are not known to be blocked.
         history: (seconds, cost in metres) for each better path.

@@ -10,9 +10,10 @@ from time import perf_counter
 import numpy as np
 
 from trailmark.collision import StateChecker
+from trailmark.collision.body import whole
+from trailmark.collision.least_clearance import least_clearance
 from trailmark.curves import CurvePath
 from trailmark.motion import Motion
-from trailmark.motion.base import least_clearance_of
 from trailmark.motion.one_way import straight_valid
 from trailmark.path import Path
 from trailmark.planning.error_report import report_error
@@ -27,9 +28,9 @@ from trailmark.se2 import FloatArray
 
 __all__ = ["Verification"]
 
-NEARLY, LOOKS = 1e-3, 100
-"""Metres by which the true least clearance along a motion may be less than the one reported, and how many places are
-looked at for it: along a motion beside a wall it would take thousands."""
+WITHIN, SAGITTA = 5e-4, 5e-4
+"""Metres by which the least clearance along straight motions may be less than the one reported, and by which a car's
+curves may be off such motions."""
 
 
 class Verification:
@@ -45,6 +46,7 @@ class Verification:
     def __init__(self, checker: StateChecker, motion: Motion, seed: int, final_check: FinalCheck | None = None) -> None:
         self.checker, self.motion, self.seed = checker, motion, seed
         self.world, self.robot = checker.world, checker.robot
+        self._body = whole(self.robot)
         self.final_check = FinalCheck(self.world, self.robot) if final_check is None else final_check
 
     def edited(self, checker: StateChecker, motion: Motion) -> Verification:
@@ -89,7 +91,6 @@ class Verification:
         path: Path | None,
         roadmap: Roadmap,
         build: float = 0.0,
-        min_clearance: float | None = None,
     ) -> PlanResult:
         """Return the result of a query.
 
@@ -99,11 +100,9 @@ class Verification:
             path: that passed the final check, if there is one.
             roadmap: of the planner, to be counted.
             build: seconds that were spent on what other queries use as well.
-            min_clearance: the least clearance along the path, if it is known.
         """
         cost, error = self.cost(path, incumbent)
-        if path is not None and min_clearance is None:
-            min_clearance = self.least_clearance(vertices_of(self.motion, path))[0]
+        min_clearance = None if path is None else self.least_clearance(path)
         if path is not None:
             path = self.followed_by_lines(path)
         return PlanResult(
@@ -148,16 +147,11 @@ class Verification:
         valid = self.checker.states_free
         return path.refined(lambda a, b: ~valid(a) | ~valid(b) | lines(a, b))
 
-    def least_clearance(self, vertices: FloatArray, known: float = np.inf) -> tuple[float, int]:
-        """Return the least clearance (metres) found along a path of vertices (n, 3), and along which of its motions.
-
-        Where it is no less than what is known already (metres), that is returned, and -1.
-        """
-        if len(vertices) == 1:
-            return float(self.checker.clearance(vertices)[0]), 0
-        kind = self.motion.kind._replace(robot=self.checker.bare_footprint)
-        least, motion = least_clearance_of(kind, np.array(vertices), NEARLY, LOOKS, known)
-        return float(least), int(motion)
+    def least_clearance(self, path: Path) -> float:
+        """Return the least clearance (metres) along a path; the true one is at most 1 mm less."""
+        states = np.array((path.polyline(SAGITTA) if isinstance(path, CurvePath) else path).states)
+        grid, field, robot = self.checker.grid, self.checker.field, self.checker.bare_footprint
+        return float(least_clearance(grid, field, robot, self._body, states, WITHIN)[0])
 
     def _nearest(self, incumbent: Incumbent) -> Path | None:
         """Return the path that ends nearest to the goal, if one was found and it passes the final check."""

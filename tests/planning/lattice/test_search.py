@@ -475,3 +475,28 @@ def test_ways_over_seats_are_certified(judge: Judge, name: str, world: int, seed
     if len(ways[0]):
         judge(judged.world, judged.robot, *ends, ways[0])
         assert judged.motions_valid(ways[0][:-1], ways[0][1:]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("beside", [0.5, 4.0])
+@pytest.mark.parametrize("turned", [False, True])
+def test_no_path_leads_out_of_the_window_that_costs_to_go_are_known_in(beside: float, turned: bool) -> None:
+    # A wall across the window, and beyond its left, or lower, edge; the way around it leads outside.
+    edge, size = 8.0, (20.0, 10.0)
+    wall = (0.5 * (edge - beside + size[0]), 5.0)
+    length = size[0] - edge + beside
+    ends = np.array([[10.0, 2.0, 0.0], [10.0, 8.0, 0.0]])
+    window, bounds = (edge, 0.0, *size), (0.0, 0.0, *size)
+    shape = Rectangle(wall, length, 0.4)
+    if turned:
+        shape = Rectangle((wall[1], wall[0]), 0.4, length)
+        ends = ends[:, [1, 0, 2]]
+        window, bounds = (0.0, edge, *size[::-1]), (0.0, 0.0, *size[::-1])
+    judged = StateChecker(World("w", bounds, (shape,)), Robot.disc(0.3))
+    lattice = Lattice(judged, 0.4, 1)
+    found = [
+        lattice.find_path(*ends, CostToGo.of(judged, ends[1], 15, window=part), weight=1.0, budget=PLENTY)[0]
+        for part in (None, window)
+    ]
+    assert len(found[0]) > 0
+    assert len(found[1]) == 0

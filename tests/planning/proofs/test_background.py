@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from time import perf_counter
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -13,6 +14,7 @@ from trailmark.collision import StateChecker
 from trailmark.planning import LandmarkPlanner, PlannerSettings, PlanProgress
 from trailmark.planning.proofs.background import BackgroundProof
 from trailmark.planning.proofs.prover import Prover
+from trailmark.planning.query import Clock
 from trailmark.shapes import Rectangle
 from trailmark.world import Robot, World
 
@@ -144,12 +146,12 @@ def test_a_proof_is_waited_for_no_longer_than_it_takes() -> None:
     assert others() == 0
 
 
-@pytest.mark.parametrize("left", [[9.0, 9.0, 9.0, 0.0], [9.0, 9.0, 9.0, 6.9]])
-def test_who_is_stopped_or_has_waited_enough_waits_no_longer(left: list[float]) -> None:
+@pytest.mark.parametrize(("left", "seconds"), [([9.0, 9.0, 9.0, 0.0], 60.0), ([9.0], 0.02)])
+def test_who_is_stopped_or_has_waited_enough_waits_no_longer(left: list[float], seconds: float) -> None:
     query: Any = Asked(SLIT, left)
     with Prover(query, cast(Any, object())) as proofs:
         proofs.begin_in_background()
-        proofs.wait(2.0)
+        proofs.wait(seconds)
         assert len(query.left) == 1  # asked until the last answer, which ends it
         query.left = [9.0, 8.0]
         proofs.wait(2.0)
@@ -175,3 +177,28 @@ def test_an_error_ends_the_thread_too() -> None:
     with pytest.raises(KeyboardInterrupt):
         LandmarkPlanner(SHUT, seed=0).plan(*ENDS, 60.0, on_progress=fail)
     assert others() == 0
+
+
+@pytest.mark.slow
+def test_a_proof_is_waited_for_without_a_limit_of_time_until_planning_is_told_to_stop() -> None:
+    assert LandmarkPlanner(SHUT, seed=0).plan(*ENDS, np.inf, max_iterations=2).status == "infeasible"
+
+    class Endless:
+        running, found, waits = True, False, 0
+
+        def wait(self, seconds: float) -> None:
+            self.waits += 1
+
+        def end(self) -> None:
+            pass
+
+    for limit in (60.0, np.inf):
+        asked = iter([False] * 20)
+        clock = Clock(perf_counter(), limit, lambda asked=asked: next(asked, True))  # type: ignore[misc]
+        query: Any = Asked(SLIT, [1.0])
+        query.seconds_left = clock.seconds_left
+        with Prover(query, None) as proofs:
+            proofs._background = endless = cast(Any, Endless())
+            band: Any = SimpleNamespace(shortest=1.0)
+            proofs.conclude(band)
+        assert 0 < endless.waits <= 20

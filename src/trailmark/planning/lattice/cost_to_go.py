@@ -203,12 +203,12 @@ def _dear_cell(
     Arrays are taken whole: to count references to a part, cut out for each cell, takes longer than the cell does.
     """
     i, j = down[row, 0], across[column, 0]
-    room = distance[i, j] if i < distance.shape[0] and j < distance.shape[1] else 0.0
+    room = distance[i, j] if 0 <= i < distance.shape[0] and 0 <= j < distance.shape[1] else 0.0
     if radius - 0.71 * size - slack <= room < roomy:
         for u in range(1, down.shape[1]):
             for v in range(1, across.shape[1]):
                 i, j = down[row, u], across[column, v]
-                if i < distance.shape[0] and j < distance.shape[1]:
+                if 0 <= i < distance.shape[0] and 0 <= j < distance.shape[1]:
                     room = max(room, distance[i, j])
     # Half of the slack: where the field cannot tell, the disc may fit.
     if room + 0.5 * slack < radius:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from math import hypot, pi
+from math import floor, hypot, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -76,19 +76,22 @@ def cost_of_move(nodes: Nodes, node: int, other: int, move: int, guide: Guide) -
 @njit(cache=True)
 def _density(nodes: Nodes, node: int, guide: Guide) -> float:
     _, row, column = place(node)
-    i, j = int(guide.row + row * guide.step), int(guide.column + column * guide.step)
-    if i < guide.density.shape[0] and j < guide.density.shape[1]:
-        return float(guide.density[i, j])
-    return guide.least
+    return _cell(guide.density, guide, row, column, guide.least)
 
 
 @njit(cache=True)
 def _guided(guide: Guide, row: int, column: int) -> float:
     """Return the cost to go from the cell of a position of the lattice."""
-    i, j = int(guide.row + row * guide.step), int(guide.column + column * guide.step)
-    if i < guide.cost.shape[0] and j < guide.cost.shape[1]:
-        return float(guide.cost[i, j])
-    return np.inf
+    return _cell(guide.cost, guide, row, column, np.inf)
+
+
+@njit(cache=True)
+def _cell(cells: NDArray[np.float32], guide: Guide, row: int, column: int, beyond: float) -> float:
+    """Return what the cell under a position of the lattice holds, ``beyond`` out of all cells: they may be fewer."""
+    i, j = floor(guide.row + row * guide.step), floor(guide.column + column * guide.step)
+    if 0 <= i < cells.shape[0] and 0 <= j < cells.shape[1]:
+        return float(cells[i, j])
+    return beyond
 
 
 @njit(cache=True)

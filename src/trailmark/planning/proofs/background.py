@@ -44,7 +44,7 @@ class BackgroundProof:
 
     def wait(self, seconds: float) -> None:
         """Wait for an answer, so long at most."""
-        self._thread.join(max(0.0, seconds))
+        self._thread.join(seconds)
 
     @property
     def running(self) -> bool:

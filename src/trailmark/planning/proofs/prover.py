@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from time import perf_counter
 from typing import Self
 
 import numpy as np
@@ -93,9 +94,12 @@ class Prover:
         if self._background is None or self._waited:
             return
         self._waited = True
-        end = self.query.seconds_left() - seconds
-        while self._background.running and self.query.seconds_left() > max(0.0, end):
-            self._background.wait(POLLING)
+        self._wait_for(self._background, seconds)
+
+    def _wait_for(self, proof: BackgroundProof, seconds: float = np.inf) -> None:
+        until = perf_counter() + seconds
+        while proof.running and self.query.seconds_left() > 0.0 and perf_counter() < until:
+            proof.wait(POLLING)
 
     @property
     def in_background(self) -> bool:
@@ -123,7 +127,7 @@ class Prover:
         self.bound_below(query.settings.last_proof_share)
         if np.isfinite(band.shortest):
             if self._background is not None:
-                self._background.wait(query.seconds_left())
+                self._wait_for(self._background)
                 self.infeasible()
         elif grid_separates(band.relaxation, band.to_goal, query.incumbent.start, query.incumbent.goal):
             query.incumbent.claim(np.inf)

@@ -14,13 +14,17 @@ from math import cos, floor, hypot, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from trailmark.audit.body import Body
+from trailmark.collision.body import Body
+from trailmark.collision.certify import StraightTrack
 from trailmark.collision.distances import point_clearance, ring_clearance
 from trailmark.collision.obstacles import ObstacleGrid
 from trailmark.compiled import njit
 from trailmark.se2 import FloatArray
 
-__all__ = ["chord_error", "nearby", "overlapping", "sweep"]
+__all__ = ["LONGEST", "chord_error", "nearby", "overlapping", "pose_on", "sweep"]
+
+LONGEST = 4.0
+"""Circumradii that a piece is long at most: over a longer one, too many obstacles are near."""
 
 TOUCHED = 1e-9
 """Metres: what comes nearer than this to the core overlaps it, as far as rounding tells."""
@@ -42,6 +46,12 @@ def chord_error(length: float, speed: float, turn: float, turning: float, reach:
     if turning == 0.0:
         return 0.0
     return 0.125 * length * length * turn * (turn * max(turning, reach) + 2.0 * speed)
+
+
+@njit(cache=True)
+def pose_on(track: StraightTrack, along: float) -> FloatArray:
+    """Return the configuration at a place on the track's scale, shape (3,), the heading not wrapped."""
+    return np.array([track.x + along * track.dx, track.y + along * track.dy, track.theta + along * track.dtheta])
 
 
 @njit(cache=True)
