@@ -28,7 +28,7 @@ ARC = 64
 RISE = 1e-4
 """Metres by which a robot on its way out may be deeper than it was before."""
 
-LOOKS = 200_000
+LOOKS = 50_000
 """Depths computed at most to see that they never rise: an interval for which that is not enough counts as one."""
 
 SAMPLES, PRECISION, EFFORT = 17, 1e-3, 200

@@ -8,9 +8,9 @@ no place along it has a nearer way out, by the triangle inequality. A car or a d
 sideways: of the arcs, or straight drives and turns in place, that lead out and along which the depth never rises, it
 takes the shortest.
 
-Where no such motion leads out of keep-out zones, several in a row are sought, the shortest first (A*). What leads out of
-zones is not sampled: an audit (:mod:`trailmark.audit`) certifies that none is entered deeper, or again, and the motions
-are certified against all else.
+Where no such motion leads out of keep-out zones, several in a row are sought, the shortest first (A*). What leads out
+of zones is not sampled: an audit (:mod:`trailmark.audit`) certifies that none is entered deeper, or again, and the
+motions are certified against all else.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def ways_out_of_zones(
     low = np.maximum(np.minimum(boxes[:, :2].min(axis=0), q[:2]) - reach, world.bounds[:2])
     high = np.minimum(np.maximum(boxes[:, 2:].max(axis=0), q[:2]) + reach, world.bounds[2:])
     alone = World("", (*low.tolist(), *high.tolist()), zones=tuple(KeepOutZone(region) for region in regions))
-    zones = StateChecker(alone, robot)
+    zones = checker.edited(alone)
     auditor = PathAuditor(zones, rise=RISE)
     # What keeps a clearance is in a zone as soon as it is too near.
     grown = [r if robot.clearance == 0.0 else _grown(r, robot.clearance) for r in regions]
@@ -128,7 +128,8 @@ def ways_out_of_zones(
         straight = _shift_out(zones, q, checker)
         if straight is not None:
             length = float(np.hypot(*(straight[1] - q)[:2]))
-            heappush(heap, (length, -1, length, straight, True))
+            # Nothing is shorter.
+            heap = [(length, -1, length, straight, True), (length, 0, 0.0, q[None], False)]
     seen, count, expanded = set[tuple[int, ...]](), 1, 0
     while heap and seconds_left() > 0.0:
         _, _, cost, rows, out = heappop(heap)

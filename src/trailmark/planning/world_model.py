@@ -9,6 +9,7 @@ from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike
 
 from trailmark import se2
@@ -25,6 +26,7 @@ from trailmark.planning.settings import PlannerSettings
 from trailmark.planning.shared_roadmap import SharedRoadmap
 from trailmark.planning.updating import Boxes, Update
 from trailmark.planning.verification import Verification
+from trailmark.shapes import Disc
 from trailmark.world import World
 from trailmark.zones import KeepOutZone
 
@@ -165,7 +167,10 @@ def zones_at(checker: StateChecker, q: ArrayLike) -> tuple[str, ...]:
     world, state = checker.world, se2.configurations(q, name="start")
     if state.ndim != 1 or not keep_outs(world) or checker.valid(state):
         return ()
-    (x, y), reach = state[:2].tolist(), 4.0 * checker.robot.circumradius
-    around = x - reach, y - reach, x + reach, y + reach
-    alone = {name: World("", around, (region,)) for name, region in keep_outs(world).items()}
-    return tuple(name for name, world in alone.items() if not StateChecker(world, checker.robot).valid(state))
+    robot, reach = checker.robot, checker.robot.clearance
+    if isinstance(robot.footprint, Disc):
+        body, reach = shapely.Point(state[:2]), reach + robot.footprint.radius
+    else:
+        body = shapely.Polygon(se2.transform(state, robot.outline.vertices))
+    # One that it only touches is left, too.
+    return tuple(name for name, region in keep_outs(world).items() if shapely.dwithin(region.shapely(), body, reach))
