@@ -27,8 +27,8 @@ from trailmark.world import BOUNDS_LIMIT, Robot, World
 
 __all__ = ["PathAuditor", "check_path"]
 
-SAGITTA = 5e-7
-"""Metres that a car's arc may be off its chords: half of what its certified curves keep from obstacles."""
+SAGITTA = 5e-8
+"""Metres that a car's arc may be off its chords: near their ends, certified curves may touch."""
 
 STILL = 1e-9
 """Metres, and radians, below which a robot does not move, or turn: rounding has no curvature."""
@@ -95,7 +95,7 @@ class PathAuditor:
             collisions = ()
             clearance, motion, share = least_clearance(grid, field, footprint, self._body, states)
             place = float(scale.place(motion, share))
-        if wrong := wrong_ways(self.checker.world.zones, scale):
+        if wrong := wrong_ways(self.checker.world.zones, scale, isinstance(given, CurvePath)):
             collisions = tuple(sorted([*collisions, *wrong], key=lambda c: (c.motions, str(c.obstacle))))
         x, y, theta = scale.poses(place)[0].tolist()
         return PathAudit(
