@@ -68,6 +68,8 @@ def text(record: dict[str, Any]) -> str:
             "- bounds: beside the cost of paths and of parts of paths; walls whose vertices lie nearly on a line, cars",
             "  in the open, up to 1e6 m from the origin.",
             "- angles: turns by half a turn and some doubles more or less, at rest and moving.",
+            "- zones: starts in keep-out zones, judged by Minkowski differences: never deeper, never back in.",
+            "- touches: past corners of one-way zones and obstacles; judged by `check_path`.",
             "- scales: worlds of 1 mm and of 100 km, 1e4 and 1e6 m away, UTM coordinates.",
         ]
     )

@@ -103,9 +103,7 @@ def judge_leaving(asked: Leaving, path: Path) -> str | None:
     assert robot is not None
     if not np.array_equal(path.states[[0, -1]], [asked.start, asked.goal]):
         return "ends elsewhere"
-    states = np.concatenate([path.resample(STEP).states, path.states[1:]]) if len(path) > 1 else path.states
-    if len(path) > 1:
-        states = path.at(np.linspace(0.0, 1.0, int(np.clip(path.cost / STEP, 100, 2000))))
+    states = path.at(np.linspace(0.0, 1.0, int(np.clip(path.cost / STEP, 100, 2000))))
     reach = robot.circumradius
     for i, zone in enumerate(asked.pieces):
         union = shapely.union_all(zone)
@@ -157,7 +155,9 @@ def leaving_scene(rng: Rng, robot: Robot) -> Leaving | None:
         if how == 0:  # nested
             zones.append(_zone(rng, center, size * float(rng.uniform(1.2, 2.5)), angle))
         elif how == 1:  # overlapping
-            zones.append(_zone(rng, center + size * rng.uniform(-1.5, 1.5, 2), size * rng.uniform(0.3, 1.5), angle + 0.3))
+            zones.append(
+                _zone(rng, center + size * rng.uniform(-1.5, 1.5, 2), size * rng.uniform(0.3, 1.5), angle + 0.3)
+            )
         else:  # abutting: mirrored at an edge
             first = zones[0][0]
             (x1, y1), (x2, y2) = shapely.get_coordinates(first)[1:3]
@@ -165,13 +165,15 @@ def leaving_scene(rng: Rng, robot: Robot) -> Leaving | None:
             zones.append((shapely.affinity.translate(first, *shift),))
     try:
         regions = [_region(zone) for zone in zones]
-    except Exception:  # noqa: BLE001 # what fell apart in rounding is no zone
+    except Exception:  # what fell apart in rounding is no zone
         return None
     obstacles = []
     for _ in range(int(rng.integers(0, 4))):
         at = rng.uniform(0.5, SIZE - 0.5, 2)
         x, y = float(at[0]), float(at[1])
-        obstacles.append(Disc((x, y), 0.4) if rng.random() < 0.5 else Rectangle((x, y), 1.5, 0.3, float(rng.uniform(0, 3))))
+        obstacles.append(
+            Disc((x, y), 0.4) if rng.random() < 0.5 else Rectangle((x, y), 1.5, 0.3, float(rng.uniform(0, 3)))
+        )
     world = World(
         "zones", (0.0, 0.0, SIZE, SIZE), tuple(obstacles), robot, zones=tuple(KeepOutZone(region) for region in regions)
     )
@@ -205,7 +207,7 @@ def _clear(robot: Robot, blocked: shapely.Geometry, q: FloatArray) -> bool:
 
 
 def corner_query(rng: Rng) -> tuple[World, FloatArray]:
-    """Return a world with a one-way zone, or a wall, and ends of which the straight motion all but misses a corner."""
+    """Return a world with a one-way zone or an obstacle, and ends, (2, 3), between which the way all but misses it."""
     angle, d = float(rng.choice([0.0, rng.uniform(0.0, math.pi)])), float(10.0 ** rng.uniform(-9.0, -5.0))
     place = rng.uniform(0.0, 2.0, 2) + 2.0
     square = Rectangle((0.5, -0.5), 1.0, 1.0)
@@ -214,9 +216,18 @@ def corner_query(rng: Rng) -> tuple[World, FloatArray]:
     region = Polygon(square.polygon().vertices @ turn + place)
     tilt = float(rng.uniform(0.2, 1.3))
     ahead, aside = np.array([math.cos(tilt), math.sin(tilt)]), np.array([math.sin(tilt), -math.cos(tilt)])
-    a, b = (-rng.uniform(0.3, 0.6) * ahead + d * aside), (rng.uniform(0.3, 0.6) * ahead + d * aside)
     ends = np.zeros((2, 3))
-    ends[:, :2] = np.array([a, b]) @ turn + place
-    zone = OneWayZone(region, float(angle + tilt + math.pi), float(rng.uniform(0.0, 2.0)))
-    world = World("corner", (0.0, 0.0, 6.0, 6.0), robot=Robot.disc(0.2), zones=(zone,))
+    if rng.random() < 0.5:
+        zone = OneWayZone(region, float(angle + tilt + math.pi), float(rng.uniform(0.0, 2.0)))
+        world = World("corner", (0.0, 0.0, 6.0, 6.0), robot=Robot.disc(0.2), zones=(zone,))
+        reach = -rng.uniform(0.3, 0.6), rng.uniform(0.3, 0.6)
+    else:
+        # A square that drives along the diagonal past the corner, its own corner behind it by next to nothing.
+        half = 0.2
+        world = World("touch", (0.0, 0.0, 6.0, 6.0), (region,), Robot.rectangle(2.0 * half, 2.0 * half))
+        ends[:, 2] = angle
+        ahead, aside = np.array([1.0, 1.0]), np.array([1.0, -1.0])
+        reach = -half - rng.uniform(0.1, 0.6), float(rng.choice([0.5 * d, d, 2.0 * d])) - d
+        aside = aside - half * np.array([1.0, -1.0]) / d
+    ends[:, :2] = np.array([along * ahead + d * aside for along in reach]) @ turn + place
     return world, ends
