@@ -63,6 +63,9 @@ many there are at most."""
 TURN_STEPS = 60
 """Of a turn in place by LONGEST_TURN."""
 
+EAGER = 1.5
+"""Times the depth, several motions in a row are expected to take: a single one that leads out comes before them."""
+
 EXPANDED = 300
 """Places that motions out of zones are sought from, at most."""
 
@@ -122,7 +125,7 @@ def ways_out_of_zones(
         path = motion.path(rows)
         return bool(others.motions_valid(rows[:-1], rows[1:]).all()) and auditor.audit(path).free
 
-    # As far as the depth is, it is to go at least (A*): what is not out yet waits for what is.
+    # As far as the depth is, it is to go at least: what is not out yet waits for what is.
     heap = [(float(depth(q[None]).max()), 0, 0.0, q[None], False)]
     if robot.turning_radius is None and (robot.drive != "differential" or checker.footprint.is_disc):
         straight = _shift_out(zones, q, checker)
@@ -164,7 +167,7 @@ def ways_out_of_zones(
                     arc = robot.turning_radius is not None and states[k, 2] != here[2]
                     way = states[: k + 1] if arc else states[k : k + 1]
                     there = cost + float(costs[k])
-                    to_go = float(found[:, k + 1].max())
+                    to_go = EAGER * float(found[:, k + 1].max())
                     heappush(heap, (there + to_go, count, there, np.vstack([rows, way]), bool(free[k])))
 
 
